@@ -1,0 +1,190 @@
+"""What a triangle mesh is: its edges, volume, orientation, and whether it is closed and manifold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def half_edges(triangles: Ints) -> Ints:
+    """Return the directed edges of all triangles.
+
+    Parameters
+    ----------
+    triangles : (m, 3) int array
+        Point ids.
+
+    Returns
+    -------
+    (3 m, 2) int array
+        Edges (a, b), (b, c), (c, a) of triangle 0, then of triangle 1, and so on.
+    """
+    return triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+
+
+def unique_edges(triangles: Ints) -> Ints:
+    """Return each undirected edge once, sorted, the smaller point id first.
+
+    Parameters
+    ----------
+    triangles : (m, 3) int array
+        Point ids.
+
+    Returns
+    -------
+    (k, 2) int array
+        Point ids.
+    """
+    edges: Ints = np.unique(np.sort(half_edges(triangles), axis=1), axis=0)
+    return edges
+
+
+def edge_lengths(points: Floats, edges: Ints) -> Floats:
+    """Return the length of each edge, (k,), in the unit of the points."""
+    lengths: Floats = np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1)
+    return lengths
+
+
+def signed_volume(points: Floats, triangles: Ints) -> float:
+    """Return the volume inside a closed surface, positive where its triangles face outward.
+
+    V = sum over triangles of a . (b x c) / 6, taken about the centre of the points, so that a mesh far
+    from the origin loses no digits.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions.
+    triangles : (m, 3) int array
+        Point ids.
+
+    Returns
+    -------
+    float
+        Volume in the cube of the points' unit.
+    """
+    centred = points - points.mean(axis=0)
+    a, b, c = (centred[triangles[:, i]] for i in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+
+def triangle_normals(points: Floats, triangles: Ints) -> Floats:
+    """Return (b - a) x (c - a) for each triangle, (m, 3): twice the area long, not normalised."""
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    normals: Floats = np.cross(b - a, c - a)
+    return normals
+
+
+def vertex_normals(points: Floats, triangles: Ints) -> Floats:
+    """Return the unit normal of each point, area-weighted over its triangles; 0 where there is none."""
+    normals = triangle_normals(points, triangles)
+    total = np.zeros_like(points, dtype=np.float64)
+    for corner in range(3):
+        np.add.at(total, triangles[:, corner], normals)
+    lengths = np.linalg.norm(total, axis=1, keepdims=True)
+    unit: Floats = np.divide(total, lengths, out=np.zeros_like(total), where=lengths > 0)
+    return unit
+
+
+def point_components(n_points: int, edges: Ints) -> Ints:
+    """Return the number of the connected component of each point, (n_points,)."""
+    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n_points, n_points))
+    labels: Ints = connected_components(graph, directed=False)[1].astype(np.int64)
+    return labels
+
+
+@dataclass(frozen=True)
+class SurfaceReport:
+    """Facts about a triangle mesh.
+
+    Attributes
+    ----------
+    n_points, n_triangles : int
+        Sizes.
+    n_components : int
+        Connected parts among the points that triangles use.
+    n_unused_points : int
+        Points that no triangle uses.
+    n_boundary_edges : int
+        Edges of one triangle only; 0 for a closed surface.
+    n_nonmanifold_edges : int
+        Edges of more than two triangles.
+    n_misoriented_edges : int
+        Edges whose two triangles run through it in the same direction.
+    n_degenerate_triangles : int
+        Triangles with a repeated point or of zero area.
+    area, volume : float
+        In the square and cube of the unit of length; the volume is signed.
+    """
+
+    n_points: int
+    n_triangles: int
+    n_components: int
+    n_unused_points: int
+    n_boundary_edges: int
+    n_nonmanifold_edges: int
+    n_misoriented_edges: int
+    n_degenerate_triangles: int
+    area: float
+    volume: float
+
+    @property
+    def closed(self) -> bool:
+        """True where no edge is a boundary."""
+        return self.n_boundary_edges == 0
+
+    @property
+    def manifold(self) -> bool:
+        """True where no edge has more than two triangles."""
+        return self.n_nonmanifold_edges == 0
+
+    @property
+    def oriented(self) -> bool:
+        """True where neighbouring triangles agree on their side."""
+        return self.n_misoriented_edges == 0
+
+
+def survey(points: Floats, triangles: Ints) -> SurfaceReport:
+    """Return the facts about a triangle mesh.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions.
+    triangles : (m, 3) int array
+        Point ids, m >= 1.
+
+    Returns
+    -------
+    SurfaceReport
+        Counts, area and volume.
+    """
+    directed = half_edges(triangles)
+    edges, edge_of, uses = np.unique(
+        np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    forward = directed[:, 0] < directed[:, 1]
+    balance = np.zeros(len(edges), dtype=np.int64)
+    np.add.at(balance, edge_of.reshape(-1), np.where(forward, 1, -1))
+    double_areas = np.linalg.norm(triangle_normals(points, triangles), axis=1)
+    used = np.unique(triangles)
+    labels = point_components(len(points), edges)
+    return SurfaceReport(
+        n_points=len(points),
+        n_triangles=len(triangles),
+        n_components=len(np.unique(labels[used])),
+        n_unused_points=len(points) - len(used),
+        n_boundary_edges=int((uses == 1).sum()),
+        n_nonmanifold_edges=int((uses > 2).sum()),
+        n_misoriented_edges=int(((uses == 2) & (balance != 0)).sum()),
+        n_degenerate_triangles=int((double_areas == 0).sum()),
+        area=float(double_areas.sum() / 2.0),
+        volume=signed_volume(points, triangles),
+    )

@@ -1,0 +1,173 @@
+"""Rigid motions: checking, inverting, applying and interpolating 4 x 4 transforms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+Floats = NDArray[np.float64]
+
+#: Largest departure of R^T R from the identity that still counts as rigid: tables with 6 digits pass.
+ORTHOGONALITY_TOLERANCE = 1e-5
+
+
+def is_rigid(transform: Floats) -> bool:
+    """Return True for a finite 4 x 4 rotation and translation (no scale, no shear, no mirror)."""
+    transform = np.asarray(transform, dtype=np.float64)
+    if transform.shape != (4, 4) or not np.isfinite(transform).all():
+        return False
+    rotation = transform[:3, :3]
+    error = np.abs(rotation.T @ rotation - np.eye(3)).max()
+    return bool(
+        error <= ORTHOGONALITY_TOLERANCE
+        and np.linalg.det(rotation) > 0
+        and np.array_equal(transform[3], [0.0, 0.0, 0.0, 1.0])
+    )
+
+
+def apply_transform(transform: Floats, points: Floats) -> Floats:
+    """Return points (n, 3) moved by a 4 x 4 transform."""
+    moved: Floats = points @ transform[:3, :3].T + transform[:3, 3]
+    return moved
+
+
+def inverse(transform: Floats) -> Floats:
+    """Return the inverse of a rigid 4 x 4 transform."""
+    result = np.eye(4)
+    result[:3, :3] = transform[:3, :3].T
+    result[:3, 3] = -transform[:3, :3].T @ transform[:3, 3]
+    return result
+
+
+def rotation_about(centre: ArrayLike, axis: ArrayLike, angle: float) -> Floats:
+    """Return the 4 x 4 rotation by an angle [degrees] about an axis through a centre, right-handed."""
+    c = np.asarray(centre, dtype=np.float64)
+    direction = np.asarray(axis, dtype=np.float64)
+    direction = direction / np.linalg.norm(direction)
+    result = np.eye(4)
+    result[:3, :3] = Rotation.from_rotvec(np.radians(angle) * direction).as_matrix()
+    result[:3, 3] = c - result[:3, :3] @ c
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class RigidMotion:
+    """How bones move: for each moving bone a rigid transform per tabulated time, rest to posed.
+
+    Between two rows the rotation follows the shortest arc (slerp) and the translation is that of the
+    joint centre, so that a joint stays together; a bone without an entry stays where it is.
+
+    Parameters
+    ----------
+    times : (k,) array
+        Ascending pipeline times, in any unit (degrees of flexion, seconds).
+    transforms : mapping of str to (k, 4, 4) array
+        Per bone name, row major, mm.
+    centre : (3,) array, optional
+        Joint centre in the rest pose [mm]; the origin where it is not known.
+
+    Raises
+    ------
+    ValueError
+        If times do not ascend, shapes differ or a transform is not rigid; the message says which.
+    """
+
+    times: Floats
+    transforms: Mapping[str, Floats]
+    centre: Floats | None = None
+
+    def __post_init__(self) -> None:
+        times = np.array(self.times, dtype=np.float64)
+        if times.ndim != 1 or not len(times) or not np.isfinite(times).all():
+            raise ValueError("the times of a motion must be a non-empty list of finite numbers")
+        if (np.diff(times) <= 0).any():
+            row = int(np.flatnonzero(np.diff(times) <= 0)[0]) + 1
+            raise ValueError(f"the times of a motion must ascend; row {row} ({times[row]:g}) does not")
+        object.__setattr__(self, "times", _frozen(times))
+        checked = {}
+        for bone, table in self.transforms.items():
+            array = np.array(table, dtype=np.float64)
+            if array.shape != (len(times), 4, 4):
+                raise ValueError(
+                    f"bone {bone!r}: transforms of shape {array.shape}, expected {(len(times), 4, 4)}"
+                )
+            for row, transform in enumerate(array):
+                if not is_rigid(transform):
+                    raise ValueError(
+                        f"bone {bone!r}: the transform of row {row} (time {times[row]:g}) is not rigid: "
+                        "it must be a rotation and a translation, with last row 0 0 0 1"
+                    )
+            checked[bone] = _frozen(array)
+        object.__setattr__(self, "transforms", checked)
+        if self.centre is not None:
+            centre = np.array(self.centre, dtype=np.float64)
+            if centre.shape != (3,) or not np.isfinite(centre).all():
+                raise ValueError("the centre of a motion must be three finite numbers")
+            object.__setattr__(self, "centre", _frozen(centre))
+
+    def at(self, time: float) -> dict[str, Floats]:
+        """Return the 4 x 4 transform of each moving bone at a time; outside the table its end row."""
+        time = float(np.clip(time, self.times[0], self.times[-1]))
+        upper = int(np.searchsorted(self.times, time))
+        if self.times[upper] == time:
+            return {bone: table[upper] for bone, table in self.transforms.items()}
+        ends = slice(upper - 1, upper + 1)
+        fraction = (time - self.times[upper - 1]) / (self.times[upper] - self.times[upper - 1])
+        return {bone: self._between(table[ends], fraction) for bone, table in self.transforms.items()}
+
+    def _between(self, pair: Floats, fraction: float) -> Floats:
+        centre = np.zeros(3) if self.centre is None else self.centre
+        result = np.eye(4)
+        rotations = Rotation.from_matrix(pair[:, :3, :3])
+        result[:3, :3] = Slerp([0.0, 1.0], rotations)(fraction).as_matrix()
+        ends = pair[:, :3, :3] @ centre + pair[:, :3, 3]
+        moved_centre = (1.0 - fraction) * ends[0] + fraction * ends[1]
+        result[:3, 3] = moved_centre - result[:3, :3] @ centre
+        return result
+
+
+def hinge(bone: str, centre: ArrayLike, axis: ArrayLike, angles: ArrayLike) -> RigidMotion:
+    """Return the motion of one bone about a fixed axis.
+
+    Parameters
+    ----------
+    bone : str
+        Name of the bone that moves.
+    centre : (3,) array_like
+        A point on the axis, mm.
+    axis : (3,) array_like
+        Direction of the axis; positive angles turn right-handed about it.
+    angles : (k,) array_like
+        Ascending angles from rest, degrees; they are the pipeline's time.
+
+    Returns
+    -------
+    RigidMotion
+        With one row per angle.
+
+    Raises
+    ------
+    ValueError
+        If the axis has no length.
+
+    Examples
+    --------
+    >>> from vtkmuscle.core.rigid import hinge
+    >>> knee = hinge("tibia", centre=(0, 0, 0), axis=(1, 0, 0), angles=[0, 10, 20])
+    >>> knee.at(15.0)["tibia"].shape
+    (4, 4)
+    """
+    if not np.linalg.norm(np.asarray(axis, dtype=np.float64)) > 0:
+        raise ValueError("the axis of a hinge must have a length")
+    times = np.asarray(angles, dtype=np.float64)
+    table = np.array([rotation_about(centre, axis, angle) for angle in times])
+    return RigidMotion(times, {bone: table}, np.asarray(centre, dtype=np.float64))
+
+
+def _frozen(array: Floats) -> Floats:
+    array.setflags(write=False)
+    return array

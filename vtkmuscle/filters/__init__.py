@@ -1,0 +1,1 @@
+"""VTK filters over :mod:`vtkmuscle.core`: one algorithm per file."""

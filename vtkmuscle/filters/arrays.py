@@ -1,0 +1,253 @@
+"""Between VTK data sets and numpy arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkPoints, vtkStringArray
+from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkCompositeDataSet, vtkMultiBlockDataSet, vtkPolyData
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def points_of(data: Any) -> Floats:
+    """Return the points of a data set as an (n, 3) float64 array that may be changed (a copy)."""
+    if data.GetPoints() is None:
+        return np.zeros((0, 3))
+    return np.array(vtk_to_numpy(data.GetPoints().GetData()), dtype=np.float64)
+
+
+def triangles_of(surface: vtkPolyData, where: str) -> Ints:
+    """Return the triangles of a surface, (m, 3) point ids.
+
+    Parameters
+    ----------
+    surface : vtkPolyData
+        Polygons only.
+    where : str
+        Named in the error, e.g. ``"PBDDeformer: muscle"``.
+
+    Returns
+    -------
+    (m, 3) int array
+        Point ids.
+
+    Raises
+    ------
+    ValueError
+        If there is no polygon, or one that is not a triangle.
+    """
+    polys = surface.GetPolys()
+    if polys.GetNumberOfCells() == 0:
+        raise ValueError(f"{where}: the surface has no triangles")
+    offsets = vtk_to_numpy(polys.GetOffsetsArray())
+    if surface.GetNumberOfStrips() or not (np.diff(offsets) == 3).all():
+        raise ValueError(f"{where}: the surface has faces that are not triangles; run vtkTriangleFilter on it")
+    return np.array(vtk_to_numpy(polys.GetConnectivityArray()), dtype=np.int64).reshape(-1, 3)
+
+
+def checked_surface(surface: vtkPolyData, where: str) -> tuple[Floats, Ints]:
+    """Return points and triangles, having checked that all points are finite.
+
+    Raises
+    ------
+    ValueError
+        As :func:`triangles_of`, or for a coordinate that is NaN or infinite.
+    """
+    triangles = triangles_of(surface, where)
+    points = points_of(surface)
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(bad):
+        raise ValueError(f"{where}: {len(bad)} point(s) are not finite, the first is point {bad[0]}")
+    return points, triangles
+
+
+def vtk_points(points: Floats) -> vtkPoints:
+    """Return vtkPoints of doubles that hold a copy of an (n, 3) array."""
+    result = vtkPoints()
+    result.SetData(numpy_to_vtk(np.ascontiguousarray(points, dtype=np.float64), deep=True))
+    return result
+
+
+def with_points(data: Any, points: Floats) -> Any:
+    """Return a shallow copy of a data set with other points (double precision)."""
+    copy = data.NewInstance()
+    copy.ShallowCopy(data)
+    copy.SetPoints(vtk_points(points))
+    return copy
+
+
+def surface_from(points: Floats, triangles: Ints) -> vtkPolyData:
+    """Return a vtkPolyData of triangles."""
+    surface = vtkPolyData()
+    surface.SetPoints(vtk_points(points))
+    surface.SetPolys(_cells(np.arange(0, 3 * len(triangles) + 1, 3), np.asarray(triangles).reshape(-1)))
+    return surface
+
+
+@dataclass(frozen=True)
+class Polylines:
+    """Polylines one after the other: line i has the points offsets[i] to offsets[i + 1].
+
+    Attributes
+    ----------
+    points : (n, 3) float array
+        Positions.
+    offsets : (k + 1,) int array
+        First point of each line, and n.
+    """
+
+    points: Floats
+    offsets: Ints
+
+    def __len__(self) -> int:
+        return len(self.offsets) - 1
+
+    def line(self, i: int) -> Floats:
+        """Return the points of line i, a view."""
+        return self.points[self.offsets[i] : self.offsets[i + 1]]
+
+
+def polylines_of(data: vtkPolyData, where: str) -> Polylines:
+    """Return the polylines of a data set, each with points of its own.
+
+    Raises
+    ------
+    ValueError
+        If there is no line, or a coordinate is not finite.
+    """
+    lines = data.GetLines()
+    if lines.GetNumberOfCells() == 0:
+        raise ValueError(f"{where}: there are no polylines")
+    points = points_of(data)[vtk_to_numpy(lines.GetConnectivityArray())]
+    if not np.isfinite(points).all():
+        raise ValueError(f"{where}: some points are not finite")
+    return Polylines(points, np.array(vtk_to_numpy(lines.GetOffsetsArray()), dtype=np.int64))
+
+
+def polylines_from(lines: Polylines) -> vtkPolyData:
+    """Return a vtkPolyData of polylines."""
+    data = vtkPolyData()
+    data.SetPoints(vtk_points(lines.points))
+    data.SetLines(_cells(lines.offsets, np.arange(len(lines.points))))
+    return data
+
+
+def with_polylines(data: vtkPolyData, lines: Polylines) -> vtkPolyData:
+    """Return polylines that keep the cell and field data of another set of as many lines.
+
+    Point data is kept where the number of points of every line is the same as before.
+    """
+    copy = polylines_from(lines)
+    copy.GetCellData().ShallowCopy(data.GetCellData())
+    copy.GetFieldData().ShallowCopy(data.GetFieldData())
+    cells = data.GetLines()
+    if np.array_equal(vtk_to_numpy(cells.GetOffsetsArray()), lines.offsets):
+        order = vtk_to_numpy(cells.GetConnectivityArray())
+        for i in range(data.GetPointData().GetNumberOfArrays()):
+            array = data.GetPointData().GetArray(i)
+            if array is not None:
+                set_point_array(copy, array.GetName(), vtk_to_numpy(array)[order])
+    return copy
+
+
+def set_point_array(data: Any, name: str, values: NDArray[Any]) -> None:
+    """Add a copy of an array, (n,) or (n, c), to the point data."""
+    data.GetPointData().AddArray(_named(name, values))
+
+
+def set_cell_array(data: Any, name: str, values: NDArray[Any]) -> None:
+    """Add a copy of an array to the cell data."""
+    data.GetCellData().AddArray(_named(name, values))
+
+
+def set_field_array(data: Any, name: str, values: Any) -> None:
+    """Add numbers (a copy) or a string to the field data."""
+    if isinstance(values, str):
+        array = vtkStringArray()
+        array.SetName(name)
+        array.InsertNextValue(values)
+    else:
+        array = _named(name, np.atleast_1d(values))
+    data.GetFieldData().AddArray(array)
+
+
+def point_array(data: Any, name: str, where: str) -> NDArray[Any]:
+    """Return a point array as a read-only view.
+
+    Raises
+    ------
+    ValueError
+        If there is no such array.
+    """
+    array = data.GetPointData().GetArray(name)
+    if array is None:
+        raise ValueError(f"{where}: the point array {name!r} is missing")
+    return _view(array)
+
+
+def cell_array(data: Any, name: str, where: str) -> NDArray[Any]:
+    """Return a cell array as a read-only view; a ValueError where there is none."""
+    array = data.GetCellData().GetArray(name)
+    if array is None:
+        raise ValueError(f"{where}: the cell array {name!r} is missing")
+    return _view(array)
+
+
+def field_array(data: Any, name: str) -> NDArray[Any] | None:
+    """Return a numeric field array as a read-only view, None where there is none."""
+    array = data.GetFieldData().GetArray(name)
+    return None if array is None else _view(array)
+
+
+def field_string(data: Any, name: str) -> str | None:
+    """Return the first value of a string field array, None where there is none."""
+    array = data.GetFieldData().GetAbstractArray(name)
+    if array is None or not isinstance(array, vtkStringArray) or not array.GetNumberOfValues():
+        return None
+    return str(array.GetValue(0))
+
+
+def blocks_of(data: vtkMultiBlockDataSet) -> list[tuple[str, Any]]:
+    """Return (name, data set) of each block; a block without a name is called by its number."""
+    blocks = []
+    for i in range(data.GetNumberOfBlocks()):
+        has_name = data.HasMetaData(i) and data.GetMetaData(i).Has(vtkCompositeDataSet.NAME())
+        name = data.GetMetaData(i).Get(vtkCompositeDataSet.NAME()) if has_name else str(i)
+        blocks.append((name, data.GetBlock(i)))
+    return blocks
+
+
+def multiblock_from(blocks: dict[str, Any]) -> vtkMultiBlockDataSet:
+    """Return a vtkMultiBlockDataSet of named blocks."""
+    data = vtkMultiBlockDataSet()
+    for i, (name, block) in enumerate(blocks.items()):
+        data.SetBlock(i, block)
+        data.GetMetaData(i).Set(vtkCompositeDataSet.NAME(), name)
+    return data
+
+
+def _named(name: str, values: NDArray[Any]) -> Any:
+    array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
+    array.SetName(name)
+    return array
+
+
+def _view(array: Any) -> NDArray[Any]:
+    view = vtk_to_numpy(array).view()
+    view.setflags(write=False)
+    return view
+
+
+def _cells(offsets: NDArray[Any], connectivity: NDArray[Any]) -> vtkCellArray:
+    cells = vtkCellArray()
+    cells.SetData(
+        numpy_to_vtkIdTypeArray(np.ascontiguousarray(offsets, dtype=np.int64), deep=True),
+        numpy_to_vtkIdTypeArray(np.ascontiguousarray(connectivity, dtype=np.int64), deep=True),
+    )
+    return cells

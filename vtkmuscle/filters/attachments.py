@@ -1,0 +1,118 @@
+"""Attachment areas as data: one vtkMultiBlockDataSet, a block per area."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+
+from vtkmuscle.filters.arrays import (
+    Polylines,
+    blocks_of,
+    field_string,
+    multiblock_from,
+    points_of,
+    polylines_from,
+    set_field_array,
+)
+
+ROLES = ("origin", "insertion")
+
+
+@dataclass(frozen=True, eq=False)
+class AttachmentArea:
+    """Where a muscle is attached to a bone.
+
+    Attributes
+    ----------
+    role : str
+        ``"origin"`` or ``"insertion"``.
+    bone : str
+        Name of the bone's block.
+    landmarks : (k, 3) float array
+        In boundary order, each once, mm, in the rest pose.
+    closed : bool
+        True where the landmarks are the boundary of an area (a ring), False for an open curve or loose
+        points: then the attachment is what lies near the curve.
+    """
+
+    role: str
+    bone: str
+    landmarks: NDArray[np.float64]
+    closed: bool
+
+
+def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
+    """Return areas as the data set that filters take.
+
+    A ring is a polyline whose last point id is its first; an open curve is a plain polyline.
+    """
+    blocks = {}
+    for i, area in enumerate(areas):
+        points = np.vstack([area.landmarks, area.landmarks[:1]]) if area.closed else area.landmarks
+        block = polylines_from(Polylines(points, np.array([0, len(points)])))
+        set_field_array(block, "Bone", area.bone)
+        set_field_array(block, "Role", area.role)
+        blocks[f"{area.role}_{i}"] = block
+    return multiblock_from(blocks)
+
+
+def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]:
+    """Return the areas of a data set.
+
+    Parameters
+    ----------
+    data : vtkMultiBlockDataSet
+        A block per area: a vtkPolyData with the field arrays ``Bone`` and ``Role`` and one polyline
+        through the landmarks (closed if its last point repeats its first), or points alone.
+    where : str
+        Named in errors, e.g. ``"TemplateFitter: attachments"``.
+
+    Returns
+    -------
+    list of AttachmentArea
+        In the order of the blocks.
+
+    Raises
+    ------
+    ValueError
+        For a block without landmarks, with a coordinate that is not finite, or without its arrays.
+    """
+    areas = []
+    for name, block in blocks_of(data):
+        label = f"{where}, block {name!r}"
+        if block is None or block.GetNumberOfPoints() == 0:
+            raise ValueError(f"{label}: there are no landmarks")
+        role, bone = field_string(block, "Role"), field_string(block, "Bone")
+        if role not in ROLES:
+            raise ValueError(f"{label}: the field array 'Role' is {role!r}, but must be 'origin' or 'insertion'")
+        if not bone:
+            raise ValueError(f"{label}: the field array 'Bone' must name a bone")
+        landmarks, closed = landmarks_of(block, label)
+        areas.append(AttachmentArea(role, bone, landmarks, closed))
+    return areas
+
+
+def landmarks_of(data: vtkPolyData, where: str) -> tuple[NDArray[np.float64], bool]:
+    """Return the landmarks of an area in boundary order, and whether they close to a ring.
+
+    Raises
+    ------
+    ValueError
+        If a coordinate is not finite, or there is more than one polyline.
+    """
+    points = points_of(data)
+    if not np.isfinite(points).all():
+        raise ValueError(f"{where}: some landmarks are not finite")
+    lines = data.GetLines()
+    if lines.GetNumberOfCells() == 0:
+        return points, False
+    if lines.GetNumberOfCells() > 1:
+        raise ValueError(f"{where}: {lines.GetNumberOfCells()} polylines, expected one through all landmarks")
+    landmarks = points[vtk_to_numpy(lines.GetConnectivityArray())]
+    closed = len(landmarks) > 3 and bool(np.array_equal(landmarks[0], landmarks[-1]))
+    return (landmarks[:-1] if closed else landmarks), closed
