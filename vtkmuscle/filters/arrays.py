@@ -47,7 +47,9 @@ def triangles_of(surface: vtkPolyData, where: str) -> Ints:
         raise ValueError(f"{where}: the surface has no triangles")
     offsets = vtk_to_numpy(polys.GetOffsetsArray())
     if surface.GetNumberOfStrips() or not (np.diff(offsets) == 3).all():
-        raise ValueError(f"{where}: the surface has faces that are not triangles; run vtkTriangleFilter on it")
+        raise ValueError(
+            f"{where}: the surface has faces that are not triangles; run vtkTriangleFilter on it"
+        )
     return np.array(vtk_to_numpy(polys.GetConnectivityArray()), dtype=np.int64).reshape(-1, 3)
 
 
@@ -239,7 +241,7 @@ def _named(name: str, values: NDArray[Any]) -> Any:
 
 
 def _view(array: Any) -> NDArray[Any]:
-    view = vtk_to_numpy(array).view()
+    view: NDArray[Any] = vtk_to_numpy(array).view()
     view.setflags(write=False)
     return view
 

@@ -89,7 +89,9 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
             raise ValueError(f"{label}: there are no landmarks")
         role, bone = field_string(block, "Role"), field_string(block, "Bone")
         if role not in ROLES:
-            raise ValueError(f"{label}: the field array 'Role' is {role!r}, but must be 'origin' or 'insertion'")
+            raise ValueError(
+                f"{label}: the field array 'Role' is {role!r}, but must be 'origin' or 'insertion'"
+            )
         if not bone:
             raise ValueError(f"{label}: the field array 'Bone' must name a bone")
         landmarks, closed = landmarks_of(block, label)

@@ -29,7 +29,7 @@ from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
 _RESERVED = frozenset(dir(vtkAlgorithm)) | {"update", "apply", "execute", "parameters"}
 
 
-class Aborted(Exception):
+class AbortedError(Exception):
     """The filter was asked to stop (``AbortExecute``) and did, leaving its output empty."""
 
 
@@ -85,7 +85,7 @@ class Filter(VTKPythonAlgorithmBase):
             inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=parameter.default)
             for name, parameter in cls.parameter_declarations.items()
         ]
-        cls.__signature__ = inspect.Signature(keywords)  # type: ignore[attr-defined]
+        cls.__signature__ = inspect.Signature(keywords)
         cls.__doc__ = _documented(cls)
 
     def __init__(self, **parameters: Any) -> None:
@@ -198,7 +198,7 @@ class Filter(VTKPythonAlgorithmBase):
         Exception
             Whatever this filter or a filter upstream of it raised.
         """
-        import pyvista
+        import pyvista  # noqa: PLC0415 -- filters work without PyVista
 
         results = tuple(pyvista.wrap(data) for data in self._run_on(inputs, time))
         return results[0] if len(results) == 1 else results
@@ -271,13 +271,13 @@ class Filter(VTKPythonAlgorithmBase):
 
         Raises
         ------
-        Aborted
+        AbortedError
             If ``AbortExecute`` was set; the base class turns it into an empty output.
         """
         self._progress_reached = max(self._progress_reached, min(float(fraction), 1.0))
         self.UpdateProgress(self._progress_reached)
         if self.GetAbortExecute():
-            raise Aborted(f"{type(self).__name__} was aborted at {self._progress_reached:.0%}")
+            raise AbortedError(f"{type(self).__name__} was aborted at {self._progress_reached:.0%}")
 
     # ---------------------------------------------------------------- VTK's side
 
@@ -429,8 +429,8 @@ def _upstream(algorithm: Any) -> Iterator[Any]:
         seen.append(current)
         yield current
         for port in range(current.GetNumberOfInputPorts()):
-            for index in range(current.GetNumberOfInputConnections(port)):
-                waiting.append(current.GetInputAlgorithm(port, index))
+            indices = range(current.GetNumberOfInputConnections(port))
+            waiting.extend(current.GetInputAlgorithm(port, index) for index in indices)
 
 
 class _Messages(threading.local):
@@ -463,13 +463,13 @@ def _mend_pyvista_operator() -> None:
     data_object = getattr(pyvista, "DataObject", None)
     if data_object is None or "__rshift__" in vars(data_object):
         return
-    from vtkmodules.util import execution_model
+    from vtkmodules.util import execution_model  # noqa: PLC0415 -- VTK has it from 9.4 on
 
     def connect(self: Any, other: Any) -> Any:
         return execution_model.Pipeline(self, other)
 
     for name in ("DataSet", "MultiBlock", "DataObject"):
-        setattr(getattr(pyvista, name), "__rshift__", connect)
+        getattr(pyvista, name).__rshift__ = connect
 
 
 def _documented(cls: type[Filter]) -> str:
@@ -483,11 +483,12 @@ def _documented(cls: type[Filter]) -> str:
             lines += [f"{name} : {parameter.allowed}, default: {parameter.default!r}"]
             lines += [f"    {parameter.doc}{units}"]
     lines += ["", "Notes", "-----"]
-    for kind, ports in (("Input", cls.input_ports), ("Output", cls.output_ports)):
-        for number, port in enumerate(ports):
-            optional = ", optional" if isinstance(port, InputPort) and port.optional else ""
-            lines += [f"{kind} port {number}, ``{port.name}`` ({port.type_name}{optional}): {port.doc}", ""]
-    return "\n".join(lines + [sections])
+    for number, port in enumerate(cls.input_ports):
+        optional = ", optional" if port.optional else ""
+        lines += [f"Input port {number}, ``{port.name}`` ({port.type_name}{optional}): {port.doc}", ""]
+    for number, result in enumerate(cls.output_ports):
+        lines += [f"Output port {number}, ``{result.name}`` ({result.type_name}): {result.doc}", ""]
+    return "\n".join([*lines, sections])
 
 
 def _split(doc: str) -> tuple[str, str]:

@@ -137,19 +137,18 @@ class Parameter(Generic[T]):
         if convert is None:
             return value if isinstance(value, self.kind) else _REFUSED
         converted = convert(value)
-        if converted is _REFUSED:
-            return _REFUSED
-        if self.choices and converted not in self.choices:
-            return _REFUSED
-        if self.length is not None and len(converted) != self.length:
-            return _REFUSED
-        if self.kind in (int, float) and (
-            (self.minimum is not None and converted < self.minimum)
-            or (self.maximum is not None and converted > self.maximum)
-            or (self.above is not None and converted <= self.above)
-        ):
-            return _REFUSED
-        return converted
+        return converted if converted is not _REFUSED and self._within(converted) else _REFUSED
+
+    def _within(self, value: Any) -> bool:
+        if self.choices:
+            return value in self.choices
+        if self.length is not None:
+            return len(value) == self.length
+        return (
+            (self.minimum is None or value >= self.minimum)
+            and (self.maximum is None or value <= self.maximum)
+            and (self.above is None or value > self.above)
+        )
 
 
 class _Refused:
