@@ -1,0 +1,57 @@
+"""Fixtures for all tests."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture
+def rng():
+    """Random numbers, the same in every run."""
+    return np.random.default_rng(20210615)
+
+
+@pytest.fixture(scope="session")
+def lhdl_hip():
+    """Folder of the real hip (see its README for the licence); a test that needs it is skipped without."""
+    root = Path(os.environ.get("VTKMUSCLE_DATA", REPOSITORY.parent / "shared" / "data"))
+    folder = root / "lhdl_hip"
+    if not (folder / "scene.toml").is_file():
+        pytest.skip(f"the real hip data set is not at {folder}; set VTKMUSCLE_DATA to the folder it is in")
+    return folder
+
+
+@pytest.fixture
+def spindle():
+    """A new spindle over a hinge."""
+    from vtkmuscle.phantoms import spindle_over_hinge
+
+    return spindle_over_hinge()
+
+
+@pytest.fixture
+def cylinder():
+    """A new strap that wraps a cylinder."""
+    from vtkmuscle.phantoms import wrapping_cylinder
+
+    return wrapping_cylinder()
+
+
+@pytest.fixture
+def block():
+    """A new pennate block."""
+    from vtkmuscle.phantoms import pennate_block
+
+    return pennate_block()
+
+
+@pytest.fixture
+def hip():
+    """A new phantom hip (made once per process, copied for each test)."""
+    from vtkmuscle.phantoms import hip
+
+    return hip()

@@ -1,0 +1,214 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from vtkmuscle.core.mesh import edge_lengths, unique_edges
+from vtkmuscle.core.patches import attachment_patch
+
+RADIUS = 20.0
+
+
+def ball(n_points=3000):
+    """Return a triangulated sphere with points of no particular order."""
+    rng = np.random.default_rng(8)
+    i = np.arange(n_points) + 0.5
+    z, angle = 1 - 2 * i / n_points, np.pi * (1 + 5**0.5) * i
+    flat = np.sqrt(1 - z * z)
+    points = RADIUS * np.column_stack([flat * np.cos(angle), flat * np.sin(angle), z])
+    points = points[rng.permutation(n_points)]
+    return points, ConvexHull(points).simplices.astype(np.int64)
+
+
+BALL = ball()
+EDGE = edge_lengths(BALL[0], unique_edges(BALL[1])).mean()
+
+
+def latitude_ring(polar, *, n=24, radius=RADIUS, wobble=0.0):
+    angle = 2 * np.pi * np.arange(n) / n
+    polar = np.radians(polar) + wobble * np.sin(3 * angle)
+    return radius * np.column_stack(
+        [np.sin(polar) * np.cos(angle), np.sin(polar) * np.sin(angle), np.cos(polar)]
+    )
+
+
+def polar_angles():
+    return np.degrees(np.arccos(BALL[0][:, 2] / RADIUS))
+
+
+def is_cap(patch, polar):
+    """Return True where the patch is all points nearer to the pole, give or take an edge."""
+    slack = np.degrees(EDGE / RADIUS)
+    angles, chosen = polar_angles(), np.zeros(len(BALL[0]), dtype=bool)
+    chosen[patch] = True
+    return bool(chosen[angles < polar - slack].all() and not chosen[angles > polar + slack].any())
+
+
+@pytest.mark.parametrize("polar", [15.0, 40.0, 75.0])
+def test_a_ring_gives_the_cap_that_it_encloses(polar):
+    assert is_cap(attachment_patch(*BALL, latitude_ring(polar), True), polar)
+
+
+@pytest.mark.parametrize("off", [-0.3, -0.1, 0.1, 0.3])
+def test_landmarks_may_lie_off_the_muscle(off):
+    assert is_cap(attachment_patch(*BALL, latitude_ring(35.0, radius=(1 + off) * RADIUS), True), 35.0)
+
+
+def test_few_landmarks_are_joined_by_geodesics():
+    patch = attachment_patch(*BALL, latitude_ring(40.0, n=4), True)
+    # Great circles between four points at 40 degrees come as near to the pole as 30.7 degrees.
+    slack = 1.5 * np.degrees(EDGE / RADIUS)
+    assert np.isin(np.flatnonzero(polar_angles() < 30.7 - slack), patch).all()
+    assert (polar_angles()[patch] < 40.0 + slack).all()
+
+
+def test_direction_and_start_of_a_ring_do_not_matter():
+    ring = latitude_ring(35.0, wobble=0.1)
+    expected = set(attachment_patch(*BALL, ring, True))
+    for other in (ring[::-1], np.roll(ring, 7, axis=0)):
+        # Where two paths are equally short the choice may differ, in single points of the boundary.
+        assert len(expected ^ set(attachment_patch(*BALL, other, True))) <= 0.02 * len(expected)
+
+
+def test_a_ring_that_crosses_itself_keeps_all_its_loops():
+    t = 2 * np.pi * np.arange(32) / 32
+    eight = np.column_stack([12 * np.sin(t), 6 * np.sin(2 * t), np.full(32, RADIUS)])
+    patch = attachment_patch(*BALL, eight, True)
+    chosen = np.zeros(len(BALL[0]), dtype=bool)
+    chosen[patch] = True
+    x, y, z = BALL[0].T
+    in_lobes = (np.hypot(np.abs(x) - 8, y) < 2) & (z > 0)
+    assert in_lobes.sum() > 10
+    assert chosen[in_lobes].all()
+    assert not chosen[(z < 0) | ((np.abs(y) > 5) & (np.abs(x) < 2))].any()
+
+
+def test_landmarks_that_repeat_make_no_difference():
+    ring = latitude_ring(35.0)
+    np.testing.assert_array_equal(
+        attachment_patch(*BALL, ring, True), attachment_patch(*BALL, np.repeat(ring, 3, axis=0), True)
+    )
+
+
+def test_the_bone_decides_between_sides_of_like_size():
+    ring = latitude_ring(95.0)
+
+    def below(positions):
+        return np.linalg.norm(positions - [0.0, 0.0, -RADIUS], axis=1)
+
+    def above(positions):
+        return np.linalg.norm(positions - [0.0, 0.0, RADIUS], axis=1)
+
+    assert is_cap(attachment_patch(*BALL, ring, True, bone_distance=above), 95.0)
+    lower = attachment_patch(*BALL, ring, True, bone_distance=below)
+    rest = np.setdiff1d(np.arange(len(BALL[0])), lower)
+    assert is_cap(rest, 95.0 - np.degrees(EDGE / RADIUS))
+    np.testing.assert_array_equal(lower, attachment_patch(*BALL, ring, True))
+
+
+def test_a_clearly_smaller_side_is_inside_wherever_the_bone_is():
+    def below(positions):
+        return np.linalg.norm(positions - [0.0, 0.0, -RADIUS], axis=1)
+
+    assert is_cap(attachment_patch(*BALL, latitude_ring(30.0), True, bone_distance=below), 30.0)
+
+
+def test_an_open_curve_gives_the_points_within_the_tolerance():
+    meridian = latitude_ring(90.0, n=24)[:7]  # a quarter of the equator
+    patch = attachment_patch(*BALL, meridian, False, tolerance=3.0)
+    assert (np.abs(BALL[0][patch][:, 2]) <= 3.0 + EDGE).all()
+    x, y, z = BALL[0].T
+    core = (np.abs(z) < 3.0 - EDGE) & (x > 0) & (y > 0)
+    assert np.isin(np.flatnonzero(core), patch).all()
+    wider = attachment_patch(*BALL, meridian, False, tolerance=6.0)
+    assert np.isin(patch, wider).all()
+    assert len(wider) > 1.5 * len(patch)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_points_and_landmarks_on_a_line_are_an_open_curve(closed, n):
+    line = np.array([[0.0, 0.0, 23.0], [5.0, 0.0, 23.0], [10.0, 0.0, 23.0]])[:n]
+    patch = attachment_patch(*BALL, line, closed)
+    assert len(patch)
+    np.testing.assert_array_equal(patch, attachment_patch(*BALL, line, False))
+    distances = np.linalg.norm(BALL[0][patch][:, None] - BALL[0][None, patch], axis=2)
+    assert distances.max() < 13.0 + 2 * EDGE
+
+
+def test_something_is_found_however_small_the_tolerance():
+    assert len(attachment_patch(*BALL, np.array([[0.0, 0.0, 25.0]]), False, tolerance=0.0)) == 1
+
+
+def test_the_other_face_of_a_thin_muscle_is_left_alone():
+    n = 21
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(n) * 1.0, np.arange(n) * 1.0, indexing="ij"))
+    points = np.vstack([np.column_stack([x, y, np.full(n * n, z)]) for z in (0.0, 0.5)])
+    i = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    sheet = np.vstack([np.column_stack([i, i + n, i + n + 1]), np.column_stack([i, i + n + 1, i + 1])])
+    rim = np.concatenate(
+        [np.arange(n), np.arange(n) * n + n - 1, np.arange(n) * n, np.arange(n) + n * (n - 1)]
+    )
+    side = np.column_stack([rim[:-1], rim[1:], rim[:-1] + n * n])
+    triangles = np.vstack([sheet, sheet[:, ::-1] + n * n, side])
+    curve = np.array([[6.0, 10.0, -1.0], [14.0, 10.0, -1.0]])
+    patch = attachment_patch(points, triangles, curve, False, tolerance=2.0)
+    assert len(patch) > 20
+    assert (points[patch][:, 2] == 0.0).all()
+
+
+def test_a_rigid_motion_and_other_units_make_no_difference():
+    ring = latitude_ring(35.0, wobble=0.1)
+    turn = Rotation.from_rotvec([0.3, -1.0, 2.0]).as_matrix()
+
+    def moved(points):
+        return 0.001 * (points @ turn.T + [300.0, -20.0, 5.0])
+
+    expected = attachment_patch(*BALL, ring, True)
+    found = attachment_patch(moved(BALL[0]), BALL[1], moved(ring), True)
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_renumbered_points_give_the_same_patch():
+    order = np.random.default_rng(4).permutation(len(BALL[0]))
+    number = np.argsort(order)  # new id of each old point
+    ring = latitude_ring(35.0, wobble=0.1)
+    found = attachment_patch(BALL[0][order], number[BALL[1]][::-1], ring, True)
+    np.testing.assert_array_equal(np.sort(order[found]), attachment_patch(*BALL, ring, True))
+
+
+def test_points_that_no_triangle_uses_are_never_chosen():
+    ring = latitude_ring(35.0)
+    points = np.vstack([BALL[0], ring])  # loose points exactly at the landmarks
+    np.testing.assert_array_equal(
+        attachment_patch(points, BALL[1], ring, True), attachment_patch(*BALL, ring, True)
+    )
+
+
+def test_landmarks_of_another_muscle_are_refused():
+    with pytest.raises(ValueError, match=r"landmark 2 is .* from the muscle"):
+        attachment_patch(*BALL, latitude_ring(30.0) + [[0, 0, 300 * (i == 2)] for i in range(24)], True)
+
+
+def test_no_landmarks_are_refused():
+    with pytest.raises(ValueError, match="no landmarks"):
+        attachment_patch(*BALL, np.zeros((0, 3)), True)
+
+
+def test_landmarks_on_unconnected_pieces_are_refused():
+    points = np.vstack([BALL[0], BALL[0] + [50.0, 0.0, 0.0]])
+    triangles = np.vstack([BALL[1], BALL[1] + len(BALL[0])])
+    across = np.array([[0.0, 0.0, 20.0], [50.0, 0.0, 20.0]])
+    with pytest.raises(ValueError, match="several pieces"):
+        attachment_patch(points, triangles, across, False)
+
+
+def test_a_second_piece_of_the_muscle_is_no_part_of_the_patch():
+    points = np.vstack([BALL[0], 0.2 * BALL[0] + [50.0, 0.0, 0.0]])
+    triangles = np.vstack([BALL[1], BALL[1] + len(BALL[0])])
+    np.testing.assert_array_equal(
+        attachment_patch(points, triangles, latitude_ring(35.0), True, tolerance=EDGE),
+        attachment_patch(*BALL, latitude_ring(35.0), True),
+    )

@@ -1,0 +1,138 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
+from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
+from vtkmodules.vtkFiltersSources import vtkCubeSource
+
+from vtkmuscle.core.rigid import apply_transform, hinge
+from vtkmuscle.filters.arrays import (
+    blocks_of,
+    field_array,
+    multiblock_from,
+    point_array,
+    points_of,
+    set_field_array,
+    set_point_array,
+)
+from vtkmuscle.filters.bone_motion import BoneMotion, bones_of
+
+KNEE = hinge("tibia", (0.0, 0.0, 5.0), (1.0, 2.0, 0.0), [0.0, 30.0, 60.0])
+
+
+def bone(centre=(0.0, 0.0, 0.0)):
+    source = vtkCubeSource()
+    source.SetCenter(centre)
+    normals = vtkPolyDataNormals()
+    normals.SetInputConnection(source.GetOutputPort())
+    normals.Update()
+    surface = normals.GetOutput()
+    set_point_array(surface, "Density", np.arange(surface.GetNumberOfPoints()))
+    set_field_array(surface, "Side", "right")
+    return surface
+
+
+def at(motion, bones, time):
+    motion.SetInputDataObject(0, bones)
+    return motion.update(time).output
+
+
+@pytest.fixture
+def bones():
+    return multiblock_from(
+        {"femur": bone(), "tibia": bone((0.0, 0.0, 10.0)), "patella": bone((5.0, 0.0, 5.0))}
+    )
+
+
+@pytest.mark.parametrize("time", [0.0, 30.0, 41.5, 60.0])
+def test_moving_bones_are_where_the_motion_has_them(bones, time):
+    result = dict(blocks_of(at(BoneMotion(motion=KNEE), bones, time)))
+    transform = KNEE.at(time)["tibia"]
+    expected = apply_transform(transform, points_of(bones.GetBlock(1)))
+    np.testing.assert_allclose(points_of(result["tibia"]), expected, atol=1e-12)
+    np.testing.assert_allclose(field_array(result["tibia"], "Transform"), transform.reshape(-1), atol=0)
+    assert result["tibia"].GetPoints().GetData().GetDataTypeAsString() == "double"
+
+
+def test_normals_turn_with_the_bone_and_other_arrays_pass(bones):
+    moved = at(BoneMotion(motion=KNEE), bones, 60.0).GetBlock(1)
+    turn = KNEE.at(60.0)["tibia"][:3, :3]
+    before = point_array(bones.GetBlock(1), "Normals", "test")
+    np.testing.assert_allclose(point_array(moved, "Normals", "test"), before @ turn.T, atol=1e-6)
+    np.testing.assert_array_equal(point_array(moved, "Density", "test"), np.arange(len(before)))
+    assert moved.GetFieldData().GetAbstractArray("Side").GetValue(0) == "right"
+
+
+def test_other_bones_stay_and_share_their_geometry(bones):
+    result = at(BoneMotion(motion=KNEE), bones, 60.0)
+    for block in (0, 2):
+        assert result.GetBlock(block).GetPoints() is bones.GetBlock(block).GetPoints()
+        np.testing.assert_array_equal(field_array(result.GetBlock(block), "Transform"), np.eye(4).reshape(-1))
+    assert field_array(bones.GetBlock(0), "Transform") is None
+
+
+def test_names_and_order_of_the_blocks_are_kept(bones):
+    result = at(BoneMotion(motion=KNEE), bones, 30.0)
+    assert [name for name, _ in blocks_of(result)] == ["femur", "tibia", "patella"]
+
+
+def test_the_times_of_the_motion_are_announced(bones):
+    motion = BoneMotion(motion=KNEE)
+    motion.SetInputDataObject(0, bones)
+    motion.UpdateInformation()
+    info = motion.GetOutputInformation(0)
+    assert info.Get(vtkStreamingDemandDrivenPipeline.TIME_STEPS()) == (0.0, 30.0, 60.0)
+    assert info.Get(vtkStreamingDemandDrivenPipeline.TIME_RANGE()) == (0.0, 60.0)
+    motion.motion = None
+    motion.UpdateInformation()
+    assert not motion.GetOutputInformation(0).Has(vtkStreamingDemandDrivenPipeline.TIME_STEPS())
+
+
+def test_without_a_time_the_bones_are_at_the_first_one(bones):
+    late = hinge("tibia", (0.0, 0.0, 5.0), (1.0, 0.0, 0.0), [30.0, 60.0])
+    result = at(BoneMotion(motion=late), bones, None)
+    np.testing.assert_array_equal(
+        field_array(result.GetBlock(1), "Transform"), late.at(30.0)["tibia"].reshape(-1)
+    )
+
+
+def test_before_and_after_the_motion_the_bones_stand_still(bones):
+    motion = BoneMotion(motion=KNEE)
+    for time, end in ((-10.0, 0.0), (1e6, 60.0)):
+        found = field_array(at(motion, bones, time).GetBlock(1), "Transform")
+        np.testing.assert_array_equal(found, KNEE.at(end)["tibia"].reshape(-1))
+
+
+def test_without_a_motion_all_bones_are_at_rest(bones):
+    result = at(BoneMotion(), bones, None)
+    for i in range(3):
+        assert result.GetBlock(i).GetPoints() is bones.GetBlock(i).GetPoints()
+
+
+def test_a_bone_that_is_not_there_is_named(bones):
+    motion = BoneMotion(motion=hinge("fibula", (0, 0, 0), (1, 0, 0), [0.0, 1.0]))
+    with pytest.raises(ValueError, match=r"'fibula'.*'femur', 'tibia', 'patella'"):
+        at(motion, bones, 0.0)
+
+
+def test_blocks_that_are_no_bones_are_refused(bones):
+    bones.SetBlock(1, vtkMultiBlockDataSet())
+    with pytest.raises(ValueError, match="block 'tibia' is a vtkMultiBlockDataSet"):
+        bones_of(bones, "test")
+    bones.SetBlock(1, None)
+    with pytest.raises(ValueError, match=r"block .* is empty"):
+        bones_of(bones, "test")
+
+
+def test_two_bones_of_one_name_are_refused(bones):
+    bones.GetMetaData(2).Set(vtkMultiBlockDataSet.NAME(), "femur")
+    with pytest.raises(ValueError, match="two blocks are named 'femur'"):
+        bones_of(bones, "test")
+
+
+@pytest.mark.parametrize("wrong", ["knee.csv", np.eye(4)])
+def test_a_motion_must_be_a_rigid_motion(wrong):
+    with pytest.raises(ValueError, match=r"(?s)BoneMotion.motion is .* a RigidMotion or None"):
+        BoneMotion(motion=wrong)

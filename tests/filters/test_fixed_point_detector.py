@@ -1,0 +1,230 @@
+from __future__ import annotations
+
+import tomllib
+
+import numpy as np
+import pytest
+from vtkmodules.vtkFiltersSources import vtkSphereSource
+
+from vtkmuscle.core.mesh import edge_lengths, unique_edges
+from vtkmuscle.filters.arrays import checked_surface, multiblock_from, point_array, points_of
+from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, landmarks_of
+from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+from vtkmuscle.filters.surface_distance import SurfaceDistance
+
+
+def ball(centre, radius):
+    source = vtkSphereSource()
+    source.SetCenter(centre)
+    source.SetRadius(radius)
+    source.SetThetaResolution(60)
+    source.SetPhiResolution(40)
+    source.Update()
+    return source.GetOutput()
+
+
+def ring(z, radius):
+    angle = 2 * np.pi * np.arange(16) / 16
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full(16, z)])
+
+
+MUSCLE = ball((0.0, 0.0, 0.0), 20.0)
+#: The muscle dips into the lower bone, touches the upper one nearly, and is far from the third.
+BONES = multiblock_from(
+    {
+        "far": ball((200.0, 0.0, 0.0), 5.0),
+        "lower": ball((0.0, 0.0, -28.0), 10.0),
+        "upper": ball((0, 0, 30.2), 10.0),
+    }
+)
+ATTACHMENTS = attachments_from(
+    [
+        AttachmentArea("origin", "upper", ring(21.0, 8.0), closed=True),
+        AttachmentArea(
+            "insertion", "lower", np.array([[-5.0, 0, -21.0], [0, 0, -21.0], [5.0, 0, -21.0]]), closed=False
+        ),
+    ]
+)
+
+
+def detect(method, *, attachments=None, muscle=MUSCLE, bones=BONES, **parameters):
+    detector = FixedPointDetector(method=method, **parameters)
+    for port, data in enumerate((muscle, bones, attachments)):
+        if data is not None:
+            detector.SetInputDataObject(port, data)
+    return point_array(detector.update().output, "FixedTo", "test")
+
+
+def test_attachments_fix_what_their_landmarks_enclose_and_what_is_near_their_curves():
+    fixed_to = detect("attachment", attachments=ATTACHMENTS)
+    points = points_of(MUSCLE)
+    assert fixed_to.dtype == np.int32
+    assert set(fixed_to) == {-1, 1, 2}
+    aside = np.hypot(points[:, 0], points[:, 1])
+    assert (fixed_to[(aside < 6.0) & (points[:, 2] > 0)] == 2).all()
+    assert (aside[fixed_to == 2] < 9.0).all()
+    assert (points[fixed_to == 2, 2] > 0).all()
+    lower = points[fixed_to == 1]
+    assert (lower[:, 2] < 0).all()
+    mean_edge = mean_edge_length()
+    assert (np.abs(lower[:, 1]) <= 2 * mean_edge).all()
+    assert np.ptp(lower[:, 0]) > 8.0
+
+
+def mean_edge_length():
+    points, triangles = checked_surface(MUSCLE, "test")
+    return edge_lengths(points, unique_edges(triangles)).mean()
+
+
+def test_several_areas_on_one_bone_unite():
+    areas = [
+        AttachmentArea("origin", "upper", ring(20.0, 6.0) + np.array([x, 0, 0]), closed=True)
+        for x in (-7.0, 7.0)
+    ]
+    both = detect("attachment", attachments=attachments_from(areas)) == 2
+    each = [detect("attachment", attachments=attachments_from([area])) == 2 for area in areas]
+    np.testing.assert_array_equal(both, each[0] | each[1])
+    assert (each[0] != each[1]).any()
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_point_in_areas_of_two_bones_goes_to_the_one_with_the_nearest_landmark(order):
+    wide = AttachmentArea("origin", "upper", ring(18.0, 11.0), closed=True)
+    narrow = AttachmentArea("insertion", "lower", ring(20.0, 5.0), closed=True)
+    fixed_to = detect("attachment", attachments=attachments_from([wide, narrow][::order]))
+    points = points_of(MUSCLE)
+    claimed = fixed_to >= 0
+    nearest = [
+        np.linalg.norm(points[:, None] - area.landmarks, axis=2).min(axis=1) for area in (narrow, wide)
+    ]
+    in_narrow = (np.hypot(points[:, 0], points[:, 1]) < 4.0) & (points[:, 2] > 0)
+    assert in_narrow.sum() > 5
+    expected = np.where(nearest[0] < nearest[1], 1, 2)
+    np.testing.assert_array_equal(fixed_to[in_narrow & claimed], expected[in_narrow & claimed])
+    assert (fixed_to[in_narrow] == 1).any()
+
+
+@pytest.mark.parametrize("tolerance", [None, 1.0, 3.0])
+def test_proximity_fixes_the_points_within_the_tolerance_of_the_nearest_bone(tolerance):
+    fixed_to = detect("proximity", tolerance=tolerance)
+    limit = mean_edge_length() if tolerance is None else tolerance
+    distances = np.array([SurfaceDistance(BONES.GetBlock(i)).unsigned(points_of(MUSCLE)) for i in range(3)])
+    expected = np.where(distances.min(axis=0) <= limit, distances.argmin(axis=0), -1)
+    np.testing.assert_array_equal(fixed_to, expected)
+    assert set(fixed_to) == {-1, 1, 2}
+
+
+def test_collision_fixes_the_points_in_the_voxels_of_a_bone():
+    fixed_to = detect("collision", n_max=100_000)
+    points = points_of(MUSCLE)
+    inside = SurfaceDistance(BONES.GetBlock(1)).depth(points) > 0
+    assert inside.sum() > 50
+    assert (fixed_to[inside] == 1).all()
+    cell_diagonal = 20.0 / 46 * 3**0.5
+    near = SurfaceDistance(BONES.GetBlock(1)).unsigned(points) <= 1.05 * cell_diagonal
+    assert (inside | near)[fixed_to == 1].all()
+    assert not (fixed_to == 0).any()
+
+
+def test_coarser_voxels_fix_more():
+    assert (detect("collision", n_max=1000) >= 0).sum() > (detect("collision", n_max=10**6) >= 0).sum()
+
+
+def test_a_point_in_the_voxels_of_two_bones_goes_to_the_nearer_surface():
+    bones = multiblock_from({"a": ball((0.0, 0.0, 24.0), 10.0), "b": ball((0.0, 6.0, 24.0), 10.0)})
+    fixed_to = detect("collision", bones=bones)
+    points = points_of(MUSCLE)
+    distances = np.array([SurfaceDistance(bones.GetBlock(i)).unsigned(points) for i in range(2)])
+    in_both = np.array([SurfaceDistance(bones.GetBlock(i)).depth(points) > 0 for i in range(2)]).all(axis=0)
+    assert in_both.sum() > 20
+    np.testing.assert_array_equal(fixed_to[in_both], distances.argmin(axis=0)[in_both])
+    assert set(fixed_to[in_both]) == {0, 1}
+
+
+def test_the_numbers_are_those_of_the_blocks():
+    swapped = multiblock_from(
+        {name: BONES.GetBlock(i) for name, i in (("upper", 2), ("far", 0), ("lower", 1))}
+    )
+    renumbered = np.array([1, 2, 0, -1])  # far, lower, upper, free
+    for method in ("attachment", "proximity", "collision"):
+        before = detect(method, attachments=ATTACHMENTS)
+        after = detect(method, attachments=ATTACHMENTS, bones=swapped)
+        np.testing.assert_array_equal(after, renumbered[before])
+
+
+def test_arrays_of_the_muscle_pass_and_the_muscle_is_not_changed():
+    muscle = ball((0.0, 0.0, 0.0), 20.0)
+    names = {muscle.GetPointData().GetArrayName(i) for i in range(muscle.GetPointData().GetNumberOfArrays())}
+    assert names
+    detector = FixedPointDetector(method="proximity")
+    detector.SetInputDataObject(0, muscle)
+    detector.SetInputDataObject(1, BONES)
+    output = detector.update().output.GetPointData()
+    assert {output.GetArrayName(i) for i in range(output.GetNumberOfArrays())} == names | {"FixedTo"}
+    assert muscle.GetPointData().GetArray("FixedTo") is None
+
+
+def test_attachments_must_be_connected_for_the_method_attachment():
+    with pytest.raises(ValueError, match="needs attachments on port 2"):
+        detect("attachment")
+
+
+def test_an_area_on_an_unknown_bone_names_the_area_and_the_bones():
+    stray = attachments_from([AttachmentArea("origin", "tibia", ring(20.0, 5.0), closed=True)])
+    with pytest.raises(
+        ValueError, match=r"area 0 \(origin on 'tibia'\): the bones are 'far', 'lower', 'upper'"
+    ):
+        detect("attachment", attachments=stray)
+
+
+def test_landmarks_far_from_the_muscle_name_the_area():
+    areas = [
+        AttachmentArea("origin", "upper", ring(20.0, 5.0), closed=True),
+        AttachmentArea("insertion", "lower", ring(320.0, 5.0), closed=True),
+    ]
+    with pytest.raises(
+        ValueError, match=r"area 1 \(insertion on 'lower'\): landmark \d+ is .* from the muscle"
+    ):
+        detect("attachment", attachments=attachments_from(areas))
+
+
+@pytest.mark.parametrize(
+    ("method", "mend"), [("proximity", "larger tolerance"), ("collision", "lower n_max")]
+)
+def test_a_muscle_without_fixed_points_is_refused(method, mend):
+    muscle = ball((60.0, 60.0, 0.0), 20.0)
+    with pytest.raises(ValueError, match=mend):
+        detect(method, muscle=muscle)
+
+
+@pytest.mark.realdata
+def test_attachments_of_the_real_muscles_lie_on_their_bones(lhdl_hip):
+    """Every fixed point is on the bone's side: nearer to its own bone than the landmarks' errors allow."""
+    scene = tomllib.loads((lhdl_hip / "scene.toml").read_text())
+    bones = multiblock_from({name: read(lhdl_hip / bone["surface"]) for name, bone in scene["bones"].items()})
+    distances = {name: SurfaceDistance(bones.GetBlock(i)) for i, name in enumerate(scene["bones"])}
+    found = {}
+    for name, muscle in scene["muscles"].items():
+        areas = []
+        for area in muscle["attachments"]:
+            landmarks, closed = landmarks_of(read(lhdl_hip / area["landmarks"]), name)
+            areas.append(AttachmentArea(area["role"], area["bone"], landmarks, closed))
+        surface = read(lhdl_hip / muscle["surface"])
+        fixed_to = detect("attachment", muscle=surface, bones=bones, attachments=attachments_from(areas))
+        for index, bone in enumerate(scene["bones"]):
+            patch = points_of(surface)[fixed_to == index]
+            found[name, bone] = len(patch)
+            off = distances[bone].unsigned(patch)
+            assert off.max() < 7.5, (name, bone)
+            assert np.median(off) < 3.0, (name, bone)
+    assert all(20 < count < 3000 for count in found.values()), found
+    assert found["iliacus", "pelvis"] > 2000
+
+
+def read(path):
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+
+    reader = vtkXMLPolyDataReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    return reader.GetOutput()

@@ -1,0 +1,122 @@
+"""BoneMotion: bones at a time of a rigid motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonTransforms import vtkTransform
+from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
+
+from vtkmuscle.core.rigid import Floats, RigidMotion
+from vtkmuscle.filters.arrays import blocks_of, multiblock_from, set_field_array
+from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
+
+
+class BoneMotion(Filter):
+    """Move bones to where a rigid motion has them at the pipeline's time.
+
+    The filter announces the times of the motion as its time steps; between them the motion is
+    interpolated, before the first and after the last it stands still. Where no time is asked for, the
+    bones are at the first one. Bones that the motion does not name stay where they are and share their
+    geometry with the input.
+
+    Raises
+    ------
+    ValueError
+        If the motion names a bone that is not among the blocks.
+
+    Examples
+    --------
+    >>> from vtkmuscle.filters import BoneMotion
+    >>> from vtkmuscle.phantoms import spindle_over_hinge
+    >>> phantom = spindle_over_hinge()
+    >>> bones = BoneMotion(motion=phantom.motion).apply(phantom.bones, time=phantom.motion.times[-1])
+    >>> bones[0].field_data["Transform"].shape
+    (16,)
+    """
+
+    motion: Parameter[RigidMotion | None] = Parameter(
+        RigidMotion, default=None, doc="Transforms of the moving bones over time; None leaves all at rest."
+    )
+
+    bones = InputPort(vtkMultiBlockDataSet, content="rest bones", doc="Named blocks of vtkPolyData, at rest.")
+    output = OutputPort(
+        vtkMultiBlockDataSet,
+        doc="The bones, in the same named blocks, at the time asked for; each with the field array "
+        "``Transform`` (16, row major): rest to now.",
+    )
+
+    def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
+        """Return the times of the motion."""
+        return None if self.motion is None else [float(time) for time in self.motion.times]
+
+    def execute(self, bones: vtkMultiBlockDataSet) -> vtkMultiBlockDataSet:
+        """Return the moved bones."""
+        blocks = bones_of(bones, "BoneMotion: bones")
+        transforms = self._transforms()
+        unknown = sorted(set(transforms) - set(blocks))
+        if unknown:
+            raise ValueError(
+                f"BoneMotion: the motion moves {', '.join(map(repr, unknown))}, but the bones are "
+                f"{', '.join(map(repr, blocks))}; rename the block or the motion's bone"
+            )
+        return multiblock_from({name: _moved(bone, transforms.get(name)) for name, bone in blocks.items()})
+
+    def _transforms(self) -> dict[str, Floats]:
+        if self.motion is None:
+            return {}
+        return self.motion.at(self.motion.times[0] if self.request_time is None else self.request_time)
+
+
+def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
+    """Return the bones of a data set by name, in the order of their blocks.
+
+    Parameters
+    ----------
+    data : vtkMultiBlockDataSet
+        Named blocks.
+    where : str
+        Named in errors, e.g. ``"PBDDeformer: bones"``.
+
+    Returns
+    -------
+    dict of str to vtkPolyData
+        The i-th item is block i, to which ``FixedTo`` and the like refer.
+
+    Raises
+    ------
+    ValueError
+        If a block is not a vtkPolyData, or two have the same name.
+    """
+    bones: dict[str, vtkPolyData] = {}
+    for name, block in blocks_of(data):
+        if not isinstance(block, vtkPolyData):
+            kind = "empty" if block is None else f"a {block.GetClassName()}"
+            raise ValueError(f"{where}: block {name!r} is {kind}, but a bone is a vtkPolyData")
+        if name in bones:
+            raise ValueError(f"{where}: two blocks are named {name!r}; give each bone a name of its own")
+        bones[name] = block
+    return bones
+
+
+def _moved(bone: vtkPolyData, transform: Floats | None) -> vtkPolyData:
+    """Return the bone moved rigidly, its normals with it, or sharing its geometry where it stays."""
+    result = vtkPolyData()
+    if transform is None:
+        transform = np.eye(4)
+        result.ShallowCopy(bone)
+    else:
+        move = vtkTransform()
+        move.SetMatrix(transform.reshape(-1))
+        mover = vtkTransformFilter()
+        mover.SetInputDataObject(bone)
+        mover.SetTransform(move)
+        mover.SetOutputPointsPrecision(vtkTransformFilter.DOUBLE_PRECISION)
+        mover.Update()
+        result.ShallowCopy(mover.GetOutput())
+    set_field_array(result, "Transform", transform.reshape(-1))
+    return result

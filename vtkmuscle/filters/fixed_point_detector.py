@@ -1,0 +1,202 @@
+"""FixedPointDetector: which points of a muscle move with which bone."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+
+from vtkmuscle.core.mesh import edge_lengths, unique_edges
+from vtkmuscle.core.patches import attachment_patch
+from vtkmuscle.core.voxels import DEFAULT_N_MAX, build_voxel_grid
+from vtkmuscle.filters.arrays import checked_surface, set_point_array
+from vtkmuscle.filters.attachments import AttachmentArea, attachments_of
+from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.bone_motion import bones_of
+from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.surface_distance import SurfaceDistance
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class FixedPointDetector(Filter):
+    """Find the points of a muscle that are fixed to a bone and move with it.
+
+    ``"attachment"`` fixes what the landmarks of the attachment areas enclose when projected onto the
+    muscle, and for areas that are open curves what lies within the tolerance of the curve.
+    ``"proximity"`` fixes the points within the tolerance of a bone's surface, ``"collision"`` those in
+    the boundary or inside voxels of a bone. The last two also fix points that should slide along the
+    bone; they are for muscles without landmarks. A point that two bones claim goes to the nearer one (by
+    attachment: to the bone with the nearest landmark).
+
+    Raises
+    ------
+    ValueError
+        If no point is found; if the method is ``"attachment"`` and there are no attachments, an area is
+        on a bone that is not among the blocks, or its landmarks are too far from the muscle.
+
+    References
+    ----------
+    Kohout, Cervenka 2021, *Muscle Deformation Using Position Based Dynamics*, section 3.3,
+    doi:10.1007/978-3-030-72379-8_24.
+
+    Examples
+    --------
+    >>> from vtkmuscle.filters import FixedPointDetector
+    >>> from vtkmuscle.phantoms import spindle_over_hinge
+    >>> phantom = spindle_over_hinge()
+    >>> (name, muscle), = phantom.muscles.items()
+    >>> fixed = FixedPointDetector().apply(muscle, phantom.bones, phantom.attachments[name])
+    >>> sorted(set(fixed["FixedTo"].tolist()))
+    [-1, 0, 1]
+    """
+
+    method = Parameter(
+        str,
+        default="attachment",
+        choices=("attachment", "proximity", "collision"),
+        doc="How fixed points are told.",
+    )
+    tolerance: Parameter[float | None] = Parameter(
+        float,
+        default=None,
+        minimum=0.0,
+        units="mm",
+        doc="Distance from a bone (proximity) or from an open curve (attachment); None is the muscle's "
+        "mean edge length.",
+    )
+    n_max = Parameter(
+        int, default=DEFAULT_N_MAX, minimum=1, doc="Number of voxels of a bone, about (collision)."
+    )
+
+    muscle = InputPort(vtkPolyData, content="muscle", doc="Triangles, in the rest pose.")
+    bones = InputPort(vtkMultiBlockDataSet, content="rest bones", doc="Named blocks of vtkPolyData, at rest.")
+    attachments = InputPort(
+        vtkMultiBlockDataSet,
+        content="attachments",
+        optional=True,
+        doc="A block per area; needed for the method ``attachment`` only.",
+    )
+    output = OutputPort(
+        vtkPolyData,
+        doc="The muscle with the point array ``FixedTo`` (int32): -1 for a free point, else the index of "
+        "the bone's block.",
+    )
+
+    def execute(
+        self,
+        muscle: vtkPolyData,
+        bones: vtkMultiBlockDataSet,
+        attachments: vtkMultiBlockDataSet | None,
+    ) -> vtkPolyData:
+        """Return the muscle with its fixed points marked."""
+        points, triangles = checked_surface(muscle, "FixedPointDetector: muscle")
+        surfaces = bones_of(bones, "FixedPointDetector: bones")
+        if self.method == "attachment":
+            fixed_to = self._by_attachment(points, triangles, surfaces, attachments)
+        elif self.method == "proximity":
+            fixed_to = self._by_proximity(points, triangles, surfaces)
+        else:
+            fixed_to = self._by_collision(points, surfaces)
+        result = vtkPolyData()
+        result.ShallowCopy(muscle)
+        set_point_array(result, "FixedTo", fixed_to.astype(np.int32))
+        return result
+
+    def _by_attachment(
+        self,
+        points: Floats,
+        triangles: Ints,
+        bones: dict[str, vtkPolyData],
+        attachments: vtkMultiBlockDataSet | None,
+    ) -> Ints:
+        if attachments is None:
+            raise ValueError(
+                "FixedPointDetector: the method 'attachment' needs attachments on port 2; connect them, or "
+                "choose the method 'proximity' or 'collision'"
+            )
+        names = list(bones)
+        nearest = np.full(len(points), np.inf)
+        fixed_to = np.full(len(points), -1)
+        areas = attachments_of(attachments, "FixedPointDetector: attachments")
+        for number, area in enumerate(areas):
+            where = f"FixedPointDetector: attachments, area {number} ({area.role} on {area.bone!r})"
+            if area.bone not in bones:
+                raise ValueError(f"{where}: the bones are {', '.join(map(repr, names))}; rename one of them")
+            patch = self._patch(points, triangles, area, bones[area.bone], where)
+            distances = cKDTree(area.landmarks).query(points[patch])[0]
+            closer = distances < nearest[patch]
+            nearest[patch[closer]] = distances[closer]
+            fixed_to[patch[closer]] = names.index(area.bone)
+            self.report_progress((number + 1) / len(areas))
+        return fixed_to
+
+    def _patch(
+        self, points: Floats, triangles: Ints, area: AttachmentArea, bone: vtkPolyData, where: str
+    ) -> Ints:
+        try:
+            return attachment_patch(
+                points,
+                triangles,
+                area.landmarks,
+                area.closed,
+                tolerance=self.tolerance,
+                bone_distance=lambda positions: SurfaceDistance(bone).unsigned(positions),
+            )
+        except ValueError as error:
+            raise ValueError(f"{where}: {error}") from error
+
+    def _by_proximity(self, points: Floats, triangles: Ints, bones: dict[str, vtkPolyData]) -> Ints:
+        tolerance = self.tolerance
+        if tolerance is None:
+            tolerance = float(edge_lengths(points, unique_edges(triangles)).mean())
+        nearest = np.full(len(points), np.inf)
+        fixed_to = np.full(len(points), -1)
+        for index, bone in enumerate(bones.values()):
+            reachable = _in_box(points, bone, tolerance)
+            if len(reachable):
+                distances = SurfaceDistance(bone).unsigned(points[reachable])
+                closer = (distances <= tolerance) & (distances < nearest[reachable])
+                nearest[reachable[closer]] = distances[closer]
+                fixed_to[reachable[closer]] = index
+            self.report_progress((index + 1) / len(bones))
+        if (fixed_to < 0).all():
+            raise ValueError(
+                f"FixedPointDetector: no point of the muscle is within {tolerance:.4g} of a bone; give a "
+                "larger tolerance, or landmarks and the method 'attachment'"
+            )
+        return fixed_to
+
+    def _by_collision(self, points: Floats, bones: dict[str, vtkPolyData]) -> Ints:
+        claimed = np.zeros((len(bones), len(points)), dtype=np.bool_)
+        for index, (name, bone) in enumerate(bones.items()):
+            reachable = _in_box(points, bone, 0.0)
+            if len(reachable):
+                surface = checked_surface(bone, f"FixedPointDetector: bones, block {name!r}")
+                claimed[index, reachable] = build_voxel_grid(*surface, n_max=self.n_max).contains(
+                    points[reachable]
+                )
+            self.report_progress((index + 1) / len(bones))
+        if not claimed.any():
+            raise ValueError(
+                "FixedPointDetector: no point of the muscle is in the voxels of a bone; lower n_max, or use "
+                "the method 'proximity' or 'attachment'"
+            )
+        disputed = claimed.sum(axis=0) > 1
+        distances = np.where(claimed, 0.0, np.inf)
+        for index, bone in enumerate(bones.values()):
+            both = np.flatnonzero(disputed & claimed[index])
+            if len(both):
+                distances[index, both] = SurfaceDistance(bone).unsigned(points[both])
+        fixed_to: Ints = np.where(claimed.any(axis=0), distances.argmin(axis=0), -1)
+        return fixed_to
+
+
+def _in_box(points: Floats, bone: vtkPolyData, margin: float) -> Ints:
+    """Return the points in the bone's bounding box, made wider by a margin."""
+    bounds = np.array(bone.GetBounds()).reshape(3, 2)
+    within = (points >= bounds[:, 0] - margin) & (points <= bounds[:, 1] + margin)
+    indices: Ints = np.flatnonzero(within.all(axis=1))
+    return indices
