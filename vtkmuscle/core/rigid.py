@@ -152,7 +152,8 @@ def hinge(bone: str, centre: ArrayLike, axis: ArrayLike, angles: ArrayLike) -> R
     Raises
     ------
     ValueError
-        If the axis has no length.
+        If the axis has no length or is not finite, or if two angles follow each other by 180 degrees or
+        more: the shortest way from one to the other would not be the hinge's.
 
     Examples
     --------
@@ -161,9 +162,12 @@ def hinge(bone: str, centre: ArrayLike, axis: ArrayLike, angles: ArrayLike) -> R
     >>> knee.at(15.0)["tibia"].shape
     (4, 4)
     """
-    if not np.linalg.norm(np.asarray(axis, dtype=np.float64)) > 0:
-        raise ValueError("the axis of a hinge must have a length")
+    length = np.linalg.norm(np.asarray(axis, dtype=np.float64))
+    if not (np.isfinite(length) and length > 0):
+        raise ValueError(f"the axis of a hinge must be finite and have a length, but is {axis}")
     times = np.asarray(angles, dtype=np.float64)
+    if (np.diff(times) >= 180.0).any():
+        raise ValueError("the angles of a hinge must follow each other by less than 180 degrees")
     table = np.array([rotation_about(centre, axis, angle) for angle in times])
     return RigidMotion(times, {bone: table}, np.asarray(centre, dtype=np.float64))
 

@@ -121,11 +121,15 @@ def polylines_of(data: vtkPolyData, where: str) -> Polylines:
     Raises
     ------
     ValueError
-        If there is no line, or a coordinate is not finite.
+        If there is no line, if there are other cells too (cell arrays would be out of step with the lines),
+        or if a coordinate is not finite.
     """
     lines = data.GetLines()
     if lines.GetNumberOfCells() == 0:
         raise ValueError(f"{where}: there are no polylines")
+    others = data.GetNumberOfCells() - lines.GetNumberOfCells()
+    if others:
+        raise ValueError(f"{where}: {others} cell(s) are not polylines; keep the lines only")
     points = points_of(data)[vtk_to_numpy(lines.GetConnectivityArray())]
     if not np.isfinite(points).all():
         raise ValueError(f"{where}: some points are not finite")

@@ -92,6 +92,7 @@ class Filter(VTKPythonAlgorithmBase):
         self._parameter_values: dict[str, Any] = {}
         self._failure: BaseException | None = None
         self._progress_reached = 0.0
+        self._producers: list[Any] = []
         #: Pipeline time of the request being executed; None where the pipeline has no time.
         self.request_time: float | None = None
         super().__init__(
@@ -261,6 +262,30 @@ class Filter(VTKPythonAlgorithmBase):
                 f"got {type(value).__name__}"
             )
 
+    def SetInputConnection(self, *arguments: Any) -> None:
+        """Connect an input, as VTK does, and hold on to the Python side of its producer."""
+        super().SetInputConnection(*arguments)
+        self._hold_producers()
+
+    def AddInputConnection(self, *arguments: Any) -> None:
+        """Add a connection, as VTK does, and hold on to the Python side of its producer."""
+        super().AddInputConnection(*arguments)
+        self._hold_producers()
+
+    def RemoveAllInputConnections(self, port: int) -> None:
+        """Disconnect a port, as VTK does, and let go of its producers."""
+        super().RemoveAllInputConnections(port)
+        self._hold_producers()
+
+    def _hold_producers(self) -> None:
+        # VTK keeps the C++ side of a producer only. The Python side of a filter comes and goes with its
+        # references, and loses its attributes when the garbage collector takes it as part of a cycle.
+        self._producers = [
+            self.GetInputAlgorithm(port, index)
+            for port in range(self.GetNumberOfInputPorts())
+            for index in range(self.GetNumberOfInputConnections(port))
+        ]
+
     def report_progress(self, fraction: float) -> None:
         """Tell observers how far the filter is, and stop here if it was asked to abort.
 
@@ -300,6 +325,9 @@ class Filter(VTKPythonAlgorithmBase):
             return int(super().ProcessRequest(request, inInfo, outInfo))
         except BaseException as error:  # VTK would print and lose it; update() raises it again
             self._failure = error
+            if isinstance(error, AbortedError):
+                # VTK leaves the flag up, and would stop the next update too.
+                self.SetAbortExecute(0)
             for port in range(outInfo.GetNumberOfInformationObjects()):
                 info = outInfo.GetInformationObject(port)
                 # Without these two, VTK takes the empty output for good at the next update.
@@ -325,6 +353,9 @@ class Filter(VTKPythonAlgorithmBase):
     def RequestData(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Execute, and publish the result."""
         self._begin(outInfo)
+        # Who asks a filter to stop before it has begun is heard by every filter, also by those that are too
+        # quick to report progress themselves.
+        self.report_progress(0.0)
         self._publish(self.execute(*self._inputs(inInfo)), outInfo)
         return 1
 
@@ -456,8 +487,8 @@ def _mend_pyvista_operator() -> None:
     """Let ``pyvista_mesh >> filter`` work.
 
     VTK's own operator asks for the length of its left side as soon as that has ``__getitem__``, as all
-    PyVista data sets do, and raises a SystemError. PyVista is not imported for this: where it is not
-    loaded there is nothing to mend.
+    PyVista data sets do, and raises a SystemError; a PyVista MultiBlock it takes for a list of inputs.
+    PyVista is not imported for this: where it is not loaded there is nothing to mend.
     """
     pyvista = sys.modules.get("pyvista")
     data_object = getattr(pyvista, "DataObject", None)
@@ -466,7 +497,9 @@ def _mend_pyvista_operator() -> None:
     from vtkmodules.util import execution_model  # noqa: PLC0415 -- VTK has it from 9.4 on
 
     def connect(self: Any, other: Any) -> Any:
-        return execution_model.Pipeline(self, other)
+        producer = vtkTrivialProducer()
+        producer.SetOutput(self)
+        return execution_model.Pipeline(producer, other)
 
     for name in ("DataSet", "MultiBlock", "DataObject"):
         getattr(pyvista, name).__rshift__ = connect

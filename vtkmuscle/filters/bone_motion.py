@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonTransforms import vtkTransform
 from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
@@ -27,7 +28,7 @@ class BoneMotion(Filter):
     Raises
     ------
     ValueError
-        If the motion names a bone that is not among the blocks.
+        If the motion names a bone that is not among the blocks, or a point is not finite.
 
     Examples
     --------
@@ -90,7 +91,7 @@ def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
     Raises
     ------
     ValueError
-        If a block is not a vtkPolyData, or two have the same name.
+        If a block is not a vtkPolyData, two have the same name, or a point is not finite.
     """
     bones: dict[str, vtkPolyData] = {}
     for name, block in blocks_of(data):
@@ -99,6 +100,8 @@ def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
             raise ValueError(f"{where}: block {name!r} is {kind}, but a bone is a vtkPolyData")
         if name in bones:
             raise ValueError(f"{where}: two blocks are named {name!r}; give each bone a name of its own")
+        if block.GetPoints() is not None and not np.isfinite(vtk_to_numpy(block.GetPoints().GetData())).all():
+            raise ValueError(f"{where}: block {name!r} has points that are not finite; mend its file")
         bones[name] = block
     return bones
 

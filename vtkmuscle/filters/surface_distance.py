@@ -98,6 +98,14 @@ class SurfaceDistance:
             result[in_reach] = np.maximum(result[in_reach], depths)
         return result
 
+    def into(self, points: ArrayLike) -> Floats:
+        """Return points (n, 3) with those outside moved to the closest place on the surface."""
+        moved = _checked(points).copy()
+        outside = np.flatnonzero(self.depth(moved) == 0.0)
+        if len(outside):
+            moved[outside] = self.closest(moved[outside])[0]
+        return moved
+
     @cached_property
     def _whole(self) -> vtkImplicitPolyDataDistance:
         return _distance_function(self._points, self._triangles)
