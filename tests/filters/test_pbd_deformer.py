@@ -1,0 +1,531 @@
+import gc
+import json
+import pickle
+import weakref
+
+import numpy as np
+import pytest
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
+from vtkmodules.vtkFiltersCore import vtkPolyDataNormals, vtkTriangleFilter
+from vtkmodules.vtkFiltersSources import vtkCubeSource, vtkSphereSource
+from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+
+from vtkmuscle.core.mesh import signed_volume
+from vtkmuscle.core.rigid import RigidMotion, apply_transform, hinge, inverse, rotation_about
+from vtkmuscle.core.solver import MuscleSolver
+from vtkmuscle.filters.arrays import (
+    Polylines,
+    field_array,
+    multiblock_from,
+    point_array,
+    points_of,
+    polylines_from,
+    set_field_array,
+    set_point_array,
+    surface_from,
+    triangles_of,
+    with_points,
+)
+from vtkmuscle.filters.base import AbortedError
+from vtkmuscle.filters.bone_motion import BoneMotion
+from vtkmuscle.filters.pbd_deformer import PBDDeformer
+
+ANGLES = [0.0, 5.0, 10.0, 20.0, 30.0]
+MOTION = hinge("upper", (0.0, 25.0, 0.0), (1, 0, 0), ANGLES)
+
+
+def spindle(radius=12.0):
+    """Return a muscle along z, 100 mm long, fixed to bone 0 below and to bone 1 above."""
+    source = vtkSphereSource(radius=0.5, theta_resolution=12, phi_resolution=14)
+    source.SetOutputPointsPrecision(1)
+    source.Update()
+    sphere = source.GetOutput()
+    sphere.GetPointData().Initialize()
+    points = points_of(sphere) * [2 * radius, 2 * radius, 100.0]
+    muscle = with_points(sphere, points)
+    set_point_array(muscle, "FixedTo", fixed_to(points))
+    return muscle
+
+
+def fixed_to(points):
+    return np.where(points[:, 2] < -40, 0, np.where(points[:, 2] > 40, 1, -1)).astype(np.int32)
+
+
+def bones(y=25.0):
+    """Return two bars behind the muscle, touching nothing at rest."""
+    blocks = {}
+    for name, z in (("lower", -30.0), ("upper", 30.0)):
+        cube = vtkCubeSource(x_length=10, y_length=10, z_length=40, center=(0, y, z))
+        triangles = vtkTriangleFilter()
+        triangles.SetInputConnection(cube.GetOutputPort())
+        triangles.Update()
+        surface = triangles.GetOutput()
+        blocks[name] = surface_from(points_of(surface), triangles_of(surface, "cube"))
+    return multiblock_from(blocks)
+
+
+def deformer_of(muscle=None, motion=MOTION, fibres=None, **parameters):
+    deformer = PBDDeformer(iterations=parameters.pop("iterations", 4), **parameters)
+    moving = BoneMotion(motion=motion)
+    moving.connect(0, bones())
+    deformer.connect(0, muscle or spindle())
+    deformer.connect(1, moving)
+    deformer.connect(2, fibres)
+    return deformer
+
+
+def frame(deformer, time):
+    return points_of(deformer.update(time).output)
+
+
+@pytest.fixture
+def counted_steps(monkeypatch):
+    """Count the steps that are solved."""
+    angles = []
+    step = MuscleSolver.step
+
+    def counting(self, state, transforms, **keywords):
+        angles.append(round(float(np.degrees(np.arctan2(transforms[1][2, 1], transforms[1][1, 1]))), 6))
+        return step(self, state, transforms, **keywords)
+
+    monkeypatch.setattr(MuscleSolver, "step", counting)
+    return angles
+
+
+# ---------------------------------------------------------------- what comes out
+
+
+@pytest.mark.parametrize("start", ["blend", "inertial"])
+@pytest.mark.parametrize("bone_push", ["off", "transform"])
+def test_fixed_points_follow_their_bone_and_the_volume_is_kept(start, bone_push):
+    muscle = spindle()
+    rest, marks = points_of(muscle), point_array(muscle, "FixedTo", "")
+    deformer = deformer_of(muscle, start=start, bone_push=bone_push)
+    for time in ANGLES:
+        out = deformer.update(time).output
+        now = points_of(out)
+        transforms = [np.eye(4), MOTION.at(time)["upper"]]
+        for bone in range(2):
+            expected = apply_transform(transforms[bone], rest[marks == bone])
+            assert np.abs(now[marks == bone] - expected).max() <= 1e-9
+        volume = signed_volume(now, triangles_of(out, "")) / signed_volume(rest, triangles_of(out, ""))
+        assert volume == pytest.approx(1.0, abs=1e-3)
+        assert field_array(out, "VolumeRatio")[0] == pytest.approx(volume, rel=1e-9)
+
+
+def test_arrays_of_the_input_pass_and_the_input_stays_as_it_is():
+    muscle = spindle()
+    set_point_array(muscle, "Colour", np.arange(muscle.GetNumberOfPoints()))
+    set_field_array(muscle, "Name", "spindle")
+    before, time = points_of(muscle), muscle.GetMTime()
+    out = deformer_of(muscle).update(30.0).output
+    assert np.array_equal(point_array(out, "Colour", ""), np.arange(muscle.GetNumberOfPoints()))
+    assert np.array_equal(point_array(out, "FixedTo", ""), point_array(muscle, "FixedTo", ""))
+    assert out.GetFieldData().GetAbstractArray("Name").GetValue(0) == "spindle"
+    assert np.array_equal(points_of(muscle), before)
+    assert muscle.GetMTime() == time
+    assert muscle.GetPointData().GetArray("Displacement") is None
+
+
+def test_displacement_velocity_and_report_are_those_of_the_frame():
+    deformer = deformer_of(dt=0.5, collision="none")
+    before = frame(deformer, 20.0)
+    out = deformer.update(30.0).output
+    rest = points_of(spindle())
+    assert np.allclose(point_array(out, "Displacement", ""), points_of(out) - rest, atol=1e-9)
+    assert np.allclose(point_array(out, "Velocity", ""), (points_of(out) - before) / 0.5, atol=1e-9)
+    stretch = [field_array(out, f"EdgeStretch{name}")[0] for name in ("P50", "P95", "Max")]
+    assert 0.5 < stretch[0] < stretch[1] < stretch[2] < 5.0
+    assert 0.0 < field_array(out, "DihedralErrorP95")[0] < 90.0
+    assert field_array(out, "Iterations")[0] == 4
+    assert field_array(out, "CollidingPoints")[0] == 0
+    assert field_array(out, "Milliseconds")[0] > 0.0
+
+
+def test_no_motion_leaves_the_muscle_where_it_is():
+    still = RigidMotion(np.array([0.0, 1.0, 2.0]), {"upper": np.array([np.eye(4)] * 3)})
+    assert np.abs(frame(deformer_of(motion=still, iterations=300), 2.0) - points_of(spindle())).max() <= 1e-9
+
+
+def test_everything_moved_rigidly_gives_the_same_moved():
+    move = rotation_about((3, 4, 5), (1, -1, 2), 77.0)
+    move[:3, 3] += [1e3, -500.0, 20.0]
+    muscle = with_points(spindle(), apply_transform(move, points_of(spindle())))
+    there = PBDDeformer(iterations=4)
+    blocks = {
+        name: with_points(bones().GetBlock(i), apply_transform(move, points_of(bones().GetBlock(i))))
+        for i, name in enumerate(("lower", "upper"))
+    }
+    moving = BoneMotion(
+        motion=RigidMotion(MOTION.times, {"upper": move @ MOTION.transforms["upper"] @ inverse(move)})
+    )
+    moving.connect(0, multiblock_from(blocks))
+    there.connect(0, muscle)
+    there.connect(1, moving)
+    assert np.abs(apply_transform(move, frame(deformer_of(), 30.0)) - frame(there, 30.0)).max() <= 1e-6
+
+
+def test_anisotropy_lets_the_muscle_give_way_along_the_fibres():
+    soft, stiff = (deformer_of(anisotropy=on, iterations=200) for on in (True, False))
+    stretch = [field_array(d.update(30.0).output, "EdgeStretchP95")[0] for d in (soft, stiff)]
+    assert stretch[0] > stretch[1]
+
+
+def test_fibres_give_the_direction():
+    z = np.linspace(-50, 50, 15)
+    lines = [np.column_stack([0 * z + x, 0 * z + y, z]) for x in (-5, 0, 5) for y in (-5, 0, 5)]
+    along = polylines_from(Polylines(np.vstack(lines), np.arange(10) * 15))
+    across = polylines_from(Polylines(np.vstack(lines)[:, [2, 0, 1]], np.arange(10) * 15))
+    results = [frame(deformer_of(fibres=fibres), 30.0) for fibres in (along, across, None)]
+    assert np.abs(results[0] - results[1]).max() > 0.1
+    # The harmonic field's direction is nearly that of straight fibres.
+    assert np.abs(results[0] - results[2]).max() < np.abs(results[0] - results[1]).max() / 2
+    off = [frame(deformer_of(fibres=fibres, anisotropy=False), 30.0) for fibres in (along, None)]
+    assert np.array_equal(*off)
+
+
+def test_points_are_kept_out_of_a_bone_that_is_not_fixed_to_anything():
+    muscle = spindle()
+    marks = np.where(point_array(muscle, "FixedTo", "") == 0, 0, -1).astype(np.int32)
+    set_point_array(muscle, "FixedTo", marks)
+    # The upper bone alone swings through the muscle.
+    swing = hinge("upper", (0.0, 25.0, 50.0), (1, 0, 0), np.arange(0.0, -61.0, -5.0)[::-1])
+    swing = RigidMotion(np.arange(13.0), {"upper": swing.transforms["upper"][::-1]})
+    pushed = deformer_of(muscle, swing, bone_push="transform", start="inertial", iterations=10)
+    passed = deformer_of(muscle, swing, collision="none", start="inertial", iterations=10)
+    depths = []
+    for deformer in (pushed, passed):
+        out = deformer.update(12.0).output
+        back = apply_transform(inverse(swing.at(12.0)["upper"]), points_of(out)[marks < 0]) - [0, 25, 30]
+        depths.append(float((np.array([5.0, 5.0, 20.0]) - np.abs(back)).min(axis=1).max()))
+    assert field_array(pushed.update(12.0).output, "CollidingPoints")[0] > 0
+    assert depths[1] > 1.0
+    assert depths[0] <= 0.0
+
+
+# ---------------------------------------------------------------- time
+
+
+def test_frames_do_not_depend_on_what_was_asked_before():
+    fresh = {time: frame(deformer_of(), time) for time in (0.0, 7.0, 10.0, 20.0, 30.0)}
+    deformer = deformer_of()
+    for time in (10.0, 30.0, 10.0, 7.0, 30.0, 0.0, 20.0, 20.0, 7.0, 30.0):
+        assert np.array_equal(frame(deformer, time), fresh[time]), time
+
+
+def test_only_the_frames_on_the_way_are_computed_and_none_twice(counted_steps):
+    deformer = deformer_of()
+    deformer.update(10.0)
+    assert counted_steps == [0.0, 5.0, 10.0]
+    deformer.update(20.0)
+    deformer.update(5.0)
+    assert counted_steps == [0.0, 5.0, 10.0, 20.0]
+    deformer.update(15.0)
+    deformer.update(30.0)
+    assert counted_steps == [0.0, 5.0, 10.0, 20.0, 15.0, 30.0]
+
+
+def test_time_steps_are_those_of_the_bones():
+    deformer = deformer_of()
+    deformer.UpdateInformation()
+    info = deformer.GetOutputInformation(0)
+    key = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
+    assert [info.Get(key, i) for i in range(info.Length(key))] == ANGLES
+
+
+def test_without_a_time_it_is_the_first_step(counted_steps):
+    out = deformer_of().update().output
+    assert counted_steps == [0.0]
+    assert np.abs(points_of(out) - points_of(spindle())).max() <= 1e-9
+
+
+def test_before_the_first_step_is_one_step_from_rest(counted_steps):
+    late = RigidMotion(np.array([1.0, 2.0]), {"upper": MOTION.transforms["upper"][3:]})
+    deformer = deformer_of(motion=late)
+    early = frame(deformer, 0.0)
+    assert np.array_equal(early, frame(deformer, 1.0))
+    assert counted_steps == [20.0, 20.0]
+
+
+def test_bones_without_time_steps_are_one_step_from_rest(counted_steps):
+    moved = BoneMotion(motion=MOTION)(bones())
+    deformer = PBDDeformer(iterations=4)
+    first = deformer(spindle(), moved)
+    again = deformer(spindle(), moved)
+    assert np.array_equal(points_of(first), points_of(again))
+    at = BoneMotion(motion=MOTION)
+    at.connect(0, bones())
+    deformer(spindle(), at.update(30.0).output)
+    assert counted_steps[-1] == 30.0
+
+
+def test_a_filter_downstream_gets_the_frame_asked_for():
+    deformer, expected = deformer_of(), frame(deformer_of(), 20.0)
+    normals = vtkPolyDataNormals(splitting=False)
+    normals.SetInputConnection(deformer.GetOutputPort())
+    for time in (20.0, 5.0, 20.0):
+        normals.UpdateTimeStep(time)
+    assert np.array_equal(points_of(normals.GetOutput()), expected)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda d, _: setattr(d, "iterations", 5),
+        lambda d, _: setattr(d, "external_force", (0.0, 1.0, 0.0)),
+        lambda d, _: d.connect(0, spindle(radius=11.0)),
+        lambda d, m: setattr(m, "motion", hinge("upper", (0, 20, 0), (1, 0, 0), ANGLES)),
+        lambda d, _: d.connect(2, polylines_from(Polylines(np.eye(3) * 30, np.array([0, 3])))),
+    ],
+    ids=["parameter", "force", "muscle", "motion", "fibres"],
+)
+def test_a_change_starts_again_from_rest(change):
+    changed, fresh = deformer_of(), deformer_of()
+    frame(changed, 20.0)
+    for deformer in (changed, fresh):
+        change(deformer, deformer.GetInputAlgorithm(1, 0))
+    assert np.array_equal(frame(changed, 30.0), frame(fresh, 30.0))
+    assert not np.array_equal(frame(changed, 30.0), frame(deformer_of(), 30.0))
+
+
+def test_points_changed_in_place_start_again_from_rest():
+    muscle = spindle()
+    deformer = deformer_of(muscle)
+    frame(deformer, 20.0)
+    muscle.SetPoints(spindle(radius=10.0).GetPoints())
+    assert np.array_equal(frame(deformer, 30.0), frame(deformer_of(spindle(radius=10.0)), 30.0))
+
+
+def test_an_equal_muscle_in_a_new_object_goes_on(counted_steps):
+    deformer = deformer_of()
+    deformer.update(20.0)
+    deformer.connect(0, spindle())
+    deformer.update(30.0)
+    assert counted_steps == [0.0, 5.0, 10.0, 20.0, 30.0]
+
+
+def test_states_are_thinned_out_when_memory_is_used_up(monkeypatch, counted_steps):
+    expected = frame(deformer_of(), 20.0)
+    counted_steps.clear()
+    size = points_of(spindle()).nbytes
+    monkeypatch.setattr("vtkmuscle.filters.pbd_deformer.STATE_MEMORY", 4.5 * size)
+    deformer = deformer_of()
+    deformer.update(30.0)
+    assert len(deformer._frames) <= 3
+    assert np.array_equal(frame(deformer, 20.0), expected)
+    assert counted_steps[:5] == ANGLES
+
+
+# ---------------------------------------------------------------- stopping and failing
+
+
+def test_progress_goes_up_once_and_reaches_the_end():
+    deformer = deformer_of()
+    seen = []
+    deformer.AddObserver("ProgressEvent", lambda caller, _: seen.append(caller.GetProgress()))
+    deformer.update(30.0)
+    assert seen == sorted(seen)
+    assert seen[0] == 0.0
+    assert seen[-1] == 1.0
+    assert len(set(seen)) >= 4 * len(ANGLES)
+
+
+def test_after_an_abort_the_filter_goes_on_where_it_was():
+    deformer = deformer_of()
+
+    def stop(caller, _):
+        if caller.GetProgress() > 0.5:
+            caller.SetAbortExecute(True)
+
+    observer = deformer.AddObserver("ProgressEvent", stop)
+    with pytest.raises(AbortedError):
+        deformer.update(30.0)
+    assert deformer.GetOutputDataObject(0).GetNumberOfPoints() == 0
+    deformer.RemoveObserver(observer)
+    deformer.SetAbortExecute(False)
+    assert np.array_equal(frame(deformer, 30.0), frame(deformer_of(), 30.0))
+
+
+def test_after_an_error_in_the_middle_the_filter_works_again(monkeypatch):
+    deformer = deformer_of()
+    move, failing = BoneMotion.execute, [True]
+
+    def fail(self, data):
+        if failing[0] and self.request_time == 10.0:
+            raise ArithmeticError("no bones today")
+        return move(self, data)
+
+    monkeypatch.setattr(BoneMotion, "execute", fail)
+    with pytest.raises(ArithmeticError, match="no bones today"):
+        deformer.update(30.0)
+    failing[0] = False
+    assert np.array_equal(frame(deformer, 30.0), frame(deformer_of(), 30.0))
+
+
+def moved_block(**arrays):
+    data = BoneMotion(motion=MOTION)(bones())
+    for name, values in arrays.items():
+        set_field_array(data.GetBlock(1), name, values)
+    return data
+
+
+def without_transform():
+    data = moved_block()
+    data.GetBlock(1).GetFieldData().RemoveArray("Transform")
+    return data
+
+
+def marked(values):
+    muscle = spindle()
+    set_point_array(muscle, "FixedTo", values)
+    return muscle
+
+
+def open_muscle():
+    muscle = spindle()
+    result = surface_from(points_of(muscle), triangles_of(muscle, "")[1:])
+    set_point_array(result, "FixedTo", point_array(muscle, "FixedTo", ""))
+    return result
+
+
+def flat_muscle():
+    return with_points(spindle(), points_of(spindle()) * [1, 0, 1])
+
+
+def holed_muscle():
+    points = points_of(spindle())
+    points[3, 1] = np.nan
+    return with_points(spindle(), points)
+
+
+N = spindle().GetNumberOfPoints()
+
+
+@pytest.mark.parametrize(
+    ("muscle", "message"),
+    [
+        (lambda: surface_from(points_of(spindle()), triangles_of(spindle(), "")), "'FixedTo' is missing"),
+        (lambda: marked(np.full(N, 2, dtype=np.int32)), "2 is neither -1"),
+        (lambda: marked(np.full(N, -2, dtype=np.int32)), "-2 is neither -1"),
+        (lambda: marked(np.full(N, 0.5)), "one whole number per point"),
+        (lambda: marked(np.zeros((N, 2))), "one whole number per point"),
+        (lambda: marked(np.full(N, -1, dtype=np.int32)), "no point is fixed"),
+        (open_muscle, "the surface is open: 3 edges"),
+        (flat_muscle, "encloses no volume"),
+        (holed_muscle, "not finite, the first is point 3"),
+    ],
+)
+def test_bad_muscles_are_told_apart(muscle, message):
+    deformer = deformer_of(muscle())
+    for _ in range(2):  # and told again
+        with pytest.raises(ValueError, match=message) as caught:
+            deformer.update(10.0)
+        assert "PBDDeformer: muscle" in str(caught.value)
+    deformer.connect(0, spindle())
+    assert np.array_equal(frame(deformer, 10.0), frame(deformer_of(), 10.0))
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (without_transform, "'Transform' is missing; BoneMotion adds it"),
+        (lambda: moved_block(Transform=np.diag([2.0, 2, 2, 1]).ravel()), "a rotation and a translation"),
+        (lambda: moved_block(Transform=np.eye(3).ravel()), "must be 16 numbers"),
+    ],
+)
+def test_bad_bones_are_told_apart(data, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        PBDDeformer()(spindle(), data())
+    assert "block 'upper'" in str(caught.value)
+
+
+def test_a_bone_that_does_not_move_with_its_transform_is_told():
+    class Slipping(BoneMotion):
+        def execute(self, data):
+            result = super().execute(data)
+            if self.request_time:
+                block = result.GetBlock(1)
+                result.SetBlock(1, with_points(block, points_of(block) + 1.0))
+            return result
+
+    slipping = Slipping(motion=MOTION)
+    slipping.connect(0, bones())
+    deformer = deformer_of()
+    deformer.connect(1, slipping)
+    deformer.update(0.0)
+    with pytest.raises(ValueError, match="block 'upper': its points are not its rest points"):
+        deformer.update(5.0)
+    deformer.collision = "none"
+    deformer.update(5.0)
+
+
+def test_a_free_body_falls_if_there_is_a_force():
+    muscle = marked(np.full(N, -1, dtype=np.int32))
+    deformer = deformer_of(muscle, external_force=(0, 0, -1.0), damping=1.0, collision="none")
+    assert np.allclose(frame(deformer, 10.0) - points_of(muscle), [0, 0, -6.0], atol=1e-9)
+
+
+# ---------------------------------------------------------------- being a good filter
+
+
+def test_no_voxels_without_collision(monkeypatch):
+    def never(*_, **__):
+        raise AssertionError("voxels were made")
+
+    monkeypatch.setattr("vtkmuscle.core.obstacles.build_voxel_grid", never)
+    deformer_of(collision="none").update(30.0)
+
+
+def test_parameters_round_trip():
+    deformer = PBDDeformer(iterations=3, start="inertial", external_force=(1, 2, 3))
+    assert PBDDeformer(**json.loads(json.dumps(deformer.parameters()))).parameters() == deformer.parameters()
+    copy = pickle.loads(pickle.dumps(deformer))
+    assert copy.parameters() == deformer.parameters()
+
+
+def test_the_filter_is_freed():
+    gc.collect()
+    deformer = deformer_of()
+    deformer.update(10.0)
+    dead = weakref.ref(deformer)
+    gc.disable()
+    try:
+        del deformer
+        assert dead() is None
+    finally:
+        gc.enable()
+
+
+@pytest.mark.realdata
+def test_real_adductor_brevis_keeps_its_volume_and_its_bones(lhdl_hip):
+    def load(path):
+        reader = vtkXMLPolyDataReader()
+        reader.SetFileName(str(lhdl_hip / path))
+        reader.Update()
+        return reader.GetOutput()
+
+    table = np.genfromtxt(lhdl_hip / "motions/hip_flexion_rest_0_90.csv", delimiter=",", names=True)
+    names = [f"T{i}{j}" for i in range(4) for j in range(4)]
+    transforms = np.column_stack([table[name] for name in names]).reshape(-1, 4, 4)[::3]
+    motion = RigidMotion(table["hip_flexion_r"][::3], {"femur_r": transforms})
+    moving = BoneMotion(motion=motion)
+    moving.connect(
+        0, multiblock_from({name: load(f"bones_lite/{name}.vtp") for name in ("pelvis", "femur_r")})
+    )
+    muscle = load("muscles_lite/adductor_brevis_1000.vtp")
+    points = points_of(muscle)
+    marks = np.full(len(points), -1, dtype=np.int32)
+    for bone, role in enumerate(("origin", "insertion")):
+        landmarks = points_of(load(f"attachments_derived/adductor_brevis_{role}_1_DERIVED.vtp"))
+        near = np.linalg.norm(points[:, None] - landmarks, axis=2).min(axis=1)
+        marks[near < 6.0] = bone
+    set_point_array(muscle, "FixedTo", marks)
+    deformer = PBDDeformer()
+    deformer.connect(0, muscle)
+    deformer.connect(1, moving)
+    for time in motion.times:
+        out = deformer.update(time).output
+        assert field_array(out, "VolumeRatio")[0] == pytest.approx(1.0, abs=1e-3)
+        assert field_array(out, "EdgeStretchP95")[0] < 2.5
+        expected = apply_transform(motion.at(time)["femur_r"], points[marks == 1])
+        assert np.abs(points_of(out)[marks == 1] - expected).max() <= 1e-6

@@ -1,0 +1,164 @@
+"""How stiff each edge of a muscle's surface is, by its direction to the muscle's fibres."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from vtkmuscle.core.harmonic import harmonic_field, triangle_gradients
+from vtkmuscle.core.topology import MeshTopology
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Segments that the search for the nearest one looks at first, around each point.
+FIRST_CANDIDATES = 8
+
+#: An edge is across the fibres below this |u . v|. The stiffness per iteration has an infinite slope at 1,
+#: so that rounding of a cosine that should be 0 would be seen in the result.
+LEAST_COSINE = 1e-6
+
+
+def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
+    """Return k = 1 - |u . v| for each edge: 1 across the fibres, 0 along them.
+
+    P21 eq. 9; the absolute value, because a fibre's direction has no sign.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions [mm].
+    edges : (k, 2) int array
+        Point ids.
+    directions : (k, 3) array
+        Unit direction v of the fibres at each edge, 0 where there is none.
+
+    Returns
+    -------
+    (k,) array
+        In [0, 1].
+    """
+    difference = points[edges[:, 1]] - points[edges[:, 0]]
+    lengths = np.linalg.norm(difference, axis=1)
+    along = np.abs(np.einsum("ij,ij->i", difference, directions))
+    cosines = np.divide(along, lengths, out=np.zeros(len(edges)), where=lengths > 0)
+    cosines[cosines < LEAST_COSINE] = 0.0
+    stiffness: Floats = 1.0 - np.clip(cosines, 0.0, 1.0)
+    return stiffness
+
+
+def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) -> Floats:
+    """Return the direction of the nearest fibre segment.
+
+    Parameters
+    ----------
+    queries : (q, 3) array
+        Positions [mm].
+    fibre_points : (n, 3) array
+        Points of all fibres, one after the other [mm].
+    offsets : (k + 1,) int array
+        First point of each fibre, and n.
+
+    Returns
+    -------
+    (q, 3) array
+        Unit directions.
+
+    Raises
+    ------
+    ValueError
+        If no fibre has a length.
+    """
+    starts = np.setdiff1d(np.arange(len(fibre_points) - 1), offsets[1:-1] - 1)
+    a, b = fibre_points[starts], fibre_points[starts + 1]
+    lengths = np.linalg.norm(b - a, axis=1)
+    long = lengths > 0
+    if not long.any():
+        raise ValueError("no fibre has a length, so that fibres have no direction")
+    a, b, lengths = a[long], b[long], lengths[long]
+    nearest = nearest_segments(queries, a, b)
+    directions: Floats = (b[nearest] - a[nearest]) / lengths[nearest, None]
+    return directions
+
+
+def nearest_segments(queries: Floats, a: Floats, b: Floats) -> Ints:
+    """Return the segment nearest to each point, exactly.
+
+    Candidates come by the distance d of their midpoints. A segment of length s is no nearer than
+    d - s / 2; so once the farthest candidate is farther than the best distance found and half the longest
+    segment, no other can win. Points where that does not hold yet look at twice as many candidates.
+
+    Parameters
+    ----------
+    queries : (q, 3) array
+        Positions.
+    a, b : (s, 3) arrays
+        Ends of the segments, s >= 1.
+
+    Returns
+    -------
+    (q,) int array
+        Indices into the segments.
+    """
+    tree = cKDTree((a + b) / 2.0)
+    reach = float(np.linalg.norm(b - a, axis=1).max()) / 2.0
+    nearest = np.zeros(len(queries), dtype=np.int64)
+    open_ = np.arange(len(queries))
+    count = FIRST_CANDIDATES
+    while len(open_):
+        count = min(count, len(a))
+        far, candidates = tree.query(queries[open_], k=[*range(1, count + 1)])
+        distances = _segment_distances(queries[open_][:, None], a[candidates], b[candidates])
+        best = distances.argmin(axis=1)
+        rows = np.arange(len(open_))
+        nearest[open_] = candidates[rows, best]
+        if count == len(a):
+            break
+        open_ = open_[far[:, -1] - reach < distances[rows, best]]
+        count *= 2
+    return nearest
+
+
+def _segment_distances(points: Floats, a: Floats, b: Floats) -> Floats:
+    along = b - a
+    squares = np.einsum("...i,...i->...", along, along)
+    dots = np.einsum("...i,...i->...", points - a, along)
+    t = np.clip(np.divide(dots, squares, out=np.zeros_like(dots), where=squares > 0), 0.0, 1.0)
+    distances: Floats = np.linalg.norm(points - a - t[..., None] * along, axis=-1)
+    return distances
+
+
+def harmonic_directions(points: Floats, topology: MeshTopology, fixed_to: Ints) -> Floats | None:
+    """Return the direction from one end of a muscle to the other at each edge, where no fibres are known.
+
+    It is the mean of the unit gradients, in the edge's two triangles, of the harmonic function between the
+    points fixed to different bones (:func:`~vtkmuscle.core.harmonic.harmonic_field`).
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions [mm].
+    topology : MeshTopology
+        Of the muscle.
+    fixed_to : (n,) int array
+        Index of the bone each point is fixed to, -1 for free points.
+
+    Returns
+    -------
+    (k, 3) array or None
+        Unit directions, 0 where the function is constant (inside an attachment); None where fewer than two
+        bones have fixed points.
+    """
+    field = harmonic_field(points, topology.triangles, fixed_to)
+    if field is None:
+        return None
+    gradients = _unit(triangle_gradients(points, topology.triangles, field))
+    gradients = np.vstack([gradients, np.zeros(3)])  # row -1: no triangle
+    return _unit(gradients[topology.edge_triangles].sum(axis=1))
+
+
+def _unit(vectors: Floats) -> Floats:
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    unit: Floats = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
+    return unit

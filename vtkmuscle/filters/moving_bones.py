@@ -1,0 +1,112 @@
+"""What moving bones say: where they are, and what they are like at rest."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.core.obstacles import Obstacle
+from vtkmuscle.core.rigid import apply_transform, inverse, is_rigid
+from vtkmuscle.filters.arrays import checked_surface, field_array
+
+Floats = NDArray[np.float64]
+
+#: How far a bone's points may be off its transform, as a part of its size and distance from the origin
+#: (coordinates may be float32).
+RIGIDITY_TOLERANCE = 1e-5
+
+#: Points of a bone that are looked at to see whether it moved with its transform.
+SAMPLE_SIZE = 100
+
+
+def transforms_of(bones: dict[str, vtkPolyData], where: str) -> Floats:
+    """Return the transforms of bones, rest to now, (b, 4, 4).
+
+    Raises
+    ------
+    ValueError
+        If a bone has no field array ``Transform``, or one that is not rigid.
+    """
+    transforms = np.empty((len(bones), 4, 4))
+    for index, (name, bone) in enumerate(bones.items()):
+        values = field_array(bone, "Transform")
+        if values is None:
+            raise ValueError(
+                f"{where}, block {name!r}: the field array 'Transform' is missing; BoneMotion adds it"
+            )
+        if values.size != transforms[index].size or not is_rigid(values.reshape(4, 4)):
+            raise ValueError(
+                f"{where}, block {name!r}: the field array 'Transform' must be 16 numbers, a rotation and a "
+                "translation, row by row, with last row 0 0 0 1"
+            )
+        transforms[index] = values.reshape(4, 4)
+    return transforms
+
+
+class RestBones:
+    """Bones in the rest pose as obstacles, found by taking back the motion of moving bones.
+
+    Parameters
+    ----------
+    where : str
+        Named in errors, e.g. ``"PBDDeformer: bones"``.
+    """
+
+    def __init__(self, where: str) -> None:
+        self._where = where
+        self._obstacles: dict[str, Obstacle] = {}
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """The bones, in the order of their blocks."""
+        return tuple(self._obstacles.values())
+
+    def take(self, bones: dict[str, vtkPolyData], transforms: Floats, *, n_max: int) -> None:
+        """Take the rest geometry from moving bones; a bone that is as before keeps its voxels.
+
+        Take it from the same frame each time: from another one rounding differs, and with it the result.
+
+        Parameters
+        ----------
+        bones : dict of str to vtkPolyData
+            Bones now.
+        transforms : (b, 4, 4) array
+            Rest to now.
+        n_max : int
+            Number of voxels of a bone, about.
+
+        Raises
+        ------
+        ValueError
+            If a bone is not made of triangles, or a coordinate is not finite.
+        """
+        kept, self._obstacles = self._obstacles, {}
+        for index, (name, bone) in enumerate(bones.items()):
+            points, triangles = checked_surface(bone, f"{self._where}, block {name!r}")
+            new = Obstacle(index, apply_transform(inverse(transforms[index]), points), triangles, n_max=n_max)
+            old = kept.get(name)
+            self._obstacles[name] = old if old is not None and new.same_as(old) else new
+
+    def check(self, bones: dict[str, vtkPolyData], transforms: Floats) -> None:
+        """Check that each bone is its rest geometry moved by its transform, at a sample of its points.
+
+        Raises
+        ------
+        ValueError
+            If one is not: its obstacle would be somewhere else than the bone.
+        """
+        for index, (name, bone) in enumerate(bones.items()):
+            rest = self._obstacles[name].points
+            sample = np.linspace(0, len(rest) - 1, min(len(rest), SAMPLE_SIZE)).astype(np.int64)
+            expected = apply_transform(transforms[index], rest[sample])
+            off = np.inf
+            if bone.GetNumberOfPoints() == len(rest):
+                now = np.array([bone.GetPoint(int(i)) for i in sample])
+                off = float(np.abs(now - expected).max())
+            scale = float(np.ptp(expected, axis=0).max()) + float(np.abs(expected).max())
+            if not off <= RIGIDITY_TOLERANCE * scale:
+                raise ValueError(
+                    f"{self._where}, block {name!r}: its points are not its rest points moved by its "
+                    "'Transform'; move bones with BoneMotion, or set collision to 'none'"
+                )
