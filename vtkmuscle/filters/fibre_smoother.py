@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.polylines import smooth_polylines
 from vtkmuscle.filters.arrays import Polylines, polylines_of, with_polylines
 from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.surface_distance import SurfaceDistance
 
 
 class FibreSmoother(Filter):
     """Smooth fibres by a three-point weighted mean that keeps their end points.
 
-    Each pass moves the inner points to (p_{i-1} + k p_i + p_{i+1}) / (k + 2).
+    Each pass moves the inner points to (p_{i-1} + k p_i + p_{i+1}) / (k + 2). Passes straighten fibres, and
+    so draw them out of a curved muscle on its hollow side. Where the muscle is connected, points that leave
+    it are put back on its surface after each pass.
 
     Raises
     ------
@@ -23,7 +27,7 @@ class FibreSmoother(Filter):
     References
     ----------
     Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.4,
-    doi:10.5220/0003827200580066.
+    extended in doi:10.1007/978-3-642-38241-3_3.
 
     Examples
     --------
@@ -37,10 +41,23 @@ class FibreSmoother(Filter):
     k = Parameter(float, default=4.0, minimum=0.0, doc="Weight of the middle point.")
 
     fibres = InputPort(vtkPolyData, content="fibres", doc="Polylines, any number of points each.")
+    muscle = InputPort(
+        vtkPolyData, content="muscle", optional=True, doc="Closed triangles that the fibres stay in."
+    )
     output = OutputPort(vtkPolyData, doc="The smoothed polylines, with the arrays of the input.")
 
-    def execute(self, fibres: vtkPolyData) -> vtkPolyData:
+    def execute(self, fibres: vtkPolyData, muscle: vtkPolyData | None) -> vtkPolyData:
         """Return the smoothed fibres."""
         lines = polylines_of(fibres, "FibreSmoother: fibres")
-        points = smooth_polylines(lines.points, lines.offsets, self.k, self.iterations)
+        if muscle is None:
+            points = smooth_polylines(lines.points, lines.offsets, self.k, self.iterations)
+            return with_polylines(fibres, Polylines(points, lines.offsets))
+        surface = SurfaceDistance(muscle)
+        inner = np.ones(len(lines.points), dtype=np.bool_)
+        inner[lines.offsets[:-1]] = inner[lines.offsets[1:] - 1] = False
+        points = lines.points
+        for done in range(self.iterations):
+            points = smooth_polylines(points, lines.offsets, self.k, 1)
+            points[inner] = surface.into(points[inner])
+            self.report_progress((done + 1) / self.iterations)
         return with_polylines(fibres, Polylines(points, lines.offsets))

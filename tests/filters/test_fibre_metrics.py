@@ -1,0 +1,110 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from vtkmodules.vtkFiltersCore import vtkTriangleFilter
+from vtkmodules.vtkFiltersSources import vtkCubeSource
+
+from vtkmuscle.filters.arrays import (
+    Polylines,
+    cell_array,
+    field_array,
+    points_of,
+    polylines_from,
+    set_cell_array,
+    with_points,
+)
+from vtkmuscle.filters.fibre_metrics import FibreMetrics
+
+
+def fibres_from(*lines):
+    offsets = np.append(0, np.cumsum([len(line) for line in lines]))
+    return polylines_from(Polylines(np.vstack(lines).astype(float), offsets))
+
+
+@pytest.fixture
+def box():
+    cube = vtkCubeSource(x_length=100.0, y_length=60.0, z_length=20.0, output_points_precision=1)
+    return (cube >> vtkTriangleFilter()).update().output
+
+
+def slanted(angle, *, height=20.0, points=9):
+    """Return a fibre from the bottom to the top of the box at an angle [degrees] to both."""
+    run = height / np.tan(np.radians(angle))
+    return np.linspace([-run / 2, 0, -height / 2], [run / 2, 0, height / 2], points)
+
+
+def names(data):
+    cells = data.GetCellData()
+    return {cells.GetArrayName(i) for i in range(cells.GetNumberOfArrays())}
+
+
+def test_lengths_tortuosity_and_summary():
+    half_circle = np.array([[np.cos(a), np.sin(a), 0] for a in np.linspace(0, np.pi, 2001)]) * 10
+    measured = FibreMetrics()(fibres_from([[0, 0, 0], [3, 0, 0], [3, 4, 0]], half_circle))
+    assert_allclose(cell_array(measured, "Length", ""), [7, 10 * np.pi], rtol=1e-6)
+    assert_allclose(cell_array(measured, "Tortuosity", ""), [7 / 5, np.pi / 2], rtol=1e-6)
+    assert_allclose(field_array(measured, "LengthMean"), (7 + 10 * np.pi) / 2, rtol=1e-6)
+    assert_allclose(field_array(measured, "LengthSD"), (10 * np.pi - 7) / 2, rtol=1e-6)
+
+
+def test_only_what_the_inputs_allow_is_measured(box):
+    fibre = fibres_from(slanted(30))
+    assert names(FibreMetrics()(fibre)) == {"Length", "Tortuosity"}
+    assert names(FibreMetrics()(fibre, box)) == {
+        "Length",
+        "Tortuosity",
+        "PennationOrigin",
+        "PennationInsertion",
+    }
+    set_cell_array(fibre, "RestLength", np.array([10.0]))
+    assert names(FibreMetrics()(fibre)) == {"Length", "Tortuosity", "RestLength", "Strain"}
+
+
+def test_strain_is_relative_to_the_rest_length_and_0_for_a_fibre_that_had_none():
+    fibres = fibres_from([[0, 0, 0], [12, 0, 0]], [[0, 0, 0], [0, 5, 0]], [[0, 0, 0], [0, 5, 0]])
+    set_cell_array(fibres, "RestLength", np.array([10.0, 10.0, 0.0]))
+    assert_allclose(cell_array(FibreMetrics()(fibres), "Strain", ""), [0.2, -0.5, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("bad", [-1.0, np.nan, np.inf])
+def test_an_impossible_rest_length_is_refused(bad):
+    fibres = fibres_from([[0, 0, 0], [12, 0, 0]], [[0, 0, 0], [0, 5, 0]])
+    set_cell_array(fibres, "RestLength", np.array([1.0, bad]))
+    with pytest.raises(ValueError, match="rest length of fibre 1 is"):
+        FibreMetrics()(fibres)
+
+
+@pytest.mark.parametrize("angle", [15.0, 25.0, 45.0, 80.0, 90.0])
+def test_pennation_is_the_angle_to_the_surface_at_both_ends(box, angle):
+    measured = FibreMetrics()(fibres_from(slanted(angle)), box)
+    assert_allclose(cell_array(measured, "PennationOrigin", ""), angle, atol=1e-6)
+    assert_allclose(cell_array(measured, "PennationInsertion", ""), angle, atol=1e-6)
+
+
+def test_the_two_ends_are_told_apart_and_turning_a_fibre_around_swaps_them(box):
+    bent = np.vstack([slanted(30)[:5], [[0, 0, 10.0]]])
+    forth = FibreMetrics()(fibres_from(bent), box)
+    back = FibreMetrics()(fibres_from(bent[::-1]), box)
+    assert_allclose(cell_array(forth, "PennationOrigin", ""), 30, atol=1e-6)
+    assert_allclose(cell_array(forth, "PennationInsertion", ""), 90, atol=1e-6)
+    assert_allclose(cell_array(back, "PennationOrigin", ""), 90, atol=1e-6)
+    assert_allclose(cell_array(back, "PennationInsertion", ""), 30, atol=1e-6)
+
+
+def test_a_larger_scene_has_longer_fibres_at_the_same_angles(box):
+    fibre = fibres_from(slanted(35))
+    small = FibreMetrics()(fibre, box)
+    large = FibreMetrics()(with_points(fibre, 7 * points_of(fibre)), with_points(box, 7 * points_of(box)))
+    assert_allclose(cell_array(large, "Length", ""), 7 * cell_array(small, "Length", ""), rtol=1e-12)
+    assert_allclose(cell_array(large, "PennationOrigin", ""), 35, atol=1e-6)
+
+
+def test_degenerate_fibres_get_finite_measures(box):
+    loop = [[0, 0, 0], [5, 0, 0], [0, 0, 0]]
+    measured = FibreMetrics()(fibres_from([[1, 1, 1]] * 4, loop, [[2, 2, 2]]), box)
+    for name in names(measured):
+        assert np.isfinite(cell_array(measured, name, "")).all()
+    assert_array_equal(cell_array(measured, "Length", ""), [0, 10, 0])
+    tortuosity = cell_array(measured, "Tortuosity", "")
+    assert tortuosity[0] == tortuosity[2] == 1.0
+    assert tortuosity[1] > 1e12

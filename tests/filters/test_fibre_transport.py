@@ -1,0 +1,151 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from vtkmodules.vtkFiltersSources import vtkSphereSource
+
+from vtkmuscle.core.rigid import apply_transform, rotation_about
+from vtkmuscle.filters import fibre_transport
+from vtkmuscle.filters.arrays import (
+    Polylines,
+    cell_array,
+    points_of,
+    polylines_from,
+    set_cell_array,
+    surface_from,
+    triangles_of,
+    with_points,
+)
+from vtkmuscle.filters.base import announce_times
+from vtkmuscle.filters.fibre_transport import FibreTransport
+
+
+@pytest.fixture
+def muscle():
+    source = vtkSphereSource(radius=20.0, theta_resolution=16, phi_resolution=12, output_points_precision=1)
+    return source.update().output
+
+
+@pytest.fixture
+def fibres():
+    t = np.linspace(-1, 1, 9)
+    lines = [np.column_stack([25 * t, 6 * np.sin(t + i), np.full(9, float(i))]) for i in range(3)]
+    return polylines_from(Polylines(np.vstack(lines), np.arange(0, 28, 9)))
+
+
+def count_weight_computations(monkeypatch):
+    calls = []
+    original = fibre_transport.mean_value_coordinates
+
+    def counted(*args, **kwargs):
+        calls.append(1)
+        return original(*args, **kwargs)
+
+    monkeypatch.setattr(fibre_transport, "mean_value_coordinates", counted)
+    return calls
+
+
+def test_without_a_deformation_fibres_come_back_also_those_outside(fibres, muscle):
+    moved = FibreTransport()(fibres, muscle, muscle)
+    assert_allclose(points_of(moved), points_of(fibres), atol=1e-9)
+
+
+def test_far_from_the_origin_no_digits_are_lost(fibres, muscle):
+    offset = [1e6, 1e6, -1e6]
+    far = with_points(muscle, points_of(muscle) + offset)
+    far_fibres = with_points(fibres, points_of(fibres) + offset)
+    assert_allclose(
+        points_of(FibreTransport()(far_fibres, far, far)), points_of(far_fibres), atol=1e-9, rtol=0
+    )
+
+
+def test_a_rigid_motion_of_the_muscle_moves_the_fibres_alike(fibres, muscle):
+    motion = rotation_about([5, 5, 5], [1, 2, 3], 130.0)
+    deformed = with_points(muscle, apply_transform(motion, points_of(muscle)))
+    moved = FibreTransport()(fibres, muscle, deformed)
+    assert_allclose(points_of(moved), apply_transform(motion, points_of(fibres)), atol=1e-9)
+
+
+def test_a_fibre_on_the_surface_moves_with_its_triangles(muscle):
+    points, triangles = points_of(muscle), triangles_of(muscle, "")
+    on = points[triangles[[3, 40, 77]]].mean(axis=1)
+    fibre = polylines_from(Polylines(on, np.array([0, 3])))
+    rng = np.random.default_rng(0)
+    crumpled = points + rng.normal(scale=2.0, size=points.shape)
+    moved = points_of(FibreTransport()(fibre, muscle, with_points(muscle, crumpled)))
+    assert_allclose(moved, crumpled[triangles[[3, 40, 77]]].mean(axis=1), atol=1e-10)
+
+
+def test_rest_lengths_are_added_and_other_arrays_kept(fibres, muscle):
+    set_cell_array(fibres, "FibreId", np.array([4, 5, 6]))
+    deformed = with_points(muscle, 0.5 * points_of(muscle))
+    moved = FibreTransport()(fibres, muscle, deformed)
+    p = points_of(fibres).reshape(3, 9, 3)
+    expected = np.linalg.norm(np.diff(p, axis=1), axis=2).sum(axis=1)
+    assert_allclose(cell_array(moved, "RestLength", ""), expected, rtol=1e-12)
+    assert_array_equal(cell_array(moved, "FibreId", ""), [4, 5, 6])
+
+
+def test_weights_are_computed_once_while_the_rest_state_stays(monkeypatch, fibres, muscle):
+    calls = count_weight_computations(monkeypatch)
+    transport = FibreTransport()
+    for scale in (1.0, 0.9, 0.8):
+        transport(fibres, muscle, with_points(muscle, scale * points_of(muscle)))
+    assert len(calls) == 1
+
+
+@pytest.mark.parametrize("which", ["fibres", "muscle"])
+def test_a_change_of_the_rest_state_is_noticed_even_behind_vtks_back(monkeypatch, fibres, muscle, which):
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    calls = count_weight_computations(monkeypatch)
+    transport = FibreTransport()
+    deformed = with_points(muscle, points_of(muscle))
+    transport(fibres, muscle, deformed)
+    # A numpy view writes into VTK's memory without marking anything modified.
+    changed = {"fibres": fibres, "muscle": muscle}[which]
+    vtk_to_numpy(changed.GetPoints().GetData())[:] *= 0.5
+    moved = transport(fibres, muscle, deformed)
+    assert len(calls) == 2
+    scale = {"fibres": 1.0, "muscle": 2.0}[which]
+    assert_allclose(points_of(moved), scale * points_of(fibres), atol=1e-9)
+
+
+def test_weights_too_large_to_keep_are_computed_again_with_the_same_result(monkeypatch, fibres, muscle):
+    deformed = with_points(muscle, 0.7 * points_of(muscle))
+    expected = points_of(FibreTransport()(fibres, muscle, deformed))
+    calls = count_weight_computations(monkeypatch)
+    monkeypatch.setattr(fibre_transport, "_LARGEST_CACHE", 0)
+    transport = FibreTransport()
+    for _ in range(2):
+        assert_array_equal(points_of(transport(fibres, muscle, deformed)), expected)
+    assert len(calls) == 2
+
+
+def test_blocks_of_points_do_not_show(monkeypatch, fibres, muscle):
+    deformed = with_points(muscle, points_of(muscle) ** 3 / 400)
+    expected = points_of(FibreTransport()(fibres, muscle, deformed))
+    monkeypatch.setattr(fibre_transport, "_BLOCK", 4)
+    assert_allclose(points_of(FibreTransport()(fibres, muscle, deformed)), expected, atol=1e-12)
+
+
+def test_another_number_of_points_is_refused(fibres, muscle):
+    points, triangles = points_of(muscle), triangles_of(muscle, "")
+    other = surface_from(np.vstack([points, [[0, 0, 0]]]), triangles)
+    with pytest.raises(ValueError, match=f"has {len(points) + 1} points, but rest_muscle has {len(points)}"):
+        FibreTransport()(fibres, muscle, other)
+
+
+def test_an_open_muscle_is_refused(fibres, muscle):
+    opened = surface_from(points_of(muscle), triangles_of(muscle, "")[5:])
+    with pytest.raises(ValueError, match="must be closed"):
+        FibreTransport()(fibres, opened, opened)
+
+
+def test_the_times_are_those_of_the_deformed_muscle():
+    from vtkmodules.vtkCommonCore import vtkInformation
+
+    information = [vtkInformation() for _ in range(3)]
+    announce_times(information[0], [5.0])
+    assert FibreTransport().time_steps(information) is None
+    announce_times(information[2], [0.0, 1.0, 2.0])
+    assert FibreTransport().time_steps(information) == (0.0, 1.0, 2.0)

@@ -1,0 +1,199 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from vtkmodules.vtkCommonCore import mutable
+from vtkmodules.vtkCommonDataModel import vtkStaticCellLocator
+from vtkmodules.vtkFiltersCore import vtkCleanPolyData, vtkTriangleFilter
+from vtkmodules.vtkFiltersModeling import vtkLinearSubdivisionFilter
+from vtkmodules.vtkFiltersSources import vtkCubeSource
+
+from vtkmuscle.filters.arrays import (
+    Polylines,
+    cell_array,
+    field_array,
+    points_of,
+    polylines_from,
+    set_cell_array,
+    set_field_array,
+    set_point_array,
+    surface_from,
+    triangles_of,
+)
+from vtkmuscle.filters.attachments import AttachmentArea, attachments_from
+from vtkmuscle.filters.fibre_trimmer import FibreTrimmer
+
+LENGTH = 80.0
+
+
+@pytest.fixture(scope="module")
+def muscle():
+    """Return a bar along z, 20 x 20 x 80 mm, of small triangles."""
+    cube = vtkCubeSource(x_length=20.0, y_length=20.0, z_length=LENGTH, center=(0, 0, LENGTH / 2))
+    subdivide = vtkLinearSubdivisionFilter(number_of_subdivisions=4)
+    return (cube >> vtkTriangleFilter() >> vtkCleanPolyData() >> subdivide).update().output
+
+
+def ring(z, half=10.0):
+    corners = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * half
+    return np.column_stack([corners, np.full(4, z)])
+
+
+def areas(origin_z=10.0, insertion_z=70.0):
+    return [
+        AttachmentArea("origin", "pelvis", ring(origin_z), True),
+        AttachmentArea("insertion", "femur", ring(insertion_z), True),
+    ]
+
+
+def fibres(n=30, count=16):
+    """Return fibres that meet in the middle of both end faces, with arrays."""
+    i, t = np.arange(n) + 0.5, np.linspace(0, 1, count)
+    radius, angle = 9 * np.sqrt(i / n), np.pi * (1 + 5**0.5) * i
+    feet = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), 0 * i])
+    lines = feet[:, None] * np.sin(np.pi * t)[:, None] + LENGTH * t[:, None] * [0, 0, 1]
+    data = polylines_from(Polylines(lines.reshape(-1, 3), np.arange(0, n * count + 1, count)))
+    set_cell_array(data, "FibreId", np.arange(n))
+    set_point_array(data, "t", np.tile(t, n))
+    set_field_array(data, "FitError", 0.5)
+    return data
+
+
+def ends_of(data, n=30):
+    points = points_of(data).reshape(n, -1, 3)
+    return points[:, 0], points[:, -1]
+
+
+def test_fibres_end_on_the_surface_within_the_areas(muscle):
+    trimmed = FibreTrimmer()(fibres(), muscle, attachments_from(areas()))
+    locator = vtkStaticCellLocator()
+    locator.SetDataSet(muscle)
+    locator.BuildLocator()
+    starts, ends = ends_of(trimmed)
+    for place in np.vstack([starts, ends]):
+        distance2 = mutable(0.0)
+        locator.FindClosestPoint(place, [0.0] * 3, mutable(0), mutable(0), distance2)
+        assert float(distance2) < 1e-9
+    assert starts[:, 2].max() <= 10 + 1e-9
+    assert ends[:, 2].min() >= 70 - 1e-9
+
+
+def test_no_two_fibres_end_in_one_place(muscle):
+    trimmed = FibreTrimmer()(fibres(), muscle, attachments_from(areas()))
+    for places in ends_of(trimmed):
+        gaps = np.linalg.norm(places[:, None] - places[None], axis=2) + 1e9 * np.eye(len(places))
+        assert gaps.min() > 1.5
+
+
+def test_number_of_points_and_arrays_are_kept(muscle):
+    before = fibres()
+    trimmed = FibreTrimmer()(before, muscle, attachments_from(areas()))
+    assert trimmed.GetNumberOfPoints() == before.GetNumberOfPoints()
+    assert_array_equal(cell_array(trimmed, "FibreId", ""), np.arange(30))
+    assert_array_equal(field_array(trimmed, "FitError"), [0.5])
+    assert trimmed.GetPointData().HasArray("t")
+    assert trimmed.GetPoints().GetData().GetClassName() in ("vtkDoubleArray", "vtkTypeFloat64Array")
+
+
+def test_several_areas_of_a_role_are_used_together(muscle):
+    # Two areas side by side on the bottom face.
+    quarter = np.array([[1, 9], [1, -9], [9, -9], [9, 9.0]])
+    left, right = (np.column_stack([quarter * [side, 1], np.zeros(4)]) for side in (-1, 1))
+    both = [
+        AttachmentArea("origin", "pelvis", left, True),
+        AttachmentArea("origin", "sacrum", right, True),
+        areas()[1],
+    ]
+    starts, _ = ends_of(FibreTrimmer()(fibres(), muscle, attachments_from(both)))
+    assert (starts[:, 0] < 0).any()
+    assert (starts[:, 0] > 0).any()
+    assert (np.abs(starts[:, 0]) > 0.5).all()
+
+
+def test_an_open_curve_is_an_area_too(muscle):
+    # A line attachment, as that of the gluteus maximus on the femur, along one side near the top.
+    line = np.column_stack([np.full(5, 10.0), np.linspace(-5, 5, 5), np.full(5, 75.0)])
+    data = attachments_from([areas()[0], AttachmentArea("insertion", "femur", line, False)])
+    _, ends = ends_of(FibreTrimmer()(fibres(), muscle, data))
+    assert_allclose(ends[:, 0], 10, atol=1e-6)
+    assert np.ptp(ends[:, 1]) > 5
+
+
+def test_the_axis_of_the_template_is_used_where_there_is_one(muscle):
+    # The centroids of these areas would give a slanted axis; with the template's, both planes are level.
+    level = np.column_stack([np.full(4, -10.0), [-5, 5, 5, -5], [2, 2, 10, 10.0]])
+    data = attachments_from([AttachmentArea("origin", "pelvis", level, True), areas()[1]])
+    straight = np.linspace([0.0, 0, 0], [0, 0, LENGTH], 41)
+    fibre = polylines_from(Polylines(straight, np.array([0, 41])))
+    transform = np.eye(4)
+    transform[:3, 2] = [0, 0, LENGTH]
+    set_field_array(fibre, "Transform", transform.reshape(-1))
+    points = points_of(FibreTrimmer()(fibre, muscle, data))
+    leaves = points[np.hypot(points[:, 0], points[:, 1]) > 1e-9]
+    assert leaves[leaves[:, 2] < 40, 2].max() < 10
+    assert points[points[:, 2] > 12][:20, :2] == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize("role", ["origin", "insertion"])
+def test_a_role_without_an_area_is_named(muscle, role):
+    others = [area for area in areas() if area.role != role]
+    with pytest.raises(ValueError, match=f"no area with the role '{role}'"):
+        FibreTrimmer()(fibres(), muscle, attachments_from(others))
+
+
+def test_areas_with_one_centroid_are_refused(muscle):
+    same = [AttachmentArea(role, "femur", ring(40.0), True) for role in ("origin", "insertion")]
+    with pytest.raises(ValueError, match="no direction"):
+        FibreTrimmer()(fibres(), muscle, attachments_from(same))
+
+
+def test_a_fibre_of_one_point_is_refused(muscle):
+    one = polylines_from(Polylines(np.array([[0, 0, 1.0], [0, 0, 70], [0, 0, 40]]), np.array([0, 2, 3])))
+    with pytest.raises(ValueError, match="1 fibre\\(s\\) of one point, first 1"):
+        FibreTrimmer()(one, muscle, attachments_from(areas()))
+
+
+def test_an_area_off_the_muscle_is_named(muscle):
+    away = AttachmentArea("insertion", "tibia", ring(570.0), True)
+    with pytest.raises(ValueError, match="insertion area 1"):
+        FibreTrimmer()(fibres(), muscle, attachments_from([*areas(), away]))
+
+
+def test_a_muscle_with_a_hole_is_refused(muscle):
+    opened = surface_from(points_of(muscle), triangles_of(muscle, "")[1:])
+    with pytest.raises(ValueError, match="3 open edge"):
+        FibreTrimmer()(fibres(), opened, attachments_from(areas()))
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("name", ["gluteus_medius", "iliacus"])
+def test_fibres_of_a_real_muscle_stay_in_it_and_end_apart_without_sharp_turns(lhdl_hip, name):
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+
+    from vtkmuscle.filters.attachments import landmarks_of
+    from vtkmuscle.filters.fibre_smoother import FibreSmoother
+    from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
+    from vtkmuscle.filters.slice_morpher import SliceMorpher
+    from vtkmuscle.filters.surface_distance import SurfaceDistance
+    from vtkmuscle.filters.template_fitter import TemplateFitter
+
+    def read(path):
+        return vtkXMLPolyDataReader(file_name=str(lhdl_hip / path)).update().output
+
+    real = read(f"muscles/{name}.vtp")
+    roles = (("origin", "pelvis"), ("insertion", "femur_r"))
+    parts = [(*role, *landmarks_of(read(f"attachments/{name}_{role[0]}_1.vtp"), name)) for role in roles]
+    attachments = attachments_from([AttachmentArea(*part) for part in parts])
+    fitted = TemplateFitter()(FibreTemplateSource(n_fibres=64)(), real, attachments)
+    trimmed = FibreTrimmer()(SliceMorpher()(fitted, real, attachments), real, attachments)
+    surface, points = SurfaceDistance(real), points_of(trimmed)
+    # The output's coordinates may round to either side of the surface.
+    assert surface.unsigned(points[surface.depth(points) == 0]).max() < 1e-5
+    lines = points.reshape(64, -1, 3)
+    for places in (lines[:, 0], lines[:, -1]):
+        assert surface.unsigned(places).max() < 1e-5
+        gaps = np.linalg.norm(places[:, None] - places[None], axis=2) + 1e9 * np.eye(len(places))
+        assert gaps.min() > 0.3
+    steps = np.diff(points_of(FibreSmoother()(trimmed)).reshape(64, -1, 3), axis=1)
+    steps /= np.linalg.norm(steps, axis=2, keepdims=True)
+    turns = np.degrees(np.arccos(np.clip((steps[:, 1:] * steps[:, :-1]).sum(axis=2), -1, 1)))
+    assert turns.max() < 60

@@ -1,0 +1,259 @@
+"""Which point of a muscle's section corresponds to which point of the template's rectangle.
+
+The rectangle has the corners Q0 = (0, 0), (width, 0), (width, depth) and (0, depth); loops run
+counterclockwise as it does. A loop is matched once it is known which of its vertices goes with Q0: from there
+it is split into four parts, one for each side.
+
+Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.3,
+extended in doi:10.1007/978-3-642-38241-3_3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.jit import kernel
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Places around a loop at which its correspondence may start, and the least number of its segments.
+N_PLACES = 128
+#: Slices, at most, for which the start is optimised; in between it is interpolated.
+N_KEYS = 64
+
+
+def starting_points(loops: Sequence[Floats], levels: Floats, continuity: float) -> Floats:
+    """Return where each loop starts, so that it starts near Q0 and neighbouring loops do not twist.
+
+    The paper takes the vertex nearest to Q0, slice by slice: where a section turns past Q0 that vertex jumps
+    along it, and all fibres turn with it. Here the places p_j minimise, over all slices at once,
+
+        sum_j |x_j(p_j)|^2 dz_j  +  continuity^2 sum_j D_j(p_j, p_{j-1})^2 / (z_j - z_{j-1}),
+
+    where x_j(p) is a place on loop j, so that the first term is the paper's, and D_j the root mean square
+    distance of the points of loop j from those of loop j - 1 that correspond to them, both loops about their
+    centroids. D depends on the difference of the places only, and comes for all of them at once from a
+    cyclic correlation; the minimum is found exactly, by dynamic programming. Where slices are dense, only
+    :data:`N_KEYS` of them take part, and the others' starts, about their centroids, are interpolated.
+
+    Parameters
+    ----------
+    loops : sequence of (n, 2) arrays
+        Vertices of each loop, counterclockwise [mm].
+    levels : (l,) array
+        Heights of the loops, strictly ascending [mm].
+    continuity : float
+        Height over which the start may drift towards Q0 [mm]; 0: each starts nearest to Q0.
+
+    Returns
+    -------
+    (l, 2) array
+        A point on or near each loop: it starts at the vertex nearest to this [mm].
+    """
+    if continuity == 0.0:
+        return np.zeros((len(loops), 2))
+    bins = ((levels - levels[0]) / (levels[-1] - levels[0] or 1.0) * (N_KEYS - 1)).astype(np.int64)
+    keys = np.unique(bins, return_index=True)[1]
+    samples = np.array([sampled_loop(loops[key], N_PLACES) for key in keys])
+    thickness = np.gradient(levels[keys]) if len(keys) > 1 else np.ones(1)
+    costs = (samples**2).sum(axis=2) * thickness[:, None]
+    centred = (samples - samples.mean(axis=1, keepdims=True)) @ np.array([1.0, 1.0j])
+    spectra = np.fft.fft(centred, axis=1)
+    correlation = np.fft.ifft(spectra[:-1].conj() * spectra[1:], axis=1).real / N_PLACES
+    square = (np.abs(centred) ** 2).mean(axis=1)
+    twists = square[:-1, None] + square[1:, None] - 2.0 * correlation
+    twists *= (continuity**2 / np.diff(levels[keys]))[:, None]
+    starts = samples[np.arange(len(keys)), _cheapest_chain(costs, twists)]
+    centroids = np.array([boundary_centroid(loop) for loop in loops])
+    offsets = [np.interp(levels, levels[keys], (starts - centroids[keys])[:, axis]) for axis in range(2)]
+    points: Floats = centroids + np.column_stack(offsets)
+    return points
+
+
+@kernel
+def _cheapest_chain(costs: Floats, twists: Floats) -> Ints:
+    """Return p minimising sum_j costs[j, p_j] + sum_j twists[j - 1, (p_j - p_{j-1}) mod n]."""
+    n_levels, n = costs.shape
+    # Twice in a row, so that the inner loop needs no modulo.
+    doubled = np.concatenate((twists, twists), axis=1)
+    best = costs.copy()
+    previous = np.zeros((n_levels, n), dtype=np.int64)
+    for level in range(1, n_levels):
+        for place in range(n):
+            least = np.inf
+            for other in range(n):
+                cost = best[level - 1, other] + doubled[level - 1, n + place - other]
+                if cost < least:
+                    least = cost
+                    previous[level, place] = other
+            best[level, place] += least
+    places = np.empty(n_levels, dtype=np.int64)
+    places[-1] = best[-1].argmin()
+    for level in range(n_levels - 1, 0, -1):
+        places[level - 1] = previous[level, places[level]]
+    return places
+
+
+@kernel
+def loop_lengths(loop: Floats) -> Floats:
+    """Return the length along a loop (n, 2) up to each vertex, and the whole perimeter: (n + 1,)."""
+    lengths = np.zeros(len(loop) + 1)
+    for i in range(len(loop)):
+        after = i + 1 if i + 1 < len(loop) else 0
+        lengths[i + 1] = lengths[i] + np.hypot(loop[after, 0] - loop[i, 0], loop[after, 1] - loop[i, 1])
+    return lengths
+
+
+@kernel
+def boundary_centroid(loop: Floats) -> Floats:
+    """Return the centroid of a loop's boundary, (2,): the mean of its segments' middles by length."""
+    lengths = loop_lengths(loop)
+    result = np.zeros(2)
+    for i in range(len(loop)):
+        after = i + 1 if i + 1 < len(loop) else 0
+        share = 0.5 * (lengths[i + 1] - lengths[i]) / lengths[-1]
+        for axis in range(2):
+            result[axis] += share * (loop[i, axis] + loop[after, axis])
+    return result
+
+
+@kernel
+def sampled_loop(loop: Floats, count: int) -> Floats:
+    """Return `count` points at equal distances along a loop (n, 2), from its point nearest to Q0 on.
+
+    That point need not be a vertex: where neighbouring loops hardly differ their samples hardly do either.
+    """
+    lengths = loop_lengths(loop)
+    n, first, least = len(loop), 0.0, np.inf
+    for i in range(n):
+        after = i + 1 if i + 1 < n else 0
+        dx, dy = loop[after, 0] - loop[i, 0], loop[after, 1] - loop[i, 1]
+        share = -(loop[i, 0] * dx + loop[i, 1] * dy) / (dx * dx + dy * dy)
+        share = min(max(share, 0.0), 1.0)
+        square = (loop[i, 0] + share * dx) ** 2 + (loop[i, 1] + share * dy) ** 2
+        if square < least:
+            least = square
+            first = lengths[i] + share * (lengths[i + 1] - lengths[i])
+    result = np.empty((count, 2))
+    for j in range(count):
+        length = (first + lengths[-1] * j / count) % lengths[-1]
+        i = min(np.searchsorted(lengths, length, side="right") - 1, n - 1)
+        after = i + 1 if i + 1 < n else 0
+        share = (length - lengths[i]) / (lengths[i + 1] - lengths[i])
+        for axis in range(2):
+            result[j, axis] = (1.0 - share) * loop[i, axis] + share * loop[after, axis]
+    return result
+
+
+@kernel
+def refined_loop(loop: Floats, count: int) -> Floats:
+    """Return a loop with points added so that no segment is longer than the perimeter / `count`.
+
+    Parts of a loop can be matched to sides only as exactly as its vertices allow.
+    """
+    lengths = loop_lengths(loop)
+    longest = lengths[-1] / count
+    pieces = np.empty(len(loop), dtype=np.int64)
+    for i in range(len(loop)):
+        pieces[i] = max(int(np.ceil((lengths[i + 1] - lengths[i]) / longest)), 1)
+    result = np.empty((pieces.sum(), 2))
+    n = 0
+    for i in range(len(loop)):
+        after = i + 1 if i + 1 < len(loop) else 0
+        for j in range(pieces[i]):
+            share = j / pieces[i]
+            for axis in range(2):
+                result[n, axis] = (1.0 - share) * loop[i, axis] + share * loop[after, axis]
+            n += 1
+    return result
+
+
+@kernel
+def nearest_vertex(loop: Floats, x: float, y: float) -> int:
+    """Return the number of the vertex of a loop (n, 2) that is nearest to a point, the first of several."""
+    best, least = 0, np.inf
+    for i in range(len(loop)):
+        square = (loop[i, 0] - x) ** 2 + (loop[i, 1] - y) ** 2
+        if square < least:
+            best, least = i, square
+    return best
+
+
+@kernel
+def split_chain(lengths: Floats, width: float, depth: float) -> tuple[Ints, float]:
+    """Split a chain of vertices into four parts, one for each side of the rectangle, at the least error.
+
+    The error is the sum over the parts of (side - k (length of the part))^2, where k scales the whole chain
+    to the rectangle's perimeter. With the vertex i_2 at the far corner given, the error is a parabola in the
+    scaled length up to i_1, with its minimum at (width + l_{i_2} - depth) / 2: the best i_1 is the vertex
+    nearest to that. The same goes for i_3. Trying every i_2 thus gives the exact minimum.
+
+    Parameters
+    ----------
+    lengths : (n + 1,) array
+        Length of the chain up to each vertex, the last one that of the whole [mm]; n >= 4.
+    width, depth : float
+        Sides of the rectangle [mm].
+
+    Returns
+    -------
+    splits : (5,) int array
+        Vertices at the corners: 0, i_1, i_2, i_3, n; no part is empty.
+    error : float
+        The least error [mm^2].
+    """
+    n = len(lengths) - 1
+    scaled = lengths * (2.0 * (width + depth) / lengths[n])
+    splits = np.array([0, 1, 2, 3, n])
+    least = np.inf
+    for middle in range(2, n - 1):
+        far = scaled[middle]
+        i = _nearest(scaled, 0.5 * (width + far - depth), 1, middle - 1)
+        j = _nearest(scaled, 0.5 * (width + far - depth + scaled[n]), middle + 1, n - 1)
+        error = (
+            (width - scaled[i]) ** 2
+            + (depth - (far - scaled[i])) ** 2
+            + (width - (scaled[j] - far)) ** 2
+            + (depth - (scaled[n] - scaled[j])) ** 2
+        )
+        if error < least:
+            least = error
+            splits[1], splits[2], splits[3] = i, middle, j
+    return splits, least
+
+
+@kernel
+def _nearest(ascending: Floats, value: float, first: int, last: int) -> int:
+    """Return the index from `first` to `last` at which an ascending array is nearest to a value."""
+    low, high = first, last
+    while low < high:
+        middle = (low + high) // 2
+        if ascending[middle] < value:
+            low = middle + 1
+        else:
+            high = middle
+    if low > first and value - ascending[low - 1] <= abs(ascending[low] - value):
+        return low - 1
+    return low
+
+
+@kernel
+def subdivided_rectangle(lengths: Floats, splits: Ints, width: float, depth: float) -> Floats:
+    """Return a vertex of the rectangle's boundary for every vertex of a chain, (n, 2).
+
+    The sides are subdivided in the ratios of the segments that :func:`split_chain` gave them.
+    """
+    corners = np.array([(0.0, 0.0), (width, 0.0), (width, depth), (0.0, depth), (0.0, 0.0)])
+    result = np.empty((len(lengths) - 1, 2))
+    for side in range(4):
+        first, last = splits[side], splits[side + 1]
+        length = lengths[last] - lengths[first]
+        for i in range(first, last):
+            share = (lengths[i] - lengths[first]) / length if length > 0.0 else 0.0
+            for axis in range(2):
+                result[i, axis] = (1.0 - share) * corners[side, axis] + share * corners[side + 1, axis]
+    return result

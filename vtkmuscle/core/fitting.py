@@ -1,0 +1,182 @@
+"""Fitting the template's cube to a muscle: an oriented box around it, turned to suit its attachments.
+
+Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.2,
+extended in doi:10.1007/978-3-642-38241-3_3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+from scipy.spatial.distance import cdist
+
+from vtkmuscle.core.rigid import apply_transform
+
+Floats = NDArray[np.float64]
+
+#: Of errors that differ by less than this part the first one counts: a template's symmetries give ties.
+TIE = 1e-9
+#: Sides of the least rectangle's edges shorter than this part of the section are rounding.
+SHORTEST_EDGE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A box around a muscle.
+
+    Attributes
+    ----------
+    transform : (4, 4) float array
+        Unit cube to world: a right-handed rotation of a cube scaled along its axes, and a translation. Its
+        z axis runs from origin to insertion.
+    error : float
+        Sum of distances from the template's area points to the nearest landmarks, in the unit of the points.
+    """
+
+    transform: Floats
+    error: float
+
+
+def centroid_axis(origin: Floats, insertion: Floats) -> Floats:
+    """Return the unit vector from the centroid of the origin to that of the insertion.
+
+    Raises
+    ------
+    ValueError
+        If the centroids coincide.
+    """
+    difference: Floats = insertion.mean(axis=0) - origin.mean(axis=0)
+    length = float(np.linalg.norm(difference))
+    extent = float(np.ptp(np.vstack([origin, insertion]), axis=0).max())
+    if not length > 1e-9 * extent:
+        raise ValueError(
+            "the centroids of the origin and insertion landmarks coincide and give no axis; "
+            "set axis='principal'"
+        )
+    return difference / length
+
+
+def principal_axis(points: Floats, origin: Floats, insertion: Floats) -> Floats:
+    """Return the unit eigenvector of the points' covariance with the largest eigenvalue, (3,).
+
+    Of its two directions, the one in which the insertion's centroid lies from the origin's.
+    """
+    centred = points - points.mean(axis=0)
+    axis: Floats = np.linalg.eigh(centred.T @ centred)[1][:, -1]
+    return axis if axis @ (insertion.mean(axis=0) - origin.mean(axis=0)) >= 0.0 else -axis
+
+
+def fit_box(
+    points: Floats,
+    axis: Floats,
+    *,
+    origin: Floats,
+    insertion: Floats,
+    origin_area: Floats,
+    insertion_area: Floats,
+    angle_step: float,
+) -> Fit:
+    """Return the box around a muscle whose areas lie nearest to the muscle's attachments.
+
+    Boxes whose z axis is the given one are turned about it by a full turn, step by step; each is the least
+    one that holds all points. For each point of the template's areas, put into the box, the nearest
+    landmark of the same role is found; the box with the least sum of these distances is returned, the first
+    one of those that tie. The paper starts from any two vectors across the axis: here they are the sides of
+    the least rectangle around the muscle seen along the axis, so that a box-shaped muscle is met exactly.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Points of the muscle's surface.
+    axis : (3,) array
+        Unit vector from origin to insertion.
+    origin, insertion : (k, 3) array
+        Landmarks of all areas of each role.
+    origin_area, insertion_area : (j, 3) array
+        Points of the template's areas in the unit cube.
+    angle_step : float
+        Degrees.
+
+    Returns
+    -------
+    Fit
+        The best box.
+
+    Raises
+    ------
+    ValueError
+        If all points lie in one plane.
+    """
+    heights = points @ axis
+    bottom, top = heights.min(), heights.max()
+    first, second = _perpendicular(axis)
+    seen = np.column_stack([points @ first, points @ second])
+    if not _has_area(seen) or not top > bottom:
+        raise ValueError("the points of the muscle lie in one plane, so that no box of any volume holds them")
+    outline = seen[ConvexHull(seen).vertices]
+    start = _least_rectangle_angle(outline, _marker(seen))
+    best: Fit | None = None
+    for angle in start + np.radians(np.arange(0.0, 360.0, angle_step)):
+        c, s = np.cos(angle), np.sin(angle)
+        turned = outline @ np.array([[c, -s], [s, c]])
+        low = np.append(turned.min(axis=0), bottom)
+        high = np.append(turned.max(axis=0), top)
+        frame = np.column_stack([c * first + s * second, c * second - s * first, axis])
+        transform = np.eye(4)
+        transform[:3, :3] = frame * (high - low)
+        transform[:3, 3] = frame @ low
+        error = sum(
+            float(cdist(apply_transform(transform, area), landmarks).min(axis=1).sum())
+            for area, landmarks in ((origin_area, origin), (insertion_area, insertion))
+        )
+        if best is None or error < best.error * (1.0 - TIE):
+            best = Fit(transform, error)
+    assert best is not None  # angle 0 is always tried
+    return best
+
+
+def _perpendicular(axis: Floats) -> tuple[Floats, Floats]:
+    """Return two unit vectors that make a right-handed frame with the axis in third place."""
+    first = np.cross(np.eye(3)[int(np.abs(axis).argmin())], axis)
+    first /= np.linalg.norm(first)
+    return first, np.cross(axis, first)
+
+
+def _has_area(seen: Floats) -> bool:
+    """Return False for points on a line, as far as rounding lets one tell."""
+    centred = seen - seen.mean(axis=0)
+    least, largest = np.linalg.eigvalsh(centred.T @ centred)
+    return bool(least > 1e-14 * largest)
+
+
+def _marker(seen: Floats) -> Floats:
+    """Return a direction that goes with the muscle when it moves, whatever symmetries it has.
+
+    The points are weighted by arbitrary but fixed numbers: multiples of the golden ratio, without the
+    integer part, which are spread evenly over (-1/2, 1/2).
+    """
+    weights = np.arange(len(seen)) * 0.6180339887498949 % 1.0 - 0.5
+    direction: Floats = weights @ (seen - seen.mean(axis=0))
+    return direction
+
+
+def _least_rectangle_angle(outline: Floats, marker: Floats) -> float:
+    """Return the angle of a side of the least rectangle around a convex polygon [rad].
+
+    One side of that rectangle lies along an edge of the polygon (Freeman, Shapira 1975,
+    doi:10.1145/360881.360919). Where several do equally well, as always for a rectangle, the side is taken
+    that points most nearly along the marker.
+    """
+    edges = np.roll(outline, -1, axis=0) - outline
+    lengths = np.linalg.norm(edges, axis=1)
+    edges = edges[lengths > SHORTEST_EDGE * lengths.sum()]
+    directions = edges / np.linalg.norm(edges, axis=1)[:, None]
+    sideways = np.column_stack([-directions[:, 1], directions[:, 0]])
+    areas = np.ptp(outline @ directions.T, axis=0) * np.ptp(outline @ sideways.T, axis=0)
+    least = areas <= areas.min() * (1.0 + TIE)
+    sides = np.vstack([directions[least], -directions[least], sideways[least], -sideways[least]])
+    x, y = sides[int((sides @ marker).argmax())]
+    return float(np.arctan2(y, x))

@@ -1,0 +1,104 @@
+"""Points spread evenly over a part of a surface."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.stats import qmc
+
+from vtkmuscle.core.mesh import triangle_normals, unique_edges
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def even_samples(candidates: Floats, count: int) -> Floats:
+    """Return some of many positions, spread evenly among them.
+
+    The farthest one is taken again and again; then each is moved to the centre of its cell a few times
+    (Lloyd's relaxation) and from there to the nearest candidate.
+
+    Parameters
+    ----------
+    candidates : (n, 3) array
+        Positions, n >= 1 [mm].
+    count : int
+        Number of samples, >= 1; where there are fewer candidates they are repeated.
+
+    Returns
+    -------
+    (count, 3) array
+        Some of the candidates [mm].
+    """
+    chosen = np.empty(min(count, len(candidates)), dtype=np.int64)
+    distances = np.full(len(candidates), np.inf)
+    farthest = int(np.argmin(((candidates - candidates.mean(axis=0)) ** 2).sum(axis=1)))
+    for i in range(len(chosen)):
+        chosen[i] = farthest
+        np.minimum(distances, ((candidates - candidates[farthest]) ** 2).sum(axis=1), out=distances)
+        farthest = int(np.argmax(distances))
+    samples = candidates[chosen]
+    tree = cKDTree(candidates)
+    for _ in range(4):
+        cells = cKDTree(samples).query(candidates)[1]
+        sizes = np.bincount(cells, minlength=len(samples))
+        sums = np.column_stack([np.bincount(cells, candidates[:, i], len(samples)) for i in range(3)])
+        filled = sizes > 0
+        samples[filled] = candidates[tree.query(sums[filled] / sizes[filled, None])[1]]
+    return samples[np.arange(count) % len(samples)]
+
+
+def dense_samples(points: Floats, triangles: Ints, patch: Ints, count: int, *, seed: int = 0) -> Floats:
+    """Return positions of even density on the triangles between given points of a surface.
+
+    Where the points have no triangle in common the edges between them are sampled, and where there are no
+    edges either the points themselves are returned.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Points of the surface [mm].
+    triangles : (m, 3) int array
+        Point ids.
+    patch : (j,) int array
+        Ids of the points to stay between, j >= 1.
+    count : int
+        Least number of samples, >= 1.
+    seed : int, optional
+        Another number gives other samples.
+
+    Returns
+    -------
+    (k, 3) array
+        Positions on the surface, from a low-discrepancy sequence [mm].
+    """
+    sequence = qmc.Sobol(3, scramble=False)
+    exponent = int(np.ceil(np.log2(count)))
+    if seed:
+        sequence.fast_forward(seed * 2**exponent)
+    u = sequence.random(2**exponent)
+    member = np.zeros(len(points), dtype=np.bool_)
+    member[patch] = True
+    faces = triangles[member[triangles].all(axis=1)]
+    areas = np.linalg.norm(triangle_normals(points, faces), axis=1)
+    if areas.sum() > 0:
+        a, b, c = (points[faces[_shares(areas, u[:, 0])][:, i]] for i in range(3))
+        root = np.sqrt(u[:, 1:2])  # uniform over the triangle: Osada et al. 2002, doi:10.1145/571647.571648
+        on_faces: Floats = (1.0 - root) * a + root * (1.0 - u[:, 2:]) * b + root * u[:, 2:] * c
+        return on_faces
+    edges = unique_edges(triangles)
+    edges = edges[member[edges].all(axis=1)]
+    lengths = np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1)
+    if lengths.sum() > 0:
+        a, b = (points[edges[_shares(lengths, u[:, 0])][:, i]] for i in range(2))
+        on_edges: Floats = (1.0 - u[:, 1:2]) * a + u[:, 1:2] * b
+        return on_edges
+    return points[patch]
+
+
+def _shares(sizes: Floats, u: Floats) -> Ints:
+    """Return for each u in [0, 1) the number of the part that it falls into, parts as large as given."""
+    bounds = np.cumsum(sizes)
+    chosen: Ints = np.searchsorted(bounds, u * bounds[-1], side="right")
+    return chosen.clip(max=len(sizes) - 1)

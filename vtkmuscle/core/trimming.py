@@ -1,0 +1,305 @@
+"""Fibre ends: cut away what lies beside an attachment area, and end the fibre on the area instead.
+
+Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.4,
+extended in doi:10.1007/978-3-642-38241-3_3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
+
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh import triangle_normals
+from vtkmuscle.core.polylines import evenly_spaced, polyline_lengths, resample_polyline
+from vtkmuscle.core.sampling import dense_samples, even_samples
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Largest turn from a fibre into its new end segment [degrees].
+LARGEST_TURN = 60.0
+#: Parts of the cut that are tried, the whole of it first.
+CUTS = (1.0, 0.75, 0.5, 0.25, 0.0)
+#: Where along a new segment it is checked against the surface.
+CHECKS = (np.arange(8) + 0.5) / 8.0
+#: Places on an area per fibre end: with more than one, a fibre need not take a place that is behind it.
+PLACES_PER_FIBRE = 2
+#: Ends nearer to each other than this share of an even spacing meet rather than spread over the area.
+LEAST_SPREAD = 0.1
+#: Fibres that share out an area together; the assignment costs the cube of their number.
+BATCH = 256
+
+
+@dataclass(frozen=True, eq=False)
+class EndArea:
+    """Where the fibres end at one side of the muscle.
+
+    Attributes
+    ----------
+    landmarks : (k, 3) array
+        Of all areas of this side [mm]; the extremal one places the cutting plane.
+    points : (n, 3) array
+        Points of the muscle [mm].
+    triangles : (m, 3) int array
+        Triangles of the muscle.
+    patch : (j,) int array
+        Ids of the points that are attached.
+    """
+
+    landmarks: Floats
+    points: Floats
+    triangles: Ints
+    patch: Ints
+
+
+def trim_fibres(
+    points: Floats,
+    offsets: Ints,
+    *,
+    axis: Floats,
+    origin: EndArea,
+    insertion: EndArea,
+    into_muscle: Callable[[Floats], Floats],
+    tolerance: float,
+    largest_cut: float,
+) -> Floats:
+    """Return fibres that run from the origin area to the insertion area, with as many points as before.
+
+    At each side a plane perpendicular to the axis through the landmark that reaches furthest into the
+    muscle cuts the fibre's end off, and a straight segment to a place on the area replaces it (see
+    :func:`assign_places`). Where that segment would leave the muscle or turn by more than 60 degrees, less of
+    the fibre is cut: the whole cut is tried first, then three quarters of it, and so on; where nothing will
+    do, the least evil is taken. If most fibres end on an area anyway, spread over it, those that do are left
+    as they are there. The points are then spaced evenly along each fibre, and those that are
+    outside of the muscle moved to the nearest point of its surface.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Fibre points [mm], from the origin to the insertion.
+    offsets : (k + 1,) int array
+        First point of each fibre, and n. A fibre has at least two points.
+    axis : (3,) array
+        Unit vector from the origin to the insertion.
+    origin, insertion : EndArea
+        The two sides.
+    into_muscle : callable
+        From points (j, 3) to the nearest points (j, 3) of the muscle, themselves where they are in it [mm].
+    tolerance : float
+        How far a new segment may leave the muscle [mm].
+    largest_cut : float
+        Largest part of a fibre's length to cut off at either end, at most 0.5.
+
+    Returns
+    -------
+    (n, 3) array
+        Fibre points [mm].
+    """
+    backwards = points[_reversed_order(offsets)]
+    starts = _new_ends(backwards, offsets, -axis, origin, into_muscle, tolerance, largest_cut)
+    ends = _new_ends(points, offsets, axis, insertion, into_muscle, tolerance, largest_cut)
+    lengths = polyline_lengths(points, offsets)
+    result = np.empty_like(points)
+    for i, (first, last) in enumerate(pairwise(offsets)):
+        line = points[first:last]
+        arcs = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
+        low, high = starts.cuts[i], lengths[i] - ends.cuts[i]
+        inner = arcs[(arcs > low) & (arcs < high)]
+        kept = resample_polyline(line, np.concatenate([[low], inner, [high]]))
+        whole = np.vstack([starts.places[i], kept, ends.places[i]])
+        result[first:last] = evenly_spaced(whole, last - first)
+    inner = np.ones(len(result), dtype=np.bool_)
+    inner[offsets[:-1]] = inner[offsets[1:] - 1] = False
+    result[inner] = into_muscle(result[inner])
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class _Ends:
+    cuts: Floats  # (k,) length cut off each fibre [mm]
+    places: Floats  # (k, 3) its new end [mm]
+
+
+def _new_ends(
+    points: Floats,
+    offsets: Ints,
+    direction: Floats,
+    area: EndArea,
+    into_muscle: Callable[[Floats], Floats],
+    tolerance: float,
+    largest_cut: float,
+) -> _Ends:
+    """Return how much to cut off the last points of fibres, and where they end instead."""
+    lengths = polyline_lengths(points, offsets)
+    ends = points[offsets[1:] - 1]
+    there = _already_there(ends, area, tolerance)
+    extremal = (area.landmarks @ direction).min()
+    cuts = np.minimum(beyond_plane(points, offsets, points @ direction - extremal), largest_cut * lengths)
+    tries = [_departures(points, offsets, lengths - part * cuts) for part in CUTS]
+    cuts[there] = 0.0
+    levels, places = np.zeros(len(cuts), dtype=np.int64), ends.copy()
+    n_batches = -(-len(cuts) // BATCH)
+    for batch in range(n_batches):
+        # Fibres of a batch are spread over all fibres, so that each batch covers the whole area.
+        mine = np.arange(batch, len(cuts), n_batches)
+        fibres = mine[~there[mine]]
+        if not len(fibres):
+            continue
+        free = _places_in_front(
+            area, direction, tries[0][0][fibres], PLACES_PER_FIBRE * len(mine), seed=batch
+        )
+        if there[mine].any():
+            free = np.delete(free, np.unique(cKDTree(free).query(ends[mine[there[mine]]])[1]), axis=0)
+        least = np.full(len(cuts), np.inf)
+        for level, (departures, rays) in enumerate(tries):
+            taken = assign_places(departures[fibres], rays[fibres], free)
+            segments = free[taken] - departures[fibres]
+            checked = departures[fibres, None] + CHECKS[:, None] * segments[:, None]
+            ways_back = into_muscle(checked.reshape(-1, 3)).reshape(checked.shape) - checked
+            leaves = np.linalg.norm(ways_back, axis=2).max(axis=1)
+            turns = np.degrees(np.arccos(np.clip(_cosines(rays[fibres], segments), -1.0, 1.0)))
+            # Both relative to what is allowed: 1 or less passes, and otherwise the smaller is the better.
+            evil = np.maximum(leaves / tolerance, turns / LARGEST_TURN)
+            levels[fibres[evil < least[fibres]]] = level
+            np.minimum.at(least, fibres, evil)
+            passed = evil <= 1.0
+            places[fibres[passed]] = free[taken[passed]]
+            fibres, free = fibres[~passed], np.delete(free, taken[passed], axis=0)
+            if not len(fibres):
+                break
+        else:
+            departures, rays = (np.array([tries[levels[i]][part][i] for i in fibres]) for part in range(2))
+            places[fibres] = free[assign_places(departures, rays, free)]
+    return _Ends(np.array(CUTS)[levels] * cuts, places)
+
+
+def _already_there(ends: Floats, area: EndArea, tolerance: float) -> NDArray[np.bool_]:
+    """Return which fibres end on the area as they are; none, unless most of them do so without meeting.
+
+    Templates whose fibres run from area to area, as the pennate one, need no new ends. But where fibres
+    are pinched together in the tip of a muscle, that a few end on the area is no reason to keep those.
+    """
+    candidates = dense_samples(area.points, area.triangles, area.patch, 64 * len(ends))
+    member = np.zeros(len(area.points), dtype=np.bool_)
+    member[area.patch] = True
+    faces = area.triangles[member[area.triangles].all(axis=1)]
+    size = float(np.linalg.norm(triangle_normals(area.points, faces), axis=1).sum()) / 2.0
+    on_area = cKDTree(candidates).query(ends)[0] <= tolerance + np.sqrt(size / len(candidates))
+    apart = np.full(len(ends), True)
+    if len(ends) > 1:
+        apart = cKDTree(ends).query(ends, 2)[0][:, 1] >= LEAST_SPREAD * np.sqrt(size / len(ends))
+    there = on_area & apart
+    return there if there.mean() > 0.5 else np.zeros(len(ends), dtype=np.bool_)
+
+
+def _places_in_front(
+    area: EndArea, direction: Floats, departures: Floats, count: int, *, seed: int
+) -> Floats:
+    """Return places spread over that part of an area which is not behind the fibres' departures.
+
+    Behind them there is something only where the area reaches so far along the muscle that the cut was
+    limited. If no more than a hundredth is in front, all of the area is used.
+    """
+    height = (departures @ direction).min()
+    candidates = dense_samples(area.points, area.triangles, area.patch, 16 * count, seed=seed)
+    share = float((candidates @ direction > height).mean())
+    if 0.01 < share < 1.0:
+        wanted = int(np.ceil(16 * count / share))
+        candidates = dense_samples(area.points, area.triangles, area.patch, wanted, seed=seed)
+        candidates = candidates[candidates @ direction > height]
+    return even_samples(candidates, count)
+
+
+def _departures(points: Floats, offsets: Ints, arcs: Floats) -> tuple[Floats, Floats]:
+    """Return the points of fibres at arc lengths (k,), and the directions (k, 3) in which they run there."""
+    ends = np.empty((len(arcs), 2, 3))
+    for i, (first, last) in enumerate(pairwise(offsets)):
+        line = points[first:last]
+        # One mean segment back, for what is left of the segment that is cut may be arbitrarily short.
+        step = np.linalg.norm(np.diff(line, axis=0), axis=1).sum() / max(len(line) - 1, 1)
+        ends[i] = resample_polyline(line, np.array([max(arcs[i] - step, 0.0), arcs[i]]))
+    return ends[:, 1], ends[:, 1] - ends[:, 0]
+
+
+def _cosines(a: Floats, b: Floats) -> Floats:
+    """Return the cosines (k,) of the angles between vectors (k, 3); 1 for a vector of no length."""
+    scale = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
+    cosines: Floats = np.divide((a * b).sum(axis=1), scale, out=np.ones(len(a)), where=scale > 0)
+    return cosines
+
+
+def assign_places(departures: Floats, rays: Floats, places: Floats) -> Ints:
+    """Return which place each fibre ends at: one near its own ray, no two fibres at the same.
+
+    The paper takes the place on the area that is closest to the ray, for each fibre by itself. Where the area
+    is beside the rays rather than in front of them, that is the same place on its rim for many fibres, and
+    they meet in a point. So each fibre is given a place of its own, such that the sum of the deviations from
+    the rays is least; that also keeps neighbours neighbours. The deviation is the distance of the place from
+    the departure less its advance along the ray: 0 on the ray, y^2 / 2z at a distance y from it and far
+    ahead, the distance where there is no advance. Unlike the distance from the ray it also decides how far to
+    go where the area runs beside the rays: the fibre next to the area ends on its nearest part.
+
+    Parameters
+    ----------
+    departures : (k, 3) array
+        Where the new segments begin [mm].
+    rays : (k, 3) array
+        Directions of the fibres there, of any length.
+    places : (j, 3) array
+        Positions on the area, j >= k [mm].
+
+    Returns
+    -------
+    (k,) int array
+        Numbers of places, all different.
+    """
+    lengths = np.linalg.norm(rays, axis=1, keepdims=True)
+    directions = np.divide(rays, lengths, out=np.zeros_like(rays), where=lengths > 0)
+    views = places[None] - departures[:, None]
+    deviations = np.linalg.norm(views, axis=2) - (views * directions[:, None]).sum(axis=2)
+    taken: Ints = linear_sum_assignment(deviations)[1].astype(np.int64)
+    return taken
+
+
+@kernel
+def beyond_plane(points: Floats, offsets: Ints, heights: Floats) -> Floats:
+    """Return how much of each polyline's end is beyond a plane: from where it last comes through it.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions [mm].
+    offsets : (k + 1,) int array
+        First point of each line, and n.
+    heights : (n,) array
+        Signed distances from the plane, positive beyond it [mm].
+
+    Returns
+    -------
+    (k,) array
+        Arc lengths, 0 where a line ends on this side, its whole length where none of it is on this side.
+    """
+    result = np.zeros(len(offsets) - 1)
+    for line in range(len(result)):
+        for i in range(offsets[line + 1] - 1, offsets[line], -1):
+            if heights[i] <= 0.0:
+                break
+            length = np.sqrt(((points[i] - points[i - 1]) ** 2).sum())
+            if heights[i - 1] < 0.0:
+                length *= heights[i] / (heights[i] - heights[i - 1])
+            result[line] += length
+    return result
+
+
+def _reversed_order(offsets: Ints) -> Ints:
+    """Return the ids of all points, those of each line backwards."""
+    sums = np.repeat(offsets[:-1] + offsets[1:] - 1, np.diff(offsets))
+    order: Ints = sums - np.arange(offsets[-1])
+    return order

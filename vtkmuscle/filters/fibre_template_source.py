@@ -1,0 +1,67 @@
+"""FibreTemplateSource: fibres in the unit cube."""
+
+from __future__ import annotations
+
+import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.core.templates import KINDS, TEMPLATES, sobol_points
+from vtkmuscle.filters.arrays import (
+    Polylines,
+    polylines_from,
+    set_cell_array,
+    set_field_array,
+    set_point_array,
+)
+from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.parameters import OutputPort, Parameter
+
+
+class FibreTemplateSource(Filter):
+    """Make fibres of a given architecture in the unit cube.
+
+    Each fibre is a Bezier curve from the origin area, at the bottom of the cube, to the insertion area, at
+    its top; which curve is given by two parameters (r, s), and the fibres' parameters are Sobol points, which
+    are spread evenly whatever their number. The points of a fibre are equally spaced in its parameter t.
+    :mod:`vtkmuscle.core.templates` says what each kind is.
+
+    References
+    ----------
+    Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.1,
+    extended in doi:10.1007/978-3-642-38241-3_3; Blemker, Delp 2005, *Three-dimensional representation of
+    complex muscle architectures and geometries*, doi:10.1007/s10439-005-1433-7.
+
+    Examples
+    --------
+    >>> from vtkmuscle.filters import FibreTemplateSource
+    >>> fibres = FibreTemplateSource(kind="pennate", n_fibres=10, resolution=19).update().output
+    >>> fibres.GetNumberOfCells(), fibres.GetNumberOfPoints()
+    (10, 200)
+    """
+
+    kind = Parameter(str, default="parallel", choices=KINDS, doc="How the fibres run.")
+    n_fibres = Parameter(int, default=100, minimum=1, doc="Number of fibres.")
+    resolution = Parameter(int, default=15, minimum=1, doc="Segments of each fibre, one less than points.")
+
+    output = OutputPort(
+        vtkPolyData,
+        doc="Polylines from origin to insertion, with the point array ``t`` (0 at the origin, 1 at the "
+        "insertion), the cell arrays ``r``, ``s`` and ``FibreId``, and the field arrays ``OriginArea`` and "
+        "``InsertionArea``: corners (3 components) of the template's areas, four per area.",
+    )
+
+    def execute(self) -> vtkPolyData:
+        """Return the template."""
+        template = TEMPLATES[self.kind]
+        r, s = sobol_points(self.n_fibres).T
+        t = np.linspace(0.0, 1.0, self.resolution + 1)
+        points = template.fibres(r, s, t).reshape(-1, 3)
+        offsets = np.arange(0, len(points) + 1, len(t))
+        fibres = polylines_from(Polylines(points, offsets))
+        set_point_array(fibres, "t", np.tile(t, self.n_fibres))
+        set_cell_array(fibres, "r", r)
+        set_cell_array(fibres, "s", s)
+        set_cell_array(fibres, "FibreId", np.arange(self.n_fibres))
+        set_field_array(fibres, "OriginArea", template.origin_areas.reshape(-1, 3))
+        set_field_array(fibres, "InsertionArea", template.insertion_areas.reshape(-1, 3))
+        return fibres

@@ -1,0 +1,144 @@
+"""FibreTrimmer: let fibres end on the attachment areas."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+
+from vtkmuscle.core.mesh import edge_lengths, survey, unique_edges
+from vtkmuscle.core.patches import attachment_patch
+from vtkmuscle.core.trimming import EndArea, trim_fibres
+from vtkmuscle.filters.arrays import Polylines, checked_surface, field_array, polylines_of, with_polylines
+from vtkmuscle.filters.attachments import AttachmentArea, attachments_of
+from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.surface_distance import SurfaceDistance
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class FibreTrimmer(Filter):
+    """Let fibres end on the attachment areas, spread over them.
+
+    Near a wide attachment area, fibres from a template meet in a point or run along the area instead of
+    ending on it. So two planes perpendicular to the muscle's principal axis, each through the landmark of
+    its side that reaches furthest into the muscle, cut the ends of the fibres off, and straight segments to
+    places on the attachment areas replace them. Each fibre is given a place of its own near the ray along
+    which it left off. Less is cut from a fibre whose new segment would leave the muscle (by more than a
+    quarter of its mean edge length) or turn by more than 60 degrees. Where most fibres end on an area
+    anyway without meeting, as pennate ones do, those that do keep their end.
+
+    The axis is that of the fitted template where the fibres carry its field array ``Transform``, otherwise
+    the direction from the origin's to the insertion's centroid. Each fibre keeps its number of points,
+    spaced evenly along it; a point that would be outside of the muscle is moved to its surface.
+
+    Raises
+    ------
+    ValueError
+        If there are no fibres, or a fibre of one point; if the muscle is no closed triangle mesh; if a role
+        has no attachment area, an area is not on the muscle, or the axis is undefined because the centroids
+        of both sides coincide.
+
+    References
+    ----------
+    Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.4,
+    extended in doi:10.1007/978-3-642-38241-3_3.
+
+    Examples
+    --------
+    >>> from vtkmuscle.filters import FibreTemplateSource, FibreTrimmer, SliceMorpher, TemplateFitter
+    >>> from vtkmuscle.phantoms import spindle_over_hinge
+    >>> phantom = spindle_over_hinge()
+    >>> (name, muscle), = phantom.muscles.items()
+    >>> attachments = phantom.attachments[name]
+    >>> fitted = TemplateFitter()(FibreTemplateSource(n_fibres=20)(), muscle, attachments)
+    >>> fibres = SliceMorpher()(fitted, muscle, attachments)
+    >>> trimmed = FibreTrimmer()(fibres, muscle, attachments)
+    >>> trimmed.GetNumberOfCells(), trimmed.GetNumberOfPoints() == fibres.GetNumberOfPoints()
+    (20, True)
+    """
+
+    largest_cut = Parameter(
+        float,
+        default=0.4,
+        minimum=0.0,
+        maximum=0.5,
+        doc="Largest part of a fibre's length to cut off at either end: an area may reach so far along the "
+        "muscle that nothing would be left between the planes.",
+    )
+
+    fibres = InputPort(vtkPolyData, content="fibres", doc="Polylines from the origin to the insertion.")
+    muscle = InputPort(vtkPolyData, content="muscle", doc="The muscle's surface, triangles.")
+    attachments = InputPort(
+        vtkMultiBlockDataSet, content="attachments", doc="Areas of both roles, landmarks near the muscle."
+    )
+    output = OutputPort(
+        vtkPolyData, doc="The trimmed polylines, with the cell and field arrays of the input."
+    )
+
+    def execute(
+        self, fibres: vtkPolyData, muscle: vtkPolyData, attachments: vtkMultiBlockDataSet
+    ) -> vtkPolyData:
+        """Return the trimmed fibres."""
+        lines = polylines_of(fibres, "FibreTrimmer: fibres")
+        short = np.flatnonzero(np.diff(lines.offsets) < 2)
+        if len(short):
+            raise ValueError(f"FibreTrimmer: fibres: {len(short)} fibre(s) of one point, first {short[0]}")
+        points, triangles = checked_surface(muscle, "FibreTrimmer: muscle")
+        facts = survey(points, triangles)
+        if not facts.closed:
+            raise ValueError(
+                f"FibreTrimmer: muscle: the surface has {facts.n_boundary_edges} open edge(s), and so no "
+                "inside to keep fibres in; close its holes, and merge equal points (vtkCleanPolyData)"
+            )
+        areas = attachments_of(attachments, "FibreTrimmer: attachments")
+        origin = _end_area("origin", areas, points, triangles)
+        insertion = _end_area("insertion", areas, points, triangles)
+        self.report_progress(0.2)
+        mean_edge = float(edge_lengths(points, unique_edges(triangles)).mean())
+        trimmed = trim_fibres(
+            lines.points,
+            lines.offsets,
+            axis=_axis(fibres, origin, insertion),
+            origin=origin,
+            insertion=insertion,
+            into_muscle=SurfaceDistance(muscle).into,
+            tolerance=0.25 * mean_edge,
+            largest_cut=self.largest_cut,
+        )
+        return with_polylines(fibres, Polylines(trimmed, lines.offsets))
+
+
+def _end_area(role: str, areas: Sequence[AttachmentArea], points: Floats, triangles: Ints) -> EndArea:
+    mine = [area for area in areas if area.role == role]
+    if not mine:
+        raise ValueError(f"FibreTrimmer: attachments: there is no area with the role {role!r}")
+    patches = []
+    for number, area in enumerate(mine):
+        try:
+            patches.append(attachment_patch(points, triangles, area.landmarks, area.closed))
+        except ValueError as error:
+            raise ValueError(f"FibreTrimmer: attachments: {role} area {number}: {error}") from error
+    landmarks = np.vstack([area.landmarks for area in mine])
+    return EndArea(landmarks, points, triangles, np.unique(np.concatenate(patches)))
+
+
+def _axis(fibres: vtkPolyData, origin: EndArea, insertion: EndArea) -> Floats:
+    """Return the unit vector from the origin to the insertion."""
+    transform = field_array(fibres, "Transform")
+    if transform is not None and transform.size == 16:
+        # The template's cube has its origin area at z = 0 and its insertion area at z = 1.
+        axis = np.array(transform, dtype=np.float64).reshape(4, 4)[:3, 2]
+    else:
+        axis = insertion.landmarks.mean(axis=0) - origin.landmarks.mean(axis=0)
+    length = float(np.linalg.norm(axis))
+    if not np.isfinite(length) or length == 0.0:
+        raise ValueError(
+            "FibreTrimmer: the axis from the origin to the insertion has no direction: the centroids of the "
+            "areas coincide, or the field array 'Transform' of the fibres is singular"
+        )
+    return axis / length
