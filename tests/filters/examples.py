@@ -1,0 +1,138 @@
+"""A small example of everything that filters take, for the contract suite: found by a port's ``content``."""
+
+import numpy as np
+
+from vtkmuscle.core.rigid import RigidMotion, apply_transform
+from vtkmuscle.filters.arrays import (
+    Polylines,
+    blocks_of,
+    multiblock_from,
+    points_of,
+    polylines_from,
+    set_cell_array,
+    set_field_array,
+    set_point_array,
+    with_points,
+)
+from vtkmuscle.phantoms import spindle_over_hinge
+
+PHANTOM = spindle_over_hinge()
+#: Pipeline times that time-dependent examples announce.
+TIMES = (0.0, 2.0, 4.0)
+#: From the unit cube to the spindle's box, the template's bottom at the origin (above).
+BOX = np.array([[32.0, 0, 0, -16], [0, -32.0, 0, -16], [0, 0, -140.0, 80], [0, 0, 0, 1]])
+
+
+def rest_bones():
+    return deep_copy(PHANTOM.bones)
+
+
+def moving_bones(time=4.0):
+    transforms = PHANTOM.motion.at(time)
+    blocks = {}
+    for name, bone in blocks_of(PHANTOM.bones):
+        transform = transforms.get(name, np.eye(4))
+        blocks[name] = with_points(bone, apply_transform(transform, points_of(bone)))
+        set_field_array(blocks[name], "Transform", transform.reshape(16))
+    return multiblock_from(blocks)
+
+
+def muscle():
+    return deep_copy(PHANTOM.muscles["spindle"])
+
+
+def fixed_muscle():
+    """Return the muscle, its flat ends fixed to the bones that they lie on."""
+    surface = muscle()
+    z = points_of(surface)[:, 2]
+    fixed_to = np.select([z > 80 - 1e-9, z < -60 + 1e-9], [0, 1], default=-1)
+    set_point_array(surface, "FixedTo", fixed_to.astype(np.int32))
+    return surface
+
+
+def deformed_muscle():
+    """Return the muscle bent about x."""
+    points = points_of(PHANTOM.muscles["spindle"])
+    points[:, 1] -= 0.002 * (points[:, 2] - 80) ** 2
+    return with_points(muscle(), points)
+
+
+def attachments():
+    return deep_copy(PHANTOM.attachments["spindle"])
+
+
+def template():
+    """Return straight lines from the bottom of the unit cube to its top."""
+    corners = np.array([(0.0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
+    data = _lines([(x, y, 0.0) for x in (0.2, 0.5, 0.8) for y in (0.3, 0.7)], (0.0, 0.0, 1.0))
+    set_point_array(data, "t", np.tile(np.linspace(0, 1, 8), 6))
+    set_cell_array(data, "FibreId", np.arange(6))
+    set_field_array(data, "OriginArea", corners)
+    set_field_array(data, "InsertionArea", corners + np.array([0, 0, 1]))
+    return data
+
+
+def fitted_template():
+    data = template()
+    fitted = with_points(data, apply_transform(BOX, points_of(data)))
+    for name in ("OriginArea", "InsertionArea"):
+        corners = template_corners(data, name)
+        set_field_array(fitted, name, apply_transform(BOX, corners))
+    set_field_array(fitted, "Transform", BOX.reshape(16))
+    set_field_array(fitted, "FitError", 1.5)
+    return fitted
+
+
+def template_corners(data, name):
+    array = data.GetFieldData().GetArray(name)
+    return np.array([array.GetTuple(i) for i in range(array.GetNumberOfTuples())])
+
+
+def fibres():
+    """Return lines in the spindle from its origin to its insertion."""
+    turn = 2 * np.pi * np.arange(6) / 6
+    starts = np.column_stack([4 * np.cos(turn), 4 * np.sin(turn) - 32, np.full(6, 80.0)])
+    return _lines(starts, (0.0, 0.0, -140.0))
+
+
+def _lines(starts, direction, n_points=8):
+    along = np.linspace(0, 1, n_points)[None, :, None] * np.asarray(direction)
+    points = (np.asarray(starts, dtype=float)[:, None, :] + along).reshape(-1, 3)
+    return polylines_from(Polylines(points, np.arange(0, len(points) + 1, n_points)))
+
+
+EXAMPLES = {
+    "rest bones": rest_bones,
+    "moving bones": moving_bones,
+    "muscle": muscle,
+    "fixed muscle": fixed_muscle,
+    "deformed muscle": deformed_muscle,
+    "attachments": attachments,
+    "template": template,
+    "fitted template": fitted_template,
+    "fibres": fibres,
+}
+
+#: Contents that change with the pipeline's time.
+MOVING = {"moving bones": moving_bones}
+
+#: Values of parameters that are objects, by their class.
+OBJECTS = {RigidMotion: PHANTOM.motion}
+
+
+def example(content, time=None):
+    """Return a new data set of a content, at a time where it moves."""
+    if content not in EXAMPLES:
+        raise AssertionError(
+            f"no example of {content!r}: add an example to tests/filters/examples.py, so that the contract "
+            f"suite can run the filters that take it (there are: {', '.join(EXAMPLES)})"
+        )
+    if time is not None and content in MOVING:
+        return MOVING[content](time)
+    return EXAMPLES[content]()
+
+
+def deep_copy(data):
+    copy = data.NewInstance()
+    copy.DeepCopy(data)
+    return copy

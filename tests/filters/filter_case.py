@@ -1,0 +1,180 @@
+"""Filters under test: what they are run on, and what their outputs hold."""
+
+import hashlib
+import math
+
+import numpy as np
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
+from vtkmodules.vtkCommonCore import vtkAbstractArray, vtkStringArray
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
+
+from examples import OBJECTS, TIMES, deep_copy, example
+from vtkmuscle.filters.arrays import blocks_of, points_of, vtk_points
+from vtkmuscle.filters.base import Filter, announce_times
+from vtkmuscle.filters.parameters import InputPort, OutputPort
+
+#: Arrays that say how long the work took: they differ from run to run.
+TIMINGS = {"Milliseconds"}
+
+
+def digest(data):
+    """Return a hash of all that a data object holds, timings left out."""
+    hashed = hashlib.sha256(data.GetClassName().encode())
+    if isinstance(data, vtkMultiBlockDataSet):
+        for name, block in blocks_of(data):
+            hashed.update(f"{name}: {None if block is None else digest(block)}".encode())
+    else:
+        hashed.update(points_of(data).tobytes())
+        for cells in (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()):
+            for array in (cells.GetOffsetsArray(), cells.GetConnectivityArray()):
+                hashed.update(vtk_to_numpy(array).astype(np.int64).tobytes())
+        for attributes in (data.GetPointData(), data.GetCellData()):
+            _hash_arrays(hashed, attributes)
+    _hash_arrays(hashed, data.GetFieldData())
+    return hashed.hexdigest()
+
+
+def _hash_arrays(hashed, attributes):
+    for i in range(attributes.GetNumberOfArrays()):
+        array = attributes.GetAbstractArray(i)
+        if array.GetName() in TIMINGS:
+            continue
+        hashed.update(f"{array.GetName()} {array.GetClassName()} {array.GetNumberOfComponents()}".encode())
+        hashed.update(values_of(array).tobytes())
+
+
+def values_of(array: vtkAbstractArray):
+    if isinstance(array, vtkStringArray):
+        return np.array([array.GetValue(i) for i in range(array.GetNumberOfValues())])
+    return vtk_to_numpy(array)
+
+
+def leaves(data):
+    """Return the data sets in a data object."""
+    if isinstance(data, vtkMultiBlockDataSet):
+        return [leaf for _, block in blocks_of(data) if block is not None for leaf in leaves(block)]
+    return [data]
+
+
+def is_empty(data):
+    return data.GetNumberOfElements(vtkDataObject.POINT) == 0
+
+
+def poisoned(data):
+    """Return a copy whose first point is not a number."""
+    copy = deep_copy(data)
+    leaf = leaves(copy)[0]
+    points = points_of(leaf)
+    points[0] = math.nan
+    leaf.SetPoints(vtk_points(points))
+    return copy
+
+
+class Timed(VTKPythonAlgorithmBase):
+    """A source that announces time steps, and gives the example of a content at the time asked for."""
+
+    def __init__(self, port):
+        super().__init__(nInputPorts=0, nOutputPorts=1, outputType=port.type_name)
+        self.content = port.content
+
+    def RequestInformation(self, request, in_info, out_info):
+        announce_times(out_info.GetInformationObject(0), TIMES)
+        return 1
+
+    def RequestData(self, request, in_info, out_info):
+        info = out_info.GetInformationObject(0)
+        time = info.Get(self.GetExecutive().UPDATE_TIME_STEP())
+        output = info.Get(vtkDataObject.DATA_OBJECT())
+        output.ShallowCopy(example(self.content, TIMES[0] if time is None else time))
+        output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), TIMES[0] if time is None else time)
+        return 1
+
+
+class PassOn(Filter):
+    """Give the input on, whatever it is."""
+
+    anything = InputPort(vtkDataObject, content="anything", doc="Data.")
+    output = OutputPort(vtkPolyData, doc="The same.")
+
+    def execute(self, anything):
+        return anything if anything.IsA("vtkPolyData") else vtkPolyData()
+
+
+class Case:
+    """A filter class and what it is run on."""
+
+    def __init__(self, kind):
+        self.kind = kind
+        self.declarations = kind.parameter_declarations
+        self.ports = kind.input_ports
+
+    def parameters(self):
+        """Return values for the parameters that are objects; the others keep their defaults."""
+        return {
+            name: OBJECTS[declaration.kind]
+            for name, declaration in self.declarations.items()
+            if declaration.kind in OBJECTS
+        }
+
+    def inputs(self):
+        return [example(port.content) for port in self.ports]
+
+    def filter(self, *inputs, **parameters):
+        """Return a new filter, connected to data."""
+        new = self.kind(**{**self.parameters(), **parameters})
+        for port, data in enumerate(inputs):
+            new.connect(port, data)
+        return new
+
+    def timed(self):
+        """Return a new filter whose inputs announce time steps."""
+        return self.filter(*(Timed(port) for port in self.ports))
+
+    def reference(self):
+        return digests(self.filter(*self.inputs()))
+
+
+def digests(algorithm, **request):
+    """Bring a filter up to date, and return the hashes of its outputs."""
+    output = algorithm.update(**request).output
+    return [digest(data) for data in (output if isinstance(output, tuple) else (output,))]
+
+
+def results_digests(results):
+    return [digest(data) for data in (results if isinstance(results, tuple) else (results,))]
+
+
+def count_executions(algorithm):
+    """Return a list that grows with each execution of the filter."""
+    calls, execute = [], algorithm.execute
+
+    def counted(*inputs):
+        calls.append(len(calls))
+        return execute(*inputs)
+
+    algorithm.execute = counted
+    return calls
+
+
+def other_value(declaration, value):
+    """Return an allowed value that differs from the one given, or that one if it is the only choice."""
+    if declaration.choices:
+        return next((choice for choice in declaration.choices if choice != value), value)
+    if declaration.kind is bool:
+        return not value
+    if declaration.kind is tuple:
+        return tuple(component + 1.0 for component in value)
+    if declaration.kind is str:
+        return f"{value} too"
+    if declaration.kind not in (int, float):
+        return OBJECTS[declaration.kind] if value is None else None
+    start = value if value is not None else (declaration.minimum or 0)
+    candidates = [start + 1, start - 1, start / 2 if declaration.kind is float else start]
+    for candidate in candidates:
+        try:
+            if declaration.check(declaration.kind(candidate), "") != value:
+                return declaration.kind(candidate)
+        except ValueError:
+            continue
+    raise AssertionError(f"no other value found for {declaration.name}")

@@ -1,0 +1,113 @@
+"""What importing the package brings in, seen in child processes."""
+
+import json
+import pkgutil
+import subprocess
+import sys
+from functools import cache
+
+import pytest
+
+import vtkmuscle
+import vtkmuscle.core
+import vtkmuscle.filters
+
+HEAVY = {"vtk", "vtkmodules", "pyvista", "numba", "scipy", "matplotlib", "typer", "rich"}
+REPORT = """
+import importlib, json, sys
+for name in {names!r}:
+    importlib.import_module(name)
+print(json.dumps(sorted(sys.modules)))
+"""
+
+
+EACH_FIRST = """
+import importlib, sys
+for first in {names!r}:
+    for name in [name for name in sys.modules if name.partition(".")[0] == "vtkmuscle"]:
+        del sys.modules[name]
+    try:
+        importlib.import_module(first)
+    except ImportError as error:
+        raise SystemExit(f"{{first}}: {{error!r}}")
+"""
+
+
+def in_a_child_process(script):
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@cache
+def modules_after_importing(*names):
+    """Return the names of all modules in a child process that imported some."""
+    return json.loads(in_a_child_process(REPORT.format(names=list(names))))
+
+
+def packages(modules):
+    return {name.partition(".")[0] for name in modules}
+
+
+def modules_in(package):
+    return [package.__name__] + [
+        module.name for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
+    ]
+
+
+def test_importing_vtkmuscle_imports_nothing_heavy():
+    assert not packages(modules_after_importing("vtkmuscle")) & HEAVY
+
+
+def test_importing_vtkmuscle_adds_a_handful_of_modules():
+    # A count of modules is what an import costs, and unlike a time is the same on every machine.
+    added = set(modules_after_importing("vtkmuscle")) - set(modules_after_importing("importlib"))
+    assert len(added) < 20, sorted(added)
+
+
+def test_the_command_line_says_its_version_without_vtk():
+    loaded = packages(modules_after_importing("vtkmuscle.cli"))
+    assert not loaded & {"vtk", "vtkmodules", "pyvista", "numba"}
+
+
+@pytest.mark.parametrize("forbidden", ["vtk", "vtkmodules", "pyvista"])
+def test_the_core_imports_no(forbidden):
+    assert forbidden not in packages(modules_after_importing(*modules_in(vtkmuscle.core)))
+
+
+@pytest.mark.parametrize("forbidden", ["pyvista", "matplotlib", "vtk"])
+def test_the_filters_import_no(forbidden):
+    assert forbidden not in packages(modules_after_importing(*modules_in(vtkmuscle.filters)))
+
+
+def test_filters_import_only_the_vtk_modules_that_they_use():
+    loaded = modules_after_importing(*modules_in(vtkmuscle.filters))
+    assert not [name for name in loaded if name.startswith("vtkmodules.vtkRendering")]
+
+
+def test_the_core_does_not_know_the_filters():
+    loaded = modules_after_importing(*modules_in(vtkmuscle.core))
+    ours = {name for name in loaded if name.startswith("vtkmuscle.")}
+    assert not {name for name in ours if not name.startswith("vtkmuscle.core")}
+
+
+def test_the_filters_do_not_know_what_is_above_them():
+    loaded = modules_after_importing(*modules_in(vtkmuscle.filters))
+    above = {name for name in loaded if name.startswith("vtkmuscle.")}
+    assert not {name for name in above if not name.startswith(("vtkmuscle.core", "vtkmuscle.filters"))}
+
+
+def test_every_module_can_be_imported_first():
+    # A circular import shows only where its modules are imported in one order and not in the other.
+    names = [name for name in modules_in(vtkmuscle) if not name.endswith("__main__")]
+    in_a_child_process(EACH_FIRST.format(names=names))
+
+
+@pytest.mark.parametrize("name", vtkmuscle.__all__)
+def test_public_name_exists(name):
+    assert getattr(vtkmuscle, name) is not None
+
+
+def test_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no_such_name"):
+        vtkmuscle.no_such_name  # noqa: B018

@@ -1,0 +1,291 @@
+"""Phantoms: sound surfaces, attached muscles, and the answers that they promise."""
+
+import numpy as np
+import pytest
+from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
+
+from vtkmuscle.core.mesh import survey
+from vtkmuscle.core.rigid import apply_transform, is_rigid
+from vtkmuscle.filters.arrays import blocks_of, points_of, triangles_of
+from vtkmuscle.filters.attachments import attachments_of
+from vtkmuscle.phantoms import hip, pennate_block, spindle_over_hinge, wrapping_cylinder
+from vtkmuscle.phantoms.hip_bones import femur
+from vtkmuscle.phantoms.implicit import ball, thick_curve, thick_sheet
+from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution
+
+PHANTOMS = [spindle_over_hinge, wrapping_cylinder, pennate_block, hip]
+every_phantom = pytest.mark.parametrize("make", PHANTOMS, ids=lambda make: make.__name__)
+
+
+def mesh(surface):
+    return points_of(surface), triangles_of(surface, "phantom")
+
+
+def surfaces(phantom):
+    return {**dict(blocks_of(phantom.bones)), **phantom.muscles}
+
+
+def signed_distances(points, surface):
+    """Distances [mm] to a closed surface, negative inside."""
+    distance = vtkImplicitPolyDataDistance()
+    distance.SetInput(surface)
+    return np.array([distance.EvaluateFunction(point) for point in points])
+
+
+def smallest_angles(points, triangles):
+    corners = points[triangles]
+    angles = []
+    for i in range(3):
+        a, b = corners[:, (i + 1) % 3] - corners[:, i], corners[:, (i + 2) % 3] - corners[:, i]
+        angles.append(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.sum(a * b, axis=1))))
+    return np.min(angles, axis=0)
+
+
+@every_phantom
+def test_surfaces_are_closed_manifold_and_face_outward(make):
+    for name, surface in surfaces(make()).items():
+        report = survey(*mesh(surface))
+        assert report.closed, name
+        assert report.manifold, name
+        assert report.oriented, name
+        assert report.volume > 0, name
+        assert (report.n_components, report.n_unused_points, report.n_degenerate_triangles) == (1, 0, 0), name
+
+
+@every_phantom
+def test_triangles_are_no_slivers(make):
+    for name, surface in surfaces(make()).items():
+        angles = smallest_angles(*mesh(surface))
+        assert angles.min() > 10, name
+        assert np.median(angles) > 35, name
+
+
+@every_phantom
+def test_muscles_do_not_enter_bones(make):
+    phantom = make()
+    for name, muscle in phantom.muscles.items():
+        for bone, surface in blocks_of(phantom.bones):
+            depth = -signed_distances(points_of(muscle), surface).min()
+            assert depth < 0.5, f"{name} is {depth:.2f} mm deep in {bone}"
+
+
+@every_phantom
+def test_landmarks_lie_on_bone_and_muscle(make):
+    phantom = make()
+    bones = dict(blocks_of(phantom.bones))
+    for name, muscle in phantom.muscles.items():
+        areas = attachments_of(phantom.attachments[name], name)
+        assert {area.role for area in areas} == {"origin", "insertion"}
+        for area in areas:
+            assert len(area.landmarks) >= 6
+            assert np.abs(signed_distances(area.landmarks, bones[area.bone])).max() < 0.8, (name, area.role)
+            assert np.abs(signed_distances(area.landmarks, muscle)).max() < 3.0, (name, area.role)
+            assert np.abs(signed_distances(area.landmarks, muscle)).mean() < 1.5, (name, area.role)
+
+
+@every_phantom
+def test_each_part_belongs_together(make):
+    phantom = make()
+    assert set(phantom.attachments) == set(phantom.templates) == set(phantom.muscles)
+    assert set(phantom.motion.transforms) < {name for name, _ in blocks_of(phantom.bones)}
+    assert phantom.motion.times[0] == 0.0
+    for transform in phantom.motion.at(0.0).values():
+        np.testing.assert_allclose(transform, np.eye(4), atol=1e-12)
+
+
+@every_phantom
+def test_each_call_gives_data_of_its_own(make):
+    first, second = make(), make()
+    for name, surface in surfaces(first).items():
+        surface.GetPoints().SetPoint(0, 1e6, 0.0, 0.0)
+        assert surfaces(second)[name].GetPoint(0)[0] < 1e5
+        assert surfaces(make())[name].GetPoint(0)[0] < 1e5
+
+
+@every_phantom
+def test_bones_do_not_meet_as_they_move(make):
+    phantom = make()
+    (moving,) = phantom.motion.transforms
+    bones = dict(blocks_of(phantom.bones))
+    points = points_of(bones.pop(moving))
+    for time in (phantom.motion.times[0], phantom.motion.times[-1]):
+        moved = apply_transform(phantom.motion.at(time)[moving], points)
+        for name, surface in bones.items():
+            assert signed_distances(moved[::5], surface).min() > 0, f"{moving} enters {name} at {time:g}"
+
+
+# -------------------------------------------------------------------- spindle over a hinge
+
+
+def test_spindle_has_its_volume(spindle):
+    muscle = spindle.muscles["spindle"]
+    assert survey(*mesh(muscle)).volume == pytest.approx(spindle.known["volume"], rel=1e-12)
+    s = np.linspace(0, 1, 10001)
+    smooth = np.pi * 140 * np.trapezoid((7 + 9 * np.sin(np.pi * s) ** 2) ** 2, s)
+    assert spindle.known["volume"] == pytest.approx(smooth, rel=0.015)
+
+
+def test_spindle_length_is_that_between_its_moved_attachments(spindle):
+    origin, insertion = attachments_of(spindle.attachments["spindle"], "spindle")
+    for angle in spindle.motion.times:
+        moved = apply_transform(spindle.motion.at(angle)["distal"], insertion.landmarks)
+        length = np.linalg.norm(moved.mean(axis=0) - origin.landmarks.mean(axis=0))
+        assert spindle.known["length"](angle) == pytest.approx(length, rel=1e-12)
+
+
+def test_spindle_moment_arm_is_the_derivative_of_its_length(spindle):
+    length, step = spindle.known["length"], 1e-4
+    for angle in (0.0, 17.0, 40.0):
+        slope = (length(angle + step) - length(angle - step)) / (2 * np.radians(step))
+        assert spindle.known["moment_arm"](angle) == pytest.approx(-slope, rel=1e-6)
+
+
+# -------------------------------------------------------------------- strap on a cylinder
+
+
+def test_strap_lies_on_the_cylinder(cylinder):
+    points = points_of(cylinder.muscles["strap"])
+    radius = np.hypot(points[:, 1], points[:, 2])
+    wrapped = (points[:, 1] > 5) & (points[:, 2] > 0)
+    assert radius[wrapped].min() == pytest.approx(25.0, abs=0.05)
+    assert radius[wrapped].max() == pytest.approx(35.0, abs=0.05)
+
+
+def test_strap_moment_arm_is_the_derivative_of_its_length(cylinder):
+    length = cylinder.known["length"]
+    slope = (length(20.0) - length(10.0)) / np.radians(10.0)
+    assert cylinder.known["moment_arm"] == pytest.approx(-slope, rel=1e-12)
+
+
+def test_strap_is_wound_up_as_the_cylinder_turns(cylinder):
+    _, insertion = attachments_of(cylinder.attachments["strap"], "strap")
+    transform = cylinder.motion.at(40.0)["pulley"]
+    start = insertion.landmarks[[0, -1]].mean(axis=0)
+    moved = apply_transform(transform, start[None])[0]
+    turn = np.degrees(np.arctan2(moved[1], moved[2]) - np.arctan2(start[1], start[2]))
+    assert turn == pytest.approx(40.0, abs=1e-9)
+
+
+# -------------------------------------------------------------------- pennate block
+
+
+def test_block_agrees_with_the_pennate_template(block):
+    from vtkmuscle.core.templates import TEMPLATES
+
+    (muscle,) = block.muscles.values()
+    points = points_of(muscle)
+    ends = TEMPLATES["pennate"].fibres([0.1, 0.5, 0.9], [0.2, 0.5, 0.8], [0.0, 1.0]) * np.ptp(points, axis=0)
+    along = ends[:, 1] - ends[:, 0]
+    lengths = np.linalg.norm(along, axis=1)
+    np.testing.assert_allclose(lengths, block.known["fibre_length"], rtol=1e-12)
+    np.testing.assert_allclose(np.degrees(np.arccos(along[:, 2] / lengths)), block.known["pennation"])
+
+
+def test_block_has_its_volume(block):
+    assert survey(*mesh(block.muscles["block"])).volume == pytest.approx(block.known["volume"], rel=1e-12)
+
+
+# -------------------------------------------------------------------- hip
+
+
+def test_hip_has_the_sizes_that_the_demo_needs(hip):
+    for name, surface in surfaces(hip).items():
+        low, high = (1500, 3100) if name in hip.muscles else (5000, 15000)
+        assert low <= surface.GetNumberOfCells() <= high, name
+
+
+def test_hip_is_of_an_adults_size(hip):
+    volumes = {name: survey(*mesh(surface)).volume / 1000 for name, surface in surfaces(hip).items()}
+    # Cubic centimetres; living adults have about 850 (maximus), 320 (medius), 180 (iliacus).
+    assert 400 < volumes["gluteus_maximus"] < 1000
+    assert 120 < volumes["gluteus_medius"] < 400
+    assert 80 < volumes["iliacus"] < 250
+
+
+def test_femoral_head_is_a_ball_about_the_origin(hip):
+    points = points_of(dict(blocks_of(hip.bones))["femur"])
+    # Away from the neck, which leaves the head to the side (-x).
+    head = points[(points[:, 0] > 8) & (np.linalg.norm(points, axis=1) < 30)]
+    assert len(head) > 100
+    np.testing.assert_allclose(np.linalg.norm(head, axis=1), hip.known["head_radius"], atol=0.3)
+
+
+def test_femur_flexes_forward_and_up(hip):
+    knee = np.array([[-32.0, 4.0, -240.0]])
+    moved = apply_transform(hip.motion.at(90.0)["femur"], knee)[0]
+    assert is_rigid(hip.motion.at(90.0)["femur"])
+    assert moved[1] < -200
+    assert abs(moved[2]) < 10
+    assert moved[0] == pytest.approx(knee[0, 0])
+
+
+def test_gluteus_maximus_has_an_open_insertion(hip):
+    kinds = {
+        (name, area.role): area.closed
+        for name, data in hip.attachments.items()
+        for area in attachments_of(data, name)
+    }
+    assert [key for key, closed in kinds.items() if not closed] == [("gluteus_maximus", "insertion")]
+
+
+def test_iliacus_passes_in_front_of_the_femoral_head(hip):
+    points = points_of(hip.muscles["iliacus"])
+    at_the_joint = points[np.abs(points[:, 2]) < 15]
+    assert at_the_joint[:, 1].max() < -hip.known["head_radius"]
+
+
+def test_muscles_do_not_enter_each_other(hip):
+    depth = -signed_distances(points_of(hip.muscles["gluteus_maximus"]), hip.muscles["gluteus_medius"]).min()
+    assert depth < 0.5
+
+
+# -------------------------------------------------------------------- how they are made
+
+
+def test_gradient_of_a_field_agrees_with_finite_differences(rng):
+    solid = ball((0, 0, 0), 10.0).joined(thick_curve([(0, 0, 0), (20, 3, 5), (35, 0, 0)], [5, 4, 6]), 5.0)
+    solid = solid.without(ball((10, 8, 0), 6.0), 3.0)
+    points = solid.projected(rng.uniform((-10, -10, -10), (38, 10, 10), (200, 3)))
+    points = points[np.abs(solid.values(points)) < 1e-6]
+    _, slope = solid.field(points)
+    for axis in range(3):
+        step = 1e-5 * np.eye(3)[axis]
+        difference = (solid.values(points + step) - solid.values(points - step)) / 2e-5
+        np.testing.assert_allclose(slope[:, axis], difference, atol=0.05)
+
+
+def test_projected_points_lie_on_the_surface(rng):
+    solid = femur()
+    points = solid.projected(rng.normal((-50, 8, -100), 10.0, (100, 3)), steps=8)
+    assert np.abs(solid.values(points)).max() < 1e-3
+
+
+def test_thick_curve_of_two_equal_ends_is_a_capsule():
+    solid = thick_curve([(0, 0, 0), (30, 0, 0)], [6.0, 6.0])
+    report = survey(*mesh_of(solid, 1.5, 4000))
+    assert report.volume == pytest.approx(np.pi * 36 * 30 + 4 / 3 * np.pi * 216, rel=0.015)
+
+
+def test_thick_sheet_has_its_thickness():
+    knots = [[(x, y, 0.0) for y in (0, 20, 40)] for x in (0, 30, 60)]
+    solid = thick_sheet(knots, np.full((3, 3), 4.0))
+    values = solid.values(np.array([(30.0, 20.0, z) for z in (0.0, 4.0, 6.0)]))
+    np.testing.assert_allclose(values, [-4.0, 0.0, 2.0], atol=1e-9)
+
+
+def test_solid_of_revolution_is_a_prism_where_its_radius_is_constant():
+    report = survey(*solid_of_revolution([0.0, 4.0, 10.0], [3.0, 3.0, 3.0], 12))
+    assert report.volume == pytest.approx(10 * 6 * 9 * np.sin(np.pi / 6), rel=1e-12)
+    assert report.closed
+    assert report.oriented
+
+
+def test_box_has_its_corners_volume_and_spacing():
+    points, triangles = box((1, 2, 3), (4, 8, 13), 2.0)
+    report = survey(points, triangles)
+    assert report.volume == pytest.approx(3 * 6 * 10, rel=1e-12)
+    assert report.closed
+    np.testing.assert_array_equal(points.min(axis=0), [1, 2, 3])
+    np.testing.assert_array_equal(points.max(axis=0), [4, 8, 13])
+    edges = points[triangles] - np.roll(points[triangles], 1, axis=1)
+    assert np.linalg.norm(edges, axis=2).max() <= 2 * np.sqrt(2) + 1e-12

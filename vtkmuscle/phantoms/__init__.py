@@ -1,0 +1,11 @@
+"""Procedural muscles and joints with known answers: the embedded data, made when asked for."""
+
+from __future__ import annotations
+
+from vtkmuscle.phantoms.cylinder_wrap import wrapping_cylinder
+from vtkmuscle.phantoms.hinge_spindle import spindle_over_hinge
+from vtkmuscle.phantoms.hip_joint import hip
+from vtkmuscle.phantoms.pennation import pennate_block
+from vtkmuscle.phantoms.phantom import Phantom
+
+__all__ = ["Phantom", "hip", "pennate_block", "spindle_over_hinge", "wrapping_cylinder"]

@@ -1,0 +1,228 @@
+"""Smooth solids as implicit fields: balls, thick curves and thick sheets, blended and cut.
+
+A :class:`Solid` is a field that is negative inside, zero on the surface, and nowhere steeper than a distance;
+it comes with its gradient and with a box that holds the surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import make_interp_spline
+from scipy.spatial import cKDTree
+
+Floats = NDArray[np.float64]
+
+#: Farther than this from the box of a curve or sheet [mm], the distance to the box stands for its field.
+REACH = 16.0
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A solid given by an implicit field.
+
+    Attributes
+    ----------
+    field : callable
+        From points (n, 3) to values (n,) [mm] and gradients (n, 3) [1].
+    lower, upper : (3,) float array
+        A box that holds the solid [mm].
+    """
+
+    field: Callable[[Floats], tuple[Floats, Floats]]
+    lower: Floats
+    upper: Floats
+
+    def values(self, points: Floats) -> Floats:
+        """Return the field at points: negative inside, at most the distance to the surface outside [mm]."""
+        return self.field(points)[0]
+
+    def joined(self, other: Solid, blend: float) -> Solid:
+        """Return the union with another solid, the crease filled over a width ``blend`` [mm]."""
+
+        def field(points: Floats) -> tuple[Floats, Floats]:
+            return smooth_minimum(self.field(points), other.field(points), blend)
+
+        return Solid(field, np.minimum(self.lower, other.lower), np.maximum(self.upper, other.upper))
+
+    def without(self, other: Solid, blend: float, gap: float = 0.0) -> Solid:
+        """Return this solid minus another grown by ``gap`` [mm], the new rim rounded over ``blend`` [mm]."""
+
+        def field(points: Floats) -> tuple[Floats, Floats]:
+            value, slope = self.field(points)
+            cut, cut_slope = other.field(points)
+            value, slope = smooth_minimum((-value, -slope), (cut - gap, cut_slope), blend)
+            return -value, -slope
+
+        return Solid(field, self.lower, self.upper)
+
+    def beside(self, centre: ArrayLike, normal: ArrayLike, blend: float) -> Solid:
+        """Return what lies behind a plane, against its normal, the rim rounded over ``blend`` [mm]."""
+        c, n = _vector(centre), _vector(normal)
+        n = n / np.linalg.norm(n)
+
+        def half_space(points: Floats) -> tuple[Floats, Floats]:
+            return (c - points) @ n, np.tile(-n, (len(points), 1))
+
+        return self.without(Solid(half_space, self.lower, self.upper), blend)
+
+    def projected(self, points: Floats, *, steps: int = 3) -> Floats:
+        """Return points moved onto the surface along the gradient, by Newton steps."""
+        for _ in range(steps):
+            value, slope = self.field(points)
+            squared = np.maximum(np.einsum("ij,ij->i", slope, slope), 0.04)
+            points = points - (value / squared)[:, None] * slope
+        return points
+
+
+def smooth_minimum(
+    first: tuple[Floats, Floats], second: tuple[Floats, Floats], blend: float
+) -> tuple[Floats, Floats]:
+    """Return the smaller of two fields, rounded where they differ by less than ``blend`` [mm].
+
+    min(a, b) - max(k - |a - b|, 0)^2 / 4k: the quadratic form of I. Quilez,
+    https://iquilezles.org/articles/smin/, once differentiable.
+    """
+    (a, slope_a), (b, slope_b) = first, second
+    overlap = np.maximum(1.0 - np.abs(a - b) / blend, 0.0) if blend > 0 else np.zeros_like(a)
+    share = np.where(a < b, overlap / 2.0, 1.0 - overlap / 2.0)[:, None]
+    value: Floats = np.minimum(a, b) - blend * overlap * overlap / 4.0
+    slope: Floats = (1.0 - share) * slope_a + share * slope_b
+    return value, slope
+
+
+def union(solids: Sequence[Solid], blend: float) -> Solid:
+    """Return the union of solids, blended one after the other [mm]."""
+    return reduce(lambda one, other: one.joined(other, blend), solids)
+
+
+def ball(centre: ArrayLike, radius: float) -> Solid:
+    """Return a ball [mm]."""
+    c = _vector(centre)
+
+    def field(points: Floats) -> tuple[Floats, Floats]:
+        return _distance(points - c, radius)
+
+    return Solid(field, c - radius, c + radius)
+
+
+def thick_curve(knots: ArrayLike, radii: ArrayLike, *, spacing: float = 3.0) -> Solid:
+    """Return a tube of varying radius about a smooth curve, with round ends.
+
+    Parameters
+    ----------
+    knots : (k, 3) array_like
+        Points that the centre line passes through, k >= 2 [mm].
+    radii : (k,) array_like
+        Radius at each [mm].
+    spacing : float
+        Distance of samples on the centre line [mm].
+
+    Returns
+    -------
+    Solid
+        The union of the balls on the centre line.
+    """
+    nodes = np.column_stack([_vector(knots), _vector(radii)])
+    return _thickened(nodes[:, None, :], spacing)
+
+
+def thick_sheet(knots: ArrayLike, half_thickness: ArrayLike, *, spacing: float = 3.0) -> Solid:
+    """Return the solid within a varying distance of a smooth sheet, with round rims.
+
+    Parameters
+    ----------
+    knots : (k, l, 3) array_like
+        A net of points that the sheet passes through, k, l >= 2 [mm].
+    half_thickness : (k, l) array_like
+        At each [mm].
+    spacing : float
+        Distance of samples on the sheet [mm].
+
+    Returns
+    -------
+    Solid
+        The union of the balls on the sheet.
+    """
+    return _thickened(np.dstack([_vector(knots), _vector(half_thickness)]), spacing)
+
+
+def spline_net(nodes: Floats, rows: ArrayLike, columns: ArrayLike) -> Floats:
+    """Return a net interpolated by cubic splines (of lower degree where it has few nodes).
+
+    Parameters
+    ----------
+    nodes : (k, l, c) array
+        Values at the parameters 0 ... 1 by rows and columns, evenly spaced.
+    rows, columns : (a,), (b,) array_like
+        Parameters in [0, 1].
+
+    Returns
+    -------
+    (a, b, c) array
+        Values at the parameters.
+    """
+    for axis, parameters in ((0, rows), (1, columns)):
+        count = nodes.shape[axis]
+        if count > 1:
+            spline = make_interp_spline(np.linspace(0, 1, count), nodes, k=min(3, count - 1), axis=axis)
+            nodes = spline(_vector(parameters))
+    return nodes
+
+
+def _thickened(nodes: Floats, spacing: float) -> Solid:
+    """Return the union of the balls on a net of (x, y, z, radius), one column wide for a curve.
+
+    The ball that decides is the one of least power |p - c|^2 - r^2. With w^2 = R^2 - r^2, R above all
+    radii, that is the nearest to (p, 0) of all (c, w) in four dimensions: a search tree finds it.
+    """
+    counts = [_sample_count(nodes, axis, spacing) for axis in (0, 1)]
+    samples = spline_net(nodes, *(np.linspace(0, 1, count) for count in counts))
+    radii = samples[..., 3].copy()
+    lifted_radius = 1.25 * float(radii.max())
+    samples[..., 3] = np.sqrt(lifted_radius**2 - radii**2)
+    # Each sample stands for the flat piece of the net around it: up to half way to its neighbours.
+    steps = [np.gradient(samples, axis=axis) if counts[axis] > 1 else 0.0 * samples for axis in (0, 1)]
+    tangents = np.stack(steps, axis=-1).reshape(-1, 4, 2)
+    inverses = np.linalg.pinv(tangents)
+    index = np.stack(np.meshgrid(*(np.arange(count) for count in counts), indexing="ij"), axis=-1)
+    low = np.where(index == 0, 0.0, -0.6).reshape(-1, 2)
+    high = np.where(index == np.array(counts) - 1, 0.0, 0.6).reshape(-1, 2)
+    centres = samples.reshape(-1, 4)
+    lower = (centres[:, :3] - radii.reshape(-1, 1)).min(axis=0)
+    upper = (centres[:, :3] + radii.reshape(-1, 1)).max(axis=0)
+    tree = cKDTree(centres)
+
+    def field(points: Floats) -> tuple[Floats, Floats]:
+        value, slope = _distance(points - np.clip(points, lower, upper), 0.0)
+        near = np.flatnonzero(value < REACH)
+        lifted = np.column_stack([points[near], np.zeros(len(near))])
+        i = tree.query(lifted)[1]
+        away = lifted - centres[i]
+        local = np.clip(np.einsum("nij,nj->ni", inverses[i], away), low[i], high[i])
+        away -= np.einsum("nij,nj->ni", tangents[i], local)
+        radius = np.sqrt(np.maximum(lifted_radius**2 - away[:, 3] ** 2, 0.0))
+        value[near], slope[near] = _distance(away[:, :3], radius)
+        return value, slope
+
+    return Solid(field, lower, upper)
+
+
+def _distance(away: Floats, radius: float | Floats) -> tuple[Floats, Floats]:
+    lengths = np.linalg.norm(away, axis=1)
+    return lengths - radius, away / np.maximum(lengths, 1e-12)[:, None]
+
+
+def _sample_count(nodes: Floats, axis: int, spacing: float) -> int:
+    if nodes.shape[axis] == 1:
+        return 1
+    lengths = np.linalg.norm(np.diff(nodes[..., :3], axis=axis), axis=-1).sum(axis=axis)
+    return max(2 * int(nodes.shape[axis]), int(np.ceil(lengths.max() / spacing)) + 1)
+
+
+def _vector(value: ArrayLike) -> Floats:
+    return np.asarray(value, dtype=np.float64)

@@ -1,0 +1,211 @@
+"""Even triangle meshes of implicit solids, of solids of revolution and of boxes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array, csr_array
+from vtkmodules.vtkCommonDataModel import vtkImageData
+from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkQuadricDecimation
+
+from vtkmuscle.core.mesh import unique_edges, vertex_normals
+from vtkmuscle.filters.arrays import points_of, set_point_array, surface_from, triangles_of
+from vtkmuscle.phantoms.implicit import Solid
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def mesh_of(solid: Solid, spacing: float, n_triangles: int, *, passes: int = 8) -> tuple[Floats, Ints]:
+    """Return the surface of a solid as even triangles, closed, manifold, facing outward.
+
+    Isosurface on a grid, decimated, then relaxed along the surface of the solid.
+
+    Parameters
+    ----------
+    solid : Solid
+        What to mesh.
+    spacing : float
+        Of the grid [mm]; nowhere should the solid be thinner.
+    n_triangles : int
+        About how many triangles are wanted, fewer than the grid gives.
+    passes : int
+        Number of relaxation passes.
+
+    Returns
+    -------
+    points : (n, 3) array
+        On the surface [mm].
+    triangles : (m, 3) int array
+        Point ids.
+    """
+    points, triangles = _decimated(*_isosurface(solid, spacing), n_triangles)
+    average = _neighbour_average(triangles, len(points))
+    for _ in range(passes):
+        shift = 0.7 * (average @ points - points)
+        normals = vertex_normals(points, triangles)
+        shift -= np.einsum("ij,ij->i", shift, normals)[:, None] * normals
+        points = solid.projected(points + shift, steps=1)
+    return solid.projected(points, steps=2), triangles
+
+
+def _isosurface(solid: Solid, spacing: float) -> tuple[Floats, Ints]:
+    values, origin = _sampled(solid, spacing)
+    image = vtkImageData()
+    image.SetDimensions(*values.shape)
+    image.SetOrigin(*origin)
+    image.SetSpacing(spacing, spacing, spacing)
+    # The isosurface faces where values fall: turn them over, so that it faces outward.
+    set_point_array(image, "inside", -values.ravel(order="F"))
+    image.GetPointData().SetActiveScalars("inside")
+    contour = vtkFlyingEdges3D()
+    contour.SetInputData(image)
+    contour.SetValue(0, 0.0)
+    contour.ComputeNormalsOff()
+    contour.ComputeScalarsOff()
+    contour.Update()
+    surface = contour.GetOutput()
+    return points_of(surface), triangles_of(surface, "phantom")
+
+
+def _sampled(solid: Solid, spacing: float) -> tuple[Floats, Floats]:
+    """Return the field on a grid, computed only near the surface; elsewhere its sign is right."""
+    stride = 4
+    origin = solid.lower - 1.5 * spacing
+    coarse_shape = np.ceil((solid.upper - solid.lower + 3.0 * spacing) / (stride * spacing)).astype(int) + 1
+    coarse = solid.values(_grid(origin, coarse_shape, stride * spacing).reshape(-1, 3)).reshape(coarse_shape)
+    shape = stride * (coarse_shape - 1) + 1
+    nearest = [(np.arange(count) + stride // 2) // stride for count in shape]
+    fine: Floats = coarse[np.ix_(*nearest)]
+    # Fields are no steeper than a distance, the coarse point is at most half a stride away per axis, and
+    # what counts is at most one edge from the surface.
+    near = np.abs(fine) < (stride / 2.0 * np.sqrt(3.0) + 1.5) * spacing
+    fine[near] = solid.values(_grid(origin, shape, spacing)[near])
+    return fine, origin
+
+
+def _grid(origin: Floats, shape: NDArray[np.int_], spacing: float) -> Floats:
+    axes = [origin[i] + spacing * np.arange(shape[i]) for i in range(3)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+
+
+def _decimated(points: Floats, triangles: Ints, n_triangles: int) -> tuple[Floats, Ints]:
+    decimation = vtkQuadricDecimation()
+    decimation.SetInputData(surface_from(points, triangles))
+    decimation.SetTargetReduction(max(0.0, 1.0 - n_triangles / len(triangles)))
+    # Without it, flat parts collapse in any order and leave slivers.
+    decimation.RegularizeOn()
+    decimation.Update()
+    surface = decimation.GetOutput()
+    return points_of(surface), triangles_of(surface, "phantom")
+
+
+def _neighbour_average(triangles: Ints, n_points: int) -> csr_array:
+    edges = unique_edges(triangles)
+    ends = np.vstack([edges, edges[:, ::-1]])
+    counts = np.bincount(ends[:, 0], minlength=n_points)
+    return coo_array((1.0 / counts[ends[:, 0]], (ends[:, 0], ends[:, 1])), shape=(n_points,) * 2).tocsr()
+
+
+def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tuple[Floats, Ints]:
+    """Return a stack of regular polygons about the z axis, with flat ends.
+
+    Parameters
+    ----------
+    heights : (k,) array_like
+        Ascending, where the polygons lie [mm].
+    radii : (k,) array_like
+        Of their circumscribed circles [mm].
+    sides : int
+        Of the polygons, a multiple of 6: the ends are hexagonal patterns of even triangles.
+
+    Returns
+    -------
+    points : (n, 3) array
+        Positions [mm].
+    triangles : (m, 3) int array
+        Point ids, facing outward.
+    """
+    z, r = np.asarray(heights, dtype=np.float64), np.asarray(radii, dtype=np.float64)
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    rings = np.empty((len(z), sides, 3))
+    rings[..., 0], rings[..., 1] = np.outer(r, np.cos(angles)), np.outer(r, np.sin(angles))
+    rings[..., 2] = z[:, None]
+    number = np.arange(len(z) * sides).reshape(len(z), sides)
+    a, b = number[:-1], np.roll(number[:-1], -1, axis=1)
+    d, c = number[1:], np.roll(number[1:], -1, axis=1)
+    falling = (np.add.outer(np.arange(len(z) - 1), np.arange(sides)) % 2)[..., None, None] == 0
+    one = np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], axis=2)
+    other = np.stack([np.stack([a, b, d], -1), np.stack([b, c, d], -1)], axis=2)
+    wall = np.where(falling, one, other).reshape(-1, 3)
+    points, triangles = [rings.reshape(-1, 3)], [wall]
+    for ring, border, flip in ((0, number[0], True), (-1, number[-1], False)):
+        inner, faces = _hexagonal_disc(sides // 6)
+        at = np.column_stack([r[ring] * inner, np.full(len(inner), z[ring])])
+        ids = np.concatenate([sum(map(len, points)) + np.arange(len(at)), border])
+        points.append(at)
+        triangles.append(ids[faces[:, ::-1] if flip else faces])
+    return np.vstack(points), np.vstack(triangles).astype(np.int64)
+
+
+def _hexagonal_disc(rings: int) -> tuple[Floats, Ints]:
+    """Return the inner points of a unit disc of hexagonal rings, and triangles; border ids come last."""
+    points = [np.zeros((1, 2))]
+    first = [0, 1]
+    for ring in range(1, rings + 1):
+        angles = 2.0 * np.pi * np.arange(6 * ring) / (6 * ring)
+        points.append(ring / rings * np.column_stack([np.cos(angles), np.sin(angles)]))
+        first.append(first[-1] + 6 * ring)
+    faces = []
+    for ring in range(1, rings + 1):
+        for sector in range(6):
+            for step in range(ring):
+                outer = sector * ring + step
+                inner = sector * (ring - 1) + step
+                a = first[ring] + outer
+                b = first[ring] + (outer + 1) % (6 * ring)
+                c = first[ring - 1] + inner % max(6 * (ring - 1), 1)
+                faces.append((a, b, c))
+                if step < ring - 1:
+                    d = first[ring - 1] + (inner + 1) % (6 * (ring - 1))
+                    faces.append((c, b, d))
+    return np.vstack(points[:-1]), np.array(faces, dtype=np.int64)
+
+
+def box(lower: ArrayLike, upper: ArrayLike, spacing: float) -> tuple[Floats, Ints]:
+    """Return a box with right-angled triangles of about one size.
+
+    Parameters
+    ----------
+    lower, upper : (3,) array_like
+        Its corners [mm].
+    spacing : float
+        Longest leg of the triangles [mm].
+
+    Returns
+    -------
+    points : (n, 3) array
+        Positions [mm].
+    triangles : (m, 3) int array
+        Point ids, facing outward.
+    """
+    low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
+    counts = np.ceil((high - low) / spacing - 1e-9).astype(int)
+    faces = []
+    for axis in range(3):
+        side, up = (axis + 1) % 3, (axis + 2) % 3
+        i, j = (grid.reshape(-1) for grid in np.meshgrid(np.arange(counts[side]), np.arange(counts[up])))
+        for end in (0, counts[axis]):
+            corners = np.zeros((len(i), 4, 3), dtype=np.int64)
+            corners[..., axis] = end
+            corners[..., side] = i[:, None] + np.array([0, 1, 1, 0])
+            corners[..., up] = j[:, None] + np.array([0, 0, 1, 1])
+            even = ((i + j) % 2 == 0)[:, None]
+            split = np.where(even, [[0, 1, 2, 0, 2, 3]], [[0, 1, 3, 1, 2, 3]]).reshape(-1, 2, 3)
+            if end == 0:
+                split = split[..., ::-1]
+            faces.append(corners[np.arange(len(i))[:, None, None], split].reshape(-1, 3))
+    corners = np.vstack(faces)
+    places, ids = np.unique(corners, axis=0, return_inverse=True)
+    points: Floats = low + places / counts * (high - low)
+    return points, ids.reshape(-1, 3).astype(np.int64)

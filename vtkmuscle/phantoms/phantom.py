@@ -1,0 +1,69 @@
+"""What a phantom is: bones, muscles, attachments and a motion, made by a rule, with known answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+
+from vtkmuscle.core.rigid import RigidMotion
+from vtkmuscle.filters.arrays import multiblock_from, surface_from
+from vtkmuscle.filters.attachments import AttachmentArea, attachments_from
+
+Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
+
+
+@dataclass(frozen=True, eq=False)
+class Phantom:
+    """A scene made by a rule, in mm.
+
+    Attributes
+    ----------
+    name : str
+        What it is called.
+    bones : vtkMultiBlockDataSet
+        Named closed surfaces, in the rest pose.
+    muscles : dict of str to vtkPolyData
+        Closed surfaces, in the rest pose.
+    attachments : dict of str to vtkMultiBlockDataSet
+        Per muscle its areas, as filters take them.
+    motion : RigidMotion
+        Of the bones; its times are degrees.
+    templates : dict of str to str
+        Per muscle the kind of its fibre template.
+    known : dict
+        The answers: numbers, and functions of the angle [degrees].
+    """
+
+    name: str
+    bones: vtkMultiBlockDataSet
+    muscles: dict[str, vtkPolyData]
+    attachments: dict[str, vtkMultiBlockDataSet]
+    motion: RigidMotion
+    templates: dict[str, str]
+    known: dict[str, float | Callable[[float], float]] = field(default_factory=dict)
+
+
+def phantom_from(
+    name: str,
+    *,
+    bones: Mapping[str, Surface],
+    muscles: Mapping[str, Surface],
+    areas: Mapping[str, Sequence[AttachmentArea]],
+    motion: RigidMotion,
+    templates: Mapping[str, str],
+    known: Mapping[str, float | Callable[[float], float]],
+) -> Phantom:
+    """Return a phantom with VTK data sets of its own, from points and triangles."""
+    return Phantom(
+        name,
+        multiblock_from({bone: surface_from(*surface) for bone, surface in bones.items()}),
+        {muscle: surface_from(*surface) for muscle, surface in muscles.items()},
+        {muscle: attachments_from(parts) for muscle, parts in areas.items()},
+        motion,
+        dict(templates),
+        dict(known),
+    )
