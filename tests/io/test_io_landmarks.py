@@ -1,0 +1,69 @@
+"""Landmarks are read in order, each once, and a ring is told from an open curve."""
+
+import json
+
+import numpy as np
+import pytest
+
+from vtkmuscle.filters.attachments import AttachmentArea, attachments_from
+from vtkmuscle.io import read_landmarks, write_polydata
+
+SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0.5], [0, 1, 0]])
+RING = np.vstack([SQUARE, SQUARE[:1]])
+
+
+def csv(points, head=""):
+    return head + "\n".join(",".join(map(repr, map(float, p))) for p in points) + "\n"
+
+
+@pytest.mark.parametrize("closed", [True, False])
+@pytest.mark.parametrize("suffix", [".vtp", ".csv", ".json"])
+def test_every_format_gives_landmarks_and_closedness(suffix, closed, tmp_path):
+    path = tmp_path / f"area{suffix}"
+    points = RING if closed else SQUARE
+    if suffix == ".vtp":
+        write_polydata(path, attachments_from([AttachmentArea("origin", "b", SQUARE, closed)]).GetBlock(0))
+    elif suffix == ".csv":
+        path.write_text(csv(points, "# digitised\nx, y, z\n"))
+    else:
+        path.write_text(json.dumps(points.tolist()))
+    landmarks, ring = read_landmarks(path)
+    np.testing.assert_array_equal(landmarks, SQUARE)
+    assert ring is closed
+
+
+def test_further_columns_of_a_table_are_passed_over(tmp_path):
+    (tmp_path / "a.csv").write_text("x,y,z,name\n1,2,3,first\n4,5,6,second\n")
+    np.testing.assert_array_equal(read_landmarks(tmp_path / "a.csv")[0], [[1, 2, 3], [4, 5, 6]])
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("a.csv", "x,y,z\n1,2,3\n1,two,3\n", "a.csv: line 3 does not begin with three numbers"),
+        ("a.csv", "x,y,z\nu,v,w\n1,2,3\n", "line 2 does not begin"),
+        ("a.csv", "1,2\n", "line 1 has fewer than three numbers"),
+        ("a.csv", "x,y,z\n", "holds no landmarks"),
+        ("a.csv", "1,2,nan\n", "landmark 0 has a coordinate that is not finite"),
+        ("a.json", "{", "not a JSON list"),
+        ("a.json", "[1, 2, 3]", "must hold a list of"),
+        ("a.json", "[]", "must hold a list of"),
+        ("a.json", '[["a", "b", "c"]]', "not a JSON list"),
+        ("a.txt", "1 2 3", "not from '.txt'"),
+    ],
+)
+def test_what_cannot_be_read_is_named(name, text, message, tmp_path):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(ValueError, match=message):
+        read_landmarks(tmp_path / name)
+
+
+def test_a_file_that_is_not_text_is_named(tmp_path):
+    (tmp_path / "a.csv").write_bytes(b"\xff\xfe\x00\x01")
+    with pytest.raises(ValueError, match="not text in UTF-8"):
+        read_landmarks(tmp_path / "a.csv")
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"a\.csv: there is no such file"):
+        read_landmarks(tmp_path / "a.csv")

@@ -1,0 +1,111 @@
+"""Tables of transforms come back exactly, and every fault is named with its line."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vtkmuscle.core.rigid import RigidMotion, hinge, rotation_about
+from vtkmuscle.io import read_motion_table, write_motion_table
+
+AXES = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda a: np.linalg.norm(a) > 0.1)
+
+
+@pytest.fixture
+def table(tmp_path):
+    path = tmp_path / "m.csv"
+    write_motion_table(path, hinge("femur", (1, 2, 3), (1, 1, 0), [0, 15, 30]), "femur")
+    return path
+
+
+def changed(table, line, column, value):
+    rows = [row.split(",") for row in table.read_text().splitlines()]
+    rows[line - 1][rows[0].index(column)] = value
+    table.write_text("\n".join(",".join(row) for row in rows) + "\n")
+
+
+@settings(deadline=None, max_examples=20)
+@given(axis=AXES, centre=st.tuples(*[st.floats(-500, 500)] * 3), angle=st.floats(0.001, 170))
+def test_a_motion_comes_back_exactly(axis, centre, angle, tmp_path_factory):
+    motion = hinge("femur", centre, axis, [0.0, angle])
+    path = tmp_path_factory.mktemp("table") / "m.csv"
+    write_motion_table(path, motion, "femur")
+    again = read_motion_table(path, "femur", time="time", centre=centre)
+    np.testing.assert_array_equal(again.times, motion.times)
+    np.testing.assert_array_equal(again.transforms["femur"], motion.transforms["femur"])
+    np.testing.assert_array_equal(again.centre, motion.centre)
+
+
+def test_without_a_time_column_rows_are_numbered(table):
+    assert read_motion_table(table, "femur").times.tolist() == [0.0, 1.0, 2.0]
+
+
+def test_the_last_row_of_the_matrix_may_be_left_out(table):
+    rows = [",".join(row.split(",")[:13]) for row in table.read_text().splitlines()]
+    assert rows[0].endswith("T23")
+    table.write_text("# to rest\n" + "\n\n".join(rows))
+    motion = read_motion_table(table, "femur", time="time")
+    np.testing.assert_array_equal(motion.transforms["femur"][:, 3], [[0, 0, 0, 1]] * 3)
+
+
+def test_a_byte_order_mark_and_other_columns_do_no_harm(table):
+    rows = table.read_text().splitlines()
+    text = "\n".join(["note," + rows[0], *("x," + row for row in rows[1:])])
+    table.write_text(text, encoding="utf-8-sig")
+    assert read_motion_table(table, "femur", time="time").times.tolist() == [0.0, 15.0, 30.0]
+
+
+@pytest.mark.parametrize(
+    ("line", "column", "value", "message"),
+    [
+        (3, "T11", "zwei", r"m\.csv: line 3 \(row 1\): T11 is 'zwei', but must be a finite number"),
+        (3, "T03", "nan", r"line 3 \(row 1\): T03 is 'nan'"),
+        (4, "T03", "", r"line 4 \(row 2\): T03 is ''"),
+        (4, "T00", "1.5", r"line 4 \(row 2\): the transform is not rigid: .* scales or shears"),
+        (2, "T33", "2", r"line 2 \(row 0\): the transform is not rigid: its last row"),
+        (4, "time", "15.0", r"line 4 \(row 2\): the times \(time\) must ascend, but 15 comes after 15"),
+        (1, "T21", "t21", r"m\.csv: the column\(s\) T21 are missing"),
+        (1, "T21", "T20", r"m\.csv: the column\(s\) T20 appear twice"),
+        (1, "time", "angle", r"there is no column 'time' for the time; the other columns are: angle"),
+    ],
+)
+def test_faults_are_named_with_their_line(line, column, value, message, table):
+    changed(table, line, column, value)
+    with pytest.raises(ValueError, match=message):
+        read_motion_table(table, "femur", time="time")
+
+
+def test_a_mirror_is_not_rigid(tmp_path):
+    mirror = rotation_about((0, 0, 0), (0, 0, 1), 20.0)
+    mirror[:, 0] *= -1
+    header = ",".join(f"T{i}{j}" for i in range(4) for j in range(4))
+    (tmp_path / "m.csv").write_text(header + "\n" + ",".join(map(repr, map(float, mirror.reshape(-1)))))
+    with pytest.raises(ValueError, match="mirrors"):
+        read_motion_table(tmp_path / "m.csv", "femur")
+
+
+def test_a_short_line_is_named(table):
+    table.write_text(table.read_text() + "45.0,1,0\n")
+    with pytest.raises(ValueError, match=r"line 5 \(row 3\) has 3 cells, but the header has 17"):
+        read_motion_table(table, "femur")
+
+
+@pytest.mark.parametrize("content", [b"", b"T00,T01\n", b"\xff\xfe\x00"])
+def test_a_table_without_rows_is_named(content, tmp_path):
+    (tmp_path / "m.csv").write_bytes(content)
+    with pytest.raises(ValueError, match=r"m\.csv: "):
+        read_motion_table(tmp_path / "m.csv", "femur")
+
+
+def test_a_missing_table_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"m\.csv"):
+        read_motion_table(tmp_path / "m.csv", "femur")
+
+
+def test_a_motion_of_several_bones_is_written_bone_by_bone(tmp_path):
+    one = hinge("a", (0, 0, 0), (1, 0, 0), [0, 10])
+    both = RigidMotion(one.times, {"a": one.transforms["a"], "b": np.array([np.eye(4)] * 2)})
+    write_motion_table(tmp_path / "b.csv", both, "b")
+    np.testing.assert_array_equal(
+        read_motion_table(tmp_path / "b.csv", "b").transforms["b"], both.transforms["b"]
+    )

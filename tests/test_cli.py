@@ -1,0 +1,177 @@
+"""The command line: one clear error, exit status, and nothing lost at Ctrl-C."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+import pyvista
+from tiny_scene import HINGE, TOML, ellipsoid, write_tiny_scene
+from typer.testing import CliRunner
+
+import vtkmuscle
+from vtkmuscle.cli import app
+from vtkmuscle.filters.arrays import points_of, surface_from, triangles_of
+from vtkmuscle.io import write_polydata
+
+MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    return write_tiny_scene(tmp_path / "scene")
+
+
+def vtkmuscle_(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
+
+
+def test_version():
+    assert vtkmuscle_("--version").stdout == f"vtkmuscle {vtkmuscle.__version__}\n"
+
+
+def test_help_names_the_commands_without_loading_vtk():
+    code = "import sys; from vtkmuscle.cli import main; sys.argv = ['vtkmuscle', '--help']\n"
+    code += "try: main()\nfinally: assert not {'vtkmodules', 'numba', 'pyvista'} & set(sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert all(command in done.stdout for command in ("run", "demo", "info"))
+
+
+def test_a_run_says_what_it_found_and_where_it_is(scene_file, tmp_path):
+    done = vtkmuscle_("run", scene_file, "--out", tmp_path / "out", "--frames", "0:2", "--no-figures")
+    assert done.exit_code == 0
+    assert "spindle: 2 frames, volume within " in done.stdout
+    assert str(tmp_path / "out") in done.stdout
+    assert json.loads((tmp_path / "out/report.json").read_text())["frames"] == [0, 1]
+
+
+def test_without_out_the_folder_is_called_after_the_scene(scene_file, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = vtkmuscle_("run", scene_file, "--frames", "0:1", "--no-figures", "--quiet")
+    assert (done.exit_code, done.output) == (0, "")
+    assert (tmp_path / "tiny_out/spindle.pvd").is_file()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('bone = "upper"', 'bone = "uper"', "muscles.spindle.attachments[0].bone: there is no bone 'uper'"),
+        ("muscles/spindle.vtp", "muscles/no.vtp", "muscles.spindle.surface: there is no such file"),
+        ("iterations", "iteration", "solver.iteration: there is no setting"),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(old, new, message, scene_file, tmp_path):
+    scene_file.write_text(scene_file.read_text().replace(old, new))
+    done = vtkmuscle_("run", scene_file, "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    assert message in done.stderr
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_frames_and_folders_that_cannot_be_are_status_2(scene_file, tmp_path):
+    done = vtkmuscle_("run", scene_file, "--out", tmp_path / "out", "--frames", "9:3", "--quiet")
+    assert (done.exit_code, "the motion has 5 frames" in done.stderr) == (2, True)
+    done = vtkmuscle_("run", scene_file, "--out", scene_file, "--quiet")
+    assert (done.exit_code, "is a file; give another folder" in done.stderr) == (2, True)
+    assert vtkmuscle_("run", tmp_path / "no.toml").exit_code == 2
+    assert vtkmuscle_("run").exit_code == 2
+
+
+def test_a_failing_filter_is_status_2_and_names_the_muscle(scene_file, tmp_path):
+    scene_file.write_text(scene_file.read_text() + '\n[fixing]\nmethod = "proximity"\ntolerance = 1e-9\n')
+    done = vtkmuscle_("run", scene_file, "--out", tmp_path / "out", "--quiet")
+    assert done.exit_code == 2
+    assert "muscles.spindle: FixedPointDetector: no point of the muscle" in done.stderr
+
+
+def test_a_warning_is_one_line(scene_file, tmp_path):
+    path = scene_file.parent / "muscles/spindle.vtp"
+    muscle = ellipsoid((8, 8, 40), (0, 0, 0), 16)
+    write_polydata(path, surface_from(points_of(muscle), triangles_of(muscle, "muscle")[:, ::-1]))
+    done = vtkmuscle_(
+        "run", scene_file, "--out", tmp_path / "out", "--frames", "0", "--quiet", "--no-figures"
+    )
+    assert done.exit_code == 0
+    assert done.stderr.startswith("warning: ")
+    assert "inside out" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_info_says_what_a_mesh_is(scene_file, tmp_path):
+    open_ball = ellipsoid((30, 30, 30), (0, 0, 0))
+    write_polydata(
+        tmp_path / "open.vtp", surface_from(points_of(open_ball), triangles_of(open_ball, "x")[1:])
+    )
+    done = vtkmuscle_(
+        "info",
+        scene_file.parent / "muscles/spindle.vtp",
+        tmp_path / "open.vtp",
+        scene_file.parent / "attachments/origin.vtp",
+    )
+    assert done.exit_code == 0
+    spindle, open_, ring = done.stdout.split(str(tmp_path))[1:]
+    assert "closed      yes" in spindle
+    assert "manifold    yes" in spindle
+    assert "outward" in spindle
+    assert "probably mm" in spindle
+    assert "closed      no, 3 edges have one triangle" in open_
+    assert "volume      none, it is open" in open_
+    assert "polylines   1" in ring
+
+
+def test_info_of_what_is_not_there_is_status_2(tmp_path):
+    done = vtkmuscle_("info", tmp_path / "no.stl")
+    assert done.exit_code == 2
+    assert done.stderr.startswith(f"error: {tmp_path / 'no.stl'}: there is no such file")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are sent to a child process")
+@pytest.mark.parametrize("moment", ["in the middle", "at the start"])
+def test_ctrl_c_leaves_the_finished_frames(moment, scene_file, tmp_path):
+    scene_file.write_text(
+        scene_file.read_text().replace(MOTION, HINGE.replace("[0, 20, 5]", "[0, 90, 0.05]"))
+    )
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "vtkmuscle", "run", scene_file, "--out", out, "--no-figures"]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    sign = out / "spindle/spindle_0003.vtp" if moment == "in the middle" else out
+    deadline = time.monotonic() + 120
+    while not sign.exists() and child.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    child.send_signal(signal.SIGINT)
+    _, errors = child.communicate(timeout=60)
+    assert child.returncode == 130, errors
+    assert "stopped. " in errors
+    assert "Traceback" not in errors
+    assert not [path for path in out.rglob("*") if "partial" in path.name]
+    if moment == "in the middle":
+        assert "Finished frames can be read in" in errors
+        reader = pyvista.get_reader(out / "spindle.pvd")
+        assert len(reader.time_values) >= 3
+        for value in reader.time_values:
+            reader.set_active_time_value(value)
+            assert reader.read()[0].n_points
+        report = json.loads((out / "report.json").read_text())
+        assert report["complete"] is False
+        assert report["stopped_by"] == "KeyboardInterrupt"
+        assert abs(len(report["muscles"]["spindle"]["frames"]) - len(reader.time_values)) <= 1
+
+
+def test_the_demo_writes_a_scene_that_can_be_run_again(tmp_path):
+    done = vtkmuscle_("demo", "--out", tmp_path / "demo", "--frames", "0:2", "--no-figures")
+    assert done.exit_code == 0
+    path = tmp_path / "demo/scene/scene.toml"
+    assert f"vtkmuscle run {path}" in done.stdout
+    report = json.loads((tmp_path / "demo/report.json").read_text())
+    assert report["complete"] is True
+    again = vtkmuscle.Scene.load(path).run(frames="0:2", figures=False)
+    for name, muscle in again.report["muscles"].items():
+        assert muscle["fibres"] == report["muscles"][name]["fibres"]
+        assert [row["volume_ratio"] for row in muscle["frames"]] == [
+            row["volume_ratio"] for row in report["muscles"][name]["frames"]
+        ]

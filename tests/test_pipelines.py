@@ -1,0 +1,111 @@
+"""The ready-made chains are those of the single filters, and hold together by themselves."""
+
+import gc
+import inspect
+
+import numpy as np
+import pytest
+from tiny_scene import write_tiny_scene
+
+from vtkmuscle.core.rigid import hinge
+from vtkmuscle.filters.arrays import blocks_of, multiblock_from, points_of
+from vtkmuscle.filters.attachments import attachments_from
+from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+from vtkmuscle.pipelines import FIBRE_SETTINGS, decompose, deform
+from vtkmuscle.scene import Scene
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return Scene.load(write_tiny_scene(tmp_path_factory.mktemp("scene")))
+
+
+@pytest.fixture
+def muscle(scene):
+    return scene.muscles["spindle"].surface
+
+
+@pytest.fixture
+def attachments(scene):
+    return attachments_from(scene.muscles["spindle"].attachments)
+
+
+def test_the_settings_of_fibres_are_all_parameters_of_the_chain(muscle, attachments):
+    keywords = {
+        name: parameter.default
+        for name, parameter in inspect.signature(decompose).parameters.items()
+        if parameter.kind is inspect.Parameter.KEYWORD_ONLY
+    }
+    assert keywords.keys() == FIBRE_SETTINGS.keys()
+    chain = [decompose(muscle, attachments)]
+    while chain[-1].GetNumberOfInputPorts():
+        chain.append(chain[-1].GetInputAlgorithm(0, 0))
+    declared = {(type(f), name) for f in chain for name in f.parameter_declarations}
+    assert set(FIBRE_SETTINGS.values()) == declared
+    for word, (kind, name) in FIBRE_SETTINGS.items():
+        assert keywords[word] == kind.parameter_declarations[name].default
+
+
+def test_fibres_fill_the_muscle(muscle, attachments):
+    fibres = decompose(muscle, attachments, n_fibres=6, resolution=5).update().output
+    assert fibres.GetNumberOfCells() == 6
+    assert fibres.GetNumberOfPoints() == 6 * 6
+    inside = np.array(fibres.GetBounds()).reshape(3, 2), np.array(muscle.GetBounds()).reshape(3, 2)
+    assert (inside[0][:, 0] >= inside[1][:, 0] - 0.5).all()
+    assert (inside[0][:, 1] <= inside[1][:, 1] + 0.5).all()
+
+
+def chain(scene, muscle, attachments, **settings):
+    fibres = decompose(muscle, attachments, n_fibres=6, resolution=5)
+    return deform(muscle, scene.bones_data(), scene.motion, attachments, fibres=fibres, **settings)
+
+
+def test_a_chain_lives_by_its_last_filter_alone(scene, muscle, attachments):
+    last = chain(scene, muscle, attachments, iterations=2)
+    gc.collect()
+    first = points_of(last.update(time=10.0).output)
+    gc.collect()
+    np.testing.assert_array_equal(points_of(last.update(time=10.0).output), first)
+    assert np.abs(first - points_of(muscle)).max() > 1.0
+
+
+def test_a_muscle_with_fixed_points_of_its_own_needs_no_attachments(scene, muscle, attachments):
+    fixed = FixedPointDetector()(muscle, scene.bones_data(), attachments)
+    own = deform(fixed, scene.bones_data(), scene.motion, fixed=None, iterations=2).update(time=5.0).output
+    found = (
+        deform(muscle, scene.bones_data(), scene.motion, attachments, iterations=2).update(time=5.0).output
+    )
+    np.testing.assert_array_equal(points_of(own), points_of(found))
+
+
+def test_settings_reach_their_filters(scene, muscle, attachments):
+    last = deform(
+        muscle,
+        scene.bones_data(),
+        scene.motion,
+        attachments,
+        fixed="proximity",
+        fixed_tolerance=3.0,
+        iterations=4,
+    )
+    assert last.iterations == 4
+    detector = last.GetInputAlgorithm(0, 0)
+    assert (detector.method, detector.tolerance) == ("proximity", 3.0)
+    smoother = decompose(muscle, attachments, smoothing=2, smoothing_weight=1.0)
+    assert (smoother.iterations, smoother.k) == (2, 1.0)
+
+
+def test_what_is_not_allowed_is_refused_at_once(scene, muscle, attachments):
+    with pytest.raises(TypeError, match="PBDDeformer has no parameter iteration"):
+        deform(muscle, scene.bones_data(), scene.motion, attachments, iteration=3)
+    with pytest.raises(ValueError, match=r"FixedPointDetector\.method is 'glue'"):
+        deform(muscle, scene.bones_data(), scene.motion, attachments, fixed="glue")
+    with pytest.raises(ValueError, match=r"FibreTemplateSource\.kind is 'wavy'"):
+        decompose(muscle, attachments, template="wavy")
+
+
+def test_a_failure_upstream_surfaces_at_the_end(scene, muscle, attachments):
+    renamed = multiblock_from({f"{name}_r": bone for name, bone in blocks_of(scene.bones_data())})
+    motion = hinge("lower_r", (0, 0, 0), (1, 0, 0), [0, 5])
+    with pytest.raises(ValueError, match=r"FixedPointDetector: attachments, area 0 \(origin on 'upper'\)"):
+        deform(muscle, renamed, motion, attachments).update(time=5.0)

@@ -1,0 +1,519 @@
+"""Every fault in a scene gives one error that names the file, the key and the mend."""
+
+import warnings
+
+import numpy as np
+import pytest
+from tiny_scene import HINGE, TOML, ellipsoid, write_tiny_scene
+from vtkmodules.vtkFiltersCore import vtkAppendPolyData
+from vtkmodules.vtkFiltersSources import vtkCubeSource
+
+from vtkmuscle import Scene, SceneError
+from vtkmuscle.core.mesh import signed_volume
+from vtkmuscle.core.rigid import RigidMotion, rotation_about
+from vtkmuscle.filters.arrays import points_of, surface_from, triangles_of
+from vtkmuscle.io import read_surface, write_polydata
+from vtkmuscle.scene_writing import to_toml
+
+MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    return write_tiny_scene(tmp_path)
+
+
+def edit(path, old, new):
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+
+
+def failure(path):
+    with pytest.raises(SceneError) as caught:
+        Scene.load(path)
+    return caught.value
+
+
+def surface_parts(path):
+    surface = read_surface(path)
+    return points_of(surface), triangles_of(surface, "surface")
+
+
+# ------------------------------------------------------------------------------- what is read
+
+
+def test_a_good_scene_is_read_as_it_stands(scene_file):
+    scene = Scene.load(scene_file)
+    assert (scene.name, scene.units, scene.millimetres) == ("tiny", "mm", 1.0)
+    assert list(scene.bones) == ["upper", "lower"]
+    muscle = scene.muscles["spindle"]
+    assert muscle.fibres == {"template": "parallel", "n_fibres": 6, "resolution": 5}
+    assert [(a.role, a.bone, len(a.landmarks), a.closed) for a in muscle.attachments] == [
+        ("origin", "upper", 8, True),
+        ("insertion", "lower", 8, True),
+    ]
+    assert scene.solver_of("spindle") == {"iterations": 3}
+    assert scene.motion.times.tolist() == [0, 5, 10, 15, 20]
+    assert scene.motion.centre.tolist() == [0, -15, 0]
+
+
+def test_a_hinge_is_the_same_as_its_table(scene_file):
+    table = Scene.load(scene_file).motion
+    edit(scene_file, MOTION, HINGE)
+    motion = Scene.load(scene_file).motion
+    np.testing.assert_array_equal(motion.times, table.times)
+    np.testing.assert_allclose(motion.transforms["lower"], table.transforms["lower"], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("angles", "times"),
+    [
+        ("[0, 90, 30]", [0, 30, 60, 90]),
+        ("[0, 0.3, 0.1]", [0, 0.1, 0.2, 0.3]),
+        ("[-10, 15, 10]", [-10, 0, 10, 15]),
+        ("[5, 5, 1]", [5]),
+    ],
+)
+def test_a_hinge_takes_both_ends_in(angles, times, scene_file):
+    edit(scene_file, MOTION, HINGE.replace("[0, 20, 5]", angles))
+    found = Scene.load(scene_file).motion.times
+    np.testing.assert_allclose(found, times, atol=1e-12)
+    assert found[-1] == times[-1]
+
+
+def test_several_bones_may_move_with_the_same_times(scene_file):
+    edit(
+        scene_file,
+        'bone = "lower"\ntransforms = "motion.csv"',
+        'transforms = { lower = "motion.csv", upper = "b.csv" }',
+    )
+    (scene_file.parent / "b.csv").write_text((scene_file.parent / "motion.csv").read_text())
+    motion = Scene.load(scene_file).motion
+    np.testing.assert_array_equal(motion.transforms["lower"], motion.transforms["upper"])
+
+
+def test_settings_of_a_muscle_go_before_those_of_the_scene(scene_file):
+    edit(
+        scene_file,
+        "[solver]",
+        "solver = { iterations = 7, stiffness = 1 }\nfixing = { tolerance = 2.5 }\n[solver]\ndamping = 1",
+    )
+    scene = Scene.load(scene_file)
+    assert scene.solver_of("spindle") == {"iterations": 7, "stiffness": 1, "damping": 1}
+    assert scene.fixing_of("spindle") == {"tolerance": 2.5}
+
+
+def test_closed_says_what_a_table_of_points_is(scene_file):
+    (scene_file.parent / "origin.csv").write_text("x,y,z\n8,0,34\n0,8,34\n-8,0,34\n0,-8,34\n")
+    edit(scene_file, '"attachments/origin.vtp"', '"origin.csv", closed = true')
+    assert Scene.load(scene_file).muscles["spindle"].attachments[0].closed
+
+
+def test_an_inside_out_muscle_is_turned_with_a_warning(scene_file):
+    path = scene_file.parent / "muscles/spindle.vtp"
+    points, triangles = surface_parts(path)
+    write_polydata(path, surface_from(points, triangles[:, ::-1]))
+    with pytest.warns(
+        UserWarning, match=r"spindle\.vtp: muscles\.spindle\.surface: the surface is inside out"
+    ):
+        surface = Scene.load(scene_file).muscles["spindle"].surface
+    assert signed_volume(points_of(surface), triangles_of(surface, "x")) > 0
+    np.testing.assert_array_equal(points_of(surface), points)
+
+
+def test_an_open_bone_will_do_where_nothing_asks_for_its_inside(scene_file):
+    path = scene_file.parent / "bones/upper.vtp"
+    points, triangles = surface_parts(path)
+    write_polydata(path, surface_from(points, triangles[1:]))
+    assert "solver.collision = 'none'" in failure(scene_file).mend
+    edit(scene_file, "iterations = 3", 'iterations = 3\ncollision = "none"')
+    assert Scene.load(scene_file).bones["upper"].GetNumberOfCells() == len(triangles) - 1
+
+
+def test_a_muscle_without_fibres_needs_no_insertion(scene_file):
+    edit(scene_file, 'fibres = { template = "parallel", n_fibres = 6, resolution = 5 }\n', "")
+    edit(
+        scene_file, '  { role = "insertion", bone = "lower", landmarks = "attachments/insertion.vtp" },\n', ""
+    )
+    assert Scene.load(scene_file).muscles["spindle"].fibres is None
+
+
+# ------------------------------------------------------------------------------- what is refused
+
+ORIGIN = '{ role = "origin", bone = "upper", landmarks = "attachments/origin.vtp" }'
+FIBRES = 'fibres = { template = "parallel", n_fibres = 6, resolution = 5 }'
+FAULTS = [
+    # old text, new text, key, part of the problem, part of the mend
+    ('name = "tiny"', 'nmae = "tiny"', "nmae", "no such key", "did you mean 'name'"),
+    ('name = "tiny"', "name = 3", "name", "must be a text, not 3", "name = "),
+    ('name = "tiny"', 'name = "a/b"', "name", "'a/b' cannot be part of a file name", "letters"),
+    ('units = "mm"', 'units = "inch"', "units", "no unit 'inch'", "mm, cm, m"),
+    ("[bones.upper]", "[bone.upper]", "bone", "no such key", "did you mean 'bones'"),
+    ('surface = "bones/upper.vtp"', "", "bones.upper.surface", "is missing", "add surface"),
+    ('surface = "bones/upper.vtp"', "surface = 1", "bones.upper.surface", "must be a text", "surface = "),
+    (
+        "bones/upper.vtp",
+        "bones/uper.vtp",
+        "bones.upper.surface",
+        "no such file",
+        "holds lower.vtp, upper.vtp",
+    ),
+    ("bones/upper.vtp", "motion.csv", "bones.upper.surface", "not one of .vtp", "convert"),
+    ("[bones.upper]", "[bones.upper]\ncolour = 1", "bones.upper.colour", "no such key", "allowed: surface"),
+    (MOTION, "", "motion", "is missing", "[motion]"),
+    ('transforms = "motion.csv"', "", "motion.transforms", "is missing", "motion.hinge"),
+    ('transforms = "motion.csv"', 'transforms = "m.csv"', "motion.transforms", "no such file", "motion.csv"),
+    ("[motion]", "motion = 3\n[x]", "x", "no such key", "allowed"),
+    ('bone = "lower"\n', "", "motion.bone", "is missing", "add bone"),
+    ('bone = "lower"\n', 'bone = "lwoer"\n', "motion.bone", "no bone 'lwoer'", "did you mean 'lower'"),
+    ('time = "time"', 'time = "angle"', "motion.transforms", "no column 'angle'", "other columns are: time"),
+    ('time = "time"', "tmie = 1", "motion.tmie", "no such key", "did you mean 'time'"),
+    ("[0.0, -15.0, 0.0]", "[0.0, -15.0]", "motion.centre", "must be 3 finite numbers", "centre = "),
+    ("[0.0, -15.0, 0.0]", "[0.0, nan, 0.0]", "motion.centre", "must be 3 finite numbers", "centre = "),
+    (MOTION, MOTION + HINGE, "motion.bone", "stands beside motion.hinge", "leave out one"),
+    (MOTION, HINGE.replace("axis", "axes"), "motion.hinge.axes", "no such key", "did you mean 'axis'"),
+    (MOTION, HINGE.replace('"lower"', '"x"'), "motion.hinge.bone", "no bone 'x'", "upper, lower"),
+    (MOTION, HINGE.replace("[1.0, 0.0, 0.0]", "[0, 0, 0]"), "motion.hinge.axis", "no length", "direction"),
+    (MOTION, HINGE.replace("[0, 20, 5]", "[0, 20]"), "motion.hinge.angles", "3 finite numbers", "[0, 90, 2]"),
+    (MOTION, HINGE.replace("[0, 20, 5]", "[0, 20, 0]"), "motion.hinge.angles", "not ascend", "step > 0"),
+    (MOTION, HINGE.replace("[0, 20, 5]", "[0, -20, -5]"), "motion.hinge.angles", "not ascend", "negate axis"),
+    (MOTION, HINGE.replace("[0, 20, 5]", "[0, 20, 1e-9]"), "motion.hinge.angles", "frames", "larger step"),
+    (
+        MOTION,
+        MOTION.replace('"motion.csv"', '{ x = "motion.csv" }').replace('bone = "lower"', ""),
+        "motion.transforms.x",
+        "no bone 'x'",
+        "upper",
+    ),
+    (
+        MOTION,
+        MOTION.replace('"motion.csv"', '{ lower = "motion.csv" }'),
+        "motion.bone",
+        "stands beside",
+        "leave out bone",
+    ),
+    (
+        MOTION,
+        MOTION.replace('"motion.csv"', "{}").replace('bone = "lower"', ""),
+        "motion.transforms",
+        "is empty",
+        "FILE.csv",
+    ),
+    ("[muscles.spindle]", '[muscles."a/b"]', "muscles.a/b", "cannot be part of a file name", "letters"),
+    ("[muscles.spindle]", "[muscles.bones]", "muscles.bones", "overwrite other results", "call it otherwise"),
+    ("muscles/spindle.vtp", "bones", "muscles.spindle.surface", "suffix", "convert"),
+    (
+        "attachments = [",
+        "attachment = [",
+        "muscles.spindle.attachment",
+        "no such key",
+        "did you mean 'attachments'",
+    ),
+    (
+        f"  {ORIGIN},\n",
+        "",
+        "muscles.spindle.attachments",
+        "no attachment with role 'origin'",
+        "or leave out fibres",
+    ),
+    (ORIGIN, "3", "muscles.spindle.attachments[0]", "must be a table", "format"),
+    (
+        ORIGIN,
+        ORIGIN.replace("origin", "orgin", 1),
+        "muscles.spindle.attachments[0].role",
+        "no role 'orgin'",
+        "did you mean 'origin'",
+    ),
+    (
+        ORIGIN,
+        ORIGIN.replace("upper", "uper"),
+        "muscles.spindle.attachments[0].bone",
+        "no bone 'uper'",
+        "did you mean 'upper'",
+    ),
+    (
+        ORIGIN,
+        ORIGIN.replace("landmarks", "landmark"),
+        "muscles.spindle.attachments[0].landmark",
+        "no such key",
+        "'landmarks'",
+    ),
+    (
+        ORIGIN,
+        ORIGIN.replace("origin.vtp", "o.vtp"),
+        "muscles.spindle.attachments[0].landmarks",
+        "no such file",
+        "origin.vtp",
+    ),
+    (
+        ORIGIN,
+        ORIGIN.replace(" }", ", closed = 1 }"),
+        "muscles.spindle.attachments[0].closed",
+        "must be true or false",
+        "ring",
+    ),
+    (
+        FIBRES,
+        FIBRES.replace("template", "templte"),
+        "muscles.spindle.fibres.templte",
+        "no setting 'templte'",
+        "did you mean 'template'",
+    ),
+    (
+        FIBRES,
+        FIBRES.replace("parallel", "paralel"),
+        "muscles.spindle.fibres.template",
+        "'paralel' is not allowed",
+        "'parallel'",
+    ),
+    (
+        FIBRES,
+        FIBRES.replace("6", "0"),
+        "muscles.spindle.fibres.n_fibres",
+        "0 is not allowed",
+        "must be an integer >=",
+    ),
+    (FIBRES, "fibres = 3", "muscles.spindle.fibres", "must be a table", "format"),
+    (
+        "iterations = 3",
+        "iteration = 3",
+        "solver.iteration",
+        "no setting 'iteration'",
+        "did you mean 'iterations'",
+    ),
+    ("iterations = 3", "iterations = 0", "solver.iterations", "0 is not allowed", "an integer >= 1"),
+    ("iterations = 3", "stiffness = nan", "solver.stiffness", "nan is not allowed", "a finite number"),
+    (
+        "[solver]",
+        "solver = { damping = 2 }\n[solver]",
+        "muscles.spindle.solver.damping",
+        "2 is not allowed",
+        "<= 1",
+    ),
+    (
+        "[solver]",
+        '[fixing]\nmethod = "glue"\n[solver]',
+        "fixing.method",
+        "'glue' is not allowed",
+        "'proximity'",
+    ),
+    (
+        "[solver]",
+        "fixing = { tol = 1 }\n[solver]",
+        "muscles.spindle.fixing.tol",
+        "no setting 'tol'",
+        "'tolerance'",
+    ),
+    ("[solver]\niterations = 3", "solver = 3", "muscles.spindle.solver", "must be a table", "format"),
+]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "problem", "mend"), FAULTS, ids=[f"{f[2]}: {f[3]}" for f in FAULTS]
+)
+def test_a_fault_in_the_file_is_named_with_its_mend(old, new, key, problem, mend, scene_file):
+    edit(scene_file, old, new)
+    error = failure(scene_file)
+    assert error.key == key
+    assert problem in error.problem
+    assert mend in error.mend
+    assert str(error).startswith(f"{error.file}: {key}: ")
+    assert error.file.is_relative_to(scene_file.parent)
+
+
+def test_faults_outside_the_keys_name_the_file(tmp_path, scene_file):
+    edit(scene_file, "[bones.lower]", "[bones.lower")
+    assert "not valid TOML" in str(failure(scene_file))
+    assert "line 8" in str(failure(scene_file))
+    assert "no such file" in str(failure(tmp_path / "no.toml"))
+    assert f"give its scene file, e.g. {tmp_path / 'scene.toml'}" in str(failure(tmp_path))
+    (tmp_path / "latin.toml").write_bytes('name = "hüfte"'.encode("latin-1"))
+    assert "save it as UTF-8" in str(failure(tmp_path / "latin.toml"))
+
+
+def test_a_muscle_that_would_overwrite_anothers_fibres_is_refused(scene_file):
+    text = scene_file.read_text()
+    start = text.index("[muscles.spindle]")
+    block = text[start : text.index("[solver]")]
+    scene_file.write_text(text.replace(block, block + block.replace("spindle]", "spindle_fibres]")))
+    assert failure(scene_file).key == "muscles.spindle_fibres"
+    scene_file.write_text(text.replace(block, block + block.replace("spindle]", "Spindle]")))
+    assert "the same file name" in failure(scene_file).problem
+
+
+def moved(points, triangles):
+    points[3, 1] = np.nan
+    return surface_from(points, triangles)
+
+
+def quads(points, triangles):
+    cube = vtkCubeSource()
+    cube.Update()
+    return cube.GetOutput()
+
+
+def two_pieces(points, triangles):
+    both = vtkAppendPolyData()
+    both.AddInputData(ellipsoid((1, 1, 1), (0, 0, 0)))
+    both.AddInputData(ellipsoid((8, 8, 40), (90, 0, 0)))
+    both.Update()
+    return both.GetOutput()
+
+
+def one_turned(points, triangles):
+    triangles[5] = triangles[5, ::-1]
+    return surface_from(points, triangles)
+
+
+def a_fin(points, triangles):
+    fin = np.array([[*triangles[0, :2], len(points)], [*triangles[0, 1::-1], len(points)]])
+    return surface_from(np.vstack([points, [[20.0, 0, 0]]]), np.vstack([triangles, fin]))
+
+
+def flat(points, triangles):
+    return surface_from(points * [1.0, 1.0, 0.0], triangles)
+
+
+SURFACE_FAULTS = [
+    (moved, "1 point(s) are not finite, the first is point 3", "correct them"),
+    (quads, "faces that are not triangles", "vtkTriangleFilter"),
+    (lambda p, t: surface_from(p, t[1:]), "open: 3 edges", "fill its holes"),
+    (a_fin, "not manifold: 1 edges", "delete the extra triangles"),
+    (one_turned, "disagree on their side at 3 edges", "orient them alike"),
+    (flat, "no volume", "export it again"),
+    (two_pieces, "2 separate pieces", "extract_largest"),
+    (
+        lambda p, t: surface_from(np.vstack([p, [[0.0, 0, 0]]]), t),
+        "1 points belong to no triangle",
+        "clean()",
+    ),
+]
+
+
+@pytest.mark.parametrize(("spoil", "problem", "mend"), SURFACE_FAULTS, ids=[f[1] for f in SURFACE_FAULTS])
+def test_a_fault_in_a_muscle_is_named_with_its_mend(spoil, problem, mend, scene_file):
+    path = scene_file.parent / "muscles/spindle.vtp"
+    write_polydata(path, spoil(*surface_parts(path)))
+    error = failure(scene_file)
+    assert (error.file, error.key) == (path, "muscles.spindle.surface")
+    assert problem in error.problem
+    assert mend in error.mend
+
+
+@pytest.mark.parametrize(
+    ("spoil", "problem", "mend"), SURFACE_FAULTS[:6], ids=[f[1] for f in SURFACE_FAULTS[:6]]
+)
+def test_a_fault_in_a_bone_is_named_with_its_mend(spoil, problem, mend, scene_file):
+    path = scene_file.parent / "bones/lower.vtp"
+    write_polydata(path, spoil(*surface_parts(path)))
+    error = failure(scene_file)
+    assert (error.file, error.key) == (path, "bones.lower.surface")
+    assert problem in error.problem
+    assert mend in error.mend
+
+
+def test_a_bone_of_several_shells_is_fine(scene_file):
+    write_polydata(scene_file.parent / "bones/lower.vtp", two_pieces(None, None))
+    assert Scene.load(scene_file).bones["lower"].GetNumberOfCells()
+
+
+def test_a_transform_that_is_not_rigid_is_named_with_its_row(scene_file):
+    table = scene_file.parent / "motion.csv"
+    rows = table.read_text().splitlines()
+    rows[3] = rows[3].replace("1.0", "1.1", 1)
+    table.write_text("\n".join(rows))
+    error = failure(scene_file)
+    assert (error.file, error.key) == (table, "motion.transforms")
+    assert "line 4 (row 2): the transform is not rigid" in error.problem
+
+
+def test_tables_of_several_bones_must_agree_in_time(scene_file):
+    edit(
+        scene_file,
+        'bone = "lower"\ntransforms = "motion.csv"',
+        'transforms = { lower = "motion.csv", upper = "b.csv" }',
+    )
+    rows = (scene_file.parent / "motion.csv").read_text().splitlines()
+    (scene_file.parent / "b.csv").write_text("\n".join(rows[:-1]))
+    error = failure(scene_file)
+    assert error.key == "motion.transforms.upper"
+    assert "same times" in error.mend
+
+
+@pytest.mark.parametrize("scale", [0.001, 1000.0])
+def test_landmarks_in_another_unit_are_found_out(scale, scene_file):
+    rows = np.array([[8, 0, 34], [0, 8, 34], [-8, 0, 34], [8, 0, 34]]) * scale + [0, 300 * (scale < 1), 0]
+    text = "\n".join(",".join(map(str, row)) for row in rows)
+    (scene_file.parent / "origin.csv").write_text(text)
+    edit(scene_file, "attachments/origin.vtp", "origin.csv")
+    error = failure(scene_file)
+    assert error.file == scene_file.parent / "origin.csv"
+    assert "away from the muscle" in error.problem
+    assert "same unit" in error.mend
+
+
+# ------------------------------------------------------------------------------- writing
+
+
+def test_a_saved_scene_is_the_same_scene(scene_file, tmp_path):
+    edit(
+        scene_file,
+        "[solver]",
+        "solver = { external_force = [0, 0.1, 1e-9], anisotropy = false }\nfixing = { tolerance = 0.1 }\n"
+        '[fixing]\nmethod = "attachment"\n[solver]',
+    )
+    first = Scene.load(scene_file)
+    second = Scene.load(first.save(tmp_path / "again"))
+    assert to_toml(second) == to_toml(first)
+    assert (second.name, second.units) == (first.name, first.units)
+    assert second.solver_of("spindle") == first.solver_of("spindle")
+    assert second.fixing_of("spindle") == first.fixing_of("spindle")
+    np.testing.assert_array_equal(second.motion.transforms["lower"], first.motion.transforms["lower"])
+    np.testing.assert_array_equal(second.motion.centre, first.motion.centre)
+    for name in first.bones:
+        np.testing.assert_array_equal(points_of(second.bones[name]), points_of(first.bones[name]))
+    one, two = first.muscles["spindle"], second.muscles["spindle"]
+    np.testing.assert_array_equal(points_of(two.surface), points_of(one.surface))
+    assert two.fibres == one.fibres
+    for mine, yours in zip(one.attachments, two.attachments, strict=True):
+        assert (mine.role, mine.bone, mine.closed) == (yours.role, yours.bone, yours.closed)
+        np.testing.assert_array_equal(mine.landmarks, yours.landmarks)
+
+
+def test_names_with_spaces_and_several_moving_bones_are_saved(scene_file, tmp_path):
+    loaded = Scene.load(scene_file)
+    table = np.array([np.eye(4), rotation_about((0, 0, 0), (0, 0, 1), 10.0)])
+    bones = {
+        "os ilium": loaded.bones["upper"],
+        "lower": loaded.bones["lower"],
+        "upper": loaded.bones["upper"],
+    }
+    motion = RigidMotion([0.0, 1.0], {"os ilium": table, "lower": table})
+    scene = Scene("my hip", bones, {"m. iliacus": loaded.muscles["spindle"]}, motion, units="cm")
+    again = Scene.load(scene.save(tmp_path / "again"))
+    assert list(again.bones) == list(bones)
+    assert list(again.muscles) == ["m. iliacus"]
+    assert again.millimetres == 10.0
+    for bone in ("os ilium", "lower"):
+        np.testing.assert_array_equal(again.motion.transforms[bone], table)
+
+
+def test_a_scene_made_in_python_is_checked_too(scene_file):
+    loaded = Scene.load(scene_file)
+    with pytest.raises(SceneError, match=r"^scene: motion\.bone: there is no bone 'lower'"):
+        Scene("x", {"upper": loaded.bones["upper"]}, loaded.muscles, loaded.motion)
+    with pytest.raises(SceneError, match="no muscles"):
+        Scene("x", loaded.bones, {}, loaded.motion)
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("name", ["scene.toml", "scene_lite.toml"])
+def test_the_real_hip_is_read(name, lhdl_hip):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        scene = Scene.load(lhdl_hip / name)
+    assert [str(w.message) for w in caught] == []
+    assert list(scene.muscles) == ["gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis"]
+    assert len(scene.motion.times) == 46
+    assert [a.closed for a in scene.muscles["gluteus_maximus"].attachments] == [True, True, True, False]

@@ -1,0 +1,464 @@
+"""A run computes what was asked for, writes all of it complete, and loses nothing that is finished."""
+
+import csv
+import json
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import pyvista
+from tiny_scene import write_tiny_scene
+
+import vtkmuscle.phantoms
+import vtkmuscle.plotting
+from vtkmuscle import Scene, SceneError
+from vtkmuscle.core.mesh import edge_lengths, signed_volume, unique_edges
+from vtkmuscle.core.polylines import polyline_lengths
+from vtkmuscle.core.rigid import RigidMotion, apply_transform
+from vtkmuscle.filters.arrays import point_array, points_of, polylines_of, triangles_of, with_points
+from vtkmuscle.filters.attachments import attachments_of
+from vtkmuscle.io import read_polydata
+from vtkmuscle.report import MuscleMeasure
+from vtkmuscle.run import frame_numbers
+
+FRAMES = 5
+
+
+@pytest.fixture(scope="module")
+def scene_file(tmp_path_factory):
+    path = write_tiny_scene(tmp_path_factory.mktemp("scene"))
+    # A second muscle, that only differs in its settings and has no fibres.
+    text = path.read_text()
+    start, end = text.index("[muscles.spindle]"), text.index("[solver]")
+    plain = "".join(
+        line for line in text[start:end].splitlines(keepends=True) if not line.startswith("fibres")
+    )
+    plain = plain.replace("spindle]", "plain]") + "solver = { iterations = 5 }\n\n"
+    path.write_text(text[:end] + plain + text[end:])
+    return path
+
+
+@pytest.fixture(scope="module")
+def scene(scene_file):
+    return Scene.load(scene_file)
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    return tmp_path_factory.mktemp("out")
+
+
+@pytest.fixture(scope="module")
+def result(scene, out):
+    return scene.run(out, figures=False)
+
+
+def files(folder):
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
+def all_numbers(value):
+    if isinstance(value, dict):
+        value = list(value.values())
+    if isinstance(value, list):
+        return [number for item in value for number in all_numbers(item)]
+    return [value] if isinstance(value, int | float) else []
+
+
+# ------------------------------------------------------------------------------- what comes back
+
+
+def test_the_result_has_every_frame_of_every_muscle(result):
+    assert result.muscle_names == ["spindle", "plain"]
+    assert result.times == [0, 5, 10, 15, 20]
+    assert result.lengths.keys() == {"spindle"}
+    assert result.lengths["spindle"].shape == (FRAMES, 6)
+    assert result.fibres("plain", 0) is None
+    for i in range(FRAMES):
+        assert result.fibres("spindle", i).GetNumberOfCells() == 6
+        for name in result.muscle_names:
+            muscle = result.muscle(name, i)
+            assert np.isfinite(points_of(muscle)).all()
+            assert set(point_array(muscle, "FixedTo", name)) == {-1, 0, 1}
+
+
+def test_muscles_move_with_their_bones_and_keep_their_volume(result):
+    for name in result.muscle_names:
+        rest = result.rest_muscle(name)
+        triangles, volume = triangles_of(rest, name), signed_volume(points_of(rest), triangles_of(rest, name))
+        for i in range(FRAMES):
+            points = points_of(result.muscle(name, i))
+            assert signed_volume(points, triangles) == pytest.approx(volume, rel=0.01)
+            now = result.bones(i).GetBlock(1).GetFieldData().GetArray("Transform")
+            transform = np.array([now.GetValue(j) for j in range(16)]).reshape(4, 4)
+            held = point_array(rest, "FixedTo", name) == 1
+            np.testing.assert_allclose(
+                points[held], apply_transform(transform, points_of(rest)[held]), atol=1e-6
+            )
+    assert np.abs(points_of(result.muscle("spindle", 4)) - points_of(result.muscle("spindle", 0))).max() > 5.0
+
+
+def test_lengths_are_those_of_the_fibres(result):
+    for i in range(FRAMES):
+        lines = polylines_of(result.fibres("spindle", i), "fibres")
+        np.testing.assert_allclose(
+            result.lengths["spindle"][i], polyline_lengths(lines.points, lines.offsets)
+        )
+
+
+def test_the_report_says_what_the_geometry_says(result, scene):
+    rows = result.report["muscles"]["plain"]["frames"]
+    rest = result.rest_muscle("plain")
+    triangles = triangles_of(rest, "plain")
+    edges = unique_edges(triangles)
+    for i, row in enumerate(rows):
+        points = points_of(result.muscle("plain", i))
+        stretch = edge_lengths(points, edges) / edge_lengths(points_of(rest), edges)
+        volume = signed_volume(points, triangles) / signed_volume(points_of(rest), triangles)
+        assert (row["frame"], row["time"]) == (i, result.times[i])
+        assert row["volume_ratio"] == pytest.approx(volume, rel=1e-12)
+        assert row["edge_stretch_max"] == pytest.approx(stretch.max(), rel=1e-12)
+        assert row["edge_stretch_p95"] == pytest.approx(np.percentile(stretch, 95), rel=1e-12)
+        assert row["fixed_error_max_mm"] < 1e-6
+        assert row["iterations"] == 5
+        assert 0 <= row["penetration_p95_mm"] <= row["penetration_max_mm"] < 5
+    parameters = result.report["muscles"]["spindle"]["parameters"]
+    assert parameters["solver"]["iterations"] == 3
+    assert parameters["fixing"]["method"] == "attachment"
+    assert parameters["fibres"]["n_fibres"] == 6
+    fibres = result.report["muscles"]["spindle"]["fibres"]
+    assert fibres["points_inside"] + fibres["points_outside"] == fibres["points"] == 6 * 6
+    assert fibres["points_inside"] >= 0.95 * fibres["points"]
+    assert {"python", "vtk", "numpy", "vtkmuscle"} <= result.report["versions"].keys()
+    assert result.report["complete"] is True
+    assert np.isfinite(all_numbers(result.report)).all()
+
+
+def test_penetration_is_measured_in_the_bone_where_it_is_now(scene):
+    """A muscle pushed into the moved bone by a known depth."""
+    ball = scene.bones["lower"]
+    rest = scene.run(frames=0, figures=False).rest_muscle("plain")
+
+    class HalfSpace:
+        def depth(self, points):
+            return np.maximum(-points[:, 2], 0.0)
+
+    measure = MuscleMeasure(rest, ["upper", "lower"], {"lower": HalfSpace()}, 10.0)
+    lift = np.eye(4)
+    lift[2, 3] = 7.0  # the half space is now z < 7
+    free = point_array(rest, "FixedTo", "rest") == -1
+    depths = np.maximum(7.0 - points_of(rest)[free, 2], 0.0)
+    row = measure.frame(points_of(rest), {"lower": lift})
+    assert row["penetration_max_mm"] == pytest.approx(10.0 * depths.max())
+    assert row["penetration_p95_mm"] == pytest.approx(10.0 * np.percentile(depths, 95))
+    assert row["penetrating_points"] == (depths > 0).sum()
+    assert ball is scene.bones["lower"]
+
+
+# ------------------------------------------------------------------------------- what is written
+
+
+def test_everything_is_written_and_nothing_else(result, out):
+    frames = range(FRAMES)
+    assert files(out) == sorted(
+        [
+            "lengths.csv",
+            "report.json",
+            "bones.pvd",
+            "bones/upper.vtp",
+            *(f"bones/lower/lower_{i:04d}.vtp" for i in frames),
+            *(f"{name}.pvd" for name in ("spindle", "spindle_fibres", "plain")),
+            *(f"{n}/{n}_{i:04d}.vtp" for n in ("spindle", "spindle_fibres", "plain") for i in frames),
+        ]
+    )
+
+
+def test_what_is_written_is_the_result_bit_for_bit(result, out):
+    for name in result.muscle_names:
+        reader = pyvista.get_reader(out / f"{name}.pvd")
+        assert reader.time_values == result.times
+        for i, time in enumerate(result.times):
+            reader.set_active_time_value(time)
+            np.testing.assert_array_equal(reader.read()[0].points, points_of(result.muscle(name, i)))
+    fibres = read_polydata(out / "spindle_fibres/spindle_fibres_0004.vtp")
+    np.testing.assert_array_equal(points_of(fibres), points_of(result.fibres("spindle", 4)))
+    bones = pyvista.get_reader(out / "bones.pvd")
+    bones.set_active_time_value(20.0)
+    for block, mine in zip(bones.read(), (result.bones(4).GetBlock(i) for i in range(2)), strict=True):
+        np.testing.assert_array_equal(block.points, points_of(mine))
+
+
+def test_the_tables_hold_the_result(result, out):
+    with (out / "lengths.csv").open(newline="") as lines:
+        rows = list(csv.DictReader(lines))
+    assert len(rows) == 6 * FRAMES
+    assert list(rows[0]) == ["muscle", "fibre", "time", "length_mm"]
+    for row in rows:
+        frame = result.times.index(float(row["time"]))
+        assert float(row["length_mm"]) == result.lengths[row["muscle"]][frame, int(row["fibre"])]
+    report = json.loads((out / "report.json").read_text())
+    assert report["muscles"]["spindle"]["frames"] == result.report["muscles"]["spindle"]["frames"]
+    assert report["seconds"].keys() == {"muscles", "total"}
+
+
+def test_other_files_of_the_folder_are_left_alone(scene, tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "spindle.pvd").write_text("old")
+    scene.run(tmp_path, frames="0:1", figures=False)
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+    assert pyvista.get_reader(tmp_path / "spindle.pvd").time_values == [0.0]
+
+
+def test_a_file_is_no_folder_to_write_to(scene, tmp_path):
+    (tmp_path / "out").write_text("")
+    with pytest.raises(NotADirectoryError, match="is a file; give another folder"):
+        scene.run(tmp_path / "out")
+
+
+def test_without_a_folder_nothing_is_written(scene, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scene.run(frames=0)
+    assert files(tmp_path) == []
+
+
+# ------------------------------------------------------------------------------- options
+
+
+@pytest.mark.parametrize("frames", ["2:4", slice(2, 4), range(2, 4)])
+def test_frames_are_the_same_whichever_are_kept(frames, result, scene, tmp_path):
+    asked = []
+    some = scene.run(tmp_path, frames=frames, figures=False, progress=lambda *args: asked.append(args))
+    assert (some.frames, some.times) == ([2, 3], [10, 15])
+    for i in range(2):
+        for name in some.muscle_names:
+            np.testing.assert_array_equal(
+                points_of(some.muscle(name, i)), points_of(result.muscle(name, i + 2))
+            )
+    np.testing.assert_array_equal(some.lengths["spindle"], result.lengths["spindle"][2:4])
+    assert [row["frame"] for row in some.report["muscles"]["plain"]["frames"]] == [2, 3]
+    assert [p.name for p in sorted((tmp_path / "spindle").iterdir())] == [
+        "spindle_0002.vtp",
+        "spindle_0003.vtp",
+    ]
+    # No frame beyond those asked for was computed.
+    assert sum(args[:2] == ("plain", "deforming") for args in asked) == 4
+
+
+@pytest.mark.parametrize(
+    ("frames", "numbers"),
+    [
+        (None, range(46)),
+        (":", range(46)),
+        ("0:10", range(10)),
+        ("40:", range(40, 46)),
+        (":3", range(3)),
+        ("0:46:5", range(0, 46, 5)),
+        ("-2:", range(44, 46)),
+        ("7", range(7, 8)),
+        (7, range(7, 8)),
+        ("40:99", range(40, 46)),
+    ],
+)
+def test_frames_are_counted_as_in_python(frames, numbers):
+    assert list(frame_numbers(frames, 46)) == list(numbers)
+
+
+@pytest.mark.parametrize(
+    "frames", ["5:5", "9:3", "46", 46, -1, "a", "1:b", "1:2:3:4", "", "5:1:-1", range(40, 50), "50:60"]
+)
+def test_frames_that_do_not_exist_are_refused(frames):
+    with pytest.raises(ValueError, match=r"give A:B with 0 <= A < B <= 46 \(B is not included\)"):
+        frame_numbers(frames, 46)
+
+
+def test_the_result_does_not_depend_on_the_number_of_workers(result, scene):
+    alone = scene.run(workers=1)
+    for name in result.muscle_names:
+        for i in range(FRAMES):
+            np.testing.assert_array_equal(points_of(alone.muscle(name, i)), points_of(result.muscle(name, i)))
+    np.testing.assert_array_equal(alone.lengths["spindle"], result.lengths["spindle"])
+    with pytest.raises(ValueError, match="workers is 0"):
+        scene.run(workers=0)
+
+
+def test_progress_goes_up_to_one_for_every_muscle(scene):
+    seen = {name: [] for name in scene.muscles}
+    scene.run(frames="0:3", progress=lambda muscle, stage, fraction: seen[muscle].append((stage, fraction)))
+    for steps in seen.values():
+        fractions = [fraction for _, fraction in steps]
+        assert fractions == sorted(fractions)
+        assert steps[-1] == ("done", 1.0)
+
+
+def in_metres(scene):
+    """Return the same scene with all lengths in metres."""
+
+    def scaled(surface):
+        return with_points(surface, points_of(surface) * 0.001)
+
+    transforms = {bone: table.copy() for bone, table in scene.motion.transforms.items()}
+    for table in transforms.values():
+        table[:, :3, 3] *= 0.001
+    muscles = {
+        name: replace(
+            muscle,
+            surface=scaled(muscle.surface),
+            attachments=tuple(replace(a, landmarks=a.landmarks * 0.001) for a in muscle.attachments),
+        )
+        for name, muscle in scene.muscles.items()
+    }
+    return replace(
+        scene,
+        bones={name: scaled(bone) for name, bone in scene.bones.items()},
+        muscles=muscles,
+        motion=RigidMotion(scene.motion.times, transforms, scene.motion.centre * 0.001),
+        units="m",
+    )
+
+
+def test_a_scene_in_metres_reports_the_same_millimetres(scene):
+    # Where two fibre segments are equally near, rounding decides which one gives an edge its direction.
+    scene = replace(scene, solver={"iterations": 3, "anisotropy": False})
+    result, other = scene.run(), in_metres(scene).run()
+    np.testing.assert_allclose(other.lengths["spindle"], result.lengths["spindle"], rtol=1e-6)
+    for name in result.muscle_names:
+        np.testing.assert_allclose(
+            1000.0 * points_of(other.muscle(name, 4)), points_of(result.muscle(name, 4)), atol=1e-5
+        )
+        mine, yours = result.report["muscles"][name], other.report["muscles"][name]
+        assert yours["volume_mm3"] == pytest.approx(mine["volume_mm3"])
+        for one, two in zip(mine["frames"], yours["frames"], strict=True):
+            for key in ("volume_ratio", "edge_stretch_max", "penetration_max_mm", "penetration_p95_mm"):
+                assert two[key] == pytest.approx(one[key], rel=1e-5, abs=1e-5)
+    assert other.report["muscles"]["spindle"]["fibres"] == pytest.approx(
+        result.report["muscles"]["spindle"]["fibres"], rel=1e-6, abs=1e-6
+    )
+
+
+# ------------------------------------------------------------------------------- figures
+
+
+def test_without_opengl_all_but_the_figures_is_written(scene, tmp_path, monkeypatch):
+    monkeypatch.setattr(vtkmuscle.plotting, "can_render", lambda: "no OpenGL here")
+    with pytest.warns(UserWarning, match="no figures were drawn, all else was written: no OpenGL here"):
+        result = scene.run(tmp_path, frames="0:2")
+    assert result.report["figures"] == {"written": [], "reason": "no OpenGL here"}
+    assert not (tmp_path / "figures").exists()
+    assert json.loads((tmp_path / "report.json").read_text())["complete"] is True
+
+
+def test_figures_are_moved_into_place(scene, tmp_path, monkeypatch):
+    def draw(folder, result):
+        folder.mkdir()
+        (folder / "volume.png").write_bytes(b"png")
+
+    monkeypatch.setattr(vtkmuscle.plotting, "can_render", lambda: None)
+    monkeypatch.setattr(vtkmuscle.plotting, "write_figures", draw)
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures/mine.png").write_bytes(b"")
+    result = scene.run(tmp_path, frames=0)
+    assert result.report["figures"] == {"written": ["volume.png"]}
+    assert sorted(p.name for p in (tmp_path / "figures").iterdir()) == ["mine.png", "volume.png"]
+    assert not list(tmp_path.glob(".*"))
+
+
+# ------------------------------------------------------------------------------- faults
+
+
+def finished(folder, name):
+    """Return the times of the frames that a folder lists, having read each."""
+    reader = pyvista.get_reader(folder / f"{name}.pvd")
+    for time in reader.time_values:
+        reader.set_active_time_value(time)
+        assert reader.read()[0].n_points
+    return reader.time_values
+
+
+@pytest.mark.parametrize(
+    "error", [ValueError("bad shape; try another"), RuntimeError("a fault"), MemoryError()]
+)
+def test_a_fault_in_a_frame_leaves_the_finished_ones(error, scene, tmp_path, monkeypatch):
+    whole = MuscleMeasure.frame
+
+    def failing(self, points, transforms):
+        row = whole(self, points, transforms)
+        failing.calls += 1
+        if failing.calls == 3:
+            raise error
+        return row
+
+    failing.calls = 0
+    monkeypatch.setattr(MuscleMeasure, "frame", failing)
+    expected = SceneError if isinstance(error, ValueError) else type(error)
+    with pytest.raises(expected) as caught:
+        scene.run(tmp_path, workers=1, figures=False)
+    if expected is SceneError:
+        assert (caught.value.key, caught.value.mend) == ("muscles.spindle", "try another")
+        assert caught.value.__cause__ is error
+    assert finished(tmp_path, "spindle") == [0.0, 5.0]
+    assert finished(tmp_path, "spindle_fibres") == [0.0, 5.0]
+    assert not [name for name in files(tmp_path) if "partial" in name]
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["complete"] is False
+    assert report["stopped_by"].startswith(expected.__name__)
+    assert [row["frame"] for row in report["muscles"]["spindle"]["frames"]] == [0, 1]
+    assert len((tmp_path / "lengths.csv").read_text().splitlines()) == 1 + 6 * 2
+
+
+def test_a_run_that_is_stopped_does_not_keep_an_earlier_report(scene, tmp_path, monkeypatch):
+    scene.run(tmp_path, frames="0:2", figures=False)
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(MuscleMeasure, "at_rest", stop)
+    with pytest.raises(KeyboardInterrupt):
+        scene.run(tmp_path, figures=False)
+    assert json.loads((tmp_path / "report.json").read_text())["complete"] is False
+
+
+def test_a_failure_of_a_filter_names_the_muscle(scene):
+    far = replace(scene, fixing={"method": "proximity", "tolerance": 1e-9})
+    with pytest.raises(SceneError, match=r"scene\.toml: muscles\.(spindle|plain): FixedPointDetector"):
+        far.run()
+
+
+def test_a_phantom_is_a_scene(tmp_path):
+    phantom = vtkmuscle.phantoms.hip()
+    scene = Scene.from_phantom(phantom, n_fibres=7, resolution=4)
+    again = Scene.load(scene.save(tmp_path))
+    for name, surface in phantom.muscles.items():
+        np.testing.assert_array_equal(points_of(again.muscles[name].surface), points_of(surface))
+        assert again.muscles[name].fibres == {
+            "template": phantom.templates[name],
+            "n_fibres": 7,
+            "resolution": 4,
+        }
+        areas = attachments_of(phantom.attachments[name], name)
+        assert [a.closed for a in again.muscles[name].attachments] == [a.closed for a in areas]
+        for mine, area in zip(again.muscles[name].attachments, areas, strict=True):
+            np.testing.assert_array_equal(mine.landmarks, area.landmarks)
+    for bone, table in phantom.motion.transforms.items():
+        np.testing.assert_array_equal(again.motion.transforms[bone], table)
+
+
+# ------------------------------------------------------------------------------- real data
+
+
+@pytest.mark.realdata
+def test_the_real_hip_deforms(lhdl_hip, tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        result = Scene.load(lhdl_hip / "scene_lite.toml").run(tmp_path, frames="0:4", figures=False)
+    assert np.isfinite(all_numbers(result.report)).all()
+    for name in result.muscle_names:
+        report = result.report["muscles"][name]
+        assert report["fibres"]["fibres"] == 100
+        assert report["fibres"]["points_inside"] >= 0.95 * report["fibres"]["points"]
+        assert set(report["fixed_points"]) == {"pelvis", "femur_r"}
+        for row in report["frames"]:
+            assert row["volume_ratio"] == pytest.approx(1.0, abs=0.01)
+            assert row["fixed_error_max_mm"] < 1e-6
+            assert row["penetration_max_mm"] < 5.0
+            assert row["edge_stretch_max"] < 3.0

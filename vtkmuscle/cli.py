@@ -1,0 +1,267 @@
+"""The command line: ``vtkmuscle run``, ``vtkmuscle demo``, ``vtkmuscle info``.
+
+Nothing heavy is imported before a command needs it, so that ``vtkmuscle --help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+
+from vtkmuscle import __version__
+
+if TYPE_CHECKING:
+    from vtkmuscle.scene import Scene
+
+#: Exit status for input that cannot be used, and for Ctrl-C (128 + SIGINT, as shells have it).
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+#: Bones and muscles are 20 mm to 2 m long; what is shorter than this in its file is not in millimetres.
+_SHORTEST_IN_MILLIMETRES = 10.0
+_LONGEST_IN_METRES = 2.5
+
+app = typer.Typer(
+    name="vtkmuscle",
+    help="Deform muscles with moving bones, fill them with fibres, and measure them.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+OutOption = Annotated[
+    Path | None, typer.Option("--out", "-o", help="Folder to write to.", show_default=False)
+]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and warnings only.")]
+FiguresOption = Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")]
+FramesOption = Annotated[
+    str | None,
+    typer.Option(
+        "--frames",
+        metavar="A:B",
+        help="Frames to write, counted from 0; B is not included. Default: all.",
+        show_default=False,
+    ),
+]
+
+
+def main() -> None:
+    """Run the command line; the console entry point."""
+    app()
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"vtkmuscle {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+def run(
+    scene: Annotated[Path, typer.Argument(help="A scene.toml.", show_default=False)],
+    out: OutOption = None,
+    frames: FramesOption = None,
+    quiet: QuietOption = False,
+    figures: FiguresOption = True,
+) -> None:
+    """Run a scene: deform its muscles, carry their fibres along, measure, and write all of it.
+
+    Without --out it writes to NAME_out, in the folder you are in.
+    """
+    with _one_clear_error(None):
+        from vtkmuscle.scene import Scene
+
+        loaded = Scene.load(scene)
+    _run(loaded, out or Path(f"{loaded.name}_out"), frames=frames, quiet=quiet, figures=figures)
+
+
+@app.command()
+def demo(
+    out: OutOption = None,
+    frames: FramesOption = None,
+    quiet: QuietOption = False,
+    figures: FiguresOption = True,
+) -> None:
+    """Run a phantom hip, and write its scene too, as a model for your own.
+
+    Without --out it writes to vtkmuscle_demo.
+    """
+    folder = out or Path("vtkmuscle_demo")
+    with _one_clear_error(folder):
+        from vtkmuscle import phantoms
+        from vtkmuscle.run_folder import RunFolder
+        from vtkmuscle.scene import Scene
+
+        path = Scene.from_phantom(phantoms.hip()).save(RunFolder(folder).path / "scene")
+        loaded = Scene.load(path)
+    _say(quiet, f"The scene is {path}: edit it, or put your own surfaces there, and run it with")
+    _say(quiet, f"  vtkmuscle run {path}")
+    _run(loaded, folder, frames=frames, quiet=quiet, figures=figures)
+
+
+@app.command()
+def info(
+    files: Annotated[list[Path], typer.Argument(help="Surfaces, landmarks or fibres.", show_default=False)],
+) -> None:
+    """Say what meshes are: size, closed or not, manifold or not, pieces, volume, a guess of the unit."""
+    with _one_clear_error(None):
+        for file in files:
+            typer.echo(f"{file}")
+            for word, value in _facts(file).items():
+                typer.echo(f"  {word:<12}{value}")
+
+
+def _run(scene: Scene, out: Path, *, frames: str | None, quiet: bool, figures: bool) -> None:
+    with _one_clear_error(out), _progress_bars(list(scene.muscles), quiet=quiet) as progress:
+        result = scene.run(out, frames=frames, figures=figures, progress=progress)
+    rows = result.report["muscles"]
+    for name, muscle in rows.items():
+        volumes = [row["volume_ratio"] for row in muscle["frames"]]
+        depths = [row["penetration_max_mm"] for row in muscle["frames"]]
+        deepest = "" if None in depths else f", at most {max(depths):.2f} mm inside a bone"
+        error = max(abs(volume - 1.0) for volume in volumes)
+        _say(quiet, f"{name}: {len(volumes)} frames, volume within {error:.2%}{deepest}")
+    _say(quiet, f"{result.report['seconds']['total']:.1f} s. Results are in {out}:")
+    _say(quiet, "  report.json, lengths.csv, figures/, and NAME.pvd, NAME_fibres.pvd, bones.pvd for ParaView")
+
+
+@contextmanager
+def _progress_bars(muscles: list[str], *, quiet: bool) -> Iterator[Callable[[str, str, float], None] | None]:
+    if quiet:
+        yield None
+        return
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TaskProgressColumn(),
+        TextColumn("{task.fields[stage]}", markup=False),
+        TimeRemainingColumn(elapsed_when_finished=True),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as bars:
+        tasks = {name: bars.add_task(name, total=1.0, stage="waiting", start=False) for name in muscles}
+
+        def show(muscle: str, stage: str, fraction: float) -> None:
+            # The clock starts with the first frame: the stages before it say nothing of the rest.
+            if fraction > 0 or stage == "deforming":
+                bars.start_task(tasks[muscle])
+            bars.update(tasks[muscle], completed=fraction, stage=stage)
+
+        yield show
+
+
+@contextmanager
+def _one_clear_error(out: Path | None) -> Iterator[None]:
+    """Turn bad input and Ctrl-C into one message and an exit status; show warnings in one line."""
+    console = Console(stderr=True, soft_wrap=True, highlight=False)
+
+    def show(message: Warning | str, *_: Any, **__: Any) -> None:
+        console.print(f"warning: {message}", markup=False, style="yellow")
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("default", UserWarning)
+            warnings.showwarning = show
+            yield
+    except (ValueError, OSError) as error:
+        # ValueErrors of the package say what was wrong with the input; a fault in it has a traceback.
+        console.print(f"error: {_words(error)}", markup=False, style="bold red")
+        raise typer.Exit(BAD_INPUT) from error
+    except KeyboardInterrupt:
+        console.print(f"stopped. {_what_is_finished(out)}", markup=False, style="yellow")
+        raise typer.Exit(INTERRUPTED) from None
+
+
+def _words(error: Exception) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return str(error)
+
+
+def _what_is_finished(out: Path | None) -> str:
+    report = None if out is None else out / "report.json"
+    if report is None or not report.is_file():
+        return "Nothing was written."
+    muscles = json.loads(report.read_text(encoding="utf-8"))["muscles"]
+    counts = {name: len(muscle.get("frames", [])) for name, muscle in muscles.items()}
+    listed = ", ".join(f"{name} {count}" for name, count in counts.items())
+    return f"Finished frames can be read in {out}: {listed} (lengths.csv and report.json hold these)"
+
+
+def _facts(file: Path) -> dict[str, str]:
+    import numpy as np
+
+    from vtkmuscle.core.mesh import survey
+    from vtkmuscle.filters.arrays import points_of, triangles_of
+    from vtkmuscle.io import read_polydata
+
+    data = read_polydata(file)
+    points = points_of(data)
+    if not np.isfinite(points).all():
+        bad = int((~np.isfinite(points).all(axis=1)).sum())
+        return {"points": str(len(points)), "not finite": f"{bad} points; correct them"}
+    lowest, highest = points.min(axis=0), points.max(axis=0)
+    longest = float((highest - lowest).max())
+    bounds = "  ".join(f"{a:.6g} .. {b:.6g}" for a, b in zip(lowest, highest, strict=True))
+    size = {"bounds": bounds, "unit": f"{_unit_guess(longest)} (the longest side is {longest:.4g})"}
+    if data.GetNumberOfPolys() == 0:
+        return {"points": str(len(points)), "polylines": str(data.GetNumberOfLines()), **size}
+    try:
+        report = survey(points, triangles_of(data, str(file)))
+    except ValueError as error:
+        return {
+            "points": str(len(points)),
+            "polygons": str(data.GetNumberOfPolys()),
+            "faces": str(error),
+            **size,
+        }
+    side = "outward" if report.volume > 0 else "inward: the surface is inside out"
+    return {
+        "triangles": str(report.n_triangles),
+        "points": f"{report.n_points}" + _but(report.n_unused_points, "belong to no triangle"),
+        "closed": _yes(report.closed, f"{report.n_boundary_edges} edges have one triangle"),
+        "manifold": _yes(report.manifold, f"{report.n_nonmanifold_edges} edges have more than two triangles"),
+        "oriented": _yes(report.oriented, f"{report.n_misoriented_edges} edges disagree")
+        + (f", {side}" if report.closed and report.oriented else ""),
+        "pieces": str(report.n_components),
+        "degenerate": f"{report.n_degenerate_triangles} triangles without area",
+        "area": f"{report.area:.6g}",
+        "volume": f"{report.volume:.6g}" if report.closed else "none, it is open",
+        **size,
+    }
+
+
+def _unit_guess(longest: float) -> str:
+    if longest >= _SHORTEST_IN_MILLIMETRES:
+        return "probably mm"
+    return "probably m" if longest <= _LONGEST_IN_METRES else "perhaps cm"
+
+
+def _yes(good: bool, otherwise: str) -> str:
+    return "yes" if good else f"no, {otherwise}"
+
+
+def _but(count: int, what: str) -> str:
+    return f", {count} of them {what}" if count else ""
+
+
+def _say(quiet: bool, text: str) -> None:
+    if not quiet:
+        typer.echo(text)

@@ -1,0 +1,26 @@
+"""Readers and writers of the field's formats: surfaces, landmarks, motion tables, time series.
+
+Every reader raises a ``FileNotFoundError`` or a ``ValueError`` that names the file and the mend, and
+keeps VTK's own messages off the terminal.
+"""
+
+from __future__ import annotations
+
+from vtkmuscle.io.landmarks import read_landmarks
+from vtkmuscle.io.motion_table import read_motion_table, write_motion_table
+from vtkmuscle.io.series import Collection, Series
+from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, read_polydata, read_surface
+from vtkmuscle.io.writing import write_polydata, write_text
+
+__all__ = [
+    "SURFACE_SUFFIXES",
+    "Collection",
+    "Series",
+    "read_landmarks",
+    "read_motion_table",
+    "read_polydata",
+    "read_surface",
+    "write_motion_table",
+    "write_polydata",
+    "write_text",
+]

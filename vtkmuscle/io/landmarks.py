@@ -1,0 +1,95 @@
+"""Read the landmarks of an attachment."""
+
+from __future__ import annotations
+
+import csv
+import json
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.filters.attachments import landmarks_of
+from vtkmuscle.io.surfaces import check_is_file, read_polydata
+
+Floats = NDArray[np.float64]
+
+
+def read_landmarks(path: str | PathLike[str]) -> tuple[Floats, bool]:
+    """Read landmarks in boundary order, and whether they close to a ring.
+
+    Parameters
+    ----------
+    path : path
+        A .vtp or .vtk file with one polyline (a ring where it ends at the point it began with, an open
+        curve otherwise) or with points alone; a .csv file of x, y, z (a header line and further columns
+        are passed over); or a .json file with a list of [x, y, z]. A .csv or .json ring repeats its first
+        point at the end.
+
+    Returns
+    -------
+    landmarks : (k, 3) array
+        Each once, in the unit of the file.
+    closed : bool
+        True for a ring.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the file cannot be read, has no landmarks, more than one polyline, or a coordinate that is
+        not finite.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix in (".vtp", ".vtk"):
+        return landmarks_of(read_polydata(path), str(path))
+    if suffix not in (".csv", ".json"):
+        raise ValueError(
+            f"{path}: landmarks are read from .vtp, .vtk, .csv or .json files, not from {path.suffix!r}"
+        )
+    check_is_file(path)
+    points = _from_csv(path) if suffix == ".csv" else _from_json(path)
+    if not np.isfinite(points).all():
+        row = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
+        raise ValueError(f"{path}: landmark {row} has a coordinate that is not finite; correct it")
+    closed = len(points) > 3 and bool(np.array_equal(points[0], points[-1]))
+    return (points[:-1] if closed else points), closed
+
+
+def _from_csv(path: Path) -> Floats:
+    rows: list[list[float]] = []
+    header_passed = False
+    with path.open(newline="", encoding="utf-8-sig") as lines:
+        try:
+            for number, cells in enumerate(csv.reader(lines), start=1):
+                if not any(cell.strip() for cell in cells) or cells[0].lstrip().startswith("#"):
+                    continue
+                try:
+                    rows.append([float(cell) for cell in cells[:3]])
+                except ValueError:
+                    if rows or header_passed:
+                        raise ValueError(
+                            f"{path}: line {number} does not begin with three numbers x, y, z; correct it"
+                        ) from None
+                    header_passed = True
+                    continue
+                if len(cells) < 3:
+                    raise ValueError(f"{path}: line {number} has fewer than three numbers; give x, y, z")
+        except UnicodeDecodeError as error:
+            raise ValueError(f"{path}: the file is not text in UTF-8; export it as CSV again") from error
+    if not rows:
+        raise ValueError(f"{path}: the file holds no landmarks; give a line x, y, z for each")
+    return np.array(rows, dtype=np.float64)
+
+
+def _from_json(path: Path) -> Floats:
+    try:
+        points = np.array(json.loads(path.read_text(encoding="utf-8-sig")), dtype=np.float64)
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{path}: the file is not a JSON list of [x, y, z]: {error}") from error
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        raise ValueError(f"{path}: the file must hold a list of [x, y, z], one per landmark")
+    return points

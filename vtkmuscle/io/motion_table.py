@@ -1,0 +1,162 @@
+"""Read and write tables of rigid transforms."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vtkmuscle.core.rigid import RigidMotion, is_rigid
+from vtkmuscle.io.surfaces import check_is_file
+from vtkmuscle.io.writing import write_text
+
+Floats = NDArray[np.float64]
+
+#: Column names, row major. The last four may be missing: a rigid transform ends with 0 0 0 1.
+TRANSFORM_COLUMNS = tuple(f"T{row}{column}" for row in range(4) for column in range(4))
+_LAST_ROW = {"T30": 0.0, "T31": 0.0, "T32": 0.0, "T33": 1.0}
+
+
+def read_motion_table(
+    path: str | PathLike[str], bone: str, *, time: str | None = None, centre: ArrayLike | None = None
+) -> RigidMotion:
+    """Read how a bone moves from a CSV table, one row per time.
+
+    Parameters
+    ----------
+    path : path
+        A CSV file with a header line; the columns ``T00`` to ``T23`` (and ``T30`` to ``T33``, taken as
+        0 0 0 1 where they are missing) are the transform from rest to the pose, row major. Empty lines
+        and lines that begin with # are passed over, and so are other columns.
+    bone : str
+        Name of the bone that moves.
+    time : str, optional
+        The column that is the pipeline's time; without it the number of the row.
+    centre : (3,) array_like, optional
+        Joint centre in the rest pose, in the unit of the table.
+
+    Returns
+    -------
+    RigidMotion
+        Of this one bone.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If a column is missing, a cell is no finite number, times do not ascend or a transform is not
+        rigid; the message names the file and the line.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import mkdtemp
+    >>> from vtkmuscle.core.rigid import hinge
+    >>> from vtkmuscle.io import read_motion_table, write_motion_table
+    >>> table = Path(mkdtemp()) / "knee.csv"
+    >>> write_motion_table(table, hinge("tibia", (0, 0, 0), (1, 0, 0), [0, 10, 20]), "tibia")
+    >>> read_motion_table(table, "tibia", time="time").times.tolist()
+    [0.0, 10.0, 20.0]
+    """
+    path = Path(path)
+    header, rows = _rows(path)
+    missing = [c for c in TRANSFORM_COLUMNS if c not in header and c not in _LAST_ROW]
+    if missing:
+        raise ValueError(
+            f"{path}: the column(s) {', '.join(missing)} are missing; a table of transforms has the columns "
+            "T00, T01, T02, T03, T10 ... T23, row major, rest to pose"
+        )
+    if time is not None and time not in header:
+        raise ValueError(
+            f"{path}: there is no column {time!r} for the time; the other columns are: "
+            + (", ".join(name for name in header if name not in TRANSFORM_COLUMNS) or "none")
+        )
+    times, transforms = [], []
+    for row, (line, cells) in enumerate(rows):
+        where = f"{path}: line {line} (row {row})"
+        values = dict(zip(header, cells, strict=False))
+        if len(cells) != len(header):
+            raise ValueError(f"{where} has {len(cells)} cells, but the header has {len(header)}; correct it")
+        times.append(float(row) if time is None else _number(values[time], time, where))
+        if row and times[-1] <= times[-2]:
+            raise ValueError(
+                f"{where}: the times ({time}) must ascend, but {times[-1]:g} comes after {times[-2]:g}; sort "
+                "the rows, or leave out the time column so that rows are numbered"
+            )
+        transform = np.array(
+            [_number(values[c], c, where) if c in values else _LAST_ROW[c] for c in TRANSFORM_COLUMNS]
+        ).reshape(4, 4)
+        if not is_rigid(transform):
+            raise ValueError(f"{where}: the transform is not rigid: {_why_not_rigid(transform)}")
+        transforms.append(transform)
+    return RigidMotion(
+        np.array(times),
+        {bone: np.array(transforms)},
+        None if centre is None else np.asarray(centre, dtype=np.float64),
+    )
+
+
+def write_motion_table(path: str | PathLike[str], motion: RigidMotion, bone: str) -> None:
+    """Write the motion of one bone so that :func:`read_motion_table` gives the same numbers back.
+
+    Parameters
+    ----------
+    path : path
+        The CSV file; replaced where it exists.
+    motion : RigidMotion
+        With a table for the bone.
+    bone : str
+        Which bone.
+    """
+    tables: Mapping[str, Floats] = motion.transforms
+    lines = [",".join(("time", *TRANSFORM_COLUMNS))]
+    for time, transform in zip(motion.times, tables[bone], strict=True):
+        lines.append(",".join(repr(float(value)) for value in (time, *transform.reshape(-1))))
+    write_text(Path(path), "\n".join(lines) + "\n")
+
+
+def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    check_is_file(path)
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as lines:
+            rows = [(number, cells) for number, cells in enumerate(csv.reader(lines), start=1)]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"{path}: the file is not a CSV table in UTF-8: {error}; export it again") from error
+    filled = [
+        (number, [cell.strip() for cell in cells])
+        for number, cells in rows
+        if any(cell.strip() for cell in cells) and not cells[0].lstrip().startswith("#")
+    ]
+    if len(filled) < 2:
+        raise ValueError(f"{path}: the table has no rows; it needs a header line and one line per time")
+    header = filled[0][1]
+    twice = sorted({name for name in header if header.count(name) > 1})
+    if twice:
+        raise ValueError(f"{path}: the column(s) {', '.join(twice)} appear twice; rename one")
+    return header, filled[1:]
+
+
+def _number(cell: str, column: str, where: str) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"{where}: {column} is {cell!r}, but must be a finite number")
+    return value
+
+
+def _why_not_rigid(transform: Floats) -> str:
+    rotation = transform[:3, :3]
+    if not np.array_equal(transform[3], [0.0, 0.0, 0.0, 1.0]):
+        return "its last row (T30 to T33) must be 0, 0, 0, 1"
+    if np.linalg.det(rotation) <= 0:
+        return "its rotation part mirrors; swap the sign of one axis"
+    error = np.abs(rotation.T @ rotation - np.eye(3)).max()
+    return f"its rotation part scales or shears (R^T R is off by {error:.2g}); give a rotation matrix"

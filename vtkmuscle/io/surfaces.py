@@ -1,0 +1,170 @@
+"""Read surfaces and polylines through VTK's readers, with one clear error instead of VTK's noise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkFiltersCore import vtkTriangleFilter
+from vtkmodules.vtkIOGeometry import vtkOBJReader, vtkSTLReader
+from vtkmodules.vtkIOLegacy import vtkGenericDataObjectReader
+from vtkmodules.vtkIOPLY import vtkPLYReader
+from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+
+from vtkmuscle.filters.arrays import points_of, with_points
+
+_READERS: dict[str, Any] = {
+    ".vtp": vtkXMLPolyDataReader,
+    ".vtk": vtkGenericDataObjectReader,
+    ".stl": vtkSTLReader,
+    ".obj": vtkOBJReader,
+    ".ply": vtkPLYReader,
+}
+
+#: Suffixes of the files that :func:`read_surface` reads.
+SURFACE_SUFFIXES = tuple(_READERS)
+
+
+def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
+    """Read points with their triangles, polylines and arrays.
+
+    Parameters
+    ----------
+    path : path
+        A .vtp, .vtk (legacy), .stl, .obj or .ply file.
+
+    Returns
+    -------
+    vtkPolyData
+        With points in double precision; triangle strips are split into triangles.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the file cannot be read as its suffix says, has no points, or its cells name points that it
+        does not have.
+    """
+    path = Path(path)
+    reader_class = _READERS.get(path.suffix.lower())
+    if reader_class is None:
+        raise ValueError(
+            f"{path}: the suffix {path.suffix!r} is not one of {', '.join(SURFACE_SUFFIXES)}; "
+            "convert the file, e.g. with ParaView or pyvista.read(...).save(...)"
+        )
+    check_is_file(path)
+    reader = reader_class()
+    reader.SetFileName(str(path))
+    with _vtk_messages() as messages:
+        reader.Update()
+    data = reader.GetOutput()
+    complaint = _first_line(messages())
+    if reader.GetErrorCode() or complaint:
+        raise ValueError(
+            f"{path}: the file cannot be read as {path.suffix}: {complaint or 'it is damaged'}; "
+            "export it again, and check that its suffix says what it is"
+        )
+    if not isinstance(data, vtkPolyData):
+        raise ValueError(
+            f"{path}: the file holds a {data.GetClassName()}, not a surface; "
+            "extract its surface (pyvista: mesh.extract_surface()) and save that"
+        )
+    if data.GetNumberOfPoints() == 0:
+        raise ValueError(f"{path}: the file holds no points; export it again")
+    _check_point_ids(data, path)
+    if data.GetNumberOfStrips():
+        data = _without_strips(data)
+    result: vtkPolyData = with_points(data, points_of(data))
+    return result
+
+
+def read_surface(path: str | PathLike[str]) -> vtkPolyData:
+    """Read a surface: its polygons, point and field arrays; loose points and lines are left out.
+
+    Parameters
+    ----------
+    path : path
+        A .vtp, .vtk (legacy), .stl, .obj or .ply file.
+
+    Returns
+    -------
+    vtkPolyData
+        Points in double precision and polygons, not necessarily triangles.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the file cannot be read, or holds no polygon.
+    """
+    data = read_polydata(path)
+    if data.GetNumberOfPolys() == 0:
+        raise ValueError(f"{path}: the file holds no triangles; export the muscle or bone as a surface mesh")
+    if data.GetNumberOfPolys() == data.GetNumberOfCells():
+        return data
+    surface = vtkPolyData()
+    surface.SetPoints(data.GetPoints())
+    surface.SetPolys(data.GetPolys())
+    surface.GetPointData().ShallowCopy(data.GetPointData())
+    surface.GetFieldData().ShallowCopy(data.GetFieldData())
+    return surface
+
+
+def check_is_file(path: Path) -> None:
+    """Raise a FileNotFoundError that says what is the matter where there is no file to read."""
+    if path.is_file():
+        return
+    if path.is_dir():
+        raise FileNotFoundError(f"{path}: this is a folder, not a file")
+    near = path.parent if path.parent.is_dir() else None
+    also = sorted(p.name for p in near.iterdir() if p.suffix == path.suffix)[:5] if near else []
+    hint = f"; its folder holds {', '.join(also)}" if also else ""
+    raise FileNotFoundError(f"{path}: there is no such file{hint}")
+
+
+@contextmanager
+def _vtk_messages() -> Iterator[Any]:
+    """Collect what VTK would print, and give a function that returns it."""
+    window, before = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
+    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
+    vtkOutputWindow.SetInstance(window)
+    try:
+        yield window.GetOutput
+    finally:
+        vtkOutputWindow.SetInstance(before)
+        vtkLogger.SetStderrVerbosity(verbosity)
+
+
+def _first_line(messages: str) -> str:
+    """Return the first complaint without VTK's source lines and addresses."""
+    for line in messages.splitlines():
+        if line and not line.startswith(("ERROR: In", "Warning: In", "Generic Warning: In")):
+            return line.partition("): ")[2].strip(" .") or line.strip(" .")
+    return ""
+
+
+def _check_point_ids(data: vtkPolyData, path: Path) -> None:
+    for cells in (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()):
+        ids = vtk_to_numpy(cells.GetConnectivityArray())
+        if len(ids) and (ids.min() < 0 or ids.max() >= data.GetNumberOfPoints()):
+            raise ValueError(
+                f"{path}: a cell names point {ids.max() if ids.min() >= 0 else ids.min()}, but there are "
+                f"{data.GetNumberOfPoints()} points; the file is damaged, export it again"
+            )
+
+
+def _without_strips(data: vtkPolyData) -> vtkPolyData:
+    splitter = vtkTriangleFilter()
+    splitter.SetInputData(data)
+    splitter.Update()
+    result: vtkPolyData = splitter.GetOutput()
+    return result

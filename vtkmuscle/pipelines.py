@@ -1,0 +1,178 @@
+"""The usual chains of filters, ready made: fibres in a muscle, and a muscle that follows its bones."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from vtkmuscle.core.rigid import RigidMotion
+from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.bone_motion import BoneMotion
+from vtkmuscle.filters.fibre_smoother import FibreSmoother
+from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
+from vtkmuscle.filters.fibre_trimmer import FibreTrimmer
+from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+from vtkmuscle.filters.pbd_deformer import PBDDeformer
+from vtkmuscle.filters.slice_morpher import SliceMorpher
+from vtkmuscle.filters.template_fitter import TemplateFitter
+
+#: The settings of :func:`decompose`, and the parameter of a filter that each one is.
+FIBRE_SETTINGS: dict[str, tuple[type[Filter], str]] = {
+    "template": (FibreTemplateSource, "kind"),
+    "n_fibres": (FibreTemplateSource, "n_fibres"),
+    "resolution": (FibreTemplateSource, "resolution"),
+    "axis": (TemplateFitter, "axis"),
+    "angle_step": (TemplateFitter, "angle_step"),
+    "method": (SliceMorpher, "method"),
+    "slice_tolerance": (SliceMorpher, "slice_tolerance"),
+    "continuity": (SliceMorpher, "continuity"),
+    "largest_cut": (FibreTrimmer, "largest_cut"),
+    "smoothing": (FibreSmoother, "iterations"),
+    "smoothing_weight": (FibreSmoother, "k"),
+}
+
+
+def decompose(
+    muscle: Any,
+    attachments: Any,
+    *,
+    template: str = "parallel",
+    n_fibres: int = 100,
+    resolution: int = 15,
+    axis: str = "auto",
+    angle_step: float = 5.0,
+    method: str = "plane",
+    slice_tolerance: float | None = None,
+    continuity: float = 0.2,
+    largest_cut: float = 0.4,
+    smoothing: int = 5,
+    smoothing_weight: float = 4.0,
+) -> FibreSmoother:
+    """Return the chain of filters that fills a muscle with fibres.
+
+    The chain is FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer and FibreSmoother; nothing
+    is computed before the last one is asked for its output.
+
+    Parameters
+    ----------
+    muscle : vtkPolyData or algorithm
+        Closed surface of triangles, in the rest pose.
+    attachments : vtkMultiBlockDataSet or algorithm
+        Where it is attached, at least one origin and one insertion.
+    template, n_fibres, resolution
+        Kind, number of fibres and segments per fibre of FibreTemplateSource.
+    axis, angle_step
+        Of TemplateFitter.
+    method, slice_tolerance, continuity
+        Of SliceMorpher.
+    largest_cut
+        Of FibreTrimmer.
+    smoothing, smoothing_weight
+        Passes and weight ``k`` of FibreSmoother, which keeps the fibres in the muscle.
+
+    Returns
+    -------
+    FibreSmoother
+        The end of the chain, which keeps all of it.
+
+    Raises
+    ------
+    ValueError
+        If a setting is not allowed; the message says what is.
+
+    Examples
+    --------
+    >>> from vtkmuscle.phantoms import spindle_over_hinge
+    >>> from vtkmuscle.pipelines import decompose
+    >>> phantom = spindle_over_hinge()
+    >>> (name, muscle), = phantom.muscles.items()
+    >>> fibres = decompose(muscle, phantom.attachments[name], n_fibres=10).update().output
+    >>> fibres.GetNumberOfCells()
+    10
+    """
+    source = FibreTemplateSource(kind=template, n_fibres=n_fibres, resolution=resolution)
+    fitter = _connected(TemplateFitter(axis=axis, angle_step=angle_step), source, muscle, attachments)
+    morpher = _connected(
+        SliceMorpher(method=method, slice_tolerance=slice_tolerance, continuity=continuity),
+        fitter,
+        muscle,
+        attachments,
+    )
+    trimmer = _connected(FibreTrimmer(largest_cut=largest_cut), morpher, muscle, attachments)
+    smoother = FibreSmoother(iterations=smoothing, k=smoothing_weight)
+    smoother.connect(0, trimmer)
+    smoother.connect(1, muscle)
+    return smoother
+
+
+def deform(
+    muscle: Any,
+    bones: Any,
+    motion: RigidMotion,
+    attachments: Any = None,
+    *,
+    fibres: Any = None,
+    fixed: str | None = "attachment",
+    fixed_tolerance: float | None = None,
+    **solver: Any,
+) -> PBDDeformer:
+    """Return the chain of filters that deforms a muscle with moving bones.
+
+    The chain is FixedPointDetector and BoneMotion, then PBDDeformer; ask the last one for its output at
+    a time of the motion: ``deform(...).update(time=30.0).output``.
+
+    Parameters
+    ----------
+    muscle : vtkPolyData or algorithm
+        Closed surface of triangles, in the rest pose.
+    bones : vtkMultiBlockDataSet or algorithm
+        Named blocks, in the rest pose.
+    motion : RigidMotion
+        How the bones move.
+    attachments : vtkMultiBlockDataSet or algorithm, optional
+        Where the muscle is attached; needed where ``fixed`` is ``"attachment"``.
+    fibres : vtkPolyData or algorithm, optional
+        Fibres at rest, for the anisotropy.
+    fixed : str or None, optional
+        Method of FixedPointDetector; None for a muscle that has the point array ``FixedTo`` already.
+    fixed_tolerance : float, optional
+        Tolerance of FixedPointDetector.
+    **solver
+        Parameters of PBDDeformer.
+
+    Returns
+    -------
+    PBDDeformer
+        The end of the chain, which keeps all of it.
+
+    Raises
+    ------
+    TypeError
+        For a keyword that is no parameter of PBDDeformer.
+    ValueError
+        If a setting is not allowed; the message says what is.
+
+    Examples
+    --------
+    >>> from vtkmuscle.phantoms import spindle_over_hinge
+    >>> from vtkmuscle.pipelines import deform
+    >>> phantom = spindle_over_hinge()
+    >>> (name, muscle), = phantom.muscles.items()
+    >>> chain = deform(muscle, phantom.bones, phantom.motion, phantom.attachments[name], iterations=3)
+    >>> deformed = chain.update(time=phantom.motion.times[1]).output
+    >>> deformed.GetNumberOfPoints() == muscle.GetNumberOfPoints()
+    True
+    """
+    if fixed is not None:
+        detector = FixedPointDetector(method=fixed, tolerance=fixed_tolerance)
+        muscle = _connected(detector, muscle, bones, attachments)
+    mover = _connected(BoneMotion(motion=motion), bones)
+    deformer = PBDDeformer(**solver)
+    for port, value in enumerate((muscle, mover, fibres)):
+        deformer.connect(port, value)
+    return deformer
+
+
+def _connected(algorithm: Filter, *inputs: Any) -> Filter:
+    for port, value in enumerate(inputs):
+        algorithm.connect(port, value)
+    return algorithm

@@ -1,0 +1,174 @@
+"""What a run reports of its muscles: measured from the geometry, not taken from the solver's word."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.core.mesh import edge_lengths, signed_volume, unique_edges
+from vtkmuscle.core.rigid import apply_transform, inverse
+from vtkmuscle.filters.arrays import point_array, points_of, triangles_of
+from vtkmuscle.filters.surface_distance import SurfaceDistance
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: A fibre point counts as inside its muscle up to this far outside [mm].
+FIBRE_TOLERANCE = 0.5
+
+#: What the numbers of a report mean; it is part of every report.
+DEFINITIONS = {
+    "volume_ratio": "volume / volume at rest",
+    "edge_stretch_p95": "95th percentile, over the edges of the muscle, of length / length at rest",
+    "edge_stretch_max": "the largest of them",
+    "penetration_max_mm": "how deep the deepest free point is inside the exact surface of a bone; null where "
+    "no bone is closed",
+    "penetration_p95_mm": "95th percentile of that depth over all free points, 0 outside the bones",
+    "penetrating_points": "number of free points inside a bone",
+    "fixed_error_max_mm": "largest distance of a fixed point from where its bone carries it",
+    "iterations": "iterations of the solver for the frame",
+    "ms": "wall-clock time of the deformation of the frame, milliseconds; muscles run side by side",
+    "points_inside": f"points of fibres at rest inside the muscle or within {FIBRE_TOLERANCE:g} mm of it",
+    "seconds": "wall-clock time per stage; muscles run side by side",
+}
+
+_PACKAGES = ("vtkmuscle", "numpy", "scipy", "numba", "vtk", "pyvista")
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the packages that have a part in the numbers."""
+    found = {"python": platform.python_version(), "platform": platform.platform()}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:  # e.g. VTK built from source, as in ParaView
+            found[package] = "unknown"
+    return found
+
+
+class MuscleMeasure:
+    """Measures a deformed muscle against its rest pose and the bones.
+
+    Parameters
+    ----------
+    rest : vtkPolyData
+        The muscle at rest with the point array ``FixedTo``.
+    bones : sequence of str
+        Names of the bones, in the order that ``FixedTo`` counts.
+    distances : mapping of str to SurfaceDistance
+        Of the closed bones, at rest.
+    millimetres : float
+        Millimetres per unit of length.
+    """
+
+    def __init__(
+        self,
+        rest: vtkPolyData,
+        bones: list[str],
+        distances: Mapping[str, SurfaceDistance],
+        millimetres: float,
+    ) -> None:
+        self._bones = bones
+        self._distances = distances
+        self._millimetres = millimetres
+        self._rest = points_of(rest)
+        self._triangles = triangles_of(rest, "muscle")
+        self._fixed_to = np.array(point_array(rest, "FixedTo", "muscle"))
+        edges = unique_edges(self._triangles)
+        lengths = edge_lengths(self._rest, edges)
+        self._edges, self._edge_lengths = edges[lengths > 0], lengths[lengths > 0]
+        self._volume = signed_volume(self._rest, self._triangles)
+
+    def at_rest(self) -> dict[str, Any]:
+        """Return what the muscle is at rest."""
+        fixed = {bone: int((self._fixed_to == i).sum()) for i, bone in enumerate(self._bones)}
+        still = {bone: np.eye(4) for bone in self._bones}
+        return {
+            "points": len(self._rest),
+            "triangles": len(self._triangles),
+            "volume_mm3": self._volume * self._millimetres**3,
+            "fixed_points": {bone: count for bone, count in fixed.items() if count},
+            "rest": self._penetration(self._rest, still),
+        }
+
+    def frame(self, points: Floats, transforms: Mapping[str, Floats]) -> dict[str, Any]:
+        """Return the figures of a frame.
+
+        Parameters
+        ----------
+        points : (n, 3) array
+            The deformed muscle.
+        transforms : mapping of str to (4, 4) array
+            Rest to now, of the bones that moved.
+
+        Returns
+        -------
+        dict
+            See :data:`DEFINITIONS`.
+        """
+        now = {bone: transforms.get(bone, np.eye(4)) for bone in self._bones}
+        stretch = edge_lengths(points, self._edges) / self._edge_lengths
+        return {
+            "volume_ratio": signed_volume(points, self._triangles) / self._volume,
+            "edge_stretch_p95": float(np.percentile(stretch, 95)),
+            "edge_stretch_max": float(stretch.max()),
+            **self._penetration(points, now),
+            "fixed_error_max_mm": self._fixed_error(points, now),
+        }
+
+    def _penetration(self, points: Floats, now: Mapping[str, Floats]) -> dict[str, Any]:
+        free = points[self._fixed_to < 0]
+        if not self._distances or not len(free):
+            return {"penetration_max_mm": None, "penetration_p95_mm": None, "penetrating_points": None}
+        depths = np.zeros(len(free))
+        for bone, distance in self._distances.items():
+            np.maximum(depths, distance.depth(apply_transform(inverse(now[bone]), free)), out=depths)
+        depths *= self._millimetres
+        return {
+            "penetration_max_mm": float(depths.max()),
+            "penetration_p95_mm": float(np.percentile(depths, 95)),
+            "penetrating_points": int((depths > 0).sum()),
+        }
+
+    def _fixed_error(self, points: Floats, now: Mapping[str, Floats]) -> float:
+        worst = 0.0
+        for i, bone in enumerate(self._bones):
+            held = self._fixed_to == i
+            if held.any():
+                errors = np.linalg.norm(points[held] - apply_transform(now[bone], self._rest[held]), axis=1)
+                worst = max(worst, float(errors.max()))
+        return worst * self._millimetres
+
+
+def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float) -> dict[str, Any]:
+    """Return how many fibres there are, and how many of their points are inside the muscle.
+
+    Parameters
+    ----------
+    fibres, muscle : vtkPolyData
+        At rest.
+    millimetres : float
+        Millimetres per unit of length.
+
+    Returns
+    -------
+    dict
+        JSON-able; see :data:`DEFINITIONS`.
+    """
+    points = points_of(fibres)
+    surface = SurfaceDistance(muscle)
+    outside = np.where(surface.depth(points) > 0, 0.0, surface.unsigned(points)) * millimetres
+    inside = int((outside <= FIBRE_TOLERANCE).sum())
+    return {
+        "fibres": fibres.GetNumberOfCells(),
+        "points": len(points),
+        "points_inside": inside,
+        "points_outside": len(points) - inside,
+        "farthest_outside_mm": float(outside.max()),
+    }

@@ -1,0 +1,208 @@
+"""Run a scene: every muscle over the motion, its fibres with it, all of it measured and written."""
+
+from __future__ import annotations
+
+import threading
+import time
+import warnings
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager, suppress
+from os import cpu_count
+from pathlib import Path
+from typing import Any
+
+from vtkmuscle.core.mesh import survey
+from vtkmuscle.filters.arrays import checked_surface, points_of
+from vtkmuscle.filters.base import AbortedError
+from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.muscle_run import MuscleRun, Progress
+from vtkmuscle.report import DEFINITIONS, versions
+from vtkmuscle.result import MuscleTrack, Result
+from vtkmuscle.run_folder import RunFolder
+from vtkmuscle.scene import Scene, SceneError
+
+#: How often the main thread looks up from waiting [s]: on some systems Ctrl-C arrives only then.
+_LOOK_UP = 0.2
+
+
+def frame_numbers(frames: str | slice | range | int | None, count: int) -> range:
+    """Return which frames of a motion are wanted.
+
+    Parameters
+    ----------
+    frames : str, slice, range, int or None
+        ``"A:B"`` or ``"A:B:STEP"`` as in Python (B is not included), ``"A"`` or an int for one frame, None
+        for all.
+    count : int
+        Number of frames of the motion.
+
+    Returns
+    -------
+    range
+        Ascending, not empty.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be understood, or there are no such frames.
+
+    Examples
+    --------
+    >>> from vtkmuscle.run import frame_numbers
+    >>> frame_numbers("40:", 46)
+    range(40, 46)
+    """
+    allowed = f"give A:B with 0 <= A < B <= {count} (B is not included), or one frame, 0 to {count - 1}"
+    wanted = frames
+    if isinstance(wanted, str):
+        parts = wanted.split(":")
+        try:
+            bounds = [int(part) if part.strip() else None for part in parts]
+            wanted = slice(*bounds) if len(parts) > 1 else int(parts[0])
+        except (ValueError, TypeError):
+            raise ValueError(f"frames {frames!r} cannot be understood; {allowed}") from None
+    if wanted is None:
+        return range(count)
+    if isinstance(wanted, slice):
+        if wanted.step is not None and wanted.step <= 0:
+            raise ValueError(f"frames {frames!r} must ascend; {allowed}")
+        numbers = range(*wanted.indices(count))
+    else:
+        numbers = wanted if isinstance(wanted, range) else range(wanted, wanted + 1)
+    if not len(numbers) or numbers.step < 0 or numbers[0] < 0 or numbers[-1] >= count:
+        raise ValueError(f"frames {frames!r}: the motion has {count} frames; {allowed}")
+    return numbers
+
+
+def run_scene(
+    scene: Scene,
+    out: Path | None,
+    *,
+    frames: str | slice | range | int | None,
+    figures: bool,
+    progress: Progress | None,
+    workers: int | None,
+) -> Result:
+    """Run a scene; see :meth:`vtkmuscle.Scene.run`."""
+    began = time.perf_counter()
+    numbers = frame_numbers(frames, len(scene.motion.times))
+    if workers is not None and workers < 1:
+        raise ValueError(f"workers is {workers}, but must be an integer >= 1")
+    folder = None if out is None else RunFolder(out)
+    distances = _bone_distances(scene)
+    tracks = {name: MuscleTrack() for name in scene.muscles}
+    report = _first_report(scene, numbers, tracks)
+    stop = threading.Event()
+    told = _one_at_a_time(progress)
+    count = min(workers or cpu_count() or 1, len(scene.muscles))
+    try:
+        with ThreadPoolExecutor(count) as pool, _setting_if_interrupted(stop):
+            jobs: dict[str, Future[None]] = {}
+            if folder is not None:
+                folder.begin(report)
+            for name, track in tracks.items():
+                run = MuscleRun(scene, name, track, distances, folder, stop, told)
+                jobs[f"muscles.{name}"] = pool.submit(run.go, numbers)
+            if folder is not None:
+                folder.write_bones(scene, numbers, stop.is_set)
+            _wait_for(list(jobs.values()), stop)
+        _raise_first_failure(jobs, scene)
+    except BaseException as error:
+        report["stopped_by"] = f"{type(error).__name__}: {error}".rstrip(": ")
+        if folder is not None:
+            with suppress(OSError):  # the disk may be what failed; the first error says more
+                folder.write_tables(report, scene, numbers, tracks)
+        raise
+    report["complete"] = True
+    report["seconds"] = {"muscles": time.perf_counter() - began}
+    result = Result(scene.name, scene.units, scene.bones_data(), scene.motion, numbers, tracks, report)
+    if folder is not None:
+        folder.write_tables(report, scene, numbers, tracks)
+        if figures:
+            _draw(folder, result, report)
+        report["seconds"]["total"] = time.perf_counter() - began
+        folder.write_tables(report, scene, numbers, tracks)
+    else:
+        report["seconds"]["total"] = time.perf_counter() - began
+    return result
+
+
+def _bone_distances(scene: Scene) -> dict[str, SurfaceDistance]:
+    """Return the exact distance of each closed bone, built here once for all threads."""
+    distances = {}
+    for name, bone in scene.bones.items():
+        if survey(*checked_surface(bone, f"bones.{name}")).closed:
+            distance = SurfaceDistance(bone)
+            distance.depth(points_of(bone)[:1])  # builds what it keeps
+            distances[name] = distance
+    return distances
+
+
+def _first_report(scene: Scene, numbers: range, tracks: dict[str, MuscleTrack]) -> dict[str, Any]:
+    return {
+        "scene": scene.name,
+        "units": scene.units,
+        "complete": False,
+        "versions": versions(),
+        "files": {key or "scene": str(path) for key, path in scene.files.items()},
+        "frames": list(numbers),
+        "times": [float(scene.motion.times[number]) for number in numbers],
+        "definitions": dict(DEFINITIONS),
+        "muscles": {name: track.report for name, track in tracks.items()},
+    }
+
+
+def _one_at_a_time(progress: Progress | None) -> Progress:
+    lock = threading.Lock()
+
+    def tell(muscle: str, stage: str, fraction: float) -> None:
+        if progress is not None:
+            with lock:
+                progress(muscle, stage, fraction)
+
+    return tell
+
+
+@contextmanager
+def _setting_if_interrupted(stop: threading.Event) -> Iterator[None]:
+    """Tell the threads to stop where the main thread is interrupted (Ctrl-C) or fails."""
+    try:
+        yield
+    except BaseException:
+        stop.set()
+        raise
+
+
+def _wait_for(jobs: Sequence[Future[None]], stop: threading.Event) -> None:
+    """Wait until all jobs have ended; where one fails, let the others stop early."""
+    waiting = set(jobs)
+    while waiting:
+        done, waiting = wait(waiting, timeout=_LOOK_UP, return_when=FIRST_EXCEPTION)
+        if any(job.exception() is not None for job in done):
+            stop.set()
+
+
+def _raise_first_failure(jobs: dict[str, Future[None]], scene: Scene) -> None:
+    """Raise what went wrong first in the order of the scene, not what was merely stopped by it."""
+    failures = {key: job.exception() for key, job in jobs.items()}
+    for key, error in failures.items():
+        if error is None or isinstance(error, AbortedError):
+            continue
+        if isinstance(error, ValueError | TypeError) and not isinstance(error, SceneError):
+            problem, _, mend = str(error).partition("; ")
+            raise SceneError(problem, key=key, mend=mend, file=scene.files.get("")) from error
+        raise error
+
+
+def _draw(folder: RunFolder, result: Result, report: dict[str, Any]) -> None:
+    from vtkmuscle.plotting import can_render  # noqa: PLC0415 -- only figures need PyVista
+
+    reason = can_render()
+    if reason is not None:
+        report["figures"] = {"written": [], "reason": reason}
+        warnings.warn(f"no figures were drawn, all else was written: {reason}", stacklevel=4)
+        return
+    before = time.perf_counter()
+    report["figures"] = {"written": folder.write_figures(result)}
+    report["seconds"]["figures"] = time.perf_counter() - before

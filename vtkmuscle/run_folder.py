@@ -1,0 +1,125 @@
+"""The folder that a run writes: series of frames, tables and figures, each moved into place complete."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.filters.arrays import blocks_of
+from vtkmuscle.filters.bone_motion import BoneMotion
+from vtkmuscle.io.series import Collection, Series
+from vtkmuscle.io.writing import write_polydata, write_text
+
+if TYPE_CHECKING:
+    from vtkmuscle.result import MuscleTrack, Result
+    from vtkmuscle.scene import Scene
+
+
+class RunFolder:
+    """What a run writes, and where.
+
+    ``NAME.pvd`` and ``NAME_fibres.pvd`` per muscle with their frames in folders of these names,
+    ``bones.pvd`` with ``bones/``, ``lengths.csv``, ``report.json`` and ``figures/``.
+
+    Parameters
+    ----------
+    path : Path
+        Made where it does not exist. Files of the same names are replaced, others are left alone.
+
+    Raises
+    ------
+    OSError
+        If it cannot be made, or is a file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        if path.exists() and not path.is_dir():
+            raise NotADirectoryError(f"{path} is a file; give another folder for the results")
+        path.mkdir(parents=True, exist_ok=True)
+        self.path = path
+        self._series: dict[str, Series] = {}
+
+    def begin(self, report: dict[str, Any]) -> None:
+        """Write a report that says that nothing is finished, in place of an earlier run's."""
+        self._write_report(report)
+
+    def write_frame(
+        self, muscle: str, number: int, time: float, surface: vtkPolyData, fibres: vtkPolyData | None
+    ) -> None:
+        """Write a frame of a muscle and of its fibres."""
+        parts = {f"{muscle}_fibres": fibres, muscle: surface}
+        for name, data in parts.items():
+            if data is not None:
+                self._series.setdefault(name, Series(self.path, name)).add(number, time, data)
+
+    def write_bones(self, scene: Scene, numbers: range, stopped: Callable[[], bool]) -> None:
+        """Write the bones over time, until it is stopped; those that stay where they are only once."""
+        mover = BoneMotion(motion=scene.motion)
+        mover.connect(0, scene.bones_data())
+        collection = Collection(self.path / "bones.pvd")
+        folder = self.path / "bones"
+        still = {}
+        for name, bone in scene.bones.items():
+            if name not in scene.motion.transforms:
+                still[name] = folder / f"{name}.vtp"
+                write_polydata(still[name], bone)
+        for number in numbers:
+            if stopped():
+                return
+            time = float(scene.motion.times[number])
+            parts = {}
+            for name, bone in blocks_of(mover.update(time=time).output):
+                parts[name] = still.get(name) or folder / name / f"{name}_{number:04d}.vtp"
+                if name not in still:
+                    write_polydata(parts[name], bone)
+            collection.add(time, parts)
+
+    def write_tables(
+        self, report: dict[str, Any], scene: Scene, numbers: range, tracks: dict[str, MuscleTrack]
+    ) -> None:
+        """Write lengths.csv and report.json, as far as there are frames."""
+        lines = ["muscle,fibre,time,length_mm"]
+        for name, track in tracks.items():
+            times = [float(scene.motion.times[number]) for number in numbers[: len(track.lengths)]]
+            for fibre in range(len(track.lengths[0]) if track.lengths else 0):
+                lines += [
+                    f"{name},{fibre},{time!r},{float(lengths[fibre])!r}"
+                    for time, lengths in zip(times, track.lengths, strict=True)
+                ]
+        write_text(self.path / "lengths.csv", "\n".join(lines) + "\n")
+        self._write_report(report)
+
+    def write_figures(self, result: Result) -> list[str]:
+        """Draw the figures beside, move them to ``figures/``, and return their names."""
+        from vtkmuscle.plotting import write_figures  # noqa: PLC0415 -- only figures need PyVista
+
+        beside = self.path / f".figures.{os.getpid()}.partial"
+        folder = self.path / "figures"
+        try:
+            write_figures(beside, result)
+            folder.mkdir(exist_ok=True)
+            drawn = sorted(beside.iterdir())
+            for figure in drawn:
+                figure.replace(folder / figure.name)
+            return [figure.name for figure in drawn]
+        finally:
+            shutil.rmtree(beside, ignore_errors=True)
+
+    def _write_report(self, report: dict[str, Any]) -> None:
+        text = json.dumps(report, indent=1, allow_nan=False, default=_plain)
+        write_text(self.path / "report.json", text + "\n")
+
+
+def _plain(value: Any) -> Any:
+    """Turn what JSON does not know into what it knows."""
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    return repr(value)

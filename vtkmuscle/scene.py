@@ -1,0 +1,268 @@
+"""What a scene is: bones, muscles with their attachments, a motion, and the settings of the solver."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+
+from vtkmuscle.core.rigid import RigidMotion
+from vtkmuscle.filters.arrays import blocks_of, multiblock_from
+from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, attachments_of
+
+if TYPE_CHECKING:
+    from vtkmuscle.phantoms import Phantom
+    from vtkmuscle.result import Result
+
+#: Allowed units of length, and how many millimetres they are.
+MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+
+
+class SceneError(ValueError):
+    """A scene that cannot be run: where the fault is, what it is, and how to mend it.
+
+    Parameters
+    ----------
+    problem : str
+        What is wrong.
+    key : str
+        The dotted key, e.g. ``muscles.iliacus.attachments[1].bone``.
+    mend : str, optional
+        What to do about it.
+    file : Path, optional
+        The file at fault.
+
+    Attributes
+    ----------
+    problem, key, mend, file
+        As given.
+    """
+
+    def __init__(self, problem: str, *, key: str, mend: str = "", file: Path | None = None) -> None:
+        self.problem = problem
+        self.key = key
+        self.mend = mend
+        self.file = file
+        where = ": ".join(part for part in (str(file) if file else "scene", key) if part)
+        super().__init__(f"{where}: {problem}" + (f"; {mend}" if mend else ""))
+
+
+@dataclass(frozen=True, eq=False)
+class Muscle:
+    """A muscle of a scene.
+
+    Attributes
+    ----------
+    surface : vtkPolyData
+        Closed surface of triangles that face outward, in the rest pose.
+    attachments : sequence of AttachmentArea
+        Where it is attached.
+    fibres : mapping, optional
+        Keyword arguments of :func:`vtkmuscle.pipelines.decompose`; None for a muscle without fibres.
+    solver : mapping
+        Parameters of PBDDeformer that differ from the scene's.
+    fixing : mapping
+        Parameters of FixedPointDetector that differ from the scene's.
+    """
+
+    surface: vtkPolyData
+    attachments: tuple[AttachmentArea, ...] = ()
+    fibres: Mapping[str, Any] | None = None
+    solver: Mapping[str, Any] = field(default_factory=dict)
+    fixing: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Bones, muscles and a motion, checked and ready to run.
+
+    All lengths are in the scene's unit: coordinates, translations, and settings such as a tolerance.
+    What a run reports is in millimetres where its name says so.
+
+    Attributes
+    ----------
+    name : str
+        Name of the scene.
+    bones : mapping of str to vtkPolyData
+        Surfaces of triangles in the rest pose.
+    muscles : mapping of str to Muscle
+        What is to be deformed.
+    motion : RigidMotion
+        How the bones move; bones that it does not name stay where they are.
+    units : str
+        ``"mm"``, ``"cm"`` or ``"m"``.
+    solver : mapping
+        Parameters of PBDDeformer for all muscles.
+    fixing : mapping
+        Parameters of FixedPointDetector for all muscles.
+    files : mapping of str to Path
+        The file that the value of a dotted key was read from; ``""`` is the scene's own file.
+
+    Raises
+    ------
+    SceneError
+        If anything in it cannot be run; the message names the file, the key and the mend.
+
+    Examples
+    --------
+    >>> import vtkmuscle
+    >>> scene = vtkmuscle.Scene.from_phantom(vtkmuscle.phantoms.spindle_over_hinge())
+    >>> result = scene.run(frames="0:2")
+    >>> len(result.times)
+    2
+    """
+
+    name: str
+    bones: Mapping[str, vtkPolyData]
+    muscles: Mapping[str, Muscle]
+    motion: RigidMotion
+    units: str = "mm"
+    solver: Mapping[str, Any] = field(default_factory=dict)
+    fixing: Mapping[str, Any] = field(default_factory=dict)
+    files: Mapping[str, Path] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        from vtkmuscle.scene_checks import checked_bones, checked_muscles, checked_names  # noqa: PLC0415
+
+        checked_names(self)
+        object.__setattr__(self, "bones", checked_bones(self))
+        object.__setattr__(self, "muscles", checked_muscles(self))
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> Scene:
+        """Read a scene.toml and all that it names, and check every key.
+
+        Parameters
+        ----------
+        path : path
+            The scene file; the paths in it are relative to its folder.
+
+        Returns
+        -------
+        Scene
+            Ready to run.
+
+        Raises
+        ------
+        SceneError
+            For the first thing that is wrong, with the file, the key and the mend.
+        """
+        from vtkmuscle.scene_file import read_scene  # noqa: PLC0415
+
+        return read_scene(Path(path))
+
+    @classmethod
+    def from_phantom(cls, phantom: Phantom, *, n_fibres: int = 100, resolution: int = 15) -> Scene:
+        """Return the scene of a phantom, with fibres in every muscle.
+
+        Parameters
+        ----------
+        phantom : Phantom
+            From :mod:`vtkmuscle.phantoms`.
+        n_fibres, resolution : int, optional
+            Fibres per muscle and segments per fibre.
+
+        Returns
+        -------
+        Scene
+            In millimetres.
+        """
+        muscles = {}
+        for name, surface in phantom.muscles.items():
+            areas = attachments_of(phantom.attachments[name], f"{phantom.name}, {name}")
+            template = phantom.templates.get(name, "parallel")
+            fibres = {"template": template, "n_fibres": n_fibres, "resolution": resolution}
+            muscles[name] = Muscle(surface, tuple(areas), fibres)
+        return cls(phantom.name, dict(blocks_of(phantom.bones)), muscles, phantom.motion)
+
+    def save(self, folder: str | PathLike[str]) -> Path:
+        """Write the scene to a folder: scene.toml, surfaces, landmarks and the motion.
+
+        Parameters
+        ----------
+        folder : path
+            Made where it does not exist; files of the same names are replaced.
+
+        Returns
+        -------
+        Path
+            The scene.toml, from which :meth:`load` gives the same scene.
+        """
+        from vtkmuscle.scene_writing import write_scene  # noqa: PLC0415
+
+        return write_scene(self, Path(folder))
+
+    def run(
+        self,
+        out: str | PathLike[str] | None = None,
+        *,
+        frames: str | slice | range | int | None = None,
+        figures: bool = True,
+        progress: Callable[[str, str, float], None] | None = None,
+        workers: int | None = None,
+    ) -> Result:
+        """Deform all muscles over the motion, carry their fibres along, and measure.
+
+        Parameters
+        ----------
+        out : path, optional
+            Folder to write to: a .pvd per muscle, its fibres and the bones, lengths.csv, report.json and
+            figures. Files of the same names are replaced, others are left alone. Without it nothing is
+            written.
+        frames : str, slice, range or int, optional
+            Which frames to keep and write, e.g. ``"0:10"`` for the first ten (the end is not
+            included, as in Python); default all. Frames before them are computed, for the deformation
+            depends on its past; frames after them are not.
+        figures : bool, optional
+            Draw figures; where there is no OpenGL, a warning says so and all else is written.
+        progress : callable, optional
+            Called with the muscle's name, what is being done, and the part that is done, 0 to 1; from
+            several threads.
+        workers : int, optional
+            Muscles that run at the same time; default the number of processors. The result does not
+            depend on it.
+
+        Returns
+        -------
+        Result
+            With ``report`` (a plain dict), ``lengths``, and the muscles, fibres and bones per frame.
+
+        Raises
+        ------
+        SceneError
+            If a stage cannot be done; the message names the muscle and the mend.
+        ValueError
+            If no such frames exist.
+        KeyboardInterrupt
+            On Ctrl-C; all finished frames are written, and the report says what they are.
+        """
+        from vtkmuscle.run import run_scene  # noqa: PLC0415
+
+        target = None if out is None else Path(out)
+        return run_scene(self, target, frames=frames, figures=figures, progress=progress, workers=workers)
+
+    @property
+    def millimetres(self) -> float:
+        """Millimetres per unit of length."""
+        return MILLIMETRES[self.units]
+
+    def solver_of(self, muscle: str) -> dict[str, Any]:
+        """Return the parameters of a muscle's PBDDeformer: the scene's, then the muscle's own."""
+        return {**self.solver, **self.muscles[muscle].solver}
+
+    def fixing_of(self, muscle: str) -> dict[str, Any]:
+        """Return the parameters of a muscle's FixedPointDetector: the scene's, then its own."""
+        return {**self.fixing, **self.muscles[muscle].fixing}
+
+    def bones_data(self) -> vtkMultiBlockDataSet:
+        """Return the bones at rest as the data set that filters take."""
+        return multiblock_from(dict(self.bones))
+
+    def attachments_data(self, muscle: str) -> vtkMultiBlockDataSet | None:
+        """Return a muscle's attachments as the data set that filters take, None where it has none."""
+        areas = self.muscles[muscle].attachments
+        return attachments_from(areas) if areas else None

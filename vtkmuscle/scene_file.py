@@ -1,0 +1,286 @@
+"""scene.toml: how a scene is written on disk.
+
+::
+
+    name = "hip"                       # optional: the file's name
+    units = "mm"                       # "mm", "cm" or "m"; optional: "mm"
+
+    [bones.pelvis]
+    surface = "bones/pelvis.vtp"       # .vtp, .vtk, .stl, .obj or .ply, relative to this file
+
+    [bones.femur]
+    surface = "bones/femur.stl"
+
+    [motion]                           # a table of transforms ...
+    bone = "femur"                     # every other bone stays where it is
+    transforms = "flexion.csv"         # columns T00 .. T33: rest to pose, row major
+    time = "angle"                     # the column that is the time; optional: rows are numbered
+    centre = [0.0, 0.0, 0.0]           # joint centre at rest; optional
+
+    [motion.hinge]                     # ... or a hinge, instead of the above
+    bone = "femur"
+    centre = [0.0, 0.0, 0.0]
+    axis = [1.0, 0.0, 0.0]             # angles turn right-handed about it
+    angles = [0, 90, 2]                # start, stop (included), step; degrees from rest
+
+    [muscles.iliacus]
+    surface = "muscles/iliacus.vtp"    # closed
+    fibres = { template = "parallel", n_fibres = 100, resolution = 15 }   # optional: no fibres
+    attachments = [
+      { role = "origin", bone = "pelvis", landmarks = "origin.vtp" },     # .vtp, .vtk, .csv, .json
+      { role = "insertion", bone = "femur", landmarks = "insertion.csv", closed = true },
+    ]
+    solver = { iterations = 20 }       # optional: what differs from [solver]
+    fixing = { method = "proximity" }  # optional: what differs from [fixing]
+
+    [solver]                           # optional: parameters of PBDDeformer
+    iterations = 10
+
+    [fixing]                           # optional: parameters of FixedPointDetector
+    method = "attachment"
+
+Where several bones move, ``transforms`` is a table of files, ``{ femur = "a.csv", tibia = "b.csv" }``,
+with the same times in each, and ``bone`` is left out.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from vtkmuscle.core.rigid import RigidMotion, hinge
+from vtkmuscle.filters.attachments import AttachmentArea
+from vtkmuscle.io import read_landmarks, read_motion_table, read_surface
+from vtkmuscle.scene import Muscle, Scene, SceneError
+from vtkmuscle.scene_checks import suggestion
+
+T = TypeVar("T")
+
+#: More frames than this are a slip of the pen in a hinge's step.
+_MOST_FRAMES = 100_000
+
+
+class _Table:
+    """A table of the file, whose values are taken with their kind checked."""
+
+    def __init__(self, file: Path, key: str, values: Any, known: tuple[str, ...]) -> None:
+        self.file, self.key = file, key
+        if not isinstance(values, dict):
+            raise self.error("", f"must be a table, not {values!r}", "see the format of a scene.toml")
+        self.values: dict[str, Any] = values
+        for name in values if known else ():
+            if name not in known:
+                raise self.error(name, "there is no such key", suggestion(name, known))
+
+    def path_to(self, name: str) -> str:
+        return ".".join(part for part in (self.key, name) if part)
+
+    def error(self, name: str, problem: str, mend: str, *, file: Path | None = None) -> SceneError:
+        return SceneError(problem, key=self.path_to(name), mend=mend, file=file or self.file)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.values
+
+    def required(self, name: str, example: str) -> Any:
+        if name not in self.values:
+            raise self.error(name, "the key is missing", f"add {example}")
+        return self.values[name]
+
+    def text(self, name: str, example: str) -> str:
+        value = self.required(name, f"{name} = {example}")
+        if not isinstance(value, str) or not value:
+            raise self.error(name, f"must be a text, not {value!r}", f"write {name} = {example}")
+        return value
+
+    def numbers(self, name: str, example: str, count: int = 3) -> list[float]:
+        value = self.required(name, f"{name} = {example}")
+        good = isinstance(value, list) and len(value) == count
+        if not good or not all(
+            isinstance(v, int | float) and not isinstance(v, bool) and np.isfinite(v) for v in value
+        ):
+            problem = f"must be {count} finite numbers, not {value!r}"
+            raise self.error(name, problem, f"write {name} = {example}")
+        return [float(v) for v in value]
+
+    def settings(self, name: str) -> dict[str, Any]:
+        return _Table(self.file, self.path_to(name), self.values.get(name, {}), ()).values
+
+    def tables(self, name: str, known: tuple[str, ...]) -> Iterator[tuple[str, _Table]]:
+        values = self.required(name, f"a table [{self.path_to(name)}.NAME]")
+        for word, value in _Table(self.file, self.path_to(name), values, ()).values.items():
+            yield word, _Table(self.file, f"{self.path_to(name)}.{word}", value, known)
+
+    def read(self, name: str, example: str, reader: Callable[[Path], T]) -> tuple[T, Path]:
+        """Return what a reader makes of the file that a key names, and that file."""
+        return self.read_path(name, self.text(name, example), reader)
+
+    def read_path(self, name: str, text: str, reader: Callable[[Path], T]) -> tuple[T, Path]:
+        path = self.file.parent / text
+        try:
+            return reader(path), path
+        except (OSError, ValueError) as error:
+            problem, _, mend = str(error).removeprefix(f"{path}: ").partition("; ")
+            mend = mend or f"check {name} = {text!r} and the file it names"
+            raise self.error(name, problem, mend, file=path) from error
+
+
+def read_scene(path: Path) -> Scene:
+    """Read a scene.toml and the files it names; see :meth:`vtkmuscle.Scene.load`."""
+    root = _Table(
+        path,
+        "",
+        _parsed(path),
+        ("name", "units", "bones", "motion", "muscles", "solver", "fixing"),
+    )
+    files: dict[str, Path] = {"": path}
+    bones = {}
+    for name, table in root.tables("bones", ("surface",)):
+        bones[name], files[f"{table.key}.surface"] = table.read("surface", '"FILE.vtp"', read_surface)
+    motion = _motion(root, bones, files)
+    muscles = {}
+    known = ("surface", "attachments", "fibres", "solver", "fixing")
+    for name, table in root.tables("muscles", known):
+        surface, files[f"{table.key}.surface"] = table.read("surface", '"FILE.vtp"', read_surface)
+        muscles[name] = Muscle(
+            surface,
+            _attachments(table, files),
+            table.settings("fibres") if "fibres" in table else None,
+            table.settings("solver"),
+            table.settings("fixing"),
+        )
+    return Scene(
+        name=root.text("name", '"hip"') if "name" in root else path.stem,
+        bones=bones,
+        muscles=muscles,
+        motion=motion,
+        units=root.text("units", '"mm"') if "units" in root else "mm",
+        solver=root.settings("solver"),
+        fixing=root.settings("fixing"),
+        files=files,
+    )
+
+
+def _parsed(path: Path) -> dict[str, Any]:
+    if path.is_dir():
+        mend = f"give its scene file, e.g. {path / 'scene.toml'}"
+        raise SceneError("this is a folder, not a scene file", key="", mend=mend, file=path)
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        raise SceneError("there is no such file", key="", mend="check the path", file=path) from None
+    except OSError as error:
+        raise SceneError(f"cannot be read: {error.strerror}", key="", mend="", file=path) from error
+    except UnicodeDecodeError as error:
+        raise SceneError("is not text in UTF-8", key="", mend="save it as UTF-8", file=path) from error
+    except tomllib.TOMLDecodeError as error:
+        mend = "correct that line; texts stand in double quotes"
+        raise SceneError(f"is not valid TOML: {error}", key="", mend=mend, file=path) from error
+
+
+def _attachments(muscle: _Table, files: dict[str, Path]) -> tuple[AttachmentArea, ...]:
+    listed = muscle.values.get("attachments", [])
+    example = '[{ role = "origin", bone = "NAME", landmarks = "FILE.vtp" }]'
+    if not isinstance(listed, list):
+        raise muscle.error("attachments", f"must be a list, not {listed!r}", f"write {example}")
+    areas = []
+    for number, value in enumerate(listed):
+        key = f"{muscle.key}.attachments[{number}]"
+        table = _Table(muscle.file, key, value, ("role", "bone", "landmarks", "closed"))
+        role, bone = table.text("role", '"origin" or "insertion"'), table.text("bone", '"NAME"')
+        (landmarks, closed), files[f"{key}.landmarks"] = table.read("landmarks", '"FILE.vtp"', read_landmarks)
+        if "closed" in table:
+            closed = table.values["closed"]
+            if not isinstance(closed, bool):
+                mend = "write true for a ring, false for an open curve"
+                raise table.error("closed", f"must be true or false, not {closed!r}", mend)
+        areas.append(AttachmentArea(role, bone, landmarks, closed))
+    return tuple(areas)
+
+
+def _motion(root: _Table, bones: Mapping[str, Any], files: dict[str, Path]) -> RigidMotion:
+    values = root.required("motion", "a table [motion] with bone and transforms, or [motion.hinge]")
+    known = ("bone", "transforms", "time", "centre", "hinge")
+    table = _Table(root.file, "motion", values, known)
+    if "hinge" in table:
+        for name in known[:-1]:
+            if name in table:
+                mend = "leave out one of them; a hinge has its keys in [motion.hinge]"
+                raise table.error(name, "stands beside motion.hinge", mend)
+        return _hinge(table, bones)
+    listed = table.required("transforms", 'transforms = "FILE.csv", or a table [motion.hinge]')
+    centre = table.numbers("centre", "[0.0, 0.0, 0.0]") if "centre" in table else None
+    time = table.text("time", '"COLUMN"') if "time" in table else None
+    if not isinstance(listed, dict):
+        bone = _known_bone(table, bones)
+        motion, files["motion.transforms"] = table.read(
+            "transforms",
+            '"FILE.csv"',
+            lambda path: read_motion_table(path, bone, time=time, centre=centre),
+        )
+        return motion
+    return _motion_of_several(table, bones, files, time, centre)
+
+
+def _motion_of_several(
+    table: _Table,
+    bones: Mapping[str, Any],
+    files: dict[str, Path],
+    time: str | None,
+    centre: list[float] | None,
+) -> RigidMotion:
+    if "bone" in table:
+        mend = "leave out bone where transforms is a table of files by bone"
+        raise table.error("bone", "stands beside a table of transforms", mend)
+    inner = _Table(table.file, "motion.transforms", table.values["transforms"], ())
+    motions: list[RigidMotion] = []
+    for bone in inner.values:
+        if bone not in bones:
+            raise inner.error(bone, f"there is no bone {bone!r}", suggestion(bone, bones))
+        read = _reader_for(bone, time, centre)
+        motion, files[inner.path_to(bone)] = inner.read(bone, '"FILE.csv"', read)
+        if motions and not np.array_equal(motion.times, motions[0].times):
+            mend = "give all tables the same times"
+            raise inner.error(bone, "its times differ from those of the first table", mend)
+        motions.append(motion)
+    if not motions:
+        raise table.error("transforms", "is empty", 'write transforms = "FILE.csv"')
+    transforms = {bone: table for motion in motions for bone, table in motion.transforms.items()}
+    return RigidMotion(motions[0].times, transforms, motions[0].centre)
+
+
+def _reader_for(bone: str, time: str | None, centre: list[float] | None) -> Callable[[Path], RigidMotion]:
+    return lambda path: read_motion_table(path, bone, time=time, centre=centre)
+
+
+def _known_bone(table: _Table, bones: Mapping[str, Any]) -> str:
+    bone = table.text("bone", '"NAME"')
+    if bone not in bones:
+        raise table.error("bone", f"there is no bone {bone!r}", suggestion(bone, bones))
+    return bone
+
+
+def _hinge(motion: _Table, bones: Mapping[str, Any]) -> RigidMotion:
+    table = _Table(motion.file, "motion.hinge", motion.values["hinge"], ("bone", "centre", "axis", "angles"))
+    bone = _known_bone(table, bones)
+    centre, axis = table.numbers("centre", "[0.0, 0.0, 0.0]"), table.numbers("axis", "[1.0, 0.0, 0.0]")
+    if not np.linalg.norm(axis) > 0:
+        raise table.error("axis", "has no length", "write axis = [1.0, 0.0, 0.0], or another direction")
+    start, stop, step = table.numbers("angles", "[0, 90, 2]")
+    if not (step > 0 and stop >= start):
+        mend = "write [start, stop, step] with step > 0 and stop >= start; to turn the other way, negate axis"
+        raise table.error("angles", f"[{start:g}, {stop:g}, {step:g}] does not ascend", mend)
+    # A stop that is a whole number of steps away, up to rounding, is reached by the last step.
+    count = (stop - start) / step
+    if count > _MOST_FRAMES:
+        raise table.error("angles", f"are {count:.3g} frames", "choose a larger step")
+    whole = int(np.floor(count + 1e-9))
+    angles = start + step * np.arange(whole + 1)
+    if count - whole > 1e-9:
+        angles = np.append(angles, stop)
+    else:
+        angles[-1] = stop
+    return hinge(bone, centre, axis, angles)
