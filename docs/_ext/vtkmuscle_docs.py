@@ -1,0 +1,90 @@
+"""What these docs need beyond Sphinx: kernels shown as functions, bars in docstrings, the filter table."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import re
+from typing import Any
+
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+import vtkmuscle.core
+import vtkmuscle.filters
+
+
+def show_kernels_as_functions(app: Sphinx) -> None:
+    """Put the Python function in the place of each compiled kernel, for autodoc knows only functions.
+
+    Runs after the gallery (which calls the kernels) and before autosummary (which lists them).
+    """
+    for info in pkgutil.walk_packages(vtkmuscle.core.__path__, "vtkmuscle.core."):
+        module = importlib.import_module(info.name)
+        for name, value in list(vars(module).items()):
+            if hasattr(value, "py_func"):
+                setattr(module, name, value.py_func)
+
+
+def skip_imported(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: Any) -> bool | None:
+    """Leave out of a module's page what it only imports; autodoc trips over compiled classes."""
+    module = getattr(obj, "__module__", None)
+    foreign = isinstance(module, str) and not module.startswith("vtkmuscle")
+    return True if what == "module" and foreign else None
+
+
+def escape_bars(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """Keep absolute values in docstrings, |x|, from being read as reStructuredText substitutions."""
+    for i, line in enumerate(lines):
+        if "|" in line and not line.lstrip().startswith((">>>", "...")):
+            parts = re.split(r"(``.*?``|:math:`.*?`)", line)
+            parts[::2] = [part.replace("|", r"\|") for part in parts[::2]]
+            lines[i] = "".join(parts)
+
+
+class FilterTable(SphinxDirective):
+    """``.. filter-table::``: all filters with their ports, from what they declare."""
+
+    def run(self) -> list[nodes.Node]:
+        lines = [
+            ".. list-table::",
+            "   :header-rows: 1",
+            "   :widths: 22 39 39",
+            "",
+            "   * - filter",
+            "     - input ports",
+            "     - output",
+        ]
+        for name in sorted(vtkmuscle.filters.__all__):
+            filter_class = getattr(vtkmuscle.filters, name)
+            base = vtkmuscle.filters.Filter
+            if not (isinstance(filter_class, type) and issubclass(filter_class, base)):
+                continue
+            if filter_class is base:
+                continue
+            lines += [f"   * - :class:`~vtkmuscle.filters.{name}`"]
+            lines += self._cell([self._input(i, port) for i, port in enumerate(filter_class.input_ports)])
+            lines += self._cell([f"{port.type_name}: {port.doc}" for port in filter_class.output_ports])
+        return self.parse_text_to_nodes("\n".join(lines))
+
+    @staticmethod
+    def _input(number: int, port: Any) -> str:
+        optional = " (optional)" if port.optional else ""
+        return f"{number} ``{port.name}``{optional}, {port.type_name}: {port.doc}"
+
+    @staticmethod
+    def _cell(entries: list[str]) -> list[str]:
+        first, *others = entries or ["none"]
+        lines = [f"     - | {first}"]
+        return lines + [f"       | {entry}" for entry in others]
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Register all of it with Sphinx."""
+    app.setup_extension("sphinx.ext.autodoc")
+    app.connect("builder-inited", show_kernels_as_functions)
+    app.connect("autodoc-skip-member", skip_imported)
+    app.connect("autodoc-process-docstring", escape_bars, priority=400)
+    app.add_directive("filter-table", FilterTable)
+    return {"parallel_read_safe": True}

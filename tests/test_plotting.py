@@ -1,0 +1,271 @@
+"""Pictures: what is on them in numbers, and that they can be made, or a reason is given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+import pyvista as pv
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vtkmuscle.core.rigid import apply_transform, rotation_about
+from vtkmuscle.filters.arrays import (
+    Polylines,
+    multiblock_from,
+    points_of,
+    polylines_from,
+    set_point_array,
+    with_points,
+)
+from vtkmuscle.plotting import (
+    can_render,
+    choose_view,
+    framed,
+    make_plotter,
+    plot_lengths,
+    plot_muscle,
+    plot_volume,
+    preflight,
+    write_figures,
+)
+from vtkmuscle.plotting import figures as figures_module
+
+
+@pytest.fixture
+def renders():
+    reason = can_render()
+    if reason is not None:
+        pytest.skip(reason)
+
+
+def spindle():
+    """A muscle 100 mm long and 30 mm thick along z, fixed to bone 1 above and bone 0 below."""
+    surface = pv.Sphere(radius=1.0, theta_resolution=24, phi_resolution=32).scale((15.0, 15.0, 50.0))
+    z = surface.points[:, 2]
+    fixed = np.where(z > 44.0, 1, np.where(z < -44.0, 0, -1)).astype(np.int32)
+    muscle = with_points(surface, points_of(surface))
+    set_point_array(muscle, "FixedTo", fixed)
+    return muscle
+
+
+def straight_fibres(shift=0.0):
+    t = np.linspace(-45.0, 45.0, 16)
+    lines = [
+        np.column_stack([np.full(16, x), np.full(16, y), (1.0 + shift) * t]) for x, y in [(-4, 0), (4, 3)]
+    ]
+    return polylines_from(Polylines(np.vstack(lines), np.array([0, 16, 32])))
+
+
+def two_bones(y=25.0):
+    """Two plates behind the muscle, on its +y side."""
+    lower = pv.Cube(center=(0, y, -40), x_length=80, y_length=8, z_length=70).triangulate()
+    upper = pv.Cube(center=(0, y, 40), x_length=80, y_length=8, z_length=70).triangulate()
+    return multiblock_from({"lower": lower, "upper": upper})
+
+
+@dataclass
+class FakeResult:
+    name: str = "fake"
+    units: str = "mm"
+    times: list = field(default_factory=lambda: [0.0, 10.0, 20.0, 30.0])
+    muscle_names: list = field(default_factory=lambda: ["with_fibres", "bare"])
+
+    def __post_init__(self):
+        self.lengths = {"with_fibres": np.array([[90.0, 90.0]]) * (1.0 + np.arange(4)[:, None] / 100.0)}
+        rows = [{"time": t, "volume_ratio": 1.001} for t in self.times]
+        self.report = {"muscles": {name: {"frames": rows} for name in self.muscle_names}}
+
+    def rest_bones(self):
+        return two_bones()
+
+    def rest_muscle(self, name):
+        return spindle()
+
+    def rest_fibres(self, name):
+        return straight_fibres() if name == "with_fibres" else None
+
+    def bones(self, i):
+        return two_bones()
+
+    def muscle(self, name, i):
+        return spindle()
+
+    def fibres(self, name, i):
+        return straight_fibres(i / 100.0) if name == "with_fibres" else None
+
+
+def picture(plotter):
+    image = plotter.screenshot(return_img=True).astype(int)
+    plotter.close()
+    return image
+
+
+def blue_pixels(image, by=60):
+    return int((image[..., 2] > image[..., 0] + by).sum())
+
+
+# ---------------------------------------------------------------- preflight
+
+
+def test_a_crash_while_rendering_is_told_in_words_and_does_not_reach_us(monkeypatch):
+    script = "import os, sys; print('no libOSMesa', file=sys.stderr, flush=True); os.abort()"
+    monkeypatch.setattr(preflight, "_PREFLIGHT", script)
+    can_render.cache_clear()
+    reason = can_render()
+    can_render.cache_clear()
+    assert "SIGABRT" in reason
+    assert reason.endswith("no libOSMesa")
+
+
+def test_a_render_that_hangs_is_given_up(monkeypatch):
+    monkeypatch.setattr(preflight, "_PREFLIGHT", "import time; time.sleep(60)")
+    monkeypatch.setattr(preflight, "_PREFLIGHT_TIMEOUT", 0.2)
+    can_render.cache_clear()
+    reason = can_render()
+    can_render.cache_clear()
+    assert "not finished" in reason
+
+
+def test_a_window_that_renders_nothing_is_not_taken_for_success(renders, monkeypatch):
+    monkeypatch.setattr(preflight, "_PREFLIGHT", preflight._PREFLIGHT.replace("(1, 0, 0)", "(0, 0, 0)"))
+    can_render.cache_clear()
+    reason = can_render()
+    can_render.cache_clear()
+    assert "could not be rendered" in reason
+
+
+def test_without_opengl_the_writer_raises_the_reason_and_writes_nothing(monkeypatch, tmp_path):
+    monkeypatch.setattr(figures_module, "can_render", lambda: "there is no display card")
+    with pytest.raises(RuntimeError, match="there is no display card"):
+        write_figures(tmp_path / "figures", FakeResult())
+    assert not (tmp_path / "figures").exists()
+
+
+# ---------------------------------------------------------------- views
+
+
+def test_a_muscle_is_seen_from_the_side_that_no_bone_hides():
+    view = choose_view([spindle()], [two_bones(y=25.0)])
+    assert view.direction[1] < -0.65
+    view = choose_view([spindle()], [two_bones(y=-25.0)])
+    assert view.direction[1] > 0.65
+
+
+def test_the_view_turns_with_the_scene_about_the_vertical():
+    turn = rotation_about((0, 0, 0), (0, 0, 1), 60.0)
+    before = choose_view([spindle()], [two_bones()])
+    muscle = with_points(spindle(), apply_transform(turn, points_of(spindle())))
+    bones = two_bones()
+    for i in range(2):
+        bones.SetBlock(i, with_points(bones.GetBlock(i), apply_transform(turn, points_of(bones.GetBlock(i)))))
+    after = choose_view([muscle], [bones])
+    np.testing.assert_allclose(after.direction, turn[:3, :3] @ before.direction, atol=1e-6)
+    np.testing.assert_allclose(after.focus, turn[:3, :3] @ before.focus, atol=1e-6)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.floats(0.0, 360.0), st.floats(-60.0, 60.0), st.integers(0, 2**32 - 1))
+def test_a_frame_encloses_all_points(azimuth, elevation, seed):
+    a, e = np.radians([azimuth, elevation])
+    direction = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    points = np.random.default_rng(seed).normal(size=(30, 3)) * [40.0, 5.0, 90.0]
+    view = framed(direction, points, margin=0.1)
+    right = np.cross([0.0, 0.0, 1.0], direction)
+    right /= np.linalg.norm(right)
+    up = np.cross(direction, right)
+    local = points - view.focus
+    assert np.abs(local @ up).max() <= view.half_height
+    assert np.abs(local @ right).max() <= view.half_height * view.aspect * (1.0 + 1e-9)
+
+
+# ---------------------------------------------------------------- pictures
+
+
+def test_fixed_points_are_marked_in_the_colour_of_their_bone(renders):
+    muscle, bones = spindle(), two_bones()
+    view = choose_view([muscle], [bones])
+    plain = picture(make_plotter(bones, [muscle], view))
+    marked = picture(make_plotter(bones, [muscle], view, fixed_points=True))
+    assert blue_pixels(plain) == 0
+    height = marked.shape[0]
+    # Bone 0 has the blue of the palette and holds the lower end of the muscle.
+    assert blue_pixels(marked[height // 2 :]) > 100
+    assert blue_pixels(marked[: height // 2]) == 0
+
+
+def test_a_fibre_that_shortens_is_blue_and_one_that_lengthens_is_not(renders):
+    muscle, bones, fibres = spindle(), two_bones(), straight_fibres()
+    view = choose_view([muscle], [bones])
+    shorter = picture(make_plotter(bones, [muscle], view, fibres=fibres, strain=np.array([-9.0, -9.0])))
+    longer = picture(make_plotter(bones, [muscle], view, fibres=fibres, strain=np.array([9.0, 9.0])))
+    assert blue_pixels(shorter, by=20) > 2000
+    assert blue_pixels(longer, by=20) == 0
+
+
+def test_the_same_frame_twice_gives_the_same_panel_twice(renders, tmp_path, monkeypatch):
+    panels = []
+    original = figures_module.sheet
+
+    def spy(given, *args):
+        panels.extend(given)
+        return original(given, *args)
+
+    monkeypatch.setattr(figures_module, "sheet", spy)
+    plot_muscle(tmp_path / "two.png", [spindle()] * 2, [two_bones()] * 2, fibres=[straight_fibres()] * 2)
+    assert len(panels) == 2
+    np.testing.assert_array_equal(panels[0].image, panels[1].image)
+    assert len(np.unique(panels[0].image.reshape(-1, 3), axis=0)) > 100
+
+
+def test_all_figures_of_a_run_are_written(renders, tmp_path):
+    theme = pv.global_theme.to_dict()
+    written = write_figures(tmp_path / "figures", FakeResult())
+    names = {"rest_pose", "with_fibres_frames", "with_fibres_lengths", "bare_frames", "volume"}
+    assert {path.stem for path in written} == names
+    assert set(written) == set((tmp_path / "figures").iterdir())
+    for path in written:
+        pixels = pv.read(path).point_data.active_scalars
+        assert pixels.std() > 5.0, f"{path.name} is blank"
+    assert pv.global_theme.to_dict() == theme
+
+
+def test_data_sets_are_not_changed_by_drawing_them(renders):
+    muscle, bones, fibres = spindle(), two_bones(), straight_fibres()
+    before = [data.GetMTime() for data in (muscle, fibres, bones.GetBlock(0), bones.GetBlock(1))]
+    arrays = [muscle.GetPointData().GetNumberOfArrays(), fibres.GetCellData().GetNumberOfArrays()]
+    view = choose_view([muscle], [bones])
+    picture(make_plotter(bones, [muscle], view, fibres=fibres, strain=np.zeros(2), fixed_points=True))
+    assert [data.GetMTime() for data in (muscle, fibres, bones.GetBlock(0), bones.GetBlock(1))] == before
+    assert [muscle.GetPointData().GetNumberOfArrays(), fibres.GetCellData().GetNumberOfArrays()] == arrays
+
+
+# ---------------------------------------------------------------- curves
+
+
+@pytest.fixture
+def figure_of(monkeypatch):
+    """Let the plotting functions return their figure rather than write it."""
+    monkeypatch.setattr(figures_module, "save", lambda figure, path: figure)
+    return lambda figure: figure.axes[0]
+
+
+def test_the_length_figure_shows_each_fibre_and_the_mean(figure_of):
+    lengths = np.array([[10.0, 20.0, 60.0], [11.0, 19.0, 63.0]])
+    axes = figure_of(plot_lengths("", [0.0, 5.0], lengths))
+    drawn = [line.get_ydata() for line in axes.lines if len(line.get_xdata())]
+    np.testing.assert_array_equal(drawn[:3], lengths.T)
+    np.testing.assert_allclose(drawn[3], [30.0, 31.0])
+
+
+def test_the_volume_figure_holds_what_is_far_from_one(figure_of):
+    axes = figure_of(plot_volume("", {"a": [0, 1], "b": [0, 1]}, {"a": [1.0, 1.07], "b": [1.0, 0.999]}))
+    low, high = axes.get_ylim()
+    assert low < 0.93
+    assert high > 1.07
+
+
+def test_a_single_frame_is_drawn_as_points(figure_of):
+    axes = figure_of(plot_lengths("", [3.0], [[10.0, 12.0]]))
+    assert axes.lines[0].get_marker() == "o"

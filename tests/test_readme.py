@@ -1,0 +1,95 @@
+"""What the README, the documentation and the continuous integration say must be so."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import vtkmuscle
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+DEMO_COMMAND = "python -m pip install . && vtkmuscle demo"
+TEST_COMMAND = "python -m pip install '.[test]' && python -m pytest"
+DOCS_COMMAND = "python -m sphinx -W -b html docs docs/_build/html"
+
+
+def blocks(text, language):
+    return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+
+
+def test_the_python_of_the_readme_runs(tmp_path):
+    (script,) = blocks(README, "python")
+    (tmp_path / "readme.py").write_text(script, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "readme.py"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip(), "the README promises output"
+    assert ">>" in script
+
+
+def test_the_readme_names_the_two_commands():
+    commands = [line for block in blocks(README, "console") for line in block.splitlines()]
+    assert DEMO_COMMAND in commands
+    assert TEST_COMMAND in commands
+
+
+def test_continuous_integration_runs_the_commands_that_are_written_down():
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    lines = [line.strip() for line in script.splitlines()]
+    for command in (TEST_COMMAND, DOCS_COMMAND, "ruff check", "ruff format --check", "mypy"):
+        assert command in lines
+    assert os.access(ROOT / ".ci" / "run", os.X_OK)
+    assert DOCS_COMMAND in (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+
+
+def test_the_scene_of_the_readme_is_a_scene(tmp_path):
+    """Only its files are missing: every key is known."""
+    from vtkmuscle import Scene, SceneError
+
+    (text,) = blocks(README, "toml")
+    (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(SceneError, match=r"femur\.stl"):
+        Scene.load(tmp_path / "scene.toml")
+
+
+def test_the_picture_is_there_and_light():
+    for path in re.findall(r"!\[[^]]*\]\(([^)]+)\)", README):
+        assert 10_000 < (ROOT / path).stat().st_size < 300_000
+
+
+@pytest.mark.parametrize("path", ["README.md", "CONTRIBUTING.md"])
+def test_relative_links_lead_somewhere(path):
+    text = (ROOT / path).read_text(encoding="utf-8")
+    for target in re.findall(r"\]\(([^)#:]+)\)", text):
+        assert (ROOT / target).exists(), target
+
+
+def test_every_public_name_is_in_the_api_reference():
+    text = (ROOT / "docs" / "api" / "index.rst").read_text(encoding="utf-8")
+    listed = set(re.findall(r"^   (\w+)$", text, flags=re.MULTILINE))
+    names = {*vtkmuscle.__all__, *vtkmuscle.filters.__all__} - {"__version__", "filters"}
+    assert names <= listed
+    modules = [import_module("vtkmuscle"), import_module("vtkmuscle.filters")]
+    for name in listed - {"core", "io"}:
+        assert any(hasattr(module, name) for module in modules), name
+
+
+def test_versions_agree():
+    for name in ("pyproject.toml", "CITATION.cff"):
+        text = (ROOT / name).read_text(encoding="utf-8")
+        (version,) = re.findall(r'^version(?: = |: )"?([\d.]+)"?$', text, flags=re.MULTILINE)
+        assert version == vtkmuscle.__version__

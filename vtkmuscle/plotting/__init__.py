@@ -1,0 +1,34 @@
+"""Off-screen pictures of a run: muscles, fibres and bones, fibre lengths and volumes over time.
+
+Surfaces are rendered with PyVista, in parallel projection on white; panels, titles, legends and curves
+are set with matplotlib's objects, so that neither library's global state is touched. Nothing here opens
+a window unless asked to.
+"""
+
+from __future__ import annotations
+
+from vtkmuscle.plotting.figures import (
+    RunResult,
+    plot_lengths,
+    plot_muscle,
+    plot_rest_pose,
+    plot_volume,
+    write_figures,
+)
+from vtkmuscle.plotting.preflight import can_render
+from vtkmuscle.plotting.surfaces import make_plotter
+from vtkmuscle.plotting.views import View, choose_view, framed
+
+__all__ = [
+    "RunResult",
+    "View",
+    "can_render",
+    "choose_view",
+    "framed",
+    "make_plotter",
+    "plot_lengths",
+    "plot_muscle",
+    "plot_rest_pose",
+    "plot_volume",
+    "write_figures",
+]

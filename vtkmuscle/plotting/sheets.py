@@ -1,0 +1,85 @@
+"""Sheets of rendered panels and sheets of curves, set with matplotlib's objects (no pyplot)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from vtkmuscle.plotting.views import View
+
+DOTS_PER_INCH = 150
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One rendered picture of a sheet: its pixels (height, width, 3), its title and its view."""
+
+    image: NDArray[np.uint8]
+    title: str
+    view: View
+
+
+def sheet(panels: Sequence[Panel], title: str, units: str) -> Figure:
+    """Return a figure of panels in rows, pixel for pixel, with room for a legend below."""
+    columns = len(panels) if len(panels) <= 4 else math.ceil(len(panels) / 2)
+    rows = [panels[i : i + columns] for i in range(0, len(panels), columns)]
+    gap, head, top, bottom = 0.12, 0.34, 0.45 if title else 0.0, 0.85  # inches
+    widths = [sum(p.image.shape[1] / DOTS_PER_INCH + gap for p in row) + gap for row in rows]
+    heights = [max(p.image.shape[0] for p in row) / DOTS_PER_INCH + head for row in rows]
+    width, height = max(5.0, *widths), top + bottom + sum(heights)
+    figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, facecolor="white")
+    FigureCanvasAgg(figure)
+    if title:
+        figure.text(0.5, 1.0 - 0.25 / height, title, ha="center", va="center", fontsize=17)
+    y = height - top
+    for row, row_width, row_height in zip(rows, widths, heights, strict=True):
+        x = (width - row_width) / 2.0 + gap
+        for panel in row:
+            w, h = panel.image.shape[1] / DOTS_PER_INCH, panel.image.shape[0] / DOTS_PER_INCH
+            axes = figure.add_axes((x / width, (y - head - h) / height, w / width, h / height))
+            axes.imshow(panel.image, interpolation="none", aspect="auto")
+            axes.set_axis_off()
+            axes.set_title(panel.title, fontsize=13)
+            _scale_bar(axes, panel, units)
+            x += w + gap
+        y -= row_height
+    return figure
+
+
+def _scale_bar(axes: Axes, panel: Panel, units: str) -> None:
+    height, width = panel.image.shape[:2]
+    per_pixel = 2.0 * panel.view.half_height / height
+    third = per_pixel * width / 3.0
+    power = 10.0 ** math.floor(math.log10(third))
+    length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= third)
+    x, y = 0.03 * width, 0.975 * height
+    axes.plot([x, x + length / per_pixel], [y, y], color="black", linewidth=2.5, solid_capstyle="butt")
+    axes.text(x, y - 0.012 * height, f"{length:g} {units}", fontsize=10, va="bottom")
+    axes.set_xlim(-0.5, width - 0.5)
+    axes.set_ylim(height - 0.5, -0.5)
+
+
+def curves(title: str, time_label: str, value_label: str) -> tuple[Figure, Axes]:
+    """Return a figure with one pair of axes for curves over time."""
+    figure = Figure(figsize=(7.0, 4.6), dpi=DOTS_PER_INCH, facecolor="white", layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    axes.set_title(title)
+    axes.set_xlabel(time_label)
+    axes.set_ylabel(value_label)
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure, axes
+
+
+def save(figure: Figure, path: str | Path) -> Path:
+    """Write a figure, and return where."""
+    figure.savefig(path)
+    return Path(path)

@@ -1,0 +1,162 @@
+"""From where to look at a muscle: the direction in which the bones hide least of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+
+from vtkmuscle.filters.arrays import blocks_of, points_of, triangles_of
+
+Floats = NDArray[np.float64]
+
+PANEL_AREA = 520_000  # pixels
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Where a picture is taken from, in parallel projection with z up.
+
+    Attributes
+    ----------
+    direction : (3,) float array
+        Unit vector from what is seen to the eye.
+    focus : (3,) float array
+        Centre of the picture [mm].
+    half_height : float
+        Half the height of the picture [mm].
+    aspect : float
+        Width over height of the picture.
+    """
+
+    direction: Floats
+    focus: Floats
+    half_height: float
+    aspect: float
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the picture in pixels."""
+        return round(math.sqrt(PANEL_AREA * self.aspect)), round(math.sqrt(PANEL_AREA / self.aspect))
+
+
+def choose_view(
+    muscles: Sequence[vtkPolyData], bones: Sequence[vtkMultiBlockDataSet], *, margin: float = 0.12
+) -> View:
+    """Return the view that shows most of the muscles, over all given frames.
+
+    Directions around the vertical axis are tried, and the one wins in which the part of the muscles that no
+    bone hides covers the largest area; then whether it shows more from a little above or below. The frame is
+    drawn tightly around the muscles.
+
+    Parameters
+    ----------
+    muscles : sequence of vtkPolyData
+        A muscle in one or more frames.
+    bones : sequence of vtkMultiBlockDataSet
+        The bones of the same frames.
+    margin : float, optional
+        Space around the muscles, as a part of their size.
+
+    Returns
+    -------
+    View
+        To be shared by all frames, so that they can be compared.
+    """
+    surfaces = [points_of(muscle) for muscle in muscles]
+    everything = np.vstack(surfaces)
+    cell = float(np.linalg.norm(np.ptp(everything, axis=0))) / 30.0
+    samples = [_samples(muscle) for muscle in muscles]
+    obstacles = [
+        np.vstack([np.zeros((0, 3)), *(_samples(block) for _, block in blocks_of(frame))]) for frame in bones
+    ]
+
+    def area(direction: Floats) -> float:
+        pairs = zip(samples, obstacles, strict=True)
+        return float(sum(_visible_cells(seen, hiding, direction, cell) for seen, hiding in pairs))
+
+    azimuths = np.radians(np.arange(0.0, 360.0, 15.0))
+    areas = np.array([area(_direction(azimuth, 0.0)) for azimuth in azimuths])
+    # Of views that show nearly the same, take the one amid them.
+    around = sum(np.roll(areas, shift) for shift in range(-3, 4))
+    azimuth = azimuths[np.argmax(areas * around)]
+    # A view from above or below must show more, for it is harder to read.
+    candidates = [_direction(azimuth, elevation) for elevation in np.radians([0.0, 20.0, -20.0])]
+    best = max(
+        candidates, key=lambda direction: area(direction) * float(np.hypot(direction[0], direction[1]))
+    )
+    return framed(best, everything, margin=margin)
+
+
+def framed(direction: ArrayLike, points: Floats, *, margin: float = 0.12) -> View:
+    """Return the view along a direction whose frame encloses points tightly.
+
+    Parameters
+    ----------
+    direction : (3,) array_like
+        From what is seen to the eye; not vertical.
+    points : (n, 3) array
+        What must be inside the frame [mm].
+    margin : float, optional
+        Space around it, as a part of its size.
+
+    Returns
+    -------
+    View
+        With an aspect between 0.5 and 1.6.
+    """
+    axes = axes_of(np.asarray(direction, dtype=np.float64))
+    local = points @ axes.T
+    low, high = local.min(axis=0), local.max(axis=0)
+    width, height = (1.0 + 2.0 * margin) * np.maximum((high - low)[:2], 1e-9)
+    aspect = float(np.clip(width / height, 0.5, 1.6))
+    return View(axes[2], (low + high) / 2.0 @ axes, float(max(height, width / aspect)) / 2.0, aspect)
+
+
+def _direction(azimuth: float, elevation: float) -> Floats:
+    """Return the unit vector at two angles [radians]."""
+    horizontal = math.cos(elevation)
+    return np.array([horizontal * math.cos(azimuth), horizontal * math.sin(azimuth), math.sin(elevation)])
+
+
+def axes_of(direction: Floats) -> Floats:
+    """Return right, up and towards the eye as the rows of a (3, 3) rotation."""
+    towards = direction / np.linalg.norm(direction)
+    right = np.cross([0.0, 0.0, 1.0], towards)
+    right /= np.linalg.norm(right)
+    return np.array([right, np.cross(towards, right), towards])
+
+
+def _samples(surface: vtkPolyData, n: int = 10_000) -> Floats:
+    """Return points spread over a surface evenly by area, the same ones each time."""
+    points = points_of(surface)
+    triangles = triangles_of(surface, "plotting")
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    if not areas.any():
+        return points
+    rng = np.random.default_rng(0)
+    chosen = np.searchsorted(np.cumsum(areas) / areas.sum(), (np.arange(n) + 0.5) / n)
+    chosen = np.minimum(chosen, len(triangles) - 1)
+    u, v = rng.random((2, n, 1))
+    u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
+    samples: Floats = a[chosen] + u * (b - a)[chosen] + v * (c - a)[chosen]
+    return samples
+
+
+def _visible_cells(seen: Floats, hiding: Floats, direction: Floats, cell: float) -> int:
+    """Count the cells of the picture plane in which ``seen`` is in front of ``hiding``."""
+    axes = axes_of(direction)
+    ours, theirs = seen @ axes.T, hiding @ axes.T
+    low = ours.min(axis=0)
+    shape = tuple(np.floor((ours.max(axis=0) - low)[:2] / cell).astype(int) + 1)
+    depth = np.full((2, *shape), -np.inf)
+    for layer, points in enumerate((ours, theirs)):
+        at = np.floor((points - low)[:, :2] / cell).astype(int)
+        inside = ((at >= 0) & (at < shape)).all(axis=1)
+        np.maximum.at(depth[layer], tuple(at[inside].T), points[inside, 2])
+    return int((depth[0] > np.maximum(depth[1], -1e300)).sum())
