@@ -1,0 +1,217 @@
+"""One muscle's run through a scene."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from vtkmuscle.filters.arrays import cell_array, field_array, points_of
+from vtkmuscle.filters.base import AbortedError, Filter
+from vtkmuscle.filters.fibre_metrics import FibreMetrics
+from vtkmuscle.filters.fibre_transport import FibreTransport
+from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+from vtkmuscle.filters.pbd_deformer import PBDDeformer
+from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.pipelines import decompose, deform
+from vtkmuscle.report import MuscleMeasure, fibres_at_rest
+from vtkmuscle.result import MuscleTrack
+from vtkmuscle.run_folder import RunFolder
+from vtkmuscle.scene import Scene
+
+Progress = Callable[[str, str, float], None]
+
+
+class MuscleRun:
+    """One muscle's way through all stages: fixed points, fibres, and per frame deformation and fibres.
+
+    Parameters
+    ----------
+    scene : Scene
+        What the muscle belongs to.
+    name : str
+        Which muscle.
+    track : MuscleTrack
+        Where finished frames go.
+    distances : dict of str to SurfaceDistance
+        Of the closed bones.
+    folder : RunFolder or None
+        Where to write to.
+    stop : threading.Event
+        Set from outside to end the run early.
+    progress : callable
+        Told the muscle, the stage and the part that is done.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        name: str,
+        track: MuscleTrack,
+        distances: dict[str, SurfaceDistance],
+        folder: RunFolder | None,
+        stop: threading.Event,
+        progress: Progress,
+    ) -> None:
+        self.scene, self.name, self.track = scene, name, track
+        self.distances, self.folder = distances, folder
+        self.stop, self.progress = stop, progress
+        self.seconds: dict[str, float] = {}
+        track.report["seconds"] = self.seconds
+
+    def go(self, numbers: range) -> None:
+        """Run all stages, and keep the frames of these numbers.
+
+        Raises
+        ------
+        AbortedError
+            If it was stopped; the frames before are complete.
+        """
+        scene, name, track = self.scene, self.name, self.track
+        muscle, attachments = scene.muscles[name], scene.attachments_data(name)
+        detector = FixedPointDetector(**scene.fixing_of(name))
+        for port, value in enumerate((muscle.surface, scene.bones_data(), attachments)):
+            detector.connect(port, value)
+        self._tell("fixed points", 0.0)
+        with self._timed("fixing", detector):
+            track.rest = detector.update().output
+        with self._timed("measuring"):
+            measure = MuscleMeasure(track.rest, list(scene.bones), self.distances, scene.millimetres)
+            track.report.update(measure.at_rest())
+        fibres = None if muscle.fibres is None else decompose(detector, attachments, **muscle.fibres)
+        if fibres is not None:
+            self._tell("fibres", 0.0)
+            with self._timed("fibres", fibres):
+                track.rest_fibres = fibres.update().output
+            with self._timed("measuring"):
+                inside = fibres_at_rest(track.rest_fibres, track.rest, scene.millimetres)
+                track.report["fibres"] = inside
+        bones = scene.bones_data()
+        solver = scene.solver_of(name)
+        deformer = deform(detector, bones, scene.motion, fibres=fibres, fixed=None, **solver)
+        track.report["parameters"] = {
+            "solver": deformer.parameters(),
+            "fixing": detector.parameters(),
+            "fibres": None if muscle.fibres is None else dict(muscle.fibres),
+        }
+        track.report["frames"] = []
+        transport, metrics = _carried(detector, fibres, deformer)
+        for number in range(numbers[-1] + 1):
+            self._tell("deforming", number / (numbers[-1] + 1))
+            self._frame(number, number in numbers, deformer, transport, metrics, measure)
+        self._tell("done", 1.0)
+
+    def _frame(
+        self,
+        number: int,
+        wanted: bool,
+        deformer: PBDDeformer,
+        transport: Filter | None,
+        metrics: Filter | None,
+        measure: MuscleMeasure,
+    ) -> None:
+        now = float(self.scene.motion.times[number])
+        before = time.perf_counter()
+        with self._timed("deforming", deformer):
+            deformed = deformer.update(time=now).output
+        took = time.perf_counter() - before
+        if not wanted:
+            return
+        points = points_of(deformed)
+        fibres = None
+        if transport is not None and metrics is not None:
+            with self._timed("transport", transport):
+                transport.update(time=now)
+            with self._timed("metrics", metrics):
+                fibres = _copy(metrics.update(time=now).output)
+        self._check_finite(points, number)
+        with self._timed("measuring"):
+            row = {"frame": number, "time": now, **measure.frame(points, self.scene.motion.at(now))}
+        row["iterations"] = _iterations(deformed, deformer)
+        row["ms"] = 1000.0 * took
+        if self.folder is not None:
+            with self._timed("writing"):
+                self.folder.write_frame(self.name, number, now, deformed, fibres)
+        # All of a frame is there, or nothing of it.
+        self.track.points.append(points)
+        if fibres is not None:
+            lengths = cell_array(fibres, "Length", f"muscles.{self.name}: fibres")
+            self.track.lengths.append(np.array(lengths) * self.scene.millimetres)
+            self.track.fibres.append(fibres)
+        self.track.report["frames"].append(row)
+
+    def _check_finite(self, points: Any, number: int) -> None:
+        if not np.isfinite(points).all():
+            raise ValueError(
+                f"frame {number}: the deformed muscle has coordinates that are not finite; lower the "
+                "stiffnesses, or use smaller steps of the motion"
+            )
+
+    def _tell(self, stage: str, fraction: float) -> None:
+        if self.stop.is_set():
+            raise AbortedError(f"{self.name} was stopped")
+        self.progress(self.name, stage, fraction)
+
+    @contextmanager
+    def _timed(self, stage: str, last: Filter | None = None) -> Iterator[None]:
+        """Add the time to a stage, and let the stop flag abort the filters in it."""
+        before = time.perf_counter()
+        observed = (
+            []
+            if last is None
+            else [(f, f.AddObserver("ProgressEvent", self._on_progress)) for f in _chain(last)]
+        )
+        try:
+            yield
+        finally:
+            for algorithm, tag in observed:
+                algorithm.RemoveObserver(tag)
+            self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - before
+
+    def _on_progress(self, algorithm: Any, _event: str) -> None:
+        if self.stop.is_set():
+            algorithm.SetAbortExecute(1)
+
+
+def _chain(last: Filter) -> list[Any]:
+    """Return an algorithm and all that it depends on, each once."""
+    found: list[Any] = []
+    waiting: list[Any] = [last]
+    while waiting:
+        algorithm = waiting.pop()
+        if algorithm in found:
+            continue
+        found.append(algorithm)
+        for port in range(algorithm.GetNumberOfInputPorts()):
+            indices = range(algorithm.GetNumberOfInputConnections(port))
+            waiting.extend(algorithm.GetInputAlgorithm(port, index) for index in indices)
+    return found
+
+
+def _carried(
+    rest: Filter, fibres: Filter | None, deformer: PBDDeformer
+) -> tuple[FibreTransport | None, FibreMetrics | None]:
+    """Return the filters that carry the fibres with the muscle and measure them."""
+    if fibres is None:
+        return None, None
+    transport, metrics = FibreTransport(), FibreMetrics()
+    for port, algorithm in enumerate((fibres, rest, deformer)):
+        transport.connect(port, algorithm)
+    for port, algorithm in enumerate((transport, deformer)):
+        metrics.connect(port, algorithm)
+    return transport, metrics
+
+
+def _copy(data: Any) -> Any:
+    copy = data.NewInstance()
+    copy.ShallowCopy(data)
+    return copy
+
+
+def _iterations(deformed: Any, deformer: PBDDeformer) -> int:
+    reported = field_array(deformed, "Iterations")
+    return int(deformer.iterations if reported is None else reported[-1])
