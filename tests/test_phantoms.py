@@ -6,7 +6,7 @@ from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
 
 from vtkmuscle.core.mesh import survey
 from vtkmuscle.core.rigid import apply_transform, is_rigid
-from vtkmuscle.filters.arrays import blocks_of, points_of, triangles_of
+from vtkmuscle.filters.arrays import blocks_of, cell_array, points_of, triangles_of
 from vtkmuscle.filters.attachments import attachments_of
 from vtkmuscle.phantoms import hip, pennate_block, spindle_over_hinge, wrapping_cylinder
 from vtkmuscle.phantoms.hip_bones import femur
@@ -179,6 +179,19 @@ def test_block_agrees_with_the_pennate_template(block):
     lengths = np.linalg.norm(along, axis=1)
     np.testing.assert_allclose(lengths, block.known["fibre_length"], rtol=1e-12)
     np.testing.assert_allclose(np.degrees(np.arccos(along[:, 2] / lengths)), block.known["pennation"])
+
+
+def test_block_answers_come_out_of_the_decomposition(block):
+    from vtkmuscle.filters import FibreMetrics, FibreTemplateSource, SliceMorpher, TemplateFitter
+
+    muscle, areas = block.muscles["block"], block.attachments["block"]
+    template = FibreTemplateSource(kind=block.templates["block"], n_fibres=64).update().output
+    fitted = TemplateFitter()(template, muscle, areas)
+    measured = FibreMetrics()(SliceMorpher()(fitted, muscle, areas), muscle)
+    lengths = cell_array(measured, "Length", "fibres")
+    np.testing.assert_allclose(lengths, block.known["fibre_length"], rtol=0.005)
+    for end in ("PennationOrigin", "PennationInsertion"):
+        np.testing.assert_allclose(cell_array(measured, end, "fibres"), block.known["pennation"], atol=1.0)
 
 
 def test_block_has_its_volume(block):

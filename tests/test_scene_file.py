@@ -13,7 +13,7 @@ from vtkmuscle.core.mesh import signed_volume
 from vtkmuscle.core.rigid import RigidMotion, rotation_about
 from vtkmuscle.filters.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.io import read_surface, write_polydata
-from vtkmuscle.scene_writing import to_toml
+from vtkmuscle.scene.writing import to_toml
 
 MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
 

@@ -19,8 +19,8 @@ from vtkmuscle.core.rigid import RigidMotion, apply_transform
 from vtkmuscle.filters.arrays import point_array, points_of, polylines_of, triangles_of, with_points
 from vtkmuscle.filters.attachments import attachments_of
 from vtkmuscle.io import read_polydata
-from vtkmuscle.report import MuscleMeasure
 from vtkmuscle.run import frame_numbers
+from vtkmuscle.run.report import MuscleMeasure
 
 FRAMES = 5
 

@@ -105,7 +105,7 @@ def demo(
     folder = out or Path("vtkmuscle_demo")
     with _one_clear_error(folder):
         from vtkmuscle import phantoms
-        from vtkmuscle.run_folder import RunFolder
+        from vtkmuscle.run.folder import RunFolder
         from vtkmuscle.scene import Scene
 
         path = Scene.from_phantom(phantoms.hip()).save(RunFolder(folder).path / "scene")

@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -66,7 +68,7 @@ def loops_by_vtk(points, triangles, level):
     lines = stripper.GetOutput().GetLines()
     offsets, ids = (vtk_to_numpy(array) for array in (lines.GetOffsetsArray(), lines.GetConnectivityArray()))
     places = points_of(stripper.GetOutput())
-    return [places[ids[a : b - 1]] for a, b in zip(offsets[:-1], offsets[1:], strict=True)]
+    return [places[ids[a : b - 1]] for a, b in pairwise(offsets)]
 
 
 def test_opposite_half_edges_join_the_same_points_the_other_way_round():

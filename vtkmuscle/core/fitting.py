@@ -17,7 +17,8 @@ from vtkmuscle.core.rigid import apply_transform
 
 Floats = NDArray[np.float64]
 
-#: Of errors that differ by less than this part the first one counts: a template's symmetries give ties.
+#: Of errors that differ by less than this part of the muscle's length the first counts: a template's
+#: symmetries give ties.
 TIE = 1e-9
 #: Sides of the least rectangle's edges shorter than this part of the section are rounding.
 SHORTEST_EDGE = 1e-6
@@ -132,7 +133,7 @@ def fit_box(
             float(cdist(apply_transform(transform, area), landmarks).min(axis=1).sum())
             for area, landmarks in ((origin_area, origin), (insertion_area, insertion))
         )
-        if best is None or error < best.error * (1.0 - TIE):
+        if best is None or error < best.error - TIE * (top - bottom):
             best = Fit(transform, error)
     assert best is not None  # angle 0 is always tried
     return best

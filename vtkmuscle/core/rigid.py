@@ -164,7 +164,7 @@ def hinge(bone: str, centre: ArrayLike, axis: ArrayLike, angles: ArrayLike) -> R
     """
     length = np.linalg.norm(np.asarray(axis, dtype=np.float64))
     if not (np.isfinite(length) and length > 0):
-        raise ValueError(f"the axis of a hinge must be finite and have a length, but is {axis}")
+        raise ValueError(f"the axis of a hinge must be finite and have a length, but is {axis!r}")
     times = np.asarray(angles, dtype=np.float64)
     if (np.diff(times) >= 180.0).any():
         raise ValueError("the angles of a hinge must follow each other by less than 180 degrees")

@@ -55,8 +55,8 @@ import numpy as np
 from vtkmuscle.core.rigid import RigidMotion, hinge
 from vtkmuscle.filters.attachments import AttachmentArea
 from vtkmuscle.io import read_landmarks, read_motion_table, read_surface
-from vtkmuscle.scene import Muscle, Scene, SceneError
-from vtkmuscle.scene_checks import suggestion
+from vtkmuscle.scene.checks import suggestion
+from vtkmuscle.scene.model import Muscle, Scene, SceneError
 
 T = TypeVar("T")
 

@@ -16,7 +16,7 @@ from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, atta
 
 if TYPE_CHECKING:
     from vtkmuscle.phantoms import Phantom
-    from vtkmuscle.result import Result
+    from vtkmuscle.run.result import Result
 
 #: Allowed units of length, and how many millimetres they are.
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
@@ -126,7 +126,7 @@ class Scene:
     files: Mapping[str, Path] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        from vtkmuscle.scene_checks import checked_bones, checked_muscles, checked_names  # noqa: PLC0415
+        from vtkmuscle.scene.checks import checked_bones, checked_muscles, checked_names  # noqa: PLC0415
 
         checked_names(self)
         object.__setattr__(self, "bones", checked_bones(self))
@@ -151,7 +151,7 @@ class Scene:
         SceneError
             For the first thing that is wrong, with the file, the key and the mend.
         """
-        from vtkmuscle.scene_file import read_scene  # noqa: PLC0415
+        from vtkmuscle.scene.reading import read_scene  # noqa: PLC0415
 
         return read_scene(Path(path))
 
@@ -192,7 +192,7 @@ class Scene:
         Path
             The scene.toml, from which :meth:`load` gives the same scene.
         """
-        from vtkmuscle.scene_writing import write_scene  # noqa: PLC0415
+        from vtkmuscle.scene.writing import write_scene  # noqa: PLC0415
 
         return write_scene(self, Path(folder))
 
@@ -240,7 +240,7 @@ class Scene:
         KeyboardInterrupt
             On Ctrl-C; all finished frames are written, and the report says what they are.
         """
-        from vtkmuscle.run import run_scene  # noqa: PLC0415
+        from vtkmuscle.run.scenes import run_scene  # noqa: PLC0415
 
         target = None if out is None else Path(out)
         return run_scene(self, target, frames=frames, figures=figures, progress=progress, workers=workers)

@@ -18,10 +18,10 @@ from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.pipelines import decompose, deform
-from vtkmuscle.report import MuscleMeasure, fibres_at_rest
-from vtkmuscle.result import MuscleTrack
-from vtkmuscle.run_folder import RunFolder
-from vtkmuscle.scene import Scene
+from vtkmuscle.run.folder import RunFolder
+from vtkmuscle.run.report import MuscleMeasure, fibres_at_rest
+from vtkmuscle.run.result import MuscleTrack
+from vtkmuscle.scene.model import Scene
 
 Progress = Callable[[str, str, float], None]
 

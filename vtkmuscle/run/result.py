@@ -63,7 +63,7 @@ class Result:
     tracks : dict of str to MuscleTrack
         What became of each muscle.
     report : dict
-        See :func:`vtkmuscle.report.run_report`.
+        See :func:`vtkmuscle.run.report.run_report`.
 
     Attributes
     ----------

@@ -17,8 +17,8 @@ from vtkmuscle.io.series import Collection, Series
 from vtkmuscle.io.writing import write_polydata, write_text
 
 if TYPE_CHECKING:
-    from vtkmuscle.result import MuscleTrack, Result
-    from vtkmuscle.scene import Scene
+    from vtkmuscle.run.result import MuscleTrack, Result
+    from vtkmuscle.scene.model import Scene
 
 
 class RunFolder:

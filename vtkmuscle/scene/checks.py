@@ -21,10 +21,10 @@ from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.parameters import Parameter
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.pipelines import FIBRE_SETTINGS
-from vtkmuscle.scene import MILLIMETRES, Muscle, SceneError
+from vtkmuscle.scene.model import MILLIMETRES, Muscle, SceneError
 
 if TYPE_CHECKING:
-    from vtkmuscle.scene import Scene
+    from vtkmuscle.scene.model import Scene
 
 #: A name becomes part of file names: letters, digits, and a few signs that every file system takes.
 _NAME = re.compile(r"\w[\w .+-]*(?<![ .])")

@@ -1,4 +1,4 @@
-"""Write a scene to a folder, as :mod:`vtkmuscle.scene_file` reads it."""
+"""Write a scene to a folder, as :mod:`vtkmuscle.scene.reading` reads it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from vtkmuscle.filters.attachments import attachments_from
 from vtkmuscle.io import write_motion_table, write_polydata, write_text
-from vtkmuscle.scene import Muscle, Scene
+from vtkmuscle.scene.model import Muscle, Scene
 
 
 def write_scene(scene: Scene, folder: Path) -> Path:

@@ -16,11 +16,11 @@ from vtkmuscle.core.mesh import survey
 from vtkmuscle.filters.arrays import checked_surface, points_of
 from vtkmuscle.filters.base import AbortedError
 from vtkmuscle.filters.surface_distance import SurfaceDistance
-from vtkmuscle.muscle_run import MuscleRun, Progress
-from vtkmuscle.report import DEFINITIONS, versions
-from vtkmuscle.result import MuscleTrack, Result
-from vtkmuscle.run_folder import RunFolder
-from vtkmuscle.scene import Scene, SceneError
+from vtkmuscle.run.folder import RunFolder
+from vtkmuscle.run.muscles import MuscleRun, Progress
+from vtkmuscle.run.report import DEFINITIONS, versions
+from vtkmuscle.run.result import MuscleTrack, Result
+from vtkmuscle.scene.model import Scene, SceneError
 
 #: How often the main thread looks up from waiting [s]: on some systems Ctrl-C arrives only then.
 _LOOK_UP = 0.2
