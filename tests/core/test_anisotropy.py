@@ -39,6 +39,18 @@ def test_nearest_segment_is_the_nearest_of_all(seed, segments, spread):
     assert np.allclose(distances[np.arange(40), found], distances.min(axis=1), rtol=1e-12)
 
 
+def test_of_equally_near_segments_the_first_counts_wherever_the_muscle_is(rng):
+    # Two crossing fibres at the same distance from the query, and two segments that share the nearest point.
+    a = np.array([[-5.0, 0, 3], [0, -5, -3], [-5, 0, 40], [0, 0, 40]])
+    b = np.array([[5.0, 0, 3], [0, 5, -3], [0, 0, 40], [5, 0, 40]])
+    queries = np.array([[0.0, 0, 0], [0, 0, 50]])
+    for _ in range(50):
+        turned = np.linalg.qr(rng.normal(size=(3, 3)))[0].T
+        shift = rng.uniform(-500, 500, 3)
+        moved = [x @ turned + shift for x in (queries, a, b)]
+        assert nearest_segments(*moved).tolist() == [0, 2]
+
+
 def test_fibre_direction_is_that_of_the_segment_not_of_the_nearest_vertex():
     # The query is nearest to the long segment, though a vertex of the short one is nearer than its ends.
     fibres = np.array([[-50.0, 0, 0], [50, 0, 0], [0, 0, 3], [0, 1, 3]])

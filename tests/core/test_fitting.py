@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from vtkmuscle.core.fitting import centroid_axis, fit_box, principal_axis
+from vtkmuscle.core.fitting import centroid_axis, fit_box, lie_opposite, principal_axis
 from vtkmuscle.core.rigid import apply_transform
 from vtkmuscle.core.templates import TEMPLATES
 
@@ -172,3 +172,9 @@ def test_a_flat_muscle_is_refused(flat):
     points[:, flat] = 7.0
     with pytest.raises(ValueError, match="one plane"):
         fit(points, points[:2], points[2:4], axis=np.array([0.0, 0, 1]))
+
+
+@pytest.mark.parametrize("kind", list(TEMPLATES))
+def test_only_areas_at_bottom_and_top_lie_opposite(kind):
+    areas = (TEMPLATES[kind].origin_areas.reshape(-1, 3), TEMPLATES[kind].insertion_areas.reshape(-1, 3))
+    assert lie_opposite(*areas) == (kind not in {"pennate", "bipennate"})

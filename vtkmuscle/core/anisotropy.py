@@ -12,6 +12,9 @@ from vtkmuscle.core.topology import MeshTopology
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+#: Distances that differ by less than this part of half the longest segment are equal.
+EQUALLY_NEAR = 1e-7
+
 #: Segments that the search for the nearest one looks at first, around each point.
 FIRST_CANDIDATES = 8
 
@@ -83,7 +86,11 @@ def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) ->
 
 
 def nearest_segments(queries: Floats, a: Floats, b: Floats) -> Ints:
-    """Return the segment nearest to each point, exactly.
+    """Return the segment nearest to each point, exactly; of equally near ones the first.
+
+    Symmetric muscles have edges midway between two fibres, and consecutive segments are equally near to
+    what is nearest to the point they share. Rounding must not choose there: a muscle that is moved rigidly
+    would not deform as before.
 
     Candidates come by the distance d of their midpoints. A segment of length s is no nearer than
     d - s / 2; so once the farthest candidate is farther than the best distance found and half the longest
@@ -110,12 +117,11 @@ def nearest_segments(queries: Floats, a: Floats, b: Floats) -> Ints:
         count = min(count, len(a))
         far, candidates = tree.query(queries[open_], k=[*range(1, count + 1)])
         distances = _segment_distances(queries[open_][:, None], a[candidates], b[candidates])
-        best = distances.argmin(axis=1)
-        rows = np.arange(len(open_))
-        nearest[open_] = candidates[rows, best]
+        bound = distances.min(axis=1) + EQUALLY_NEAR * reach
+        nearest[open_] = np.where(distances <= bound[:, None], candidates, len(a)).min(axis=1)
         if count == len(a):
             break
-        open_ = open_[far[:, -1] - reach < distances[rows, best]]
+        open_ = open_[far[:, -1] - reach <= bound]
         count *= 2
     return nearest
 

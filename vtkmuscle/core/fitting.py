@@ -41,6 +41,15 @@ class Fit:
     error: float
 
 
+def lie_opposite(origin_area: Floats, insertion_area: Floats) -> bool:
+    """Return True where a template's areas, (j, 3) points in the unit cube, are its bottom and its top.
+
+    Otherwise, as for aponeuroses on the sides, the line between their centroids is not the cube's z axis.
+    """
+    across = insertion_area.mean(axis=0) - origin_area.mean(axis=0) - [0.0, 0.0, 1.0]
+    return bool(np.abs(across).max() < 0.1)
+
+
 def centroid_axis(origin: Floats, insertion: Floats) -> Floats:
     """Return the unit vector from the centroid of the origin to that of the insertion.
 

@@ -102,7 +102,9 @@ class FibreTemplate:
         (n, m, 3) array
             In the unit cube.
         """
-        return bezier(self.control_polygons(r, s), t)
+        # Rounding must not lift a point out of the cube.
+        points: Floats = np.clip(bezier(self.control_polygons(r, s), t), 0.0, 1.0)
+        return points
 
 
 def bezier(polygons: Floats, t: ArrayLike) -> Floats:
@@ -123,11 +125,8 @@ def bezier(polygons: Floats, t: ArrayLike) -> Floats:
     degree = polygons.shape[1] - 1
     parameters = np.asarray(t, dtype=np.float64)
     basis = [comb(degree, k) * (1 - parameters) ** (degree - k) * parameters**k for k in range(degree + 1)]
-    points = np.einsum("km,nkd->nmd", np.array(basis), polygons)
-    # Rounding must not lift a point out of the cube.
-    lowest, highest = polygons.min(axis=1)[:, None, :], polygons.max(axis=1)[:, None, :]
-    inside: Floats = np.clip(points, lowest, highest)
-    return inside
+    points: Floats = np.einsum("km,nkd->nmd", np.array(basis), polygons)
+    return points
 
 
 def sobol_points(n: int) -> Floats:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.fitting import centroid_axis, fit_box, principal_axis
+from vtkmuscle.core.fitting import centroid_axis, fit_box, lie_opposite, principal_axis
 from vtkmuscle.core.rigid import apply_transform
 from vtkmuscle.filters.arrays import (
     Polylines,
@@ -93,15 +93,13 @@ class TemplateFitter(Filter):
         points = points[np.bincount(triangles.reshape(-1), minlength=len(points)) > 0]
         areas = attachments_of(attachments, "TemplateFitter: attachments")
         origin, insertion = _landmarks(areas, "origin"), _landmarks(areas, "insertion")
-        rule = self.axis
-        if rule == "auto":
-            opposite = np.allclose(origin_area.mean(axis=0)[:2], insertion_area.mean(axis=0)[:2], atol=0.1)
-            beside = np.abs(insertion_area.mean(axis=0)[2] - origin_area.mean(axis=0)[2]) < 0.9
-            rule = "principal" if beside or not opposite else "attachments"
+        by_centroids = self.axis == "attachments" or (
+            self.axis == "auto" and lie_opposite(origin_area, insertion_area)
+        )
         try:
             along = (
                 centroid_axis(origin, insertion)
-                if rule == "attachments"
+                if by_centroids
                 else principal_axis(points, origin, insertion)
             )
             fit = fit_box(

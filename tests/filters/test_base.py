@@ -1,0 +1,426 @@
+"""The base of filters: declarations, errors, connections, time."""
+
+import inspect
+import pickle
+
+import numpy as np
+import pytest
+import pyvista as pv
+from vtkmodules.vtkCommonCore import vtkObject
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData, vtkTable
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
+from vtkmodules.vtkFiltersCore import vtkCleanPolyData, vtkTubeFilter
+from vtkmodules.vtkFiltersSources import vtkLineSource
+from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+
+from vtkmuscle.filters.arrays import multiblock_from, points_of, set_field_array, with_points
+from vtkmuscle.filters.base import AbortedError, Filter, times_of
+from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
+
+
+class Shift(Filter):
+    """Move points.
+
+    Some prose.
+
+    References
+    ----------
+    Someone 2000, doi:10.1000/1.
+    """
+
+    vector = Parameter(tuple, default=(1.0, 0.0, 0.0), length=3, units="mm", doc="How far.")
+    times = Parameter(int, default=1, minimum=0, maximum=9, doc="How often.")
+    way = Parameter(str, default="there", choices=("there", "back"), doc="Which way.")
+    limit: Parameter[float | None] = Parameter(float, default=None, above=0.0, doc="Farthest point.")
+
+    shape = InputPort(vtkPolyData, content="muscle", doc="Points.")
+    extra = InputPort(vtkPolyData, content="fibres", optional=True, doc="More points.")
+    output = OutputPort(vtkPolyData, doc="The points, moved.")
+
+    def execute(self, shape, extra):
+        if self.limit is not None and np.abs(points_of(shape)).max() > self.limit:
+            raise ValueError(f"Shift: shape: a point is farther than {self.limit:g}")
+        sign = 1 if self.way == "there" else -1
+        steps = self.times + (0 if extra is None else extra.GetNumberOfPoints())
+        return with_points(shape, points_of(shape) + sign * steps * np.array(self.vector))
+
+
+class Clock(Filter):
+    """Give the time asked for."""
+
+    output = OutputPort(vtkPolyData, doc="One point, x the time.")
+
+    def time_steps(self, inputs_information):
+        return (0.0, 0.5, 2.0)
+
+    def execute(self):
+        return line(-1.0 if self.request_time is None else self.request_time)
+
+
+class Split(Filter):
+    """Give a data set twice, and the second time backwards."""
+
+    shape = InputPort(vtkPolyData, content="muscle", doc="Points.")
+    same = OutputPort(vtkPolyData, doc="The same.")
+    blocks = OutputPort(vtkMultiBlockDataSet, doc="In a block.")
+
+    def execute(self, shape):
+        return shape, multiblock_from({"shape": shape})
+
+
+def line(x=0.0):
+    source = vtkLineSource(point1=(x, 0, 0), point2=(x, 0, 5))
+    source.Update()
+    return source.GetOutput()
+
+
+def x_of(data):
+    return points_of(data)[0, 0]
+
+
+# -------------------------------------------------------------------- declarations
+
+
+def test_constructor_arguments_are_the_parameters():
+    shift = Shift(times=3, vector=(0, 2, 0))
+    assert shift.parameters() == {"vector": (0.0, 2.0, 0.0), "times": 3, "way": "there", "limit": None}
+    assert list(inspect.signature(Shift).parameters) == ["vector", "times", "way", "limit"]
+
+
+def test_constructor_takes_keywords_only():
+    with pytest.raises(TypeError):
+        Shift(3)
+
+
+def test_representation_shows_the_state():
+    assert repr(Shift(times=2)) == "Shift(vector=(1.0, 0.0, 0.0), times=2, way='there', limit=None)"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "allowed"),
+    [
+        ("times", 10, "an integer >= 0 and <= 9"),
+        ("times", 1.0, "an integer >= 0 and <= 9"),
+        ("times", True, "an integer >= 0 and <= 9"),
+        ("times", None, "an integer >= 0 and <= 9"),
+        ("way", "up", "one of 'there', 'back'"),
+        ("vector", (1, 2), "3 finite numbers"),
+        ("vector", (1, 2, float("nan")), "3 finite numbers"),
+        ("vector", "abc", "3 finite numbers"),
+        ("limit", 0, "a finite number > 0 or None"),
+        ("limit", float("inf"), "a finite number > 0 or None"),
+    ],
+)
+def test_bad_value_is_refused_with_name_value_and_what_is_allowed(name, value, allowed):
+    for set_it in (lambda: Shift(**{name: value}), lambda: setattr(Shift(), name, value)):
+        with pytest.raises(ValueError, match="Shift") as caught:
+            set_it()
+        assert str(caught.value) == f"Shift.{name} is {value!r}, but must be {allowed}"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "kept"),
+    [
+        ("times", np.int32(4), 4),
+        ("limit", 3, 3.0),
+        ("limit", np.float32(0.5), 0.5),
+        ("vector", np.arange(3), (0.0, 1.0, 2.0)),
+        ("vector", [1, 2, 3], (1.0, 2.0, 3.0)),
+        ("way", np.str_("back"), "back"),
+    ],
+)
+def test_values_are_kept_as_plain_python(name, value, kept):
+    found = getattr(Shift(**{name: value}), name)
+    assert found == kept
+    assert type(found) is type(kept)
+
+
+def test_equal_value_of_another_type_modifies_nothing():
+    shift = Shift(limit=2.0)
+    before = shift.GetMTime()
+    shift.limit = 2
+    shift.vector = np.array([1.0, 0.0, 0.0])
+    assert shift.GetMTime() == before
+
+
+def test_parameters_are_inherited_and_may_be_declared_anew():
+    class FarShift(Shift):
+        """Move points farther."""
+
+        times = Parameter(int, default=5, minimum=5, doc="How often.")
+
+    assert FarShift().times == 5
+    assert FarShift().way == "there"
+    assert list(FarShift.parameter_declarations) == ["vector", "times", "way", "limit"]
+    with pytest.raises(ValueError, match=r"FarShift\.times"):
+        FarShift(times=1)
+
+
+@pytest.mark.parametrize("name", ["progress", "information", "update", "apply", "parameters", "debug"])
+def test_names_that_vtk_owns_are_refused(name):
+    with pytest.raises(TypeError, match=name):
+        type("Bad", (Filter,), {name: Parameter(int, default=1, doc="Bad.")})
+
+
+def test_documentation_is_written_from_the_declarations():
+    text = Shift.__doc__
+    assert text.index("Some prose.") < text.index("Parameters\n---") < text.index("Notes\n---")
+    assert text.index("Notes\n---") < text.index("References\n---")
+    assert "times : an integer >= 0 and <= 9, default: 1\n    How often." in text
+    assert "How far. [mm]" in text
+    assert "Input port 1, ``extra`` (vtkPolyData, optional): More points." in text
+    assert "Output port 0, ``output`` (vtkPolyData): The points, moved." in text
+
+
+# -------------------------------------------------------------------- connections
+
+
+def test_open_port_is_named():
+    with pytest.raises(ValueError, match=r"Shift: nothing is connected to port 0 \(shape\)"):
+        Shift().update()
+
+
+def test_open_port_upstream_is_named():
+    with pytest.raises(ValueError, match=r"Shift: nothing is connected to port 0"):
+        (Shift() >> vtkCleanPolyData() >> Shift()).last.update()
+
+
+def test_data_of_another_class_is_refused():
+    with pytest.raises(TypeError, match=r"Shift: port 0 \(shape\) takes a vtkPolyData, got a vtkTable"):
+        Shift().apply(vtkTable())
+
+
+def test_what_is_no_data_is_refused():
+    with pytest.raises(TypeError, match="data object or an algorithm, got list"):
+        Shift().apply([1, 2])
+
+
+def test_too_many_inputs_are_refused():
+    with pytest.raises(TypeError, match=r"Shift has 2 input port\(s\), 3 given"):
+        Shift()(line(), line(), line())
+
+
+def test_empty_input_is_refused():
+    with pytest.raises(ValueError, match=r"Shift: the input on port 0 \(shape\) has no points"):
+        Shift().apply(vtkPolyData())
+
+
+def test_optional_input_is_none_or_data():
+    assert x_of(Shift()(line())) == 1.0
+    assert x_of(Shift()(line(), line())) == 3.0
+
+
+def test_connect_takes_data_algorithms_ports_and_none():
+    shift, source = Shift(), vtkLineSource(point1=(4, 0, 0))
+    for value in (source, source.GetOutputPort()):
+        shift.connect(0, value)
+        assert x_of(shift.update().output) == 5.0
+    shift.connect(0, line(7.0))
+    assert x_of(shift.update().output) == 8.0
+    shift.connect(0, None)
+    with pytest.raises(ValueError, match="nothing is connected"):
+        shift.update()
+
+
+def test_running_on_data_leaves_the_connections():
+    shift = Shift()
+    shift.connect(0, line(10.0))
+    assert x_of(shift(line(20.0))) == 21.0
+    assert x_of(shift.update().output) == 11.0
+    with pytest.raises(ValueError, match="no points"):
+        shift(vtkPolyData())
+    assert x_of(shift.update().output) == 11.0
+
+
+def test_results_are_copies_that_later_updates_do_not_change():
+    shift = Shift()
+    first = shift.apply(line(1.0))
+    second = shift.apply(line(2.0))
+    assert (x_of(first), x_of(second)) == (2.0, 3.0)
+    assert isinstance(first, pv.PolyData)
+
+
+def test_several_outputs_are_a_tuple():
+    same, blocks = Split().apply(line())
+    assert isinstance(same, pv.PolyData)
+    assert isinstance(blocks, pv.MultiBlock)
+    assert blocks.keys() == ["shape"]
+    algorithm = Split()
+    algorithm.connect(0, line())
+    assert [type(data) for data in algorithm.update().output] == [vtkPolyData, vtkMultiBlockDataSet]
+
+
+def test_filters_and_vtks_own_chain():
+    chain = vtkLineSource(point1=(2, 0, 0)) >> Shift() >> vtkTubeFilter(radius=1.0) >> vtkCleanPolyData()
+    assert chain.update().output.GetNumberOfPoints() > 2
+
+
+def test_pyvista_data_can_be_chained():
+    assert x_of((pv.Line((3, 0, 0), (3, 0, 1)) >> Shift()).update().output) == 4.0
+    assert x_of((line(3.0) >> Shift()).update().output) == 4.0
+
+
+# -------------------------------------------------------------------- errors
+
+
+def test_error_is_the_one_that_was_raised_and_comes_again():
+    shift = Shift(limit=2.0)
+    shift.connect(0, line())
+    for _ in range(3):
+        with pytest.raises(ValueError, match="Shift: shape: a point is farther than 2"):
+            shift.update()
+    shift.limit = 9.0
+    assert x_of(shift.update().output) == 1.0
+
+
+def test_error_upstream_comes_through_vtks_own_filters():
+    far = Shift(limit=2.0)
+    far.connect(0, line())
+    chain = far >> vtkCleanPolyData() >> Shift()
+    for _ in range(2):
+        with pytest.raises(ValueError, match="farther than 2"):
+            chain.last.update()
+        with pytest.raises(ValueError, match="farther than 2"):
+            chain.last.apply()
+
+
+def test_error_of_a_second_input_comes_through():
+    far = Shift(limit=2.0)
+    far.connect(0, line())
+    last = Shift()
+    last.connect(0, line())
+    last.connect(1, far)
+    with pytest.raises(ValueError, match="farther than 2"):
+        last.update()
+
+
+def test_failure_of_a_vtk_algorithm_upstream_is_an_error(tmp_path):
+    reader = vtkXMLPolyDataReader(file_name=str(tmp_path / "no such file.vtp"))
+    shift = Shift()
+    shift.connect(0, reader)
+    vtkObject.GlobalWarningDisplayOff()
+    try:
+        with pytest.raises((RuntimeError, ValueError), match="Shift"):
+            shift.update()
+    finally:
+        vtkObject.GlobalWarningDisplayOn()
+
+
+def test_failed_filter_keeps_no_earlier_output():
+    shift = Shift()
+    shift.connect(0, line())
+    shift.update()
+    shift.limit = 2.0
+    with pytest.raises(ValueError, match="farther"):
+        shift.update()
+    assert shift.GetOutputDataObject(0).GetNumberOfPoints() == 0
+
+
+def test_vtks_messages_are_on_again_after_a_failure():
+    shift = Shift(limit=2.0)
+    shift.connect(0, line())
+    assert vtkObject.GetGlobalWarningDisplay()
+    with pytest.raises(ValueError, match="farther"):
+        shift.update()
+    assert vtkObject.GetGlobalWarningDisplay()
+
+
+def test_keyboard_interrupt_is_passed_on():
+    class Interrupted(Shift):
+        """Is interrupted."""
+
+        def execute(self, shape, extra):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        Interrupted().apply(line())
+
+
+# -------------------------------------------------------------------- progress, abort, time
+
+
+def test_progress_never_goes_back():
+    class Restless(Shift):
+        """Reports back and forth."""
+
+        def execute(self, shape, extra):
+            for fraction in (0.2, 0.6, 0.4, 7.0):
+                self.report_progress(fraction)
+            return shape
+
+    seen = []
+    restless = Restless()
+    restless.connect(0, line())
+    restless.AddObserver("ProgressEvent", lambda caller, _: seen.append(caller.GetProgress()))
+    for _ in range(2):
+        seen.clear()
+        restless.Modified()
+        restless.update()
+        assert seen == sorted(seen)
+        assert {0.2, 0.6, 1.0} <= set(seen)
+
+
+def test_abort_before_the_start_is_heard_once():
+    shift = Shift()
+    shift.connect(0, line())
+    shift.SetAbortExecute(1)
+    with pytest.raises(AbortedError, match="Shift"):
+        shift.update()
+    assert x_of(shift.update().output) == 1.0
+
+
+def test_abort_upstream_is_told_downstream():
+    first = Shift()
+    first.connect(0, line())
+    first.SetAbortExecute(1)
+    chain = first >> Shift()
+    with pytest.raises(AbortedError):
+        chain.last.update()
+    assert x_of(chain.last.update().output) == 2.0
+
+
+def test_time_is_asked_for_and_told():
+    clock = Clock()
+    clock.UpdateInformation()
+    information = clock.GetOutputInformation(0)
+    assert times_of(information) == (0.0, 0.5, 2.0)
+    key = vtkStreamingDemandDrivenPipeline.TIME_RANGE()
+    assert (information.Get(key, 0), information.Get(key, 1)) == (0.0, 2.0)
+    for time in (0.5, 2.0, 0.5, 1.25):
+        output = clock.update(time=time).output
+        assert x_of(output) == time
+        assert output.GetInformation().Get(vtkDataObject.DATA_TIME_STEP()) == time
+        assert x_of(clock.apply(time=time)) == time
+
+
+def test_time_reaches_the_source_through_other_filters():
+    chain = Clock() >> vtkCleanPolyData() >> Shift()
+    assert x_of(chain.last.update(time=2.0).output) == 3.0
+    chain.last.UpdateInformation()
+    assert times_of(chain.last.GetOutputInformation(0)) == (0.0, 0.5, 2.0)
+
+
+def test_times_of_no_information_are_none():
+    assert times_of(None) == ()
+
+
+# -------------------------------------------------------------------- rebuilding
+
+
+def test_pickled_filter_has_the_same_parameters():
+    shift = Shift(times=4, limit=100.0)
+    copy = pickle.loads(pickle.dumps(shift))
+    assert copy.parameters() == shift.parameters()
+    assert x_of(copy(line())) == 4.0
+
+
+def test_parameters_dict_is_a_copy():
+    shift = Shift()
+    shift.parameters()["times"] = 8
+    assert shift.times == 1
+
+
+def test_field_data_reach_the_output():
+    data = line()
+    set_field_array(data, "Bone", "femur")
+    assert Shift()(data).GetFieldData().HasArray("Bone")

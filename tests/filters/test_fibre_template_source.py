@@ -1,0 +1,47 @@
+import numpy as np
+import pytest
+
+from vtkmuscle.core.templates import KINDS, TEMPLATES, sobol_points
+from vtkmuscle.filters.arrays import cell_array, field_array, point_array, polylines_of
+from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_fibres_are_those_of_the_template(kind):
+    fibres = FibreTemplateSource(kind=kind, n_fibres=7, resolution=4).update().output
+    lines = polylines_of(fibres, "test")
+    t = point_array(fibres, "t", "test")
+    r, s = (cell_array(fibres, name, "test") for name in ("r", "s"))
+    assert np.array_equal(np.column_stack([r, s]), sobol_points(7))
+    assert np.array_equal(lines.offsets, np.arange(0, 36, 5))
+    assert np.allclose(t.reshape(7, 5), np.linspace(0, 1, 5))
+    expected = TEMPLATES[kind].fibres(r, s, np.linspace(0, 1, 5))
+    assert np.array_equal(lines.points.reshape(7, 5, 3), expected)
+    assert np.array_equal(cell_array(fibres, "FibreId", "test"), np.arange(7))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_areas_are_those_of_the_template(kind):
+    fibres = FibreTemplateSource(kind=kind).update().output
+    for name, areas in (
+        ("OriginArea", TEMPLATES[kind].origin_areas),
+        ("InsertionArea", TEMPLATES[kind].insertion_areas),
+    ):
+        assert np.array_equal(field_array(fibres, name), areas.reshape(-1, 3))
+
+
+def test_a_resolution_of_19_gives_20_points():
+    assert FibreTemplateSource(n_fibres=1, resolution=19).update().output.GetNumberOfPoints() == 20
+
+
+def test_a_new_setting_makes_new_fibres():
+    source = FibreTemplateSource(n_fibres=3)
+    assert source.update().output.GetNumberOfCells() == 3
+    source.n_fibres = 5
+    assert source.update().output.GetNumberOfCells() == 5
+
+
+@pytest.mark.parametrize(("name", "value"), [("kind", "spiral"), ("n_fibres", 0), ("resolution", 0)])
+def test_a_value_that_is_not_allowed_is_refused(name, value):
+    with pytest.raises(ValueError, match=name):
+        FibreTemplateSource(**{name: value})

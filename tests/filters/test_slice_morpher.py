@@ -1,0 +1,152 @@
+import tomllib
+
+import igl
+import numpy as np
+import pytest
+from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+
+from vtkmuscle.core.polylines import polyline_lengths
+from vtkmuscle.filters.arrays import (
+    cell_array,
+    field_array,
+    point_array,
+    points_of,
+    polylines_of,
+    set_field_array,
+    surface_from,
+    triangles_of,
+)
+from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, landmarks_of
+from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
+from vtkmuscle.filters.slice_morpher import SliceMorpher
+from vtkmuscle.filters.template_fitter import TemplateFitter
+
+
+def fitted_to(muscle, attachments, kind="parallel", n_fibres=30, resolution=15):
+    template = FibreTemplateSource(kind=kind, n_fibres=n_fibres, resolution=resolution).update().output
+    return TemplateFitter()(template, muscle, attachments)
+
+
+def fibres_in(muscle, attachments, **template):
+    fibres = SliceMorpher()(fitted_to(muscle, attachments, **template), muscle, attachments)
+    return fibres, polylines_of(fibres, "test")
+
+
+def share_inside(points, muscle, slack):
+    surface, triangles = points_of(muscle), triangles_of(muscle, "test")
+    distances = np.sqrt(igl.point_mesh_squared_distance(points, surface, triangles)[0])
+    inside = igl.fast_winding_number(surface, triangles, points) > 0.5
+    return (inside | (distances <= slack)).mean()
+
+
+def largest_turns(lines):
+    """Return the largest angle between successive segments of each fibre, its end segments left out."""
+    turns = []
+    for i in range(len(lines)):
+        steps = np.diff(lines.line(i), axis=0)[1:-1]
+        steps /= np.linalg.norm(steps, axis=1)[:, None]
+        turns.append(np.degrees(np.arccos((steps[1:] * steps[:-1]).sum(axis=1).clip(-1, 1))).max())
+    return np.array(turns)
+
+
+def test_pennate_block_has_its_known_fibre_length_and_pennation(block):
+    _, lines = fibres_in(block.muscles["block"], block.attachments["block"], kind="pennate", n_fibres=100)
+    lengths = polyline_lengths(lines.points, lines.offsets)
+    assert np.abs(lengths / block.known["fibre_length"] - 1).max() < 0.005
+    chords = np.array([line[-1] - line[0] for line in map(lines.line, range(len(lines)))])
+    angles = np.degrees(np.arctan2(np.hypot(chords[:, 0], chords[:, 1]), chords[:, 2]))
+    assert np.abs(angles - block.known["pennation"]).max() < 1.0
+    # From one aponeurosis to the other.
+    starts, ends = lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1]
+    assert np.abs(starts[:, 0]).max() < 1e-6
+    assert np.abs(ends[:, 0] - 20).max() < 1e-6
+
+
+def test_fibres_are_inside_of_the_phantoms_and_run_along_them(hip):
+    for name, muscle in hip.muscles.items():
+        _, lines = fibres_in(muscle, hip.attachments[name])
+        assert share_inside(lines.points, muscle, 0.5) > 0.95, name
+        assert np.median(largest_turns(lines)) < 45, name
+
+
+def test_arrays_pass_through(spindle):
+    muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
+    fitted = fitted_to(muscle, areas)
+    fibres = SliceMorpher()(fitted, muscle)
+    assert np.array_equal(point_array(fibres, "t", "test"), point_array(fitted, "t", "test"))
+    for name in ("r", "s", "FibreId"):
+        assert np.array_equal(cell_array(fibres, name, "test"), cell_array(fitted, name, "test"))
+    for name in ("Transform", "FitError", "OriginArea", "InsertionArea"):
+        assert np.array_equal(field_array(fibres, name), field_array(fitted, name))
+
+
+def test_one_slice_per_height_is_no_other_result_where_heights_are_shared_anyway(spindle):
+    muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
+    fitted = fitted_to(muscle, areas)
+    default, exact = (SliceMorpher(slice_tolerance=t)(fitted, muscle) for t in (None, 0.0))
+    assert np.allclose(points_of(default), points_of(exact), atol=1e-9)
+
+
+def test_the_papers_rule_is_available(hip):
+    muscle, areas = hip.muscles["iliacus"], hip.attachments["iliacus"]
+    fitted = fitted_to(muscle, areas)
+    ours, papers = (points_of(SliceMorpher(continuity=c)(fitted, muscle)) for c in (0.2, 0.0))
+    assert np.isfinite(papers).all()
+    assert np.abs(ours - papers).max() > 0
+
+
+def test_a_template_that_was_not_fitted_is_an_error_that_says_what_to_do(spindle):
+    template = FibreTemplateSource(n_fibres=3).update().output
+    with pytest.raises(ValueError, match="'Transform' is missing; run TemplateFitter"):
+        SliceMorpher()(template, spindle.muscles["spindle"])
+
+
+@pytest.mark.parametrize(
+    "transform",
+    [
+        np.diag([1.0, 1, -1, 1]),  # mirrored
+        np.array([[1.0, 1, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),  # sheared
+        np.diag([1.0, 0, 1, 1]),
+        np.full((4, 4), np.nan),
+        np.eye(3),
+    ],
+)
+def test_a_transform_that_is_not_a_box_is_refused(spindle, transform):
+    muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
+    fitted = fitted_to(muscle, areas, n_fibres=3)
+    set_field_array(fitted, "Transform", transform.reshape(-1))
+    with pytest.raises(ValueError, match="'Transform' is not that of a box"):
+        SliceMorpher()(fitted, muscle)
+
+
+def test_an_open_muscle_is_refused(spindle):
+    muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
+    hole = surface_from(points_of(muscle), triangles_of(muscle, "test")[:-2])
+    with pytest.raises(ValueError, match="SliceMorpher: the surface must be closed"):
+        SliceMorpher()(fitted_to(muscle, areas), hole)
+
+
+def real_muscle(folder, name):
+    """Return a muscle of the real hip and its attachments."""
+    entry = tomllib.loads((folder / "scene.toml").read_text())["muscles"][name]
+
+    def read(path):
+        reader = vtkXMLPolyDataReader(file_name=str(folder / path))
+        reader.Update()
+        return reader.GetOutput()
+
+    areas = [
+        AttachmentArea(a["role"], a["bone"], *landmarks_of(read(a["landmarks"]), a["landmarks"]))
+        for a in entry["attachments"]
+    ]
+    return read(entry["surface"]), attachments_from(areas)
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("name", ["gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis"])
+def test_fibres_of_real_muscles_are_inside_and_do_not_zigzag(lhdl_hip, name):
+    muscle, areas = real_muscle(lhdl_hip, name)
+    _, lines = fibres_in(muscle, areas, n_fibres=100)
+    assert np.isfinite(lines.points).all()
+    assert share_inside(lines.points, muscle, 0.5) >= 0.98
+    assert np.percentile(largest_turns(lines), 90) < 60

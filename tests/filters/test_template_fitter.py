@@ -1,0 +1,138 @@
+import numpy as np
+import pytest
+
+from vtkmuscle.core.rigid import apply_transform, rotation_about
+from vtkmuscle.filters.arrays import (
+    blocks_of,
+    cell_array,
+    field_array,
+    multiblock_from,
+    points_of,
+    polylines_of,
+    surface_from,
+    triangles_of,
+    with_points,
+)
+from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, attachments_of
+from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
+from vtkmuscle.filters.template_fitter import TemplateFitter
+
+
+def template(kind="parallel"):
+    return FibreTemplateSource(kind=kind, n_fibres=5, resolution=4).update().output
+
+
+def transform_of(fitted):
+    return np.array(field_array(fitted, "Transform")).reshape(4, 4)
+
+
+def axis_of(fitted):
+    axis = transform_of(fitted)[:3, 2]
+    return axis / np.linalg.norm(axis)
+
+
+def centroids(attachments):
+    areas = attachments_of(attachments, "test")
+    return [
+        np.vstack([a.landmarks for a in areas if a.role == role]).mean(axis=0)
+        for role in ("origin", "insertion")
+    ]
+
+
+def test_fibres_and_areas_are_transformed_and_arrays_pass_through(spindle):
+    cube = template("fan")
+    fitted = TemplateFitter()(cube, spindle.muscles["spindle"], spindle.attachments["spindle"])
+    transform = transform_of(fitted)
+    expected = apply_transform(transform, polylines_of(cube, "test").points)
+    assert np.allclose(polylines_of(fitted, "test").points, expected, atol=1e-12)
+    for name in ("OriginArea", "InsertionArea"):
+        expected = apply_transform(transform, np.array(field_array(cube, name)))
+        assert np.allclose(field_array(fitted, name), expected, atol=1e-12)
+    for name in ("r", "s", "FibreId"):
+        assert np.array_equal(cell_array(fitted, name, "test"), cell_array(cube, name, "test"))
+    assert field_array(fitted, "FitError").shape == (1,)
+
+
+def test_the_box_is_right_handed_and_runs_from_origin_to_insertion(hip):
+    for name, muscle in hip.muscles.items():
+        fitted = TemplateFitter()(template(), muscle, hip.attachments[name])
+        transform = transform_of(fitted)
+        assert np.linalg.det(transform[:3, :3]) > 0
+        local = np.linalg.solve(transform[:3, :3], (points_of(muscle) - transform[:3, 3]).T)
+        assert local.min() > -1e-9
+        assert local.max() < 1 + 1e-9
+        origin, insertion = centroids(hip.attachments[name])
+        direction = (insertion - origin) / np.linalg.norm(insertion - origin)
+        assert np.allclose(axis_of(fitted), direction, atol=1e-12)
+
+
+def test_the_fit_moves_with_muscle_and_attachments(hip):
+    name, muscle = next(iter(hip.muscles.items()))
+    move = rotation_about((10, 20, 30), (1, 2, 3), 77.0)
+    moved = with_points(muscle, apply_transform(move, points_of(muscle)))
+    areas = multiblock_from(
+        {
+            n: with_points(block, apply_transform(move, points_of(block)))
+            for n, block in blocks_of(hip.attachments[name])
+        }
+    )
+    here = TemplateFitter()(template(), muscle, hip.attachments[name])
+    there = TemplateFitter()(template(), moved, areas)
+    assert np.abs(transform_of(there) - move @ transform_of(here)).max() < 1e-6
+
+
+def test_auto_takes_the_principal_axis_for_aponeuroses_and_the_attachments_otherwise(block):
+    muscle, areas = block.muscles["block"], block.attachments["block"]
+
+    def axis(kind, rule):
+        return axis_of(TemplateFitter(axis=rule)(template(kind), muscle, areas))
+
+    assert np.allclose(axis("pennate", "auto"), [0, 0, 1], atol=1e-6)
+    assert np.array_equal(axis("bipennate", "auto"), axis("bipennate", "principal"))
+    for kind in ("parallel", "curved", "fan"):
+        assert np.array_equal(axis(kind, "auto"), axis(kind, "attachments"))
+    assert not np.allclose(axis("parallel", "auto"), axis("parallel", "principal"), atol=0.1)
+
+
+def test_the_pennate_block_is_met_exactly(block):
+    fitted = TemplateFitter()(template("pennate"), block.muscles["block"], block.attachments["block"])
+    transform = transform_of(fitted)
+    origin = apply_transform(np.linalg.inv(transform), centroids(block.attachments["block"])[0][None])[0]
+    assert origin[0] == pytest.approx(0, abs=1e-6)
+    assert origin[2] < 0.5
+    sides = np.linalg.norm(transform[:3, :3], axis=0)
+    assert np.allclose(sides, (20, 40, 120), atol=1e-6)
+
+
+def test_points_that_no_triangle_uses_are_not_part_of_the_muscle(spindle):
+    muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
+    more = surface_from(np.vstack([points_of(muscle), [[900.0, 0, 0]]]), triangles_of(muscle, "test"))
+    here, there = (TemplateFitter()(template(), m, areas) for m in (muscle, more))
+    assert np.allclose(np.linalg.norm(transform_of(here)[:3, :3], axis=0),
+                       np.linalg.norm(transform_of(there)[:3, :3], axis=0), atol=1.0)  # fmt: skip
+
+
+def test_a_missing_role_is_an_error_that_names_it(spindle):
+    area = AttachmentArea("origin", "upper", np.array([[0.0, 0, 0], [1, 0, 0]]), closed=False)
+    with pytest.raises(ValueError, match=r"TemplateFitter: attachments: .* role 'insertion'"):
+        TemplateFitter()(template(), spindle.muscles["spindle"], attachments_from([area]))
+
+
+def test_coinciding_centroids_are_an_error_that_says_what_to_do(spindle):
+    ring = np.array([(1.0, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0)])
+    areas = attachments_from(
+        [
+            AttachmentArea("origin", "a", ring, closed=True),
+            AttachmentArea("insertion", "b", ring, closed=True),
+        ]
+    )
+    with pytest.raises(ValueError, match=r"TemplateFitter: .* set axis='principal'"):
+        TemplateFitter(axis="attachments")(template(), spindle.muscles["spindle"], areas)
+    assert TemplateFitter(axis="principal")(template(), spindle.muscles["spindle"], areas) is not None
+
+
+def test_a_template_without_areas_is_an_error(spindle):
+    bare = template()
+    bare.GetFieldData().RemoveArray("OriginArea")
+    with pytest.raises(ValueError, match=r"'OriginArea' .* is missing"):
+        TemplateFitter()(bare, spindle.muscles["spindle"], spindle.attachments["spindle"])
