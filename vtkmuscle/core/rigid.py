@@ -122,7 +122,7 @@ class RigidMotion:
     def _between(self, pair: Floats, fraction: float) -> Floats:
         centre = np.zeros(3) if self.centre is None else self.centre
         result = np.eye(4)
-        rotations = Rotation.from_matrix(pair[:, :3, :3])
+        rotations = Rotation.from_matrix(pair[:, :3, :3].copy())  # SciPy < 1.17 wants to write
         result[:3, :3] = Slerp([0.0, 1.0], rotations)(fraction).as_matrix()
         ends = pair[:, :3, :3] @ centre + pair[:, :3, 3]
         moved_centre = (1.0 - fraction) * ends[0] + fraction * ends[1]

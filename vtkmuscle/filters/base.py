@@ -164,14 +164,17 @@ class Filter(VTKPythonAlgorithmBase):
             if isinstance(algorithm, Filter):
                 algorithm._check_connections()
         with _vtk_messages_of_failed_filters_off():
-            done = self.Update() if time is None else self.UpdateTimeStep(time)
+            if time is not None:
+                self.UpdateInformation()
+                key = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
+                self.GetOutputInformation(0).Set(key, float(time))
+            done = self.GetExecutive().Update()  # vtkAlgorithm.Update() says nothing before VTK 9.7
         for algorithm in reversed(chain):
             failure = algorithm._failure if isinstance(algorithm, Filter) else None
             if failure is not None:
                 algorithm._failure = None
                 raise failure
-        # VTK before 9.3 returns None here rather than a success flag.
-        if done is not None and not done:
+        if not done:
             raise RuntimeError(
                 f"{type(self).__name__}: an algorithm upstream failed; VTK's message above says which"
             )
