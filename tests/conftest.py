@@ -9,6 +9,14 @@ import pytest
 REPOSITORY = Path(__file__).resolve().parents[1]
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _cache_of_its_own(tmp_path_factory):
+    """Keep the distance grids of tests out of the user's cache; processes that tests start share it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("VTKMUSCLE_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
 @pytest.fixture
 def rng():
     """Random numbers, the same in every run."""

@@ -29,15 +29,21 @@ class ShapeReport:
         V / V0.
     edge_stretch_p50, edge_stretch_p95, edge_stretch_max : float
         Median, 95th percentile and maximum of l / l0 over all edges.
-    dihedral_error_p95 : float
-        95th percentile of the absolute change of the angles between neighbouring triangles [degrees].
+    dihedral_error_p50, dihedral_error_p95 : float
+        Median and 95th percentile of the absolute change of the angles between neighbouring triangles
+        [degrees].
+    degenerate_edges : int
+        Edges that had an angle between their triangles at rest and have none now, for a triangle beside them
+        has collapsed.
     """
 
     volume_ratio: float
     edge_stretch_p50: float
     edge_stretch_p95: float
     edge_stretch_max: float
+    dihedral_error_p50: float
     dihedral_error_p95: float
+    degenerate_edges: int
 
 
 class RestShape:
@@ -98,10 +104,13 @@ class RestShape:
         angles, defined = self._angles(positions)
         change = np.abs(angles - self.angles)[defined & self.angle_defined]
         change = np.degrees(np.minimum(change, 2.0 * math.pi - change))
+        errors = np.percentile(change, [50.0, 95.0]) if len(change) else np.zeros(2)
         return ShapeReport(
             volume_ratio=volume / self.volume,
             edge_stretch_p50=float(median),
             edge_stretch_p95=float(high),
             edge_stretch_max=float(stretch.max()),
-            dihedral_error_p95=float(np.percentile(change, 95.0)) if len(change) else 0.0,
+            dihedral_error_p50=float(errors[0]),
+            dihedral_error_p95=float(errors[1]),
+            degenerate_edges=int((self.angle_defined & ~defined).sum()),
         )

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vtkmuscle.core.anderson import anderson
+from vtkmuscle.core.batched_iteration import BatchedIteration
+from vtkmuscle.core.batches import pack
 from vtkmuscle.core.blending import blend_motions, screw_between
 from vtkmuscle.core.constraints import (
     VOLUME_FLOOR,
@@ -18,7 +21,7 @@ from vtkmuscle.core.constraints import (
     project_volume,
 )
 from vtkmuscle.core.harmonic import harmonic_weights
-from vtkmuscle.core.obstacles import Obstacle, keep_out
+from vtkmuscle.core.obstacles import Barrier, Contact, Obstacle
 from vtkmuscle.core.rest_shape import RestShape, ShapeReport
 from vtkmuscle.core.rigid import apply_transform, inverse
 from vtkmuscle.core.topology import MeshTopology, mesh_topology
@@ -26,6 +29,9 @@ from vtkmuscle.core.topology import MeshTopology, mesh_topology
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+
+#: Positions, points that met a bone, and (iterations, residual, distance) as of :class:`MuscleState`.
+_Solved = tuple[Floats, Bools, tuple[int, float, float | None]]
 
 #: After the iterations, volume and bones are attended to alternately, this often at most.
 SETTLING_PASSES = 6
@@ -49,11 +55,18 @@ class SolverParameters:
     damping : float
         Part of the velocity that is left after a (sub)step, in [0, 1].
     stiffness, shape_stiffness, volume_stiffness : float
-        Of the distance, dihedral and volume constraints, in [0, 1], per (sub)step.
+        Of the distance, dihedral and volume constraints, in [0, 1]: per (sub)step with ``"gauss-seidel"``,
+        per iteration with ``"anderson"``.
     external_force : (3,) tuple
         Force per mass on each free point [mm / s^2].
     start : str
         Where the solve of a step starts: ``"inertial"`` or ``"blend"``.
+    solver : str
+        ``"gauss-seidel"`` or ``"anderson"``: the iteration as it is, or accelerated.
+    tolerance : float
+        With ``"anderson"``: stop at this estimated distance to the converged shape [mm]; 0 never stops.
+    order : str
+        ``"colour"`` or ``"sequential"``: in which order edges are projected.
     bone_push : str
         What a bone does to points it moved over: ``"transform"`` or ``"off"``.
     """
@@ -67,6 +80,9 @@ class SolverParameters:
     volume_stiffness: float = 1.0
     external_force: tuple[float, ...] = (0.0, 0.0, 0.0)
     start: str = "blend"
+    solver: str = "anderson"
+    tolerance: float = 0.0
+    order: str = "colour"
     bone_push: str = "off"
 
 
@@ -84,12 +100,21 @@ class MuscleState:
         Of the bones, rest to now.
     colliding : int
         Points that met a bone in the step that led here.
+    iterations : int
+        Done in that step.
+    residual : float
+        Root mean square over the points of what the last iteration moved them by [mm].
+    distance : float or None
+        Estimated root mean square distance to the converged shape [mm], where the solver knows it.
     """
 
     positions: Floats
     velocities: Floats
     transforms: Floats
     colliding: int = 0
+    iterations: int = 0
+    residual: float = 0.0
+    distance: float | None = None
 
 
 class MuscleSolver:
@@ -135,41 +160,64 @@ class MuscleSolver:
         self.fixed_to = fixed_to
         self.centre: Floats = (points.min(axis=0) + points.max(axis=0)) / 2.0
         self.rest: Floats = points - self.centre
-        self.obstacles = tuple(obstacles)
         self._free: Bools = fixed_to < 0
+        push = parameters.bone_push == "transform"
+        self._barrier = Barrier(obstacles, self.rest, self.centre, self._free, bone_push=push)
         self._inverse_mass = self._free.astype(np.float64)
         self._shape = RestShape(self.rest, self.topology)
         self._prepare_volume()
-        self._prepare_distances(edge_stiffness)
-        self._prepare_dihedrals()
+        self._prepare_edges(edge_stiffness)
 
     def _prepare_volume(self) -> None:
         squares = np.einsum("ij,ij->i", self._shape.volume_gradient, self._shape.volume_gradient)
         self._volume_floor = VOLUME_FLOOR * float((self._inverse_mass * squares).sum())
-        self._volume_stiffness = float(
-            per_iteration_stiffness(self.parameters.volume_stiffness, self.parameters.iterations)
-        )
+        self._volume_stiffness = float(self._per_iteration(self.parameters.volume_stiffness))
         self._gradient = np.empty_like(self.rest)
 
-    def _prepare_distances(self, edge_stiffness: Floats | None) -> None:
+    def _prepare_edges(self, edge_stiffness: Floats | None) -> None:
         edges = self.topology.edges
         stiffness = np.ones(len(edges)) if edge_stiffness is None else edge_stiffness
-        used = self._free[edges].any(axis=1)
-        self._edges = np.ascontiguousarray(edges[used])
-        self._lengths = self._shape.lengths[used]
-        self._edge_stiffness = per_iteration_stiffness(
-            self.parameters.stiffness * stiffness[used], self.parameters.iterations
-        )
+        stiffness = self._per_iteration(self.parameters.stiffness * stiffness)
+        shape_stiffness = float(self._per_iteration(self.parameters.shape_stiffness))
+        if self.parameters.order == "colour":
+            packed = pack(
+                self.topology,
+                self.rest,
+                self._inverse_mass,
+                edge_stiffness=stiffness,
+                shape_stiffness=shape_stiffness,
+            )
+            batched = BatchedIteration(packed)
 
-    def _prepare_dihedrals(self) -> None:
+            def in_colours(p: Floats) -> None:
+                records = packed.records(p)
+                batched.edges(records)
+                p[:] = packed.points(records)
+
+            self._project_edges: Callable[[Floats], None] = in_colours
+            return
+        used = self._free[edges].any(axis=1)
+        long = np.ascontiguousarray(edges[used]), self._shape.lengths[used], stiffness[used]
         quads = self.topology.quads
         used = self._shape.angle_defined & self._free[quads].any(axis=1)
-        self._quads = np.ascontiguousarray(quads[used])
-        self._cosines = np.cos(self._shape.angles[used])
-        self._sines = np.sin(self._shape.angles[used])
-        self._shape_stiffness = float(
-            per_iteration_stiffness(self.parameters.shape_stiffness, self.parameters.iterations)
-        )
+        angles = self._shape.angles[used]
+        bent = np.ascontiguousarray(quads[used]), np.cos(angles), np.sin(angles), shape_stiffness
+
+        def in_turn(p: Floats) -> None:
+            project_distance(p, self._inverse_mass, *long)
+            project_dihedral(p, self._inverse_mass, *bent)
+
+        self._project_edges = in_turn
+
+    def _per_iteration(self, stiffness: Floats | float) -> Floats:
+        """Return a stiffness per iteration.
+
+        A solve that runs to convergence ends where the ratios of the stiffnesses have it; if they depended on
+        the number of iterations, so would the shape.
+        """
+        if self.parameters.solver == "anderson":
+            return np.asarray(stiffness, dtype=np.float64)
+        return per_iteration_stiffness(stiffness, self.parameters.iterations)
 
     @cached_property
     def _blend_weights(self) -> tuple[Ints, Floats]:
@@ -223,6 +271,7 @@ class MuscleSolver:
         substeps = self.parameters.substeps
         transforms = np.array(transforms, dtype=np.float64)
         before = state.transforms
+        iterations = 0
         for number in range(1, substeps + 1):
             now = transforms
             if number < substeps:
@@ -236,7 +285,8 @@ class MuscleSolver:
                     progress(done + part / substeps)
 
             state = self._substep(state, now, report)
-        return state
+            iterations += state.iterations
+        return replace(state, iterations=iterations)
 
     def _substep(
         self, state: MuscleState, transforms: Floats, progress: Callable[[float], None]
@@ -245,22 +295,55 @@ class MuscleSolver:
         now, before = self._centred(transforms), self._centred(state.transforms)
         dt = self.parameters.dt / self.parameters.substeps
         x = state.positions
+        contact = Contact(self._barrier, now, before, x)
         with np.errstate(over="ignore", invalid="ignore"):  # told below, in our words
             p = self._predict(state, now, before, dt)
-            collided = np.zeros(len(x), dtype=np.bool_)
-            for iteration in range(self.parameters.iterations):
-                collided |= self._iterate(x, p, now, before)
-                progress((iteration + 1) / self.parameters.iterations)
-            collided |= self._settle(x, p, now, before)
+            _check_finite(p)
+            solve = self._accelerated if self.parameters.solver == "anderson" else self._plain
+            p, collided, convergence = solve(p, contact, progress)
+            collided |= self._settle(p, contact)
             velocities = (p - x) / dt
-        if not (np.isfinite(p).all() and np.isfinite(velocities).all()):
-            raise ValueError(
-                "the muscle left the range of floating point numbers; "
-                "use a smaller external_force or another dt"
-            )
+        _check_finite(p, velocities)
         # P21 section 5: a colliding point's velocity would make spikes.
         velocities[collided] = 0.0
-        return MuscleState(p, velocities, transforms, int(collided.sum()))
+        return MuscleState(p, velocities, transforms, int(collided.sum()), *convergence)
+
+    def _plain(self, p: Floats, contact: Contact, progress: Callable[[float], None]) -> _Solved:
+        """Project all constraints as often as asked for."""
+        n = self.parameters.iterations
+        collided = np.zeros(len(p), dtype=np.bool_)
+        before = p
+        for iteration in range(n):
+            before = p.copy()
+            collided |= self._iterate(p, contact)
+            progress((iteration + 1) / n)
+        moved = float(np.sqrt(np.mean(np.sum((p - before) ** 2, axis=1))))
+        return p, collided, (n, moved, None)
+
+    def _accelerated(self, p: Floats, contact: Contact, progress: Callable[[float], None]) -> _Solved:
+        """Project all constraints, the iteration accelerated, until the shape is near its end."""
+        n = self.parameters.iterations
+        collided = np.zeros(len(p), dtype=np.bool_)
+        image = np.empty_like(p)
+        done = 0
+
+        def iterate(flat: Floats) -> Floats:
+            nonlocal done
+            image[:] = flat.reshape(-1, 3)
+            collided[:] = self._iterate(image, contact)
+            done += 1
+            progress(done / n)
+            return image.reshape(-1)
+
+        result = anderson(
+            iterate,
+            p.reshape(-1),
+            max_iterations=n,
+            tolerance=self.parameters.tolerance,
+        )
+        if done < n:
+            progress(1.0)
+        return result.x.reshape(-1, 3), collided, (result.iterations, result.residual, result.distance)
 
     def _predict(self, state: MuscleState, now: Floats, before: Floats, dt: float) -> Floats:
         """P21 Algorithm 2, lines 6 to 15."""
@@ -281,7 +364,7 @@ class MuscleSolver:
             p[fixed] = apply_transform(now[bone], self.rest[fixed])
         return p
 
-    def _iterate(self, x: Floats, p: Floats, now: Floats, before: Floats) -> Bools:
+    def _iterate(self, p: Floats, contact: Contact) -> Bools:
         """Project all constraints once, in place; return which points met a bone.
 
         The order is distance, shape, collision, volume. Volume comes last, as in the end only what was
@@ -289,15 +372,12 @@ class MuscleSolver:
         this does not push points back into the bones that they have just been moved out of, those take no
         part in it: the volume goes to where the muscle can give way.
         """
-        project_distance(p, self._inverse_mass, self._edges, self._lengths, self._edge_stiffness)
-        project_dihedral(
-            p, self._inverse_mass, self._quads, self._cosines, self._sines, self._shape_stiffness
-        )
-        hit = self._collide(x, p, now, before)
+        self._project_edges(p)
+        hit = contact.keep_out(p)
         self._keep_volume(p, hit, self._volume_stiffness)
         return hit
 
-    def _settle(self, x: Floats, p: Floats, now: Floats, before: Floats) -> Bools:
+    def _settle(self, p: Floats, contact: Contact) -> Bools:
         """Take out of the bones what the last projection of the volume pushed in; return which points.
 
         A point left inside would be taken for one that the bone has moved over in the next step. What this
@@ -306,7 +386,7 @@ class MuscleSolver:
         hit = np.zeros(len(p), dtype=np.bool_)
         exact = self.parameters.volume_stiffness == 1.0
         for _ in range(SETTLING_PASSES):
-            new = self._collide(x, p, now, before) & ~hit
+            new = contact.keep_out(p) & ~hit
             hit |= new
             volume = self._keep_volume(p, hit, 1.0 if exact else 0.0)
             off = abs(volume - self._shape.volume) > VOLUME_TOLERANCE * abs(self._shape.volume)
@@ -325,12 +405,15 @@ class MuscleSolver:
             self._gradient,
         )
 
-    def _collide(self, x: Floats, p: Floats, now: Floats, before: Floats) -> Bools:
-        push = self.parameters.bone_push == "transform"
-        return keep_out(self.obstacles, self.centre, now, before, x, p, self._free, bone_push=push)
-
     def _centred(self, transforms: Floats) -> Floats:
         """Return the bones' transforms for points given about the muscle's centre."""
         centred = np.array(transforms)
         centred[:, :3, 3] += centred[:, :3, :3] @ self.centre - self.centre
         return centred
+
+
+def _check_finite(*arrays: Floats) -> None:
+    if not all(np.isfinite(array).all() for array in arrays):
+        raise ValueError(
+            "the muscle left the range of floating point numbers; use a smaller external_force or another dt"
+        )

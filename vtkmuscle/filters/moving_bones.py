@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.obstacles import Obstacle
+from vtkmuscle.core.obstacles import DistanceObstacle, Obstacle, VoxelObstacle
 from vtkmuscle.core.rigid import apply_transform, inverse, is_rigid
+from vtkmuscle.core.voxels import DEFAULT_N_MAX
 from vtkmuscle.filters.arrays import checked_surface, field_array
 
 Floats = NDArray[np.float64]
@@ -62,8 +63,16 @@ class RestBones:
         """The bones, in the order of their blocks."""
         return tuple(self._obstacles.values())
 
-    def take(self, bones: dict[str, vtkPolyData], transforms: Floats, *, n_max: int) -> None:
-        """Take the rest geometry from moving bones; a bone that is as before keeps its voxels.
+    def take(
+        self,
+        bones: dict[str, vtkPolyData],
+        transforms: Floats,
+        *,
+        collision: str,
+        cell: float | None = None,
+        n_max: int = DEFAULT_N_MAX,
+    ) -> None:
+        """Take the rest geometry from moving bones; a bone that is as before keeps its grid.
 
         Take it from the same frame each time: from another one rounding differs, and with it the result.
 
@@ -73,8 +82,12 @@ class RestBones:
             Bones now.
         transforms : (b, 4, 4) array
             Rest to now.
+        collision : str
+            ``"sdf"`` or ``"voxel"``.
+        cell : float, optional
+            With ``"sdf"``: distance of the grid's nodes [mm]; by the bone's size by default.
         n_max : int
-            Number of voxels of a bone, about.
+            With ``"voxel"``: number of voxels of a bone, about.
 
         Raises
         ------
@@ -84,7 +97,12 @@ class RestBones:
         kept, self._obstacles = self._obstacles, {}
         for index, (name, bone) in enumerate(bones.items()):
             points, triangles = checked_surface(bone, f"{self._where}, block {name!r}")
-            new = Obstacle(index, apply_transform(inverse(transforms[index]), points), triangles, n_max=n_max)
+            rest = apply_transform(inverse(transforms[index]), points)
+            new: Obstacle
+            if collision == "voxel":
+                new = VoxelObstacle(index, rest, triangles, n_max=n_max)
+            else:
+                new = DistanceObstacle(index, rest, triangles, cell=cell)
             old = kept.get(name)
             self._obstacles[name] = old if old is not None and new.same_as(old) else new
 

@@ -1,0 +1,280 @@
+"""Anderson acceleration of a fixed-point iteration, with an estimate of how far it still has to go."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.convergence import (
+    AMPLIFICATION_GROWTH,
+    TYPICAL_AMPLIFICATION,
+    Trail,
+    reduction,
+    root_mean_square_distance,
+)
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+
+#: An accelerated step is taken back where its residual exceeds that of the step before so many times.
+GROWTH = 2.0
+
+#: Weight of the identity in the scaled normal equations: below it directions count as the same.
+REGULARISATION = 1e-12
+
+#: Numbers that are worked on at once: a few rows of them fit the first-level cache.
+_BLOCK = 512
+
+
+@dataclass(frozen=True, eq=False)
+class AndersonResult:
+    """Where an accelerated iteration came to.
+
+    Attributes
+    ----------
+    x : (n,) array
+        The last iterate that g was applied to, after that step: g(x_k).
+    iterations : int
+        Evaluations of g.
+    residual : float
+        Root mean square over the points of |g(x_k) - x_k| at the last iterate [mm].
+    distance : float
+        Estimated root mean square distance of that iterate to the fixed point [mm].
+    converged : bool
+        True where the estimate fell below the tolerance.
+    residuals : (iterations,) array
+        The residual of each evaluation [mm].
+    estimates : (e, 2) array
+        Iterations and the distance estimated after them [mm].
+    restarts : int
+        Accelerated steps taken back because their residual grew.
+    refusals : int
+        Accelerated points that were not admissible.
+    """
+
+    x: Floats
+    iterations: int
+    residual: float
+    distance: float
+    converged: bool
+    residuals: Floats
+    estimates: Floats
+    restarts: int
+    refusals: int
+
+
+def anderson(
+    fixed_point_map: Callable[[Floats], Floats],
+    start: Floats,
+    *,
+    max_iterations: int,
+    tolerance: float = 0.0,
+    window: int = 10,
+    dimension: int = 3,
+    amplification: float | None = None,
+    admissible: Callable[[Floats], bool] | None = None,
+    observe: Callable[[int, Floats, float], None] | None = None,
+) -> AndersonResult:
+    """Find x = g(x), faster than by x <- g(x).
+
+    The next iterate is the combination of the last images g(x_j) whose residuals g(x_j) - x_j, combined
+    likewise, come nearest to zero: Anderson 1965, doi:10.1145/321296.321305; Walker, Ni 2011, *Anderson
+    acceleration for fixed-point iterations*, doi:10.1137/10078356X. The method is safeguarded: where an
+    accelerated step is not admissible, or its residual is more than :data:`GROWTH` times that of the step
+    before, the plain step is taken instead; in the second case the history is dropped, too.
+
+    Parameters
+    ----------
+    fixed_point_map : callable
+        g; takes and returns an (n,) array. It must not change its argument; it may return the same memory
+        every time.
+    start : (n,) array
+        First iterate [mm].
+    max_iterations : int
+        Most evaluations of g, >= 1.
+    tolerance : float
+        Stop where the estimated distance to the fixed point is at most this [mm]; 0 never stops.
+    window : int
+        Differences of past steps that are combined, >= 0; 0 is the plain iteration.
+    dimension : int
+        Components of a point; points are consecutive in x.
+    amplification : float, optional
+        See :func:`~vtkmuscle.core.convergence.estimate_distance`. That of a typical muscle by default.
+    admissible : callable, optional
+        Says whether g may be applied to an accelerated point (n,); refuses, for example, points in bones.
+    observe : callable, optional
+        Called with the number of evaluations before, the iterate and its residual [mm], at each; may raise.
+
+    Returns
+    -------
+    AndersonResult
+        The point reached, and the history.
+
+    Raises
+    ------
+    ValueError
+        If g gives anything not finite for the start or for a plain step.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> result = anderson(np.cos, np.zeros(3), max_iterations=20)
+    >>> bool(np.allclose(np.cos(result.x), result.x))
+    True
+    """
+    n = len(start)
+    points = n / dimension
+    if amplification is None:
+        reference, typical = TYPICAL_AMPLIFICATION
+        amplification = typical * (points / reference) ** AMPLIFICATION_GROWTH
+    memory = _Memory(n, window)
+    trail = Trail(points, amplification)
+    x = np.array(start, dtype=np.float64)
+    image = np.empty(n)
+    plain = True
+    restarts = refusals = 0
+    residuals: list[float] = []
+    last = math.inf
+    converged = False
+    while len(residuals) < max_iterations and not converged:
+        value = fixed_point_map(x)
+        residual = root_mean_square_distance(value, x, points)
+        worse = not residual <= GROWTH * last
+        if not math.isfinite(residual) and plain:
+            raise ValueError("the iteration left the range of floating point numbers")
+        if worse and not plain:
+            # Take the accelerated step back: `image` still is g of the iterate before.
+            residuals.append(residual)
+            x[:] = image
+            memory.clear()
+            plain = True
+            restarts += 1
+            continue
+        image[:] = value
+        if observe is not None:
+            observe(len(residuals), x, residual)
+        residuals.append(residual)
+        last = residual
+        trail.add(len(residuals), x, residual)
+        converged = trail.distance <= tolerance and tolerance > 0.0
+        if residual == 0.0:
+            converged = True
+        weights = memory.add(x, image)
+        plain = True
+        if weights is not None and not converged:
+            memory.combine(image, weights, x)
+            plain = admissible is not None and not admissible(x)
+            refusals += plain
+        if plain:
+            x[:] = image
+    return AndersonResult(
+        x=image,
+        iterations=len(residuals),
+        residual=last,
+        distance=trail.finish(),
+        converged=converged,
+        residuals=np.array(residuals),
+        estimates=np.array(trail.estimates).reshape(-1, 2),
+        restarts=restarts,
+        refusals=refusals,
+    )
+
+
+class _Memory:
+    """The last differences of residuals and images, and the products of the former."""
+
+    def __init__(self, n: int, window: int) -> None:
+        # Single precision halves the traffic, which is what acceleration costs, and only bends the search
+        # directions a little: residuals are computed in double precision from the iterates themselves.
+        self._residuals = np.zeros((window, n), dtype=np.float32)
+        self._images = np.zeros((window, n), dtype=np.float32)
+        self._products = np.zeros((window, window))
+        self._residual = np.empty(n)
+        self._image = np.empty(n)
+        self._window = window
+        self._count = -1
+
+    def clear(self) -> None:
+        self._count = -1
+
+    def add(self, x: Floats, image: Floats) -> Floats | None:
+        """Add a step; return the weights of the differences that reduce its residual most."""
+        if self._window == 0:
+            return None
+        self._count += 1
+        row = (self._count - 1) % self._window
+        used = min(self._count, self._window)
+        dots = np.zeros((2, self._window))
+        _add_step(x, image, self._residual, self._image, self._residuals, self._images, row, used, dots)
+        if used == 0:
+            return None
+        products = self._products
+        products[row, :used] = products[:used, row] = dots[0, :used]
+        scale = np.sqrt(np.diag(products)[:used])
+        scale[scale == 0.0] = 1.0
+        scaled = products[:used, :used] / np.outer(scale, scale) + REGULARISATION * np.eye(used)
+        weights: Floats = np.linalg.solve(scaled, dots[1, :used] / scale) / scale
+        return weights if np.isfinite(weights).all() else None
+
+    def combine(self, image: Floats, weights: Floats, x: Floats) -> None:
+        """Write the accelerated iterate into x."""
+        _combine(image, self._images, weights, x)
+
+
+@reduction
+def _add_step(
+    x: Floats,
+    image: Floats,
+    residual: Floats,
+    last_image: Floats,
+    residuals: Singles,
+    images: Singles,
+    row: int,
+    used: int,
+    dots: Floats,
+) -> None:
+    """Store the differences to the step before and multiply them with all others, in one pass."""
+    n = len(x)
+    for first in range(0, n, _BLOCK):
+        last = min(first + _BLOCK, n)
+        now = residual[first:last]
+        if used == 0:
+            for i in range(last - first):
+                now[i] = image[first + i] - x[first + i]
+                last_image[first + i] = image[first + i]
+            continue
+        newest, newest_image = residuals[row, first:last], images[row, first:last]
+        for i in range(last - first):
+            r = image[first + i] - x[first + i]
+            newest[i] = r - now[i]
+            newest_image[i] = image[first + i] - last_image[first + i]
+            now[i] = r
+            last_image[first + i] = image[first + i]
+        for j in range(used):
+            other = residuals[j, first:last]
+            a, b = 0.0, 0.0
+            for i in range(last - first):
+                a += np.float64(other[i]) * np.float64(newest[i])
+                b += np.float64(other[i]) * now[i]
+            dots[0, j] += a
+            dots[1, j] += b
+
+
+@reduction
+def _combine(image: Floats, images: Singles, weights: Floats, x: Floats) -> None:
+    """Write the image minus the weighted differences of images into x."""
+    n = len(x)
+    for first in range(0, n, _BLOCK):
+        last = min(first + _BLOCK, n)
+        out = x[first:last]
+        for i in range(last - first):
+            out[i] = image[first + i]
+        for j in range(len(weights)):
+            w = weights[j]
+            row = images[j, first:last]
+            for i in range(last - first):
+                out[i] -= w * np.float64(row[i])

@@ -1,0 +1,309 @@
+"""A muscle's constraints packed into batches whose members share no point, ready for vector instructions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.batched_constraints import CONSTANTS, RECORD, WIDTH, Offsets, Reals
+from vtkmuscle.core.batched_volume import RING_STEP
+from vtkmuscle.core.colouring import greedy_colouring
+from vtkmuscle.core.constraints import VOLUME_FLOOR, dihedral_angle, volume_and_gradient
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh import edge_lengths
+from vtkmuscle.core.topology import MeshTopology
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Edges that are coloured together: their points' records fill about half a second-level cache.
+BLOCK = 32_768
+
+#: Rings of more edges are left as they come rather than being walked around.
+LONGEST_WALK = 128
+
+
+@dataclass(frozen=True, eq=False)
+class PackedMuscle:
+    """The constraints of one muscle, packed by :func:`pack`.
+
+    Points are kept as *records* of four numbers (x, y, z, inverse mass) in one flat array, with a spare
+    record at its end, of no mass, that the empty places of a batch refer to. ``*_at`` are offsets of records
+    in that array.
+
+    Attributes
+    ----------
+    n_points : int
+        Points of the muscle.
+    edges : (b * WIDTH,) int array
+        The edge of the topology in each place of each batch of edges, -1 in empty places: the order in
+        which they are projected.
+    edge_at : (b * 4 * WIDTH,) uint32 array
+        Per batch the p1 of all its edges, then all p2, p3, p4 (as in the topology's ``quads``).
+    constants : (b * CONSTANTS * WIDTH,) array
+        Per batch the rest lengths [mm], the stiffnesses, the cosines and the sines of the rest angles, and
+        the shape stiffnesses.
+    vertex_at : (v * WIDTH,) uint32 array
+        Per batch its vertices.
+    ring_starts : (v + 1,) int array
+        First and last (excluded) step of each batch in ``ring_at``.
+    ring_at : (s * (RING_STEP + 1) * WIDTH,) uint32 array
+        Per step the first points of the vertices' rings, then all second points, and so on.
+    inverse_mass : (n,) array
+        1 free, 0 fixed.
+    rest_volume, volume_floor, volume_stiffness : float
+        V0 [mm^3]; least denominator of the projection [mm^4]; stiffness per iteration.
+    dtype : dtype
+        float64 or float32.
+    """
+
+    n_points: int
+    edges: Ints
+    edge_at: Offsets
+    constants: Reals
+    vertex_at: Offsets
+    ring_starts: Ints
+    ring_at: Offsets
+    inverse_mass: Floats
+    rest_volume: float
+    volume_floor: float
+    volume_stiffness: float
+    dtype: np.dtype[np.floating]
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the packed constraints [bytes]."""
+        arrays = (self.edges, self.edge_at, self.constants, self.vertex_at, self.ring_starts, self.ring_at)
+        return sum(array.nbytes for array in arrays) + self.inverse_mass.nbytes
+
+    def records(self, points: Floats) -> Reals:
+        """Return the records of points (n, 3) [mm]: a flat array of (n + 1) * 4 numbers."""
+        flat = aligned_zeros(RECORD * (self.n_points + 1), self.dtype)
+        table = flat.reshape(-1, RECORD)
+        table[:-1, :3] = points
+        table[:-1, 3] = self.inverse_mass
+        return flat
+
+    def points(self, records: Reals) -> Floats:
+        """Return the positions (n, 3) [mm] of records."""
+        positions: Floats = records.reshape(-1, RECORD)[:-1, :3].astype(np.float64)
+        return positions
+
+
+def aligned_zeros(size: int, dtype: np.dtype[np.floating]) -> Reals:
+    """Return zeros that start on a cache line (64 bytes), so that no record lies across two."""
+    raw = np.zeros(size * dtype.itemsize + 64, dtype=np.uint8)
+    start = -raw.ctypes.data % 64
+    return raw[start : start + size * dtype.itemsize].view(dtype)
+
+
+def pack(
+    topology: MeshTopology,
+    rest: Floats,
+    inverse_mass: Floats,
+    *,
+    edge_stiffness: Floats | float = 1.0,
+    shape_stiffness: Floats | float = 1.0,
+    volume_stiffness: float = 1.0,
+    dtype: str = "float64",
+) -> PackedMuscle:
+    """Pack the distance, dihedral and volume constraints of a muscle.
+
+    The distance and the dihedral constraint of an edge are projected together, for they move the same
+    points. Edges without a dihedral angle (boundary, not manifold, degenerate at rest) keep their length
+    only; edges that cannot move anything are dropped.
+
+    Parameters
+    ----------
+    topology : MeshTopology
+        Of the muscle's surface.
+    rest : (n, 3) array
+        Rest positions, about a centre near the muscle [mm].
+    inverse_mass : (n,) array
+        1 free, 0 fixed.
+    edge_stiffness, shape_stiffness : float or (k,) array
+        Stiffness per iteration of each of the topology's edges, in [0, 1].
+    volume_stiffness : float
+        Stiffness per iteration, in [0, 1].
+    dtype : str
+        ``"float64"`` or ``"float32"``: the numbers that positions and constants are kept in.
+
+    Returns
+    -------
+    PackedMuscle
+        About 115 bytes per triangle in float64.
+
+    Raises
+    ------
+    ValueError
+        If the mesh has too many points for 32-bit offsets (2^30).
+    """
+    n = topology.n_points
+    if n >= np.iinfo(np.uint32).max // RECORD:
+        raise ValueError(f"a muscle of {n} points is too large to pack; at most 2^30 - 2 points fit")
+    number = np.dtype(dtype)
+    k = len(topology.edges)
+    lengths = edge_lengths(rest, topology.edges)
+    corners = np.full((k, 4), n, dtype=np.int64)
+    corners[:, :2] = topology.edges
+    corners[topology.quad_edges] = topology.quads
+
+    p1, p2, p3, p4 = (rest[topology.quads[:, i]] for i in range(4))
+    angles, defined = dihedral_angle(p1, p2, p3, p4)
+    bent = topology.quad_edges[defined]
+    corners[topology.quad_edges[~defined], 2:] = n
+    values = np.zeros((k + 1, CONSTANTS))  # the last row is for empty places
+    values[:-1, 0] = lengths
+    values[:-1, 1] = edge_stiffness
+    values[:, 2] = 1.0
+    values[bent, 2], values[bent, 3] = np.cos(angles[defined]), np.sin(angles[defined])
+    values[bent, 4] = np.broadcast_to(shape_stiffness, k)[bent]
+
+    free = np.append(inverse_mass > 0, np.False_)
+    used = free[corners[:, :2]].any(axis=1) & (values[:-1, 1] > 0)
+    used |= free[corners].any(axis=1) & (values[:-1, 4] > 0)
+    ids = np.flatnonzero(used)
+    edges = cut_into_batches(ids, greedy_colouring(corners[ids], n, block=BLOCK), WIDTH)
+    corners = np.vstack([corners, np.full(4, n)])
+
+    vertex_at, ring_starts, ring_at = _pack_rings(topology.triangles, n)
+    gradient = np.empty_like(rest)
+    volume = volume_and_gradient(rest, topology.triangles, gradient)
+    squares = np.einsum("ij,ij->i", gradient, gradient)
+    return PackedMuscle(
+        n_points=n,
+        edges=edges,
+        edge_at=_by_lanes(RECORD * corners[edges]).astype(np.uint32),
+        constants=_by_lanes(values[edges]).astype(number),
+        vertex_at=vertex_at,
+        ring_starts=ring_starts,
+        ring_at=ring_at,
+        inverse_mass=inverse_mass,
+        rest_volume=float(volume),
+        volume_floor=VOLUME_FLOOR * float(inverse_mass @ squares),
+        volume_stiffness=volume_stiffness,
+        dtype=number,
+    )
+
+
+def cut_into_batches(ids: Ints, colours: Ints, width: int) -> Ints:
+    """Cut each colour into batches of equal width.
+
+    Parameters
+    ----------
+    ids : (m,) int array
+        Constraints.
+    colours : (m,) int array
+        Their colours.
+    width : int
+        Constraints of a batch.
+
+    Returns
+    -------
+    (b * width,) int array
+        The constraints by colour, in their order within each, and -1 where a colour's last batch is not
+        full.
+    """
+    order = np.argsort(colours, kind="stable")
+    _, counts = np.unique(colours, return_counts=True)
+    padded = -(-counts // width) * width
+    shift = np.repeat(np.cumsum(padded) - padded - (np.cumsum(counts) - counts), counts)
+    batches = np.full(int(padded.sum()), -1, dtype=np.int64)
+    batches[np.arange(len(ids)) + shift] = ids[order]
+    return batches
+
+
+def _by_lanes(table: NDArray[np.generic]) -> NDArray[np.generic]:
+    """Reorder rows (b * WIDTH, c) to (b, c, WIDTH), flat: each batch one column after the other."""
+    columns = table.shape[1]
+    return np.ascontiguousarray(table.reshape(-1, WIDTH, columns).transpose(0, 2, 1)).reshape(-1)
+
+
+def _pack_rings(triangles: Ints, n: int) -> tuple[Offsets, Ints, Offsets]:
+    """Return ``vertex_at``, ``ring_starts`` and ``ring_at`` of :class:`PackedMuscle`."""
+    corner = triangles.reshape(-1)
+    order = np.argsort(corner, kind="stable")
+    degree = np.bincount(corner, minlength=n)
+    first = np.cumsum(degree) - degree
+    following = triangles[:, [1, 2, 0]].reshape(-1)[order]
+    opposite = triangles[:, [2, 0, 1]].reshape(-1)[order]
+    rings = np.empty(3 * len(corner) + n, dtype=np.int64)
+    lengths = _walk_rings(first, degree, following, opposite, n, rings)
+
+    vertices = np.flatnonzero(degree)
+    steps = -(-(lengths[vertices] - 1) // RING_STEP)
+    vertices = vertices[np.argsort(steps, kind="stable")]
+    vertices = np.append(vertices, np.full(-len(vertices) % WIDTH, n))
+    # Rings of one batch have the length of its longest; the spare point has a ring of itself.
+    steps = np.append(-(-(lengths - 1) // RING_STEP), 0)[vertices].reshape(-1, WIDTH).max(axis=1)
+    starts = np.zeros(len(steps) + 1, dtype=np.int64)
+    np.cumsum(steps, out=starts[1:])
+    ring_at = np.empty(int(starts[-1]) * (RING_STEP + 1) * WIDTH, dtype=np.uint32)
+    _fill_steps(vertices, starts, first, rings, lengths, n, WIDTH, RING_STEP, RECORD, ring_at)
+    return (RECORD * vertices).astype(np.uint32), starts, ring_at
+
+
+@kernel
+def _walk_rings(first: Ints, degree: Ints, following: Ints, opposite: Ints, n: int, rings: Ints) -> Ints:
+    """Write the points around each vertex in order, from 3 * first[v] + v on; return their numbers.
+
+    The ring is a walk along the edges opposite to the vertex. Where it cannot go on (a boundary, a vertex
+    where surfaces touch), it jumps by way of the spare point n to the next edge not walked yet.
+    """
+    lengths = np.zeros(len(degree), dtype=np.int64)
+    for v in range(len(degree)):
+        d = degree[v]
+        tails = following[first[v] : first[v] + d].copy()
+        heads = opposite[first[v] : first[v] + d].copy()
+        ring = rings[3 * first[v] + v :]
+        length = 0
+        for start in range(d):
+            # Edges walked already have been swapped to the front.
+            if start == 0 or d > LONGEST_WALK or ring[length - 1] != tails[start]:
+                if start > 0:
+                    ring[length] = n
+                    length += 1
+                ring[length] = tails[start]
+                length += 1
+            ring[length] = heads[start]
+            length += 1
+            if d <= LONGEST_WALK:
+                for other in range(start + 1, d):
+                    if tails[other] == heads[start]:
+                        tails[start + 1], tails[other] = tails[other], tails[start + 1]
+                        heads[start + 1], heads[other] = heads[other], heads[start + 1]
+                        break
+        lengths[v] = length
+    return lengths
+
+
+@kernel
+def _fill_steps(
+    vertices: Ints,
+    starts: Ints,
+    first: Ints,
+    rings: Ints,
+    lengths: Ints,
+    n: int,
+    width: int,
+    ring_step: int,
+    record_size: int,
+    ring_at: Offsets,
+) -> None:
+    """Cut the rings into steps of a few edges, lane by lane; a ring that has ended stays at its end.
+
+    The layout comes as arguments: a constant from another file would go stale in the compiled cache.
+    """
+    points = ring_step + 1
+    for batch in range(len(starts) - 1):
+        for lane in range(width):
+            v = vertices[batch * width + lane]
+            for step in range(starts[batch], starts[batch + 1]):
+                for point in range(points):
+                    record = n
+                    if v < n:
+                        place = min(ring_step * (step - starts[batch]) + point, lengths[v] - 1)
+                        record = rings[3 * first[v] + v + place]
+                    ring_at[(step * points + point) * width + lane] = record_size * record
