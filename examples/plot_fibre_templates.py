@@ -27,5 +27,5 @@ for column, kind in enumerate(KINDS):
         ends = fibres.points[fibres["t"] == t]
         plotter.add_points(ends, color=colour, point_size=7, render_points_as_spheres=True)
     plotter.view_vector((0.5, -1.0, 0.25), viewup=(0, 0, 1))
-    plotter.camera.zoom(1.4)
+    plotter.camera.zoom(1.1)
 plotter.show()

@@ -82,9 +82,7 @@ def test_edges_agree_with_the_scalar_projections_in_the_same_order(seed, size, s
     points, triangles, _ = spindle(seed=1)
     mass = (rng.random(len(points)) < 0.8).astype(float)
     stiffness = rng.random(len(mesh_topology(len(points), triangles).edges))
-    batched, scalar = both(
-        points, triangles, mass, edge_stiffness=stiffness, shape_stiffness=shape_stiffness
-    )
+    batched, scalar = both(points, triangles, mass, edge_stiffness=stiffness, shape_stiffness=shape_stiffness)
     start = points + size * rng.normal(size=points.shape) * mass[:, None]
     p = batched.muscle.records(start)
     batched.edges(p)

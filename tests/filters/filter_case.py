@@ -11,8 +11,9 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, v
 
 from examples import OBJECTS, TIMES, deep_copy, example
 from vtkmuscle.filters.arrays import blocks_of, points_of, vtk_points
-from vtkmuscle.filters.base import Filter, announce_times
+from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.parameters import InputPort, OutputPort
+from vtkmuscle.filters.pipeline_times import announce_times
 
 #: Arrays that say how long the work took: they differ from run to run.
 TIMINGS = {"Milliseconds"}

@@ -14,8 +14,9 @@ from vtkmodules.vtkFiltersSources import vtkLineSource
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle.filters.arrays import multiblock_from, points_of, set_field_array, with_points
-from vtkmuscle.filters.base import AbortedError, Filter, times_of
+from vtkmuscle.filters.base import AbortedError, Filter
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.pipeline_times import times_of
 
 
 class Shift(Filter):

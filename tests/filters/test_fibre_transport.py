@@ -15,8 +15,8 @@ from vtkmuscle.filters.arrays import (
     triangles_of,
     with_points,
 )
-from vtkmuscle.filters.base import announce_times
 from vtkmuscle.filters.fibre_transport import FibreTransport
+from vtkmuscle.filters.pipeline_times import announce_times
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ is here, once.
 from __future__ import annotations
 
 import inspect
-import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -24,7 +23,10 @@ from vtkmodules.vtkCommonExecutionModel import (
     vtkTrivialProducer,
 )
 
+from vtkmuscle.filters.docstrings import documented
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.pipeline_times import announce_times
+from vtkmuscle.filters.pyvista_operator import mend_pyvista_operator
 
 _RESERVED = frozenset(dir(vtkAlgorithm)) | {"update", "apply", "execute", "parameters"}
 
@@ -86,7 +88,8 @@ class Filter(VTKPythonAlgorithmBase):
             for name, parameter in cls.parameter_declarations.items()
         ]
         cls.__signature__ = inspect.Signature(keywords)
-        cls.__doc__ = _documented(cls)
+        own = cls.__dict__.get("__doc__") or ""
+        cls.__doc__ = documented(own, cls.parameter_declarations, cls.input_ports, cls.output_ports)
 
     def __init__(self, **parameters: Any) -> None:
         self._parameter_values: dict[str, Any] = {}
@@ -101,7 +104,7 @@ class Filter(VTKPythonAlgorithmBase):
             nOutputPorts=len(self.output_ports),
             outputType="vtkDataObject",
         )
-        _mend_pyvista_operator()
+        mend_pyvista_operator()
         unknown = sorted(set(parameters) - set(self.parameter_declarations))
         if unknown:
             known = ", ".join(self.parameter_declarations) or "none"
@@ -410,33 +413,6 @@ class Filter(VTKPythonAlgorithmBase):
                 )
 
 
-def announce_times(info: Any, steps: Sequence[float]) -> None:
-    """Write time steps and their range into a port's information.
-
-    Parameters
-    ----------
-    info : vtkInformation
-        Of an output port, in RequestInformation.
-    steps : sequence of float
-        Ascending times.
-    """
-    info.Remove(vtkStreamingDemandDrivenPipeline.TIME_STEPS())
-    for step in steps:
-        info.Append(vtkStreamingDemandDrivenPipeline.TIME_STEPS(), float(step))
-    info.Remove(vtkStreamingDemandDrivenPipeline.TIME_RANGE())
-    if len(steps):
-        info.Append(vtkStreamingDemandDrivenPipeline.TIME_RANGE(), float(min(steps)))
-        info.Append(vtkStreamingDemandDrivenPipeline.TIME_RANGE(), float(max(steps)))
-
-
-def times_of(info: Any) -> tuple[float, ...]:
-    """Return the time steps that a port's information announces, () where there are none."""
-    key = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
-    if info is None or not info.Has(key):
-        return ()
-    return tuple(info.Get(key, i) for i in range(info.Length(key)))
-
-
 def _rebuild(kind: type[Filter], parameters: dict[str, Any]) -> Filter:
     return kind(**parameters)
 
@@ -484,53 +460,3 @@ def _vtk_messages_of_failed_filters_off() -> Iterator[None]:
     finally:
         _messages.off = outer
         vtkObject.SetGlobalWarningDisplay(displayed)
-
-
-def _mend_pyvista_operator() -> None:
-    """Let ``pyvista_mesh >> filter`` work.
-
-    VTK's own operator asks for the length of its left side as soon as that has ``__getitem__``, as all
-    PyVista data sets do, and raises a SystemError; a PyVista MultiBlock it takes for a list of inputs.
-    PyVista is not imported for this: where it is not loaded there is nothing to mend.
-    """
-    pyvista = sys.modules.get("pyvista")
-    data_object = getattr(pyvista, "DataObject", None)
-    if data_object is None or "__rshift__" in vars(data_object):
-        return
-    from vtkmodules.util import execution_model  # noqa: PLC0415 -- VTK has it from 9.4 on
-
-    def connect(self: Any, other: Any) -> Any:
-        producer = vtkTrivialProducer()
-        producer.SetOutput(self)
-        return execution_model.Pipeline(producer, other)
-
-    for name in ("DataSet", "MultiBlock", "DataObject"):
-        getattr(pyvista, name).__rshift__ = connect
-
-
-def _documented(cls: type[Filter]) -> str:
-    """Return the docstring with Parameters and ports written out from the declarations."""
-    head, sections = _split(inspect.cleandoc(cls.__dict__.get("__doc__") or ""))
-    lines = [head]
-    if cls.parameter_declarations:
-        lines += ["", "Parameters", "----------"]
-        for name, parameter in cls.parameter_declarations.items():
-            units = f" [{parameter.units}]" if parameter.units else ""
-            lines += [f"{name} : {parameter.allowed}, default: {parameter.default!r}"]
-            lines += [f"    {parameter.doc}{units}"]
-    lines += ["", "Notes", "-----"]
-    for number, port in enumerate(cls.input_ports):
-        optional = ", optional" if port.optional else ""
-        lines += [f"Input port {number}, ``{port.name}`` ({port.type_name}{optional}): {port.doc}", ""]
-    for number, result in enumerate(cls.output_ports):
-        lines += [f"Output port {number}, ``{result.name}`` ({result.type_name}): {result.doc}", ""]
-    return "\n".join([*lines, sections])
-
-
-def _split(doc: str) -> tuple[str, str]:
-    """Cut a docstring before its first section heading."""
-    lines = doc.splitlines()
-    for i in range(1, len(lines)):
-        if lines[i] and set(lines[i]) == {"-"} and len(lines[i]) == len(lines[i - 1]):
-            return "\n".join(lines[: i - 1]).rstrip(), "\n".join(lines[i - 1 :])
-    return doc, ""

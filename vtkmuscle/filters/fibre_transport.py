@@ -19,8 +19,9 @@ from vtkmuscle.filters.arrays import (
     set_cell_array,
     with_polylines,
 )
-from vtkmuscle.filters.base import Filter, times_of
+from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.parameters import InputPort, OutputPort
+from vtkmuscle.filters.pipeline_times import times_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

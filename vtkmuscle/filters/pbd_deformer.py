@@ -25,10 +25,11 @@ from vtkmuscle.filters.arrays import (
     set_point_array,
     with_points,
 )
-from vtkmuscle.filters.base import Filter, times_of
+from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.bone_motion import bones_of
 from vtkmuscle.filters.moving_bones import RestBones, transforms_of
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.pipeline_times import times_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
