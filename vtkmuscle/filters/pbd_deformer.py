@@ -231,7 +231,8 @@ class PBDDeformer(Filter):
         "all edges), ``DihedralErrorP50`` and ``DihedralErrorP95`` [degrees], ``DegenerateEdges`` (whose "
         "angle was lost as a triangle collapsed), ``Iterations``, ``Residual`` (root mean square of what the "
         "last iteration moved points by) [mm], ``EstimatedDistance`` to the converged shape, with solver "
-        "'anderson' [mm], ``CollidingPoints`` and ``Milliseconds`` (of the last step).",
+        "'anderson' [mm] (within a factor of 2 in two cases of three where no bone is met; unknown where one "
+        "is), ``CollidingPoints`` and ``Milliseconds`` (of the last step).",
     )
 
     def __init__(self, **parameters: Any) -> None:

@@ -1,0 +1,186 @@
+"""Measure the vectorised Gauss-Seidel kernels: ratios to others, cost per size, memory, compile time.
+
+Run as ``python benchmarks/bench_kernels.py [--pypbd PYTHON] [--largest TRIANGLES]``. ``--pypbd`` names a
+Python that has pypbd (it need not have vtkmuscle). Ratios hold better than times: all are taken in one run,
+the measurements of the variants interleaved.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import tempfile
+import time
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from muscle_problem import turned_muscle
+from naive_kernels import naive_dihedral, naive_distance
+
+from vtkmuscle.core import constraints
+from vtkmuscle.core.batched_iteration import BatchedIteration
+from vtkmuscle.core.batches import pack
+from vtkmuscle.core.mesh import edge_lengths
+from vtkmuscle.core.topology import mesh_topology
+
+SHAPE_STIFFNESS = 0.9
+
+
+def interleaved(variants: dict[str, Callable[[], object]], *, rounds: int = 60) -> dict[str, float]:
+    """Return the least time of each variant [ms]."""
+    best = dict.fromkeys(variants, np.inf)
+    for _ in range(rounds):
+        for name, run in variants.items():
+            start = time.perf_counter()
+            run()
+            best[name] = min(best[name], time.perf_counter() - start)
+    return {name: 1e3 * seconds for name, seconds in best.items()}
+
+
+def compare(pypbd: str | None) -> None:
+    """Print what an iteration takes on the adductor brevis, kernel by kernel."""
+    problem = turned_muscle("adductor_brevis", 0.0)
+    points, triangles, mass = problem.points, problem.triangles, problem.mass
+    topology = mesh_topology(len(points), triangles)
+    noise = np.random.default_rng(0).normal(scale=0.2, size=points.shape)
+    moved = points + noise * mass[:, None]
+
+    edges = topology.edges[(mass[topology.edges] > 0).any(axis=1)]
+    lengths, ones = edge_lengths(points, edges), np.ones(len(edges))
+    quads = np.ascontiguousarray(topology.quads[(mass[topology.quads] > 0).any(axis=1)])
+    angles, _ = constraints.dihedral_angle(*(points[quads[:, i]] for i in range(4)))
+    cosines, sines = np.cos(angles), np.sin(angles)
+    gradient = np.empty_like(points)
+    volume = constraints.volume_and_gradient(points, triangles, gradient)
+
+    start = time.perf_counter()
+    iteration = BatchedIteration(pack(topology, points, mass, shape_stiffness=SHAPE_STIFFNESS))
+    single = BatchedIteration(pack(topology, points, mass, shape_stiffness=SHAPE_STIFFNESS, dtype="float32"))
+    records = iteration.muscle.records(moved)
+    iteration.run(records, 1)
+    print(f"compile or load all kernels (float64) {time.perf_counter() - start:6.2f} s")
+    short = single.muscle.records(moved)
+    p, q = moved.copy(), moved.copy()
+
+    def scalar() -> None:
+        constraints.project_distance(p, mass, edges, lengths, ones)
+        constraints.project_dihedral(p, mass, quads, cosines, sines, SHAPE_STIFFNESS)
+        constraints.project_volume(p, mass, triangles, volume, 0.0, 1.0, gradient)
+
+    def naive_edges() -> None:
+        naive_distance(q, mass, edges, lengths, ones)
+        naive_dihedral(q, mass, quads, angles, SHAPE_STIFFNESS)
+
+    def naive() -> None:
+        naive_edges()
+        constraints.project_volume(q, mass, triangles, volume, 0.0, 1.0, gradient)
+
+    def naive_volume() -> None:
+        constraints.project_volume(q, mass, triangles, volume, 0.0, 1.0, gradient)
+
+    variants: dict[str, Callable[[], object]] = {
+        "naive scalar, atan2: distance and dihedral": naive_edges,
+        "naive scalar: volume": naive_volume,
+        "naive scalar, whole iteration": naive,
+        "scalar without trigonometry, whole iteration": scalar,
+        "batches: distance and dihedral": lambda: iteration.edges(records),
+        "batches: volume": lambda: iteration.volume(records),
+        "batches, whole iteration": lambda: iteration.run(records, 1),
+        "batches in float32, whole iteration": lambda: single.run(short, 1),
+    }
+    for run in variants.values():
+        run()
+    times = interleaved(variants)
+    naive_time = times["naive scalar, whole iteration"]
+    print(f"\nadductor brevis, {len(triangles)} triangles, {len(edges)} edges, one core")
+    for name, ms in times.items():
+        ratio = f"{naive_time / ms:6.2f} x naive" if "whole" in name else ""
+        print(f"  {name:50s} {ms:7.3f} ms {ratio}")
+    parts = times["naive scalar, atan2: distance and dihedral"] / times["batches: distance and dihedral"]
+    print(f"  distance and dihedral alone: {parts:.2f} x naive")
+    if pypbd is not None:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "mesh.npz"
+            np.savez(path, points=points, triangles=triangles, mass=mass, moved=moved)
+            script = Path(__file__).with_name("pypbd_iteration.py")
+            output = subprocess.run(
+                [pypbd, script, path],
+                check=True,
+                capture_output=True,
+                text=True,
+                env={**os.environ, "OMP_NUM_THREADS": "1"},
+            ).stdout
+        other = 1e3 * float(output.split()[-1])
+        print(
+            f"  pypbd, distance and bending, one thread {other:17.3f} ms: "
+            f"{other / times['batches: distance and dihedral']:.1f} x ours of the same, "
+            f"{other / times['batches, whole iteration']:.1f} x our whole iteration"
+        )
+
+
+def torus(n_triangles: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return a bumpy closed surface of about so many triangles."""
+    around = round((n_triangles / 2.0 / 3.0) ** 0.5)
+    along = 3 * around
+    i, j = np.meshgrid(np.arange(along), np.arange(around), indexing="ij")
+    u, v = 2.0 * np.pi * i / along, 2.0 * np.pi * j / around
+    r = 10.0 + np.sin(7 * u) * np.cos(5 * v)
+    points = np.stack([(30 + r * np.cos(v)) * np.cos(u), (30 + r * np.cos(v)) * np.sin(u), r * np.sin(v)], 2)
+    a, b = i * around + j, i * around + (j + 1) % around
+    c, d = (i + 1) % along * around + j, (i + 1) % along * around + (j + 1) % around
+    triangles = np.stack([a, c, b, b, c, d], axis=2).reshape(-1, 3)
+    return points.reshape(-1, 3), triangles
+
+
+def scaling(largest: int) -> None:
+    """Print time per iteration, memory and time to build, from 1 000 triangles on, and a fit."""
+    print("\n triangles  ms/iteration  ns/triangle   topology us   packing us   bytes/triangle (peak)")
+    sizes, times = [], []
+    for target in (1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000):
+        if target > largest:
+            break
+        points, triangles = torus(target)
+        mass = np.ones(len(points))
+        mass[: len(points) // 20] = 0.0
+        topology = mesh_topology(len(points), triangles)
+        build = {"topology": lambda p=points, t=triangles: mesh_topology(len(p), t)}
+        build["packing"] = lambda t=topology, p=points, m=mass: pack(t, p, m)
+        cost = interleaved(build, rounds=3)
+        tracemalloc.start()
+        muscle = pack(topology, points, mass)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        iteration = BatchedIteration(muscle)
+        p = muscle.records(points + 0.01 * np.sin(np.arange(points.size)).reshape(-1, 3))
+        repeat = max(1, 100_000 // len(triangles))
+        ms = interleaved({"": lambda i=iteration, p=p, r=repeat: i.run(p, r)}, rounds=15)[""] / repeat
+        sizes.append(len(triangles))
+        times.append(ms)
+        # A solve holds the packed constraints, the records and the gradient.
+        held = muscle.nbytes + 2 * p.nbytes
+        print(
+            f"{len(triangles):10d} {ms:13.4f} {1e6 * ms / len(triangles):12.2f} "
+            f"{1e3 * cost['topology'] / len(triangles):13.2f} {1e3 * cost['packing'] / len(triangles):12.2f} "
+            f"{held / len(triangles):11.0f} {f'({peak / len(triangles):.0f})':>8s}"
+        )
+    if len(sizes) < 3:
+        return
+    slope, offset = np.polyfit(np.log(sizes), np.log(times), 1)
+    print(f"  fit: {np.exp(offset) * 1e6:.1f} ns x triangles^{slope:.3f} per iteration")
+
+
+def main() -> None:
+    """Run all measurements."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--pypbd", metavar="PYTHON", help="a Python that has pypbd")
+    parser.add_argument("--largest", type=int, default=1_000_000, help="most triangles")
+    arguments = parser.parse_args()
+    compare(arguments.pypbd)
+    scaling(arguments.largest)
+
+
+if __name__ == "__main__":
+    main()
