@@ -229,6 +229,19 @@ def test_points_stay_out_of_a_bone_that_the_muscle_is_pushed_against(collision, 
 
 
 @pytest.mark.parametrize("collision", ["sdf", "voxel"])
+def test_points_that_met_a_bone_have_no_velocity(collision):
+    """P21, section 5: it would make spikes in the next step."""
+    wall = box_bone(0, [-120, -60, -120], [120, -18, 120], collision)
+    solver = solver_of(obstacles=[wall], start="inertial", external_force=(0.0, -8.0, 0.0))
+    state = solver.step(solver.rest_state(2), bent(0))
+    free = solver.fixed_to < 0
+    still = free & (state.velocities == 0.0).all(axis=1)
+    assert state.colliding > 0
+    assert still.sum() == state.colliding
+    assert np.linalg.norm(state.velocities[free & ~still], axis=1).max() > 1.0
+
+
+@pytest.mark.parametrize("collision", ["sdf", "voxel"])
 def test_a_bone_out_of_reach_costs_no_grid(collision):
     near = box_bone(0, [-5, -40, -20], [5, -2, 20], collision)
     far = box_bone(1, [500, 0, 0], [600, 10, 10], collision)
