@@ -223,7 +223,8 @@ def test_points_stay_out_of_a_bone_that_the_muscle_is_pushed_against(collision, 
         hits += state.colliding
     free = solver.fixed_to < 0
     # A bone's distances are those of its triangles to a small part of a cell.
-    assert solver.points(state)[free, 1].min() > -18.0 - 1e-3
+    slack = 1e-3 if collision == "sdf" else 0.0
+    assert solver.points(state)[free, 1].min() > -18.0 - slack
     assert hits > 0
     assert solver.report(state).volume_ratio == pytest.approx(1.0, abs=1e-3)
 

@@ -87,7 +87,7 @@ class PBDDeformer(Filter):
     Each step starts from ``"blend"``, where the bones' motions, blended by harmonic weights, take the free
     points (they have no momentum then), or from ``"inertial"``, where their velocity takes them (P21). From
     ``"inertial"`` the muscle hangs back behind the bones: on a right hip flexed by 90 degrees in steps of 2
-    edges are drawn out to 100 times their length.
+    edges are drawn out to more than 100 times their length.
 
     ``solver="anderson"`` takes the iteration of ``"gauss-seidel"`` nearer to its end in the same number of
     iterations. Stiffnesses hold per iteration then, so that the shape it goes to does not depend on their
