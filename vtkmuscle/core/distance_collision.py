@@ -15,6 +15,9 @@ Singles = NDArray[np.float32]
 Table = NDArray[np.int32]
 Bools = NDArray[np.bool_]
 
+#: Cells of the band of a grid that a skin must leave free.
+SKIN_CELLS = 1.5
+
 #: Height above the surface, in cells, up to which a path counts as touching it: the grid may lose a plate
 #: thinner than a cell, but shows a valley there that is no higher.
 _ZONE = 0.5
@@ -93,8 +96,8 @@ def resolve_distance_collisions(
     doi:10.1145/2601097.2601152, section 6.1 (friction). Hart 1996, *Sphere tracing*,
     doi:10.1007/s003710050084.
     """
-    widest = grid.band - 1.5 * grid.cell
-    if not (0.0 <= skin <= widest and 0.0 <= friction < np.inf):
+    widest = grid.band - SKIN_CELLS * grid.cell
+    if not (0.0 <= skin <= widest * (1.0 + 1e-12) and 0.0 <= friction < np.inf):
         raise ValueError(
             f"skin must be 0 to {widest:g} mm (the band of the distance grid less 1.5 cells) and friction "
             f">= 0, got skin={skin:g} mm, friction={friction:g}; build the grid with a wider band"

@@ -20,8 +20,9 @@ from vtkmuscle.core.constraints import (
     project_distance,
     project_volume,
 )
+from vtkmuscle.core.contact import Barrier, Contact
 from vtkmuscle.core.harmonic import harmonic_weights
-from vtkmuscle.core.obstacles import Barrier, Contact, Obstacle
+from vtkmuscle.core.obstacles import Obstacle
 from vtkmuscle.core.rest_shape import RestShape, ShapeReport
 from vtkmuscle.core.rigid import apply_transform, inverse
 from vtkmuscle.core.topology import MeshTopology, mesh_topology
@@ -69,6 +70,8 @@ class SolverParameters:
         ``"colour"`` or ``"sequential"``: in which order edges are projected.
     bone_push : str
         What a bone does to points it moved over: ``"transform"`` or ``"off"``.
+    contact_velocity : str
+        What velocity points have that met a bone: ``"zero"`` or ``"keep"``, that of their displacement.
     """
 
     iterations: int = 10
@@ -84,6 +87,7 @@ class SolverParameters:
     tolerance: float = 0.0
     order: str = "colour"
     bone_push: str = "off"
+    contact_velocity: str = "zero"
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +99,7 @@ class MuscleState:
     positions : (n, 3) array
         Relative to the solver's ``centre`` [mm].
     velocities : (n, 3) array
-        [mm / s]; 0 at points that collided.
+        [mm / s]; 0 at points that collided, unless ``contact_velocity`` is ``"keep"``.
     transforms : (b, 4, 4) array
         Of the bones, rest to now.
     colliding : int
@@ -304,8 +308,9 @@ class MuscleSolver:
             collided |= self._settle(p, contact)
             velocities = (p - x) / dt
         _check_finite(p, velocities)
-        # P21 section 5: a colliding point's velocity would make spikes.
-        velocities[collided] = 0.0
+        if self.parameters.contact_velocity == "zero":
+            # P21 section 5: a colliding point's velocity would make spikes.
+            velocities[collided] = 0.0
         return MuscleState(p, velocities, transforms, int(collided.sum()), *convergence)
 
     def _plain(self, p: Floats, contact: Contact, progress: Callable[[float], None]) -> _Solved:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.obstacles import DistanceObstacle, Obstacle, VoxelObstacle
@@ -70,7 +71,10 @@ class RestBones:
         *,
         collision: str,
         cell: float | None = None,
+        skin: float = 0.0,
+        friction: float = 0.0,
         n_max: int = DEFAULT_N_MAX,
+        n_equal: int | None = None,
     ) -> None:
         """Take the rest geometry from moving bones; a bone that is as before keeps its grid.
 
@@ -86,8 +90,12 @@ class RestBones:
             ``"sdf"`` or ``"voxel"``.
         cell : float, optional
             With ``"sdf"``: distance of the grid's nodes [mm]; by the bone's size by default.
+        skin, friction : float
+            With ``"sdf"``: distance that points keep from the bones [mm], and Coulomb's coefficient.
         n_max : int
             With ``"voxel"``: number of voxels of a bone, about.
+        n_equal : int, optional
+            With ``"voxel"``: number of voxels along each axis instead.
 
         Raises
         ------
@@ -100,9 +108,9 @@ class RestBones:
             rest = apply_transform(inverse(transforms[index]), points)
             new: Obstacle
             if collision == "voxel":
-                new = VoxelObstacle(index, rest, triangles, n_max=n_max)
+                new = VoxelObstacle(index, rest, triangles, n_max=n_max, n_equal=n_equal)
             else:
-                new = DistanceObstacle(index, rest, triangles, cell=cell)
+                new = DistanceObstacle(index, rest, triangles, cell=cell, skin=skin, friction=friction)
             old = kept.get(name)
             self._obstacles[name] = old if old is not None and new.same_as(old) else new
 
@@ -120,7 +128,7 @@ class RestBones:
             expected = apply_transform(transforms[index], rest[sample])
             off = np.inf
             if bone.GetNumberOfPoints() == len(rest):
-                now = np.array([bone.GetPoint(int(i)) for i in sample])
+                now = vtk_to_numpy(bone.GetPoints().GetData())[sample]
                 off = float(np.abs(now - expected).max())
             scale = float(np.ptp(expected, axis=0).max()) + float(np.abs(expected).max())
             if not off <= RIGIDITY_TOLERANCE * scale:

@@ -104,7 +104,7 @@ class PBDDeformer(Filter):
     constraints have them.
 
     P21 itself is ``start="inertial"``, ``solver="gauss-seidel"``, ``order="sequential"``,
-    ``collision="voxel"``, ``bone_push="transform"``.
+    ``collision="voxel"``, ``bone_push="transform"``, ``contact_velocity="keep"``.
 
     Raises
     ------
@@ -175,8 +175,33 @@ class PBDDeformer(Filter):
         doc="Distance of the nodes of the signed distance grids; None is 1/400 of the diagonal of the bone's "
         "box along its principal axes.",
     )
+    skin = Parameter(
+        float,
+        default=0.0,
+        minimum=0.0,
+        units="mm",
+        doc="Distance that points keep from the bones; those nearer at rest may come as near; for collision "
+        "'sdf'.",
+    )
+    friction = Parameter(
+        float,
+        default=0.0,
+        minimum=0.0,
+        doc="Coulomb's coefficient between muscle and bones: how much of the push out of a bone may be spent "
+        "on holding a point where it is on the bone; for collision 'sdf'.",
+    )
     n_max = Parameter(
-        int, default=DEFAULT_N_MAX, minimum=1, doc="Number of voxels of a bone, about; for collision 'voxel'."
+        int,
+        default=DEFAULT_N_MAX,
+        minimum=1,
+        doc="Number of voxels of a bone, about, shared out by the sides of its box so that they are nearly "
+        "cubes; for collision 'voxel'.",
+    )
+    n_equal: Parameter[int | None] = Parameter(
+        int,
+        default=None,
+        minimum=1,
+        doc="Number of voxels along each axis of a bone's box, instead of n_max; for collision 'voxel'.",
     )
     bone_push = Parameter(
         str,
@@ -184,6 +209,12 @@ class PBDDeformer(Filter):
         choices=("transform", "off"),
         doc="What a bone does to points that it moved over: take them with it, or nothing; for collision "
         "'voxel'.",
+    )
+    contact_velocity = Parameter(
+        str,
+        default="zero",
+        choices=("zero", "keep"),
+        doc="Velocity of points that met a bone: none, as P21 proposes, or that of their displacement (P21).",
     )
     start = Parameter(
         str, default="blend", choices=("inertial", "blend"), doc="Where free points start each step."
@@ -361,7 +392,14 @@ class PBDDeformer(Filter):
         transforms = transforms_of(bones, "PBDDeformer: bones")
         if known == 0 and self.collision != "none":
             self._rest_bones.take(
-                bones, transforms, collision=self.collision, cell=self.cell, n_max=self.n_max
+                bones,
+                transforms,
+                collision=self.collision,
+                cell=self.cell,
+                skin=self.skin,
+                friction=self.friction,
+                n_max=self.n_max,
+                n_equal=self.n_equal,
             )
             self._solver = None  # it holds the obstacles
         solver = self._made_solver()

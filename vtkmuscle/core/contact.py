@@ -1,0 +1,208 @@
+"""A muscle and the bones that it may meet: which points are tested against which bone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.obstacles import Obstacle
+from vtkmuscle.core.rigid import apply_transform, inverse
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+
+class Barrier:
+    """What keeps the free points of one muscle out of the bones.
+
+    Parameters
+    ----------
+    obstacles : sequence of Obstacle
+        Bones, in scene coordinates at rest.
+    rest : (n, 3) array
+        The muscle at rest, about its centre [mm].
+    centre : (3,) array
+        Where the points' origin is in the scene at rest [mm].
+    free : (n,) bool array
+        Points that may be moved.
+    bone_push : bool
+        See :meth:`~vtkmuscle.core.obstacles.Obstacle.keep_out`.
+    """
+
+    def __init__(
+        self, obstacles: Sequence[Obstacle], rest: Floats, centre: Floats, free: Bools, *, bone_push: bool
+    ) -> None:
+        self.obstacles = tuple(obstacles)
+        self.free = free
+        self.bone_push = bone_push
+        self._rest = rest
+        self._about_centre = np.eye(4)
+        self._about_centre[:3, 3] = -centre
+        #: Which of the bones' transforms each obstacle has.
+        self.bones: Ints = np.array([obstacle.bone for obstacle in self.obstacles], dtype=np.int64)
+        boxes = [
+            (obstacle.box[0] - obstacle.margin - centre, obstacle.box[1] + obstacle.margin - centre)
+            for obstacle in self.obstacles
+        ]
+        #: Middle and half the sides of each obstacle's box at rest, about the muscle's centre.
+        self.boxes: Floats = np.array([((low + high) / 2, (high - low) / 2) for low, high in boxes])
+        self._from_axes: dict[int, Floats] = {}
+        self._allowances: dict[int, Floats | None] = {}
+
+    def from_axes(self, number: int) -> Floats:
+        """Return the transform from an obstacle's axes to the scene at rest, about the muscle's centre."""
+        if number not in self._from_axes:
+            self._from_axes[number] = self._about_centre @ inverse(self.obstacles[number].axes)
+        return self._from_axes[number]
+
+    def allowance(self, number: int) -> Floats | None:
+        """Return how deep points may be in an obstacle."""
+        if number not in self._allowances:
+            at_rest = apply_transform(inverse(self.from_axes(number)), self._rest)
+            self._allowances[number] = self.obstacles[number].allowance(at_rest)
+        return self._allowances[number]
+
+
+class Contact:
+    """A muscle and the bones during one step.
+
+    A bone whose box the free points' path does not meet is not looked at any closer, and all bones are
+    sorted out at once: far ones cost next to nothing, and no grid is built for them. Where points slide
+    along the bones, their path is followed from one call to the next. A point that is known to be away from
+    a bone is not tested again before it has moved that far.
+
+    Parameters
+    ----------
+    barrier : Barrier
+        What keeps points out.
+    now, before : (b, 4, 4) arrays
+        Transforms of all bones, rest to now and rest to the previous frame, of points about the centre.
+    x : (n, 3) array
+        Positions of the previous frame, about the centre [mm].
+    """
+
+    def __init__(self, barrier: Barrier, now: Floats, before: Floats, x: Floats) -> None:
+        self._barrier = barrier
+        if not barrier.obstacles:
+            return
+        self._now = now[barrier.bones]
+        self._steps = self._now @ _inverses(before[barrier.bones])
+        self._x = [x for _ in barrier.obstacles]
+        #: Where the bones are, and, seen from each, where points come from: as far as it takes them along.
+        self._low, self._high = _moved_boxes(self._now, barrier.boxes[:, 0], barrier.boxes[:, 1])
+        if not barrier.free.any():
+            return
+        low, high = _box(x, barrier.free)
+        self._from_low, self._from_high = _moved_boxes(self._steps, (low + high) / 2, (high - low) / 2)
+        #: Where points were when their distance was found, and its square (0 inside).
+        self._clear: dict[int, tuple[Floats, Floats]] = {}
+
+    def keep_out(self, p: Floats) -> Bools:
+        """Move predicted positions out of the bones that they can have met.
+
+        Parameters
+        ----------
+        p : (n, 3) array
+            Positions about the centre [mm], changed in place.
+
+        Returns
+        -------
+        (n,) bool array
+            Points that were moved.
+        """
+        hit = np.zeros(len(p), dtype=np.bool_)
+        near = self._in_reach(p)
+        for number in range(len(near)):
+            if not (near[number] and self._meets(number, p)):
+                continue
+            obstacle = self._barrier.obstacles[number]
+            bone = self._now[number] @ self._barrier.from_axes(number)
+            moved = obstacle.keep_out(
+                bone,
+                self._steps[number],
+                self._x[number],
+                p,
+                self._concerned(number, p),
+                allowance=self._barrier.allowance(number),
+                bone_push=self._barrier.bone_push,
+            )
+            if obstacle.slides:
+                if number not in self._clear:
+                    distance = np.maximum(obstacle.distance(apply_transform(inverse(bone), p)), 0.0)
+                    self._clear[number] = p.copy(), distance**2
+                self._x[number], self._steps[number] = p.copy(), np.eye(4)
+                self._from_low[number], self._from_high[number] = _box(p, self._barrier.free)
+            if moved.any():
+                hit |= moved
+                near = self._in_reach(p)
+        return hit
+
+    def _in_reach(self, p: Floats) -> Bools:
+        """Return whose boxes, along the axes of the scene, the path of the points may meet, (k,)."""
+        if not (self._barrier.obstacles and self._barrier.free.any()):
+            return np.zeros(0, dtype=np.bool_)
+        low, high = _box(p, self._barrier.free)
+        apart = (np.maximum(self._from_high, high) < self._low) | (
+            np.minimum(self._from_low, low) > self._high
+        )
+        near: Bools = np.logical_not(apart.any(axis=1))
+        return near
+
+    def _meets(self, number: int, p: Floats) -> bool:
+        """Return whether the path of the points may meet an obstacle's box along its own axes."""
+        if number in self._clear:
+            return True  # its grid is there
+        obstacle, free = self._barrier.obstacles[number], self._barrier.free
+        to_axes = inverse(self._now[number] @ self._barrier.from_axes(number))
+        starts = _box(apply_transform(to_axes @ self._steps[number], self._x[number]), free)
+        ends = _box(apply_transform(to_axes, p), free)
+        low, high = obstacle.box_along_axes
+        return bool(
+            (np.maximum(starts[1], ends[1]) >= low - obstacle.margin).all()
+            and (np.minimum(starts[0], ends[0]) <= high + obstacle.margin).all()
+        )
+
+    def _concerned(self, number: int, p: Floats) -> Bools:
+        """Return the free points that may have met a bone."""
+        if number not in self._clear:
+            return self._barrier.free
+        there, squares = self._clear[number]
+        moved = p - there
+        concerned: Bools = self._barrier.free & (np.einsum("ij,ij->i", moved, moved) >= squares)
+        return concerned
+
+
+def _inverses(transforms: Floats) -> Floats:
+    """Return the inverses of rigid transforms (k, 4, 4)."""
+    result = np.zeros_like(transforms)
+    result[:, :3, :3] = transforms[:, :3, :3].transpose(0, 2, 1)
+    result[:, :3, 3] = -np.einsum("bij,bj->bi", result[:, :3, :3], transforms[:, :3, 3])
+    result[:, 3, 3] = 1.0
+    return result
+
+
+def _moved_boxes(transforms: Floats, middles: Floats, halves: Floats) -> tuple[Floats, Floats]:
+    """Return the boxes of moved boxes, (k, 3) each: transforms (k, 4, 4), middles, halves (k, 3) or (3,)."""
+    turned = transforms[:, :3, :3]
+    centres = np.einsum("bij,bj->bi", turned, np.broadcast_to(middles, (len(turned), 3)))
+    centres += transforms[:, :3, 3]
+    reach = np.einsum("bij,bj->bi", np.abs(turned), np.broadcast_to(halves, (len(turned), 3)))
+    # A path or a box that has no extent must not be missed for a rounding error.
+    reach += 1e-9 * (np.abs(centres) + reach)
+    return centres - reach, centres + reach
+
+
+@kernel
+def _box(points: Floats, free: Bools) -> tuple[Floats, Floats]:
+    """Return the lowest and highest coordinates of the free points, infinite where there is none."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for i in range(len(points)):
+        if free[i]:
+            for k in range(3):
+                low[k] = min(low[k], points[i, k])
+                high[k] = max(high[k], points[i, k])
+    return low, high
