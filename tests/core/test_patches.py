@@ -2,10 +2,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import pyvista as pv
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from vtkmuscle.core.mesh import edge_lengths, unique_edges
+from vtkmuscle.core.mesh import edge_lengths, triangle_normals, unique_edges
 from vtkmuscle.core.patches import attachment_patch
 
 RADIUS = 20.0
@@ -19,7 +22,10 @@ def ball(n_points=3000):
     flat = np.sqrt(1 - z * z)
     points = RADIUS * np.column_stack([flat * np.cos(angle), flat * np.sin(angle), z])
     points = points[rng.permutation(n_points)]
-    return points, ConvexHull(points).simplices.astype(np.int64)
+    triangles = ConvexHull(points).simplices.astype(np.int64)
+    inward = np.einsum("ij,ij->i", triangle_normals(points, triangles), points[triangles[:, 0]]) < 0
+    triangles[inward] = triangles[inward, ::-1]
+    return points, triangles
 
 
 BALL = ball()
@@ -95,17 +101,93 @@ def test_landmarks_that_repeat_make_no_difference():
 def test_the_bone_decides_between_sides_of_like_size():
     ring = latitude_ring(95.0)
 
-    def below(positions):
-        return np.linalg.norm(positions - [0.0, 0.0, -RADIUS], axis=1)
+    def below(positions):  # a bone with a flat face
+        return positions[:, 2] + RADIUS
 
     def above(positions):
-        return np.linalg.norm(positions - [0.0, 0.0, RADIUS], axis=1)
+        return RADIUS - positions[:, 2]
 
     assert is_cap(attachment_patch(*BALL, ring, True, bone_distance=above), 95.0)
     lower = attachment_patch(*BALL, ring, True, bone_distance=below)
     rest = np.setdiff1d(np.arange(len(BALL[0])), lower)
     assert is_cap(rest, 95.0 - np.degrees(EDGE / RADIUS))
     np.testing.assert_array_equal(lower, attachment_patch(*BALL, ring, True))
+
+
+THICK = 6.0
+
+
+def slab():
+    """Return a flat muscle, 60 x 30 x 6 mm, between z = 0 and z = 6."""
+    sheet = pv.Box((-30.0, 30.0, -15.0, 15.0, 0.0, THICK), level=19, quads=False).clean()
+    points = np.asarray(sheet.points, dtype=np.float64)
+    return points, sheet.faces.reshape(-1, 4)[:, 1:].astype(np.int64)
+
+
+SLAB = slab()
+
+
+def beneath(positions):
+    """Return the distances from a bone, on whose flat face the muscle lies."""
+    return positions[:, 2]
+
+
+def oval(height, *, n=24):
+    angle = 2 * np.pi * np.arange(n) / n
+    return np.column_stack([15 * np.cos(angle), 8 * np.sin(angle), np.full(n, height)])
+
+
+def within_oval(patch):
+    """Return True where the patch is all of the lower face within the oval, give or take an edge."""
+    x, y, z = SLAB[0].T
+    r, slack = np.hypot(x / 15, y / 8), 3.0 / 8.0
+    chosen = np.isin(np.arange(len(SLAB[0])), patch)
+    lower = z == 0.0
+    return bool(chosen[lower & (r < 1 - slack)].all() and not chosen[~lower | (r > 1 + slack)].any())
+
+
+@pytest.mark.parametrize("height", [-10.0, -1.0, 2.0, 4.0, THICK, THICK + 4.0])
+def test_the_patch_is_on_the_side_of_the_bone_wherever_the_landmarks_are(height):
+    """Landmarks in the muscle, or beyond it, are nearer to the face that looks away from the bone."""
+    assert within_oval(attachment_patch(*SLAB, oval(height), True, bone_distance=beneath))
+    turned = SLAB[0], SLAB[1][:, ::-1]  # inside out
+    assert within_oval(attachment_patch(*turned, oval(height), True, bone_distance=beneath))
+    curve = oval(height)[:8]
+    patch = attachment_patch(*SLAB, curve, False, tolerance=3.0, bone_distance=beneath)
+    assert (SLAB[0][patch][:, 2] == 0.0).all()
+
+
+def test_a_muscle_that_is_in_the_bone_is_attached_there():
+    def overlapping(positions):  # the bone's face is 3 mm inside the muscle
+        return positions[:, 2] - 3.0
+
+    assert within_oval(attachment_patch(*SLAB, oval(-1.0), True, bone_distance=overlapping))
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    off=st.floats(-10.0, 10.0),
+    jitter=st.floats(0.0, 1.0),
+    backwards=st.booleans(),
+    repeated=st.integers(1, 3),
+    start=st.integers(0, 23),
+)
+def test_perturbed_rings_give_the_same_patch_up_to_the_perturbation(
+    seed, off, jitter, backwards, repeated, start
+):
+    """Area of the patch within what the perturbation of the ring's radius allows; all on the bone's side."""
+    ring = oval(off) + np.random.default_rng(seed).uniform(-jitter, jitter, (24, 3))
+    ring = np.repeat(np.roll(ring, start, axis=0), repeated, axis=0)[:: -1 if backwards else 1]
+    patch = attachment_patch(*SLAB, ring, True, bone_distance=beneath)
+    x, y, z = SLAB[0][patch].T
+    assert (z == 0.0).all()
+    slack = 3.0 + jitter
+    assert (np.hypot(x / (15 + slack), y / (8 + slack)) <= 1.0).all()
+    core = (SLAB[0][:, 2] == 0.0) & (
+        np.hypot(SLAB[0][:, 0] / (15 - slack), SLAB[0][:, 1] / (8 - slack)) < 1.0
+    )
+    assert np.isin(np.flatnonzero(core), patch).all()
 
 
 def test_a_clearly_smaller_side_is_inside_wherever_the_bone_is():

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
-from vtkmuscle.core.mesh import edge_lengths, unique_edges
+from vtkmuscle.core.mesh import edge_lengths, triangle_normals, unique_edges
 from vtkmuscle.filters.arrays import checked_surface, multiblock_from, point_array, points_of
 from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, landmarks_of
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.scene.model import Scene
 
 
 def ball(centre, radius):
@@ -219,6 +220,53 @@ def test_attachments_of_the_real_muscles_lie_on_their_bones(lhdl_hip):
             assert np.median(off) < 3.0, (name, bone)
     assert all(20 < count < 3000 for count in found.values()), found
     assert found["iliacus", "pelvis"] > 2000
+
+
+@pytest.mark.realdata
+def test_patches_of_the_real_muscles_are_as_large_as_their_rings_and_face_the_bone(lhdl_hip):
+    """Area between 0.8 and 1.2 of the ring's; on every patch muscle and bone face each other."""
+    scene = Scene.load(lhdl_hip / "scene.toml")
+    for name, muscle in scene.muscles.items():
+        points, triangles = checked_surface(muscle.surface, name)
+        normals = triangle_normals(points, triangles)
+        areas = np.linalg.norm(normals, axis=1) / 2
+        for number, area in enumerate(muscle.attachments):
+            fixed_to = detect(
+                "attachment",
+                muscle=muscle.surface,
+                bones=scene.bones_data(),
+                attachments=attachments_from([area]),
+            )
+            patch = (fixed_to[triangles] >= 0).all(axis=1)
+            arms = area.landmarks - area.landmarks.mean(axis=0)
+            ring = np.linalg.norm(np.cross(arms, np.roll(arms, -1, axis=0)).sum(axis=0)) / 2
+            if area.closed:
+                assert 0.8 < areas[patch].sum() / ring < 1.2, (name, number)
+            middles = points[triangles[patch]].mean(axis=1)
+            units = normals[patch] / np.linalg.norm(normals[patch], axis=1, keepdims=True)
+            distance = SurfaceDistance(scene.bones[area.bone]).signed
+            slope = (distance(middles + 0.1 * units) - distance(middles)) / 0.1
+            facing = np.average(slope < 0, weights=areas[patch])
+            # What is near a curve along a rim, as that of the iliacus, goes round the rim.
+            assert facing > (0.98 if area.closed else 0.8), (name, number)
+
+
+@pytest.mark.realdata
+def test_landmarks_10_mm_off_leave_the_patch_of_the_real_iliacus_where_it_is(lhdl_hip):
+    """Off towards the bone, and into the muscle, which is thinner than that in places."""
+    scene = Scene.load(lhdl_hip / "scene.toml")
+    muscle = scene.muscles["iliacus"]
+    (area,) = (area for area in muscle.attachments if area.role == "origin")
+    normal = np.linalg.svd(area.landmarks - area.landmarks.mean(axis=0))[2][2]
+    found = []
+    for off in (0.0, -10.0, 10.0):
+        moved = AttachmentArea(area.role, area.bone, area.landmarks + off * normal, area.closed)
+        data = attachments_from([moved])
+        found.append(
+            detect("attachment", muscle=muscle.surface, bones=scene.bones_data(), attachments=data) >= 0
+        )
+    for other in found[1:]:
+        assert (other & found[0]).sum() / (other | found[0]).sum() > 0.8
 
 
 def read(path):

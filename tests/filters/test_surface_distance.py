@@ -88,6 +88,15 @@ def near_points(points, triangles, *, n=2000, seed=1):
     return on_surface + directions * 10 ** rng.uniform(-5, 1, (n, 1))
 
 
+@pytest.mark.parametrize("inside_out", [False, True])
+def test_signed_distances_need_no_closed_surface(inside_out):
+    points, triangles = ball()
+    below = triangles[points[triangles][:, :, 2].max(axis=1) < 5.0]  # open at its top
+    bone = SurfaceDistance(surface_from(points, below[:, ::-1] if inside_out else below))
+    found = bone.signed([[0.0, 0.0, -13.0], [0.0, 0.0, -9.0], [7.0, 0.0, -3.0], [10.0, 0.0, -5.0]])
+    np.testing.assert_allclose(found, [3.0, -1.0, np.hypot(7, 3) - 10, np.hypot(10, 5) - 10], atol=0.1)
+
+
 @pytest.mark.parametrize("shape", SHAPES)
 def test_distances_agree_with_libigl(shape):
     points, triangles = SHAPES[shape]

@@ -16,7 +16,14 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.mesh import edge_lengths, half_edges, triangle_normals, unique_edges
+from vtkmuscle.core.mesh import (
+    edge_lengths,
+    half_edges,
+    signed_volume,
+    triangle_normals,
+    unique_edges,
+    vertex_normals,
+)
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -35,6 +42,10 @@ _FLATNESS = 1e-3
 #: stray 6 % of the chord from the great circle with 10, 16 % (at most 38 %) with 0, and are as long.
 _STRAIGHTNESS = 10.0
 
+#: A way along the normal of a point that faces the bone nears it by this part of the way, at least; along
+#: that of a point that looks away it leaves the bone by as much. Between them is the rim of a muscle.
+_FACING = 0.5
+
 
 def attachment_patch(
     points: Floats,
@@ -47,12 +58,12 @@ def attachment_patch(
 ) -> Ints:
     """Return the points of the muscle that an attachment area covers.
 
-    The landmarks are projected to the nearest points of the muscle and neighbours joined by geodesics
-    along edges. A ring cuts the surface: the patch is all that it cuts off except the largest part, its
-    own points included, so that a ring which crosses itself keeps all its loops, whichever way round it
-    runs. Where the parts are of like size, the one nearer to the bone is the patch. An open curve, a ring
-    of landmarks on a line, and a ring that cuts nothing off give the points within a tolerance of the
-    projected curve, on its side of the muscle.
+    The landmarks are projected to the nearest points of the muscle, on the side that faces the bone where
+    one is within reach, and neighbours joined by geodesics along edges. A ring cuts the surface: the patch
+    is all that it cuts off except the largest part, its own points included, so that a ring which crosses
+    itself keeps all its loops, whichever way round it runs. Where the parts are of like size, the one
+    nearer to the bone is the patch. An open curve, a ring of landmarks on a line, and a ring that cuts
+    nothing off give the points within a tolerance of the projected curve, on its side of the muscle.
 
     Parameters
     ----------
@@ -67,8 +78,8 @@ def attachment_patch(
     tolerance : float, optional
         For curves: how far from the projected curve a point may be [mm]. Default: the mean edge length.
     bone_distance : callable, optional
-        From points (j, 3) to their distances (j,) from the bone; without it the smaller side of a ring
-        is its inside.
+        From points (j, 3) to their distances (j,) from the bone, negative inside; without it landmarks go
+        to either side of the muscle, and the smaller side of a ring is its inside.
 
     Returns
     -------
@@ -84,7 +95,7 @@ def attachment_patch(
     edges = unique_edges(triangles)
     lengths = edge_lengths(points, edges)
     within = float(lengths.mean()) if tolerance is None else tolerance
-    vertices = _nearest_vertices(points, triangles, landmarks, within)
+    vertices = _nearest_vertices(points, triangles, landmarks, within, bone_distance)
     ring = closed and not _on_a_line(landmarks)
     curve = _geodesic_curve(points, edges, lengths, vertices, closed=ring)
     if ring:
@@ -94,12 +105,23 @@ def attachment_patch(
     return _near_curve(points, edges, curve, within)
 
 
-def _nearest_vertices(points: Floats, triangles: Ints, landmarks: Floats, tolerance: float) -> Ints:
-    """Return for each landmark the nearest point that a triangle uses, neighbours never the same."""
+def _nearest_vertices(
+    points: Floats,
+    triangles: Ints,
+    landmarks: Floats,
+    tolerance: float,
+    bone_distance: Callable[[Floats], Floats] | None,
+) -> Ints:
+    """Return for each landmark the nearest point that a triangle uses, neighbours never the same.
+
+    Landmarks off a thin muscle, or within it, may be nearer to the face that looks away from the bone; the
+    patch would be there. So points that face the bone go first.
+    """
     if not len(landmarks):
         raise ValueError("the attachment has no landmarks")
     used = np.unique(triangles)
-    offsets, nearest = cKDTree(points[used]).query(landmarks)
+    tree = cKDTree(points[used])
+    offsets, nearest = tree.query(landmarks)
     diagonal = float(np.linalg.norm(np.ptp(points[used], axis=0)))
     limit = max(FARTHEST_LANDMARK * diagonal, tolerance)
     worst = int(np.argmax(offsets))
@@ -109,9 +131,50 @@ def _nearest_vertices(points: Floats, triangles: Ints, landmarks: Floats, tolera
             f"most {limit:.4g} is accepted: leave this attachment out if it is another muscle's or out of "
             "the scene, and check the units, or give a larger tolerance"
         )
+    if bone_distance is not None:
+        _prefer_facing(points, triangles, landmarks, nearest, (tree, used, limit), bone_distance)
     vertices: Ints = used[nearest].astype(np.int64)
     distinct: Ints = vertices[np.append(True, vertices[1:] != vertices[:-1])]
     return distinct
+
+
+def _prefer_facing(
+    points: Floats,
+    triangles: Ints,
+    landmarks: Floats,
+    nearest: Ints,
+    among: tuple[cKDTree, Ints, float],
+    bone_distance: Callable[[Floats], Floats],
+) -> None:
+    """Give each landmark the nearest point that faces the bone, where there is one within the limit.
+
+    nearest : (k,), changed in place: for each landmark a number among the points that are used;
+    among : the tree of these points, their ids, and the limit.
+    """
+    tree, used, limit = among
+    normals = vertex_normals(points, triangles) * np.sign(signed_volume(points, triangles) or 1.0)
+    step = float(edge_lengths(points, unique_edges(triangles)).mean())
+    waiting, count = np.arange(len(landmarks)), 1
+    while len(waiting):
+        offsets, found = tree.query(landmarks[waiting], [*range(count // 2 + 1, count + 1)])
+        ids = used[np.minimum(found, len(used) - 1)].ravel()
+        # Landmarks that are nearest to the rim stay there, but none is sent there.
+        least = -_FACING if count == 1 else _FACING
+        facing = _faces_bone(points[ids], normals[ids], step, least, bone_distance).reshape(found.shape)
+        facing &= offsets <= limit
+        settled = facing.any(axis=1)
+        nearest[waiting[settled]] = found[settled, facing[settled].argmax(axis=1)]
+        waiting = waiting[~settled & (offsets[:, -1] <= limit)]
+        count *= 2
+
+
+def _faces_bone(
+    points: Floats, normals: Floats, step: float, least: float, bone_distance: Callable[[Floats], Floats]
+) -> Bools:
+    """Return which points near the bone by the least part of a step along their normals."""
+    here = bone_distance(points)
+    faces: Bools = here - bone_distance(points + step * normals) >= least * step
+    return faces
 
 
 def _on_a_line(landmarks: Floats) -> bool:

@@ -25,11 +25,11 @@ class FixedPointDetector(Filter):
     """Find the points of a muscle that are fixed to a bone and move with it.
 
     ``"attachment"`` fixes what the landmarks of the attachment areas enclose when projected onto the
-    muscle, and for areas that are open curves what lies within the tolerance of the curve.
-    ``"proximity"`` fixes the points within the tolerance of a bone's surface, ``"collision"`` those in
-    the boundary or inside voxels of a bone. The last two also fix points that should slide along the
-    bone; they are for muscles without landmarks. A point that two bones claim goes to the nearer one (by
-    attachment: to the bone with the nearest landmark).
+    muscle, on the side that faces the bone, and for areas that are open curves what lies within the
+    tolerance of the curve. ``"proximity"`` fixes the points within the tolerance of a bone's surface,
+    ``"collision"`` those in the boundary or inside voxels of a bone. The last two also fix points that
+    should slide along the bone; they are for muscles without landmarks. A point that two bones claim goes to
+    the nearer one (by attachment: to the bone with the nearest landmark).
 
     Raises
     ------
@@ -121,20 +121,23 @@ class FixedPointDetector(Filter):
         nearest = np.full(len(points), np.inf)
         fixed_to = np.full(len(points), -1)
         areas = attachments_of(attachments, "FixedPointDetector: attachments")
+        distances: dict[str, SurfaceDistance] = {}
         for number, area in enumerate(areas):
             where = f"FixedPointDetector: attachments, area {number} ({area.role} on {area.bone!r})"
             if area.bone not in bones:
                 raise ValueError(f"{where}: the bones are {', '.join(map(repr, names))}; rename one of them")
-            patch = self._patch(points, triangles, area, bones[area.bone], where)
-            distances = cKDTree(area.landmarks).query(points[patch])[0]
-            closer = distances < nearest[patch]
-            nearest[patch[closer]] = distances[closer]
+            if area.bone not in distances:
+                distances[area.bone] = SurfaceDistance(bones[area.bone])
+            patch = self._patch(points, triangles, area, distances[area.bone], where)
+            offsets = cKDTree(area.landmarks).query(points[patch])[0]
+            closer = offsets < nearest[patch]
+            nearest[patch[closer]] = offsets[closer]
             fixed_to[patch[closer]] = names.index(area.bone)
             self.report_progress((number + 1) / len(areas))
         return fixed_to
 
     def _patch(
-        self, points: Floats, triangles: Ints, area: AttachmentArea, bone: vtkPolyData, where: str
+        self, points: Floats, triangles: Ints, area: AttachmentArea, bone: SurfaceDistance, where: str
     ) -> Ints:
         try:
             return attachment_patch(
@@ -143,7 +146,7 @@ class FixedPointDetector(Filter):
                 area.landmarks,
                 area.closed,
                 tolerance=self.tolerance,
-                bone_distance=lambda positions: SurfaceDistance(bone).unsigned(positions),
+                bone_distance=bone.signed,
             )
         except ValueError as error:
             raise ValueError(f"{where}: {error}") from error

@@ -65,6 +65,14 @@ class SurfaceDistance:
         """Return the distance of each point (n, 3) from the nearest triangle, (n,)."""
         return np.abs(_evaluate(self._whole, _checked(points)))
 
+    def signed(self, points: ArrayLike) -> Floats:
+        """Return the distance of each point (n, 3) from the nearest triangle, negative behind it, (n,).
+
+        Unlike :meth:`depth` it needs no closed shell, and tells nothing where shells overlap.
+        """
+        side = float(np.sign(signed_volume(self._points, self._triangles)) or 1.0)
+        return side * _evaluate(self._whole, _checked(points))
+
     def closest(self, points: ArrayLike) -> tuple[Floats, Floats]:
         """Return the closest point on the surface to each point (n, 3), and its distance.
 
