@@ -380,18 +380,6 @@ def test_an_equal_muscle_in_a_new_object_goes_on(counted_steps):
     assert counted_steps == [0.0, 5.0, 10.0, 20.0, 30.0]
 
 
-def test_states_are_thinned_out_when_memory_is_used_up(monkeypatch, counted_steps):
-    expected = frame(deformer_of(), 20.0)
-    counted_steps.clear()
-    size = points_of(spindle()).nbytes
-    monkeypatch.setattr("vtkmuscle.filters.pbd_deformer.STATE_MEMORY", 4.5 * size)
-    deformer = deformer_of()
-    deformer.update(30.0)
-    assert len(deformer._frames) <= 3
-    assert np.array_equal(frame(deformer, 20.0), expected)
-    assert counted_steps[:5] == ANGLES
-
-
 # ---------------------------------------------------------------- stopping and failing
 
 

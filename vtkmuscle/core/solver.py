@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -159,16 +160,46 @@ class MuscleSolver:
         edge_stiffness: Floats | None = None,
         obstacles: Sequence[Obstacle] = (),
     ) -> None:
-        self.parameters = parameters
         self.topology: MeshTopology = mesh_topology(len(points), triangles)
         self.fixed_to = fixed_to
         self.centre: Floats = (points.min(axis=0) + points.max(axis=0)) / 2.0
         self.rest: Floats = points - self.centre
         self._free: Bools = fixed_to < 0
-        push = parameters.bone_push == "transform"
-        self._barrier = Barrier(obstacles, self.rest, self.centre, self._free, bone_push=push)
         self._inverse_mass = self._free.astype(np.float64)
         self._shape = RestShape(self.rest, self.topology)
+        self._barrier = Barrier((), self.rest, self.centre, self._free, bone_push=False)
+        self._edges_made_from: tuple[str, float, Floats] | None = None
+        self._prepare(parameters, edge_stiffness, obstacles)
+
+    def adjusted(
+        self,
+        parameters: SolverParameters,
+        *,
+        edge_stiffness: Floats | None = None,
+        obstacles: Sequence[Obstacle] = (),
+    ) -> MuscleSolver:
+        """Return a solver of the same muscle with other settings, as if it were made anew.
+
+        What depends on the muscle alone (topology, rest shape, harmonic weights) is shared between the two,
+        and so is what depends on settings that are the same.
+
+        Parameters
+        ----------
+        parameters, edge_stiffness, obstacles
+            As of the class.
+        """
+        other = copy(self)
+        other._prepare(parameters, edge_stiffness, obstacles)
+        return other
+
+    def _prepare(
+        self, parameters: SolverParameters, edge_stiffness: Floats | None, obstacles: Sequence[Obstacle]
+    ) -> None:
+        """Make what depends on the settings."""
+        self.parameters = parameters
+        push = parameters.bone_push == "transform"
+        if push != self._barrier.bone_push or tuple(obstacles) != self._barrier.obstacles:
+            self._barrier = Barrier(obstacles, self.rest, self.centre, self._free, bone_push=push)
         self._prepare_volume()
         self._prepare_edges(edge_stiffness)
 
@@ -183,6 +214,11 @@ class MuscleSolver:
         stiffness = np.ones(len(edges)) if edge_stiffness is None else edge_stiffness
         stiffness = self._per_iteration(self.parameters.stiffness * stiffness)
         shape_stiffness = float(self._per_iteration(self.parameters.shape_stiffness))
+        made_from = self.parameters.order, shape_stiffness, stiffness
+        before = self._edges_made_from
+        if before is not None and before[:2] == made_from[:2] and np.array_equal(before[2], stiffness):
+            return
+        self._edges_made_from = made_from
         if self.parameters.order == "colour":
             packed = pack(
                 self.topology,

@@ -27,6 +27,7 @@ from vtkmuscle.filters.arrays import (
 )
 from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.bone_motion import bones_of
+from vtkmuscle.filters.checkpoints import MEGABYTE, Checkpoints
 from vtkmuscle.filters.moving_bones import RestBones, transforms_of
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
 from vtkmuscle.filters.pipeline_times import times_of
@@ -34,8 +35,13 @@ from vtkmuscle.filters.pipeline_times import times_of
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Memory for kept states [bytes]; when it is used up every other state is dropped.
-STATE_MEMORY = 256 * 1024**2
+#: Parameters that say nothing unless another one has this value: a change of them alone changes no frame.
+_ONLY_WITH = {
+    "cell": ("collision", "sdf"),
+    "n_max": ("collision", "voxel"),
+    "bone_push": ("collision", "voxel"),
+    "tolerance": ("solver", "anderson"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +73,12 @@ class _Frame:
     state: MuscleState
     milliseconds: float
 
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes [bytes]."""
+        state = self.state
+        return state.positions.nbytes + state.velocities.nbytes + state.transforms.nbytes
+
 
 class PBDDeformer(Filter):
     """Deform a muscle with the bones it is fixed to, by position based dynamics.
@@ -83,6 +95,10 @@ class PBDDeformer(Filter):
     steps that the bones announce up to t, and t itself; steps that are known from earlier requests are not
     computed again, and the frame does not depend on what was asked for before. Bones without time steps
     give one step, from rest to where they are.
+
+    Frames are kept to go back to, in memory of ``checkpoint_memory``; one takes 48 bytes per point. Where it
+    is used up, every second frame is dropped, then every second of those; a frame that was dropped is
+    computed from the nearest kept one before it. Any setting gives the same frames.
 
     Each step starts from ``"blend"``, where the bones' motions, blended by harmonic weights, take the free
     points (they have no momentum then), or from ``"inertial"``, where their velocity takes them (P21). From
@@ -238,6 +254,13 @@ class PBDDeformer(Filter):
         choices=("colour", "sequential"),
         doc="Order in which edges are projected: many that share no point at once, or one by one (P21).",
     )
+    checkpoint_memory = Parameter(
+        float,
+        default=256.0,
+        minimum=0.0,
+        units="MB",
+        doc="Memory for frames kept to go back in time; the last two are kept even with 0.",
+    )
 
     muscle = InputPort(
         vtkPolyData,
@@ -268,9 +291,12 @@ class PBDDeformer(Filter):
 
     def __init__(self, **parameters: Any) -> None:
         self._solver: MuscleSolver | None = None
+        self._solver_made_from: tuple[Any, ...] = ()
         self._muscle: _Muscle | None = None
         self._rest_bones = RestBones("PBDDeformer: bones")
-        self._frames: dict[float | None, _Frame] = {}
+        self._edge_stiffness: tuple[_Muscle, Floats | None] | None = None
+        self._rest_from: float | None = None
+        self._frames: Checkpoints[_Frame] = Checkpoints()
         self._made_with: object = None
         self._steps: tuple[float, ...] = ()
         super().__init__(**parameters)
@@ -308,7 +334,7 @@ class PBDDeformer(Filter):
         """Return how much of a path is done: one more than the index of its last known frame."""
         return max((i + 1 for i, step in enumerate(path) if step in self._frames), default=0)
 
-    def _bones_at(self, time: float) -> vtkMultiBlockDataSet:
+    def _bones_at(self, time: float | None) -> vtkMultiBlockDataSet:
         """Return the bones at a time; what is there already is not computed again."""
         connection = self.GetInputConnection(1, 0)
         producer, port = connection.GetProducer(), connection.GetIndex()
@@ -322,22 +348,30 @@ class PBDDeformer(Filter):
         return bones
 
     def _forget_if_changed(self) -> None:
-        """Drop all frames when a parameter or anything upstream of the bones has changed."""
+        """Drop all frames when a parameter they depend on or anything upstream of the bones has changed."""
         connection = self.GetInputConnection(1, 0)
         producer = connection.GetProducer()
         # The pipeline's modification time tells changes upstream, but does not change with time requests;
         # a data set's own would. Two producers behind one source share it, so theirs is in it as well.
         executive = producer.GetExecutive()
         made_with = (
-            self.parameters(),
+            self._settings_of_frames(),
             producer.GetMTime(),
             connection.GetIndex(),
             executive.GetPipelineMTime(),
         )
         if made_with != self._made_with:
             self._frames.clear()
-            self._solver = None
             self._made_with = made_with
+
+    def _settings_of_frames(self) -> dict[str, Any]:
+        """Return the parameters that a frame depends on."""
+        settings = self.parameters()
+        del settings["checkpoint_memory"]
+        for name, (other, value) in _ONLY_WITH.items():
+            if settings[other] != value:
+                del settings[name]
+        return settings
 
     # ---------------------------------------------------------------- one frame
 
@@ -349,11 +383,21 @@ class PBDDeformer(Filter):
         if not self._steps:
             self._frames.clear()
         path = self._path()
-        for index in range(self._known(path), len(path)):
+        known = self._known(path)
+        if known and self._rest_from != path[0]:
+            self._take_rest(path[0], bones_of(self._bones_at(path[0]), "PBDDeformer: bones"))
+        for index in range(known, len(path)):
             at = path[index]
             now = bones if at is None or not self._steps else self._bones_at(at)
             self._advance(path, index, bones_of(now, "PBDDeformer: bones"))
+        self._thin_out(path)
         return self._result(muscle, self._frames[path[-1]])
+
+    def _thin_out(self, path: Sequence[float | None]) -> None:
+        """Drop frames for which there is no room; the last two of a path stay, to go on from."""
+        nbytes = self._frames[path[-1]].nbytes
+        memory = MEGABYTE * self.checkpoint_memory
+        self._frames.thin(self._steps, path[-2:], nbytes=nbytes, memory=memory)
 
     def _prepare(self, muscle: vtkPolyData, fibres: vtkPolyData | None, bones: list[str]) -> None:
         where = "PBDDeformer: muscle"
@@ -386,11 +430,11 @@ class PBDDeformer(Filter):
             )
         return fixed_to
 
-    def _advance(self, path: Sequence[float | None], known: int, bones: dict[str, vtkPolyData]) -> None:
-        """Compute the frame after the known ones of a path."""
-        started = time.perf_counter()
-        transforms = transforms_of(bones, "PBDDeformer: bones")
-        if known == 0 and self.collision != "none":
+    def _take_rest(self, first: float | None, bones: dict[str, vtkPolyData]) -> None:
+        """Take the bones at rest from the first frame of a path, on which their last digits depend."""
+        self._rest_from = first
+        if self.collision != "none":
+            transforms = transforms_of(bones, "PBDDeformer: bones")
             self._rest_bones.take(
                 bones,
                 transforms,
@@ -401,7 +445,13 @@ class PBDDeformer(Filter):
                 n_max=self.n_max,
                 n_equal=self.n_equal,
             )
-            self._solver = None  # it holds the obstacles
+
+    def _advance(self, path: Sequence[float | None], known: int, bones: dict[str, vtkPolyData]) -> None:
+        """Compute the frame after the known ones of a path."""
+        started = time.perf_counter()
+        if known == 0:
+            self._take_rest(path[0], bones)
+        transforms = transforms_of(bones, "PBDDeformer: bones")
         solver = self._made_solver()
         if self.collision != "none":
             self._rest_bones.check(bones, transforms)
@@ -409,42 +459,43 @@ class PBDDeformer(Filter):
         state = solver.step(
             before, transforms, progress=lambda part: self.report_progress((known + part) / len(path))
         )
-        self._frames[path[known]] = _Frame(state, 1e3 * (time.perf_counter() - started))
-        if 2 * state.positions.nbytes * len(self._frames) > STATE_MEMORY:
-            others = [t for t in self._frames if t != path[known]]
-            for t in sorted(others, key=lambda t: -np.inf if t is None else t)[::2]:
-                del self._frames[t]
+        frame = _Frame(state, 1e3 * (time.perf_counter() - started))
+        self._frames.keep(path[known], frame)
+        self._thin_out(path[: known + 1])
 
     def _made_solver(self) -> MuscleSolver:
-        if self._solver is not None:
-            return self._solver
+        """Return the solver, made anew as far as the muscle, the bones or the parameters have changed."""
         muscle = self._muscle
         assert muscle is not None
         settings = self.parameters()
-        names = SolverParameters.__dataclass_fields__
-        try:
-            self._solver = MuscleSolver(
-                muscle.points,
-                muscle.triangles,
-                muscle.fixed_to,
-                SolverParameters(**{name: settings[name] for name in names}),
-                edge_stiffness=self._edge_stiffness(muscle) if self.anisotropy else None,
-                obstacles=self._rest_bones.obstacles if self.collision != "none" else (),
-            )
-        except ValueError as error:
-            raise ValueError(f"PBDDeformer: muscle: {error}") from error
+        parameters = SolverParameters(
+            **{name: settings[name] for name in SolverParameters.__dataclass_fields__}
+        )
+        stiffness = self._stiffness_of_edges(muscle) if self.anisotropy else None
+        obstacles = self._rest_bones.obstacles if self.collision != "none" else ()
+        made_from = (parameters, obstacles)
+        if self._solver is None:
+            try:
+                self._solver = MuscleSolver(
+                    muscle.points,
+                    muscle.triangles,
+                    muscle.fixed_to,
+                    parameters,
+                    edge_stiffness=stiffness,
+                    obstacles=obstacles,
+                )
+            except ValueError as error:
+                raise ValueError(f"PBDDeformer: muscle: {error}") from error
+        elif made_from != self._solver_made_from[:2] or stiffness is not self._solver_made_from[2]:
+            self._solver = self._solver.adjusted(parameters, edge_stiffness=stiffness, obstacles=obstacles)
+        self._solver_made_from = (*made_from, stiffness)
         return self._solver
 
-    def _edge_stiffness(self, muscle: _Muscle) -> Floats | None:
-        topology = mesh_topology(len(muscle.points), muscle.triangles)
-        edges = topology.edges
-        directions: Floats | None
-        if muscle.fibres is not None:
-            middles = muscle.points[edges].mean(axis=1)
-            directions = fibre_directions_at(middles, muscle.fibres.points, muscle.fibres.offsets)
-        else:
-            directions = harmonic_directions(muscle.points, topology, muscle.fixed_to)
-        return None if directions is None else edge_stiffness(muscle.points, edges, directions)
+    def _stiffness_of_edges(self, muscle: _Muscle) -> Floats | None:
+        """Return the anisotropic stiffness of each edge; it depends on the muscle and its fibres alone."""
+        if self._edge_stiffness is None or self._edge_stiffness[0] is not muscle:
+            self._edge_stiffness = muscle, _anisotropic_stiffness(muscle)
+        return self._edge_stiffness[1]
 
     # ---------------------------------------------------------------- the result
 
@@ -468,6 +519,18 @@ class PBDDeformer(Filter):
         set_field_array(result, "CollidingPoints", state.colliding)
         set_field_array(result, "Milliseconds", frame.milliseconds)
         return result
+
+
+def _anisotropic_stiffness(muscle: _Muscle) -> Floats | None:
+    topology = mesh_topology(len(muscle.points), muscle.triangles)
+    edges = topology.edges
+    directions: Floats | None
+    if muscle.fibres is not None:
+        middles = muscle.points[edges].mean(axis=1)
+        directions = fibre_directions_at(middles, muscle.fibres.points, muscle.fibres.offsets)
+    else:
+        directions = harmonic_directions(muscle.points, topology, muscle.fixed_to)
+    return None if directions is None else edge_stiffness(muscle.points, edges, directions)
 
 
 def _time_of(info: Any) -> float | None:

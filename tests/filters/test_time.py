@@ -1,0 +1,245 @@
+"""A frame is the same whatever was asked for, and changed, before; and nothing is done twice without need."""
+
+import functools
+
+import numpy as np
+import pytest
+from filter_case import digest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from test_pbd_deformer import bones, fixed_to, spindle
+
+from vtkmuscle.core import obstacles, solver
+from vtkmuscle.core.rigid import hinge
+from vtkmuscle.filters import pbd_deformer
+from vtkmuscle.filters.arrays import points_of
+from vtkmuscle.filters.bone_motion import BoneMotion
+from vtkmuscle.filters.checkpoints import Checkpoints
+from vtkmuscle.filters.pbd_deformer import PBDDeformer
+
+STEPS = (0.0, 4.0, 8.0, 12.0, 16.0, 20.0)
+MOTIONS = {
+    "near": hinge("upper", (0.0, 25.0, 0.0), (1, 0, 0), STEPS),
+    "far": hinge("upper", (0.0, 30.0, 5.0), (1, 0.2, 0), STEPS),
+}
+MUSCLES = {"thin": spindle(9.0), "thick": spindle(12.0)}
+#: What may change from one request to the next, with the values it may have.
+CHOICES = {
+    "iterations": (2, 3),
+    "collision": ("sdf", "voxel", "none"),
+    "start": ("blend", "inertial"),
+    "solver": ("anderson", "gauss-seidel"),
+    "anisotropy": (True, False),
+    "stiffness": (1.0, 0.7),
+    "cell": (3.0, 4.0),
+    "n_max": (200, 400),
+    "bone_push": ("off", "transform"),
+    "checkpoint_memory": (256.0, 0.015, 0.0),
+    "motion": tuple(MOTIONS),
+    "muscle": tuple(MUSCLES),
+}
+FIRST = {name: values[0] for name, values in CHOICES.items()}
+
+changes = st.sampled_from([(name, value) for name, values in CHOICES.items() for value in values])
+times = st.sampled_from([*STEPS, -1.0, 6.0, 10.0, 19.0, 25.0])
+sequences = st.lists(st.one_of(times, times, changes), min_size=2, max_size=12).filter(
+    lambda sequence: any(isinstance(entry, float) for entry in sequence)
+)
+
+
+def made(state):
+    deformer = PBDDeformer()
+    deformer.connect(0, MUSCLES[state["muscle"]])
+    moving = BoneMotion()
+    moving.connect(0, bones())
+    deformer.connect(1, moving)
+    for name, value in state.items():
+        put(deformer, name, value)
+    return deformer
+
+
+def put(deformer, name, value):
+    """Set a parameter of a deformer, or what it is fed with."""
+    if name == "motion":
+        deformer.GetInputAlgorithm(1, 0).motion = MOTIONS[value]
+    elif name == "muscle":
+        deformer.connect(0, MUSCLES[value])
+    else:
+        setattr(deformer, name, value)
+
+
+def frame(deformer, time):
+    return digest(deformer.update(time).output)
+
+
+@functools.cache
+def fresh_frame(state, time):
+    """Return the frame that a new deformer gives that is asked for nothing else."""
+    return frame(made(dict(state)), time)
+
+
+def of_a_straight_run(state, time):
+    settings_of_frame = {**state, "checkpoint_memory": FIRST["checkpoint_memory"]}
+    return fresh_frame(tuple(settings_of_frame.items()), time)
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(sequences)
+def test_any_sequence_of_times_and_changes_gives_the_frames_of_a_fresh_run(sequence):
+    state = dict(FIRST)
+    deformer = made(state)
+    for entry in sequence:
+        if isinstance(entry, float):
+            assert frame(deformer, entry) == of_a_straight_run(state, entry)
+        else:
+            state[entry[0]] = entry[1]
+            put(deformer, *entry)
+
+
+@pytest.mark.parametrize("memory", CHOICES["checkpoint_memory"])
+def test_backwards_skipping_and_repeating_give_the_straight_run(memory):
+    straight = made(FIRST)
+    expected = {time: frame(straight, time) for time in STEPS}
+    deformer = made({**FIRST, "checkpoint_memory": memory})
+    for time in (*STEPS[::-1], STEPS[1], STEPS[4], STEPS[4], *STEPS[::2], *STEPS):
+        assert frame(deformer, time) == expected[time]
+
+
+# ---------------------------------------------------------------- what a change invalidates
+
+
+OF_A_MUSCLE = ("topology", "rest shape", "blend weights", "fibre directions")
+
+
+@pytest.fixture
+def work(monkeypatch):
+    """Count what is done: steps, and the things that are made for them."""
+    done = []
+
+    def count(owner, name, label):
+        original = getattr(owner, name)
+
+        @functools.wraps(original)
+        def counted(*arguments, **keywords):
+            done.append(label)
+            return original(*arguments, **keywords)
+
+        monkeypatch.setattr(owner, name, counted)
+
+    count(solver, "mesh_topology", "topology")
+    count(solver, "RestShape", "rest shape")
+    count(solver, "harmonic_weights", "blend weights")
+    count(solver, "pack", "constraints")
+    count(pbd_deformer, "_anisotropic_stiffness", "fibre directions")
+    count(obstacles, "_shared_grid", "distance grids")
+    count(obstacles, "build_voxel_grid", "voxels")
+    count(solver.MuscleSolver, "step", "steps")
+    return done
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "redone"),
+    [
+        ("iterations", 3, {"steps"}),
+        ("damping", 0.5, {"steps"}),
+        ("dt", 0.5, {"steps"}),
+        ("external_force", (0.0, 1.0, 0.0), {"steps"}),
+        ("volume_stiffness", 0.5, {"steps"}),
+        ("tolerance", 0.1, {"steps"}),
+        ("start", "inertial", {"steps"}),
+        ("stiffness", 0.5, {"steps", "constraints"}),
+        ("shape_stiffness", 0.5, {"steps", "constraints"}),
+        ("anisotropy", False, {"steps", "constraints"}),
+        ("order", "sequential", {"steps"}),
+        ("collision", "none", {"steps"}),
+        ("collision", "voxel", {"steps", "voxels"}),
+        ("cell", 4.0, {"steps", "distance grids"}),
+        ("motion", "far", {"steps"}),
+        ("n_max", 400, set()),
+        ("bone_push", "transform", set()),
+        ("checkpoint_memory", 0.0, set()),
+        ("muscle", "thin", {"steps", "constraints", *OF_A_MUSCLE}),
+    ],
+)
+def test_a_change_redoes_what_depends_on_it_and_nothing_else(work, name, value, redone):
+    deformer = made({**FIRST, "muscle": "thick"})
+    frame(deformer, 8.0)
+    assert set(work) == {*OF_A_MUSCLE, "steps", "constraints", "distance grids"}
+    before = len(work)
+    put(deformer, name, value)
+    frame(deformer, 8.0)
+    assert set(work[before:]) == redone
+
+
+def test_the_fibres_of_an_isotropic_muscle_are_not_looked_at(work):
+    frame(made({**FIRST, "anisotropy": False}), 8.0)
+    assert "fibre directions" not in work
+
+
+# ---------------------------------------------------------------- checkpoints
+
+
+def kept_after_a_straight_run(n_steps, room):
+    checkpoints, steps = Checkpoints(), [float(i) for i in range(n_steps)]
+    for i in range(n_steps):
+        checkpoints.keep(steps[i], i)
+        checkpoints.thin(steps, steps[max(i - 1, 0) : i + 1], nbytes=10, memory=10.0 * room)
+    return checkpoints, [step for step in steps if step in checkpoints]
+
+
+@pytest.mark.parametrize("n_steps", [1, 2, 9, 64, 100])
+@pytest.mark.parametrize("room", [0, 1, 4, 7, 100])
+def test_checkpoints_keep_to_their_memory_and_bound_the_way_back(n_steps, room):
+    checkpoints, kept = kept_after_a_straight_run(n_steps, room)
+    last = {float(n_steps - 1), float(max(n_steps - 2, 0))}
+    assert last <= set(kept)
+    assert len(set(kept) - last) <= room
+    assert len(checkpoints) == len(kept)
+    if room:
+        assert 0.0 in kept
+        assert np.diff(kept, append=n_steps).max() <= max(1.0, 2.0 * n_steps / room)
+
+
+def test_times_between_steps_are_dropped_first():
+    checkpoints = Checkpoints()
+    for time in (0.0, 0.5, 1.0, 1.5, 2.0):
+        checkpoints.keep(time, time)
+    checkpoints.thin([0.0, 1.0, 2.0, 3.0], [2.0], nbytes=1, memory=2.0)
+    assert [time for time in (0.0, 0.5, 1.0, 1.5, 2.0) if time in checkpoints] == [0.0, 1.0, 2.0]
+
+
+def test_less_memory_means_more_steps_and_less_of_it_held(work):
+    steps, kept = {}, {}
+    for memory in (256.0, 0.015, 0.0):
+        deformer = made({**FIRST, "checkpoint_memory": memory})
+        frame(deformer, STEPS[-1])
+        work.clear()
+        for time in STEPS[::-1]:
+            frame(deformer, time)
+        steps[memory], kept[memory] = work.count("steps"), len(deformer._frames)
+    assert steps[256.0] == 0
+    assert 0 < steps[0.015] < steps[0.0]
+    assert kept[256.0] == len(STEPS)
+    assert kept[0.0] <= 2 < kept[0.015] < kept[256.0]
+
+
+def test_setting_less_memory_frees_frames_at_once():
+    deformer = made(FIRST)
+    frame(deformer, STEPS[-1])
+    deformer.checkpoint_memory = 0.0
+    frame(deformer, STEPS[-1])
+    assert len(deformer._frames) == 2
+
+
+def test_playing_on_after_a_time_between_steps_goes_on_from_the_step_before(work):
+    deformer = made({**FIRST, "checkpoint_memory": 0.0})
+    frame(deformer, 12.0)
+    frame(deformer, 13.0)
+    work.clear()
+    frame(deformer, 16.0)
+    assert work.count("steps") == 1
+
+
+def test_example_muscles_are_fixed_at_both_ends():
+    for muscle in MUSCLES.values():
+        assert set(np.unique(fixed_to(points_of(muscle)))) == {-1, 0, 1}
