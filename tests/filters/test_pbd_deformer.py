@@ -244,7 +244,7 @@ def test_the_skin_keeps_the_muscle_off_the_bone():
 
 
 def test_friction_holds_points_on_the_bone():
-    """With more friction a point that the bone presses goes less far along the bone; with much, not at all."""
+    """With more friction a point that the bone presses goes less far along it; with much, not at all."""
     ways = []
     for friction in (0.0, 0.5, 100.0):
         deformer, swing, free = swinging(friction=friction, start="inertial", solver="gauss-seidel")

@@ -1,6 +1,7 @@
 """A frame is the same whatever was asked for, and changed, before; and nothing is done twice without need."""
 
 import functools
+from weakref import WeakValueDictionary
 
 import numpy as np
 import pytest
@@ -32,7 +33,11 @@ CHOICES = {
     "anisotropy": (True, False),
     "stiffness": (1.0, 0.7),
     "cell": (3.0, 4.0),
+    "skin": (0.0, 0.5),
+    "friction": (0.0, 0.3),
+    "contact_velocity": ("zero", "keep"),
     "n_max": (200, 400),
+    "n_equal": (None, 8),
     "bone_push": ("off", "transform"),
     "checkpoint_memory": (256.0, 0.015, 0.0),
     "motion": tuple(MOTIONS),
@@ -131,7 +136,8 @@ def work(monkeypatch):
     count(solver, "harmonic_weights", "blend weights")
     count(solver, "pack", "constraints")
     count(pbd_deformer, "_anisotropic_stiffness", "fibre directions")
-    count(obstacles, "_shared_grid", "distance grids")
+    monkeypatch.setattr(obstacles, "_shared", WeakValueDictionary())
+    count(obstacles, "cached_distance_grid", "distance grids")
     count(obstacles, "build_voxel_grid", "voxels")
     count(solver.MuscleSolver, "step", "steps")
     return done
@@ -143,7 +149,7 @@ def work(monkeypatch):
         ("iterations", 3, {"steps"}),
         ("damping", 0.5, {"steps"}),
         ("dt", 0.5, {"steps"}),
-        ("external_force", (0.0, 1.0, 0.0), {"steps"}),
+        ("external_force", (0.01, 0.0, 0.0), {"steps"}),
         ("volume_stiffness", 0.5, {"steps"}),
         ("tolerance", 0.1, {"steps"}),
         ("start", "inertial", {"steps"}),
@@ -154,7 +160,11 @@ def work(monkeypatch):
         ("collision", "none", {"steps"}),
         ("collision", "voxel", {"steps", "voxels"}),
         ("cell", 4.0, {"steps", "distance grids"}),
+        ("skin", 0.5, {"steps"}),
+        ("friction", 0.3, {"steps"}),
+        ("contact_velocity", "keep", {"steps"}),
         ("motion", "far", {"steps"}),
+        ("n_equal", 8, set()),
         ("n_max", 400, set()),
         ("bone_push", "transform", set()),
         ("checkpoint_memory", 0.0, set()),

@@ -238,11 +238,26 @@ class DistanceObstacle(Obstacle):
         cell = self._cell or float(np.linalg.norm(high - low)) / CELLS_PER_DIAGONAL
         return 2.0 * cell + self.skin
 
+    @property
+    def band(self) -> float:
+        """How far from the surface distances are known at least [mm]."""
+        return max(BAND_CELLS * self.cell, self.skin + SKIN_CELLS * self.cell)
+
     @cached_property
     def grid(self) -> DistanceGrid:
         """Distances from the bone, in its own axes."""
-        band = max(BAND_CELLS * self.cell, self.skin + SKIN_CELLS * self.cell)
-        return _shared_grid(apply_transform(self.axes, self.points), self.triangles, self.cell, band)
+        return _shared_grid(apply_transform(self.axes, self.points), self.triangles, self.cell, self.band)
+
+    def take_over(self, earlier: Obstacle | None) -> None:
+        """Take the grid of an obstacle that was there before, where it is the same."""
+        if (
+            isinstance(earlier, DistanceObstacle)
+            and "grid" in vars(earlier)
+            and (earlier.cell, earlier.band) == (self.cell, self.band)
+            and np.array_equal(earlier.points, self.points)
+            and np.array_equal(earlier.triangles, self.triangles)
+        ):
+            self.grid = earlier.grid
 
     def allowance(self, points: Floats) -> Floats:
         """Return how deep points are in the bone, or its skin, at rest."""

@@ -106,12 +106,13 @@ class RestBones:
         for index, (name, bone) in enumerate(bones.items()):
             points, triangles = checked_surface(bone, f"{self._where}, block {name!r}")
             rest = apply_transform(inverse(transforms[index]), points)
+            old = kept.get(name)
             new: Obstacle
             if collision == "voxel":
                 new = VoxelObstacle(index, rest, triangles, n_max=n_max, n_equal=n_equal)
             else:
                 new = DistanceObstacle(index, rest, triangles, cell=cell, skin=skin, friction=friction)
-            old = kept.get(name)
+                new.take_over(old)
             self._obstacles[name] = old if old is not None and new.same_as(old) else new
 
     def check(self, bones: dict[str, vtkPolyData], transforms: Floats) -> None:

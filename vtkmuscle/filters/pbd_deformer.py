@@ -38,7 +38,10 @@ Ints = NDArray[np.int64]
 #: Parameters that say nothing unless another one has this value: a change of them alone changes no frame.
 _ONLY_WITH = {
     "cell": ("collision", "sdf"),
+    "skin": ("collision", "sdf"),
+    "friction": ("collision", "sdf"),
     "n_max": ("collision", "voxel"),
+    "n_equal": ("collision", "voxel"),
     "bone_push": ("collision", "voxel"),
     "tolerance": ("solver", "anderson"),
 }
