@@ -43,7 +43,7 @@ def decompose(
     method: str = "plane",
     slice_tolerance: float | None = None,
     continuity: float = 0.2,
-    largest_cut: float = 0.4,
+    largest_cut: float = 0.5,
     smoothing: int = 5,
     smoothing_weight: float = 4.0,
 ) -> FibreSmoother:
