@@ -71,7 +71,7 @@ class SurfaceDistance:
         Unlike :meth:`depth` it needs no closed shell, and tells nothing where shells overlap.
         """
         side = float(np.sign(signed_volume(self._points, self._triangles)) or 1.0)
-        return side * _evaluate(self._whole, _checked(points))
+        return side * self._whole.signed(_checked(points))[0]
 
     def closest(self, points: ArrayLike) -> tuple[Floats, Floats]:
         """Return the closest point on the surface to each point (n, 3), and its distance.
