@@ -1,4 +1,4 @@
-"""The command line: ``vtkmuscle run``, ``vtkmuscle demo``, ``vtkmuscle info``.
+"""The command line: ``vtkmuscle run``, ``demo``, ``info`` and ``paraview-path``.
 
 Nothing heavy is imported before a command needs it, so that ``vtkmuscle --help`` answers at once.
 """
@@ -125,6 +125,31 @@ def info(
             typer.echo(f"{file}")
             for word, value in _facts(file).items():
                 typer.echo(f"  {word:<12}{value}")
+
+
+@app.command("paraview-path")
+def paraview_path(
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--folder", help="Folder for the links; by default one in your cache.", show_default=False
+        ),
+    ] = None,
+) -> None:
+    """Print what to set for ParaView, pvpython and pvbatch to find the filters.
+
+    It fills a folder with links to vtkmuscle, numpy, scipy and numba, for a ParaView whose Python is of the
+    same version as this one, and prints commands for your shell:
+
+      eval "$(vtkmuscle paraview-path)"; paraview
+    """
+    with _one_clear_error(None):
+        from vtkmuscle.paraview import environment
+
+        links = (folder or environment.default_folder()).absolute()
+        environment.link_packages(links)
+    for command in environment.shell_commands(links):
+        typer.echo(command)
 
 
 def _run(scene: Scene, out: Path, *, frames: str | None, quiet: bool, figures: bool) -> None:

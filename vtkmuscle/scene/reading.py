@@ -164,6 +164,29 @@ def read_scene(path: Path) -> Scene:
     )
 
 
+def read_motion(path: Path) -> RigidMotion:
+    """Read the motion of a scene.toml and the tables it names, and nothing else of the scene.
+
+    Parameters
+    ----------
+    path : path
+        A scene.toml.
+
+    Returns
+    -------
+    RigidMotion
+        Of the bones that the scene names.
+
+    Raises
+    ------
+    SceneError
+        If the file cannot be read, or its motion is not right; the message says where and why.
+    """
+    root = _Table(path, "", _parsed(path), ())
+    bones = _Table(path, "bones", root.required("bones", "a table [bones.NAME]"), ())
+    return _motion(root, bones.values, {})
+
+
 def _parsed(path: Path) -> dict[str, Any]:
     if path.is_dir():
         mend = f"give its scene file, e.g. {path / 'scene.toml'}"
