@@ -45,11 +45,12 @@ class Shell(Filter):
     def ProcessRequest(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Answer a request, and show why where that fails."""
         done = super().ProcessRequest(request, inInfo, outInfo)
-        failure, self._failure = self._failure, None
-        # The exception goes now: its traceback holds this filter, and a cycle of which nothing else holds the
-        # Python side would cost the filter its attributes when the garbage collector comes.
-        if failure is not None and not isinstance(failure, AbortedError):
-            vtkOutputWindow.GetInstance().DisplayErrorText(f"{_words(failure)}\n")
+        if self._failure is not None:
+            if not isinstance(self._failure, AbortedError):
+                vtkOutputWindow.GetInstance().DisplayErrorText(f"{_words(self._failure)}\n")
+            # The exception's traceback holds this filter. ParaView holds the VTK side only, and the garbage
+            # collector would take the cycle, and with it the Python side's attributes.
+            self._failure = None
         return done
 
     def RequestData(self, request: Any, inInfo: Any, outInfo: Any) -> int:
