@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
     from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
     from vtkmuscle.filters.pbd_deformer import PBDDeformer
+    from vtkmuscle.filters.provenance import provenance_of
     from vtkmuscle.filters.slice_morpher import SliceMorpher
     from vtkmuscle.filters.template_fitter import TemplateFitter
 
@@ -48,6 +49,7 @@ _SOURCES = {
     "TemplateFitter": "template_fitter",
     "attachments_from": "attachments",
     "attachments_of": "attachments",
+    "provenance_of": "provenance",
 }
 
 __all__ = [
@@ -69,6 +71,7 @@ __all__ = [
     "TemplateFitter",
     "attachments_from",
     "attachments_of",
+    "provenance_of",
 ]
 
 

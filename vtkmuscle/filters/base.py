@@ -26,6 +26,7 @@ from vtkmodules.vtkCommonExecutionModel import (
 from vtkmuscle.filters.docstrings import documented
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
 from vtkmuscle.filters.pipeline_times import announce_times
+from vtkmuscle.filters.provenance import add_provenance
 from vtkmuscle.filters.pyvista_operator import mend_pyvista_operator
 
 _RESERVED = frozenset(dir(vtkAlgorithm)) | {"update", "apply", "execute", "parameters"}
@@ -362,7 +363,8 @@ class Filter(VTKPythonAlgorithmBase):
         # Who asks a filter to stop before it has begun is heard by every filter, also by those that are too
         # quick to report progress themselves.
         self.report_progress(0.0)
-        self._publish(self.execute(*self._inputs(inInfo)), outInfo)
+        inputs = self._inputs(inInfo)
+        self._publish(self.execute(*inputs), inputs, outInfo)
         return 1
 
     def _begin(self, outInfo: Any) -> None:
@@ -384,10 +386,11 @@ class Filter(VTKPythonAlgorithmBase):
             inputs.append(data)
         return inputs
 
-    def _publish(self, results: Any, outInfo: Any) -> None:
+    def _publish(self, results: Any, inputs: Sequence[Any], outInfo: Any) -> None:
         for port, result in enumerate(results if isinstance(results, tuple) else (results,)):
             output = outInfo.GetInformationObject(port).Get(vtkDataObject.DATA_OBJECT())
             output.ShallowCopy(result)
+            add_provenance(output, inputs, type(self).__name__, self._parameter_values)
             if self.request_time is not None:
                 output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), self.request_time)
 
