@@ -220,7 +220,7 @@ def scatter(p: Reals, offsets: Offsets, first: int, count: int, buffer: Reals, p
 
 
 @vector_kernel
-def sweep_edges(p: Reals, edge_at: Offsets, constants: Reals, buffer: Reals) -> None:
+def sweep_edges(p: Reals, edge_at: Offsets, constants: Reals, first: int, last: int, buffer: Reals) -> None:
     """Project the distance and then the dihedral constraint of each edge, batch by batch.
 
     Parameters
@@ -229,10 +229,15 @@ def sweep_edges(p: Reals, edge_at: Offsets, constants: Reals, buffer: Reals) -> 
         Records, changed in place.
     edge_at, constants : arrays
         As in :class:`~vtkmuscle.core.batches.PackedMuscle`.
+    first, last : int
+        The batches from the first on, the last excluded.
     buffer : array
         Working memory of :data:`EDGE_BUFFER` numbers.
     """
     corner = RECORD * WIDTH
+    # Slices, for a loop that starts at an unknown number is not made into vector instructions.
+    edge_at = edge_at[4 * WIDTH * first : 4 * WIDTH * last]
+    constants = constants[CONSTANTS * WIDTH * first : CONSTANTS * WIDTH * last]
     for batch in range(len(edge_at) // (4 * WIDTH)):
         gather(p, edge_at, 4 * WIDTH * batch, 4 * WIDTH, buffer, 0)
         # Constants are loaded four at a time and then stored, so that the compiler need not know that the
