@@ -45,7 +45,10 @@ def check_inputs_are_unchanged(case):
 
 
 def check_other_arrays_pass_through(case):
-    """Arrays of the first input reach the output: point and cell arrays where points and cells are kept."""
+    """Arrays of the first input reach the output: point and cell arrays where points and cells are kept.
+
+    An output of another kind (attachments made from a muscle) is not that data set changed, but a new one.
+    """
     inputs = case.inputs()
     marked = leaves(inputs[0])
     for leaf in marked:
@@ -53,6 +56,8 @@ def check_other_arrays_pass_through(case):
         set_cell_array(leaf, "OfCells", np.arange(3 * leaf.GetNumberOfCells()).reshape(-1, 3))
         set_field_array(leaf, "OfAll", np.array([1.5, 2.5]))
     output = case.filter(*inputs).update().output
+    if not isinstance(output, type(inputs[0])):
+        pytest.skip("makes another kind of data than it takes")
     for before, after in zip(marked, leaves(output), strict=True):
         kept = [(before.GetFieldData(), after.GetFieldData(), "OfAll")]
         if after.GetNumberOfPoints() == before.GetNumberOfPoints():

@@ -14,6 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from vtkmuscle.filters.attachment_estimator import AttachmentEstimator
     from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, attachments_of
     from vtkmuscle.filters.base import Filter
     from vtkmuscle.filters.bone_motion import BoneMotion
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
 _SOURCES = {
     "AttachmentArea": "attachments",
+    "AttachmentEstimator": "attachment_estimator",
     "BoneMotion": "bone_motion",
     "FibreMetrics": "fibre_metrics",
     "FibreSmoother": "fibre_smoother",
@@ -54,6 +56,7 @@ _SOURCES = {
 
 __all__ = [
     "AttachmentArea",
+    "AttachmentEstimator",
     "BoneMotion",
     "FibreMetrics",
     "FibreSmoother",

@@ -82,6 +82,7 @@ class MuscleRun:
         with self._timed("measuring"):
             measure = MuscleMeasure(track.rest, list(scene.bones), self.distances, scene.millimetres)
             track.report.update(measure.at_rest())
+        track.report["estimated_attachments"] = sum(area.estimated for area in muscle.attachments)
         fibres = None if muscle.fibres is None else decompose(detector, attachments, **muscle.fibres)
         if fibres is not None:
             self._tell("fibres", 0.0)
