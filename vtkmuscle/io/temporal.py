@@ -37,10 +37,13 @@ class TimeSeries:
         Pipeline times, ascending.
     frame : callable
         Given the number of a frame, returns its vtkPolyData, or a vtkMultiBlockDataSet of its named parts.
+    files : tuple of Path
+        What the frames are read from.
     """
 
     times: tuple[float, ...]
     frame: Callable[[int], Any]
+    files: tuple[Path, ...]
 
     def at(self, time: float) -> Any:
         """Return the frame nearest to a time."""
@@ -176,7 +179,9 @@ def _from_pvd(path: Path) -> TimeSeries:
         parts = {name: read_polydata(file) for name, file in steps[times[number]].items()}
         return next(iter(parts.values())) if len(parts) == 1 else multiblock_from(parts)
 
-    return TimeSeries(times, frame)
+    return TimeSeries(
+        times, frame, tuple({file: None for parts in steps.values() for file in parts.values()})
+    )
 
 
 def _from_vtkhdf(path: Path) -> TimeSeries:
@@ -197,4 +202,4 @@ def _from_vtkhdf(path: Path) -> TimeSeries:
         copy.GetFieldData().RemoveArray("Time")  # the reader's own
         return copy
 
-    return TimeSeries(times, frame)
+    return TimeSeries(times, frame, (path,))
