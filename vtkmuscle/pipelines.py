@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from vtkmuscle.core.rigid import RigidMotion
-from vtkmuscle.filters.attachment_estimator import AttachmentEstimator
 from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
@@ -24,6 +23,7 @@ FIBRE_SETTINGS: dict[str, tuple[type[Filter], str]] = {
     "axis": (TemplateFitter, "axis"),
     "angle_step": (TemplateFitter, "angle_step"),
     "method": (SliceMorpher, "method"),
+    "mapping": (SliceMorpher, "mapping"),
     "slice_tolerance": (SliceMorpher, "slice_tolerance"),
     "continuity": (SliceMorpher, "continuity"),
     "largest_cut": (FibreTrimmer, "largest_cut"),
@@ -41,10 +41,11 @@ def decompose(
     resolution: int = 15,
     axis: str = "auto",
     angle_step: float = 5.0,
-    method: str = "plane",
+    method: str = "auto",
+    mapping: str = "bijective",
     slice_tolerance: float | None = None,
     continuity: float = 0.2,
-    largest_cut: float = 0.5,
+    largest_cut: float = 0.4,
     smoothing: int = 5,
     smoothing_weight: float = 4.0,
 ) -> FibreSmoother:
@@ -63,7 +64,7 @@ def decompose(
         Kind, number of fibres and segments per fibre of FibreTemplateSource.
     axis, angle_step
         Of TemplateFitter.
-    method, slice_tolerance, continuity
+    method, mapping, slice_tolerance, continuity
         Of SliceMorpher.
     largest_cut
         Of FibreTrimmer.
@@ -93,7 +94,7 @@ def decompose(
     source = FibreTemplateSource(kind=template, n_fibres=n_fibres, resolution=resolution)
     fitter = _connected(TemplateFitter(axis=axis, angle_step=angle_step), source, muscle, attachments)
     morpher = _connected(
-        SliceMorpher(method=method, slice_tolerance=slice_tolerance, continuity=continuity),
+        SliceMorpher(method=method, mapping=mapping, slice_tolerance=slice_tolerance, continuity=continuity),
         fitter,
         muscle,
         attachments,
@@ -171,46 +172,6 @@ def deform(
     for port, value in enumerate((muscle, mover, fibres)):
         deformer.connect(port, value)
     return deformer
-
-
-def estimate_attachments(
-    muscle: Any, bones: Any, *, tolerance: float | None = None, origin: str | None = None
-) -> Any:
-    """Return attachments of a muscle for which there are no landmarks, from where it touches the bones.
-
-    Parameters
-    ----------
-    muscle : vtkPolyData or algorithm
-        Surface of triangles, in the rest pose.
-    bones : vtkMultiBlockDataSet or algorithm
-        Named blocks, in the rest pose.
-    tolerance, origin
-        Of AttachmentEstimator, which says how they are found and what they are good for.
-
-    Returns
-    -------
-    vtkMultiBlockDataSet
-        What :func:`decompose` and :func:`deform` take as attachments; each block has the field array
-        ``Estimated``, which is 1.
-
-    Raises
-    ------
-    ValueError
-        If the muscle touches fewer than two bones.
-
-    Examples
-    --------
-    >>> from vtkmuscle.phantoms import spindle_over_hinge
-    >>> from vtkmuscle.pipelines import deform, estimate_attachments
-    >>> phantom = spindle_over_hinge()
-    >>> (name, muscle), = phantom.muscles.items()
-    >>> attachments = estimate_attachments(muscle, phantom.bones)
-    >>> chain = deform(muscle, phantom.bones, phantom.motion, attachments, iterations=3)
-    >>> float(chain.update(time=0.0).output.GetFieldData().GetArray("VolumeRatio").GetValue(0))
-    1.0
-    """
-    estimator = AttachmentEstimator(tolerance=tolerance, origin=origin)
-    return _connected(estimator, muscle, bones).update().output
 
 
 def _connected(algorithm: Filter, *inputs: Any) -> Filter:

@@ -9,13 +9,15 @@ from vtkmuscle.core.correspondence import (
     _cheapest_chain,
     boundary_centroid,
     loop_lengths,
-    nearest_vertex,
     refined_loop,
     sampled_loop,
     split_chain,
+    started_loop,
     starting_points,
     subdivided_rectangle,
 )
+
+Q0 = np.zeros(2)
 
 
 def ellipse(a=20.0, b=8.0, *, centre=(25.0, 15.0), turn=0.0, n=90, first=0):
@@ -77,8 +79,8 @@ def test_a_refined_loop_is_the_same_curve_with_short_segments():
 
 def test_samples_are_equally_spaced_and_begin_nearest_to_the_corner():
     loop = ellipse(first=33)
-    samples = sampled_loop(loop, 64)
-    assert np.allclose(samples, sampled_loop(np.roll(loop, 7, axis=0), 64), atol=1e-12)
+    samples = sampled_loop(loop, Q0, 64)
+    assert np.allclose(samples, sampled_loop(np.roll(loop, 7, axis=0), Q0, 64), atol=1e-12)
     steps = np.linalg.norm(np.roll(samples, -1, axis=0) - samples, axis=1)
     # Chords of a curved loop are a little shorter than its arcs.
     assert np.abs(steps / steps.mean() - 1).max() < 0.02
@@ -88,7 +90,7 @@ def test_samples_are_equally_spaced_and_begin_nearest_to_the_corner():
 
 def test_samples_of_a_rectangle_are_on_it():
     loop = np.array([(1.0, 2), (5, 2), (5, 3), (1, 3)])
-    samples = sampled_loop(np.roll(loop, 2, axis=0), 10)
+    samples = sampled_loop(np.roll(loop, 2, axis=0), Q0, 10)
     assert np.allclose(samples[0], (1, 2))
     assert np.allclose(samples, [(x, 2) for x in (1, 2, 3, 4, 5)] + [(x, 3) for x in (5, 4, 3, 2, 1)])
 
@@ -108,17 +110,18 @@ def test_the_chain_is_the_cheapest_of_all(seed, levels, n):
 
 
 def test_without_continuity_every_loop_starts_nearest_to_the_corner():
-    starts = starting_points([ellipse(), ellipse(turn=1.0)], np.array([0.0, 5.0]), 0.0)
+    starts = starting_points([ellipse(), ellipse(turn=1.0)], np.array([0.0, 5.0]), 0.0, Q0)
     assert np.array_equal(starts, np.zeros((2, 2)))
     loop = ellipse(first=20)
-    assert nearest_vertex(loop, 0.0, 0.0) == np.linalg.norm(loop, axis=1).argmin()
+    started = started_loop(loop, Q0)
+    assert np.array_equal(started, np.roll(loop, -np.linalg.norm(loop, axis=1).argmin(), axis=0))
 
 
 @pytest.mark.parametrize("n_levels", [1, 2, 16, 500])
 def test_equal_loops_all_start_at_the_same_place_nearest_to_the_corner(n_levels):
     loops = [ellipse(first=k % 90) for k in range(n_levels)]
-    starts = starting_points(loops, np.linspace(0, 100, n_levels), 20.0)
-    assert np.allclose(starts, sampled_loop(loops[0], 128)[0], atol=1e-9)
+    starts = starting_points(loops, np.linspace(0, 100, n_levels), 20.0, Q0)
+    assert np.allclose(starts, sampled_loop(loops[0], Q0, 128)[0], atol=1e-9)
 
 
 def crescent(lean, n=200):
@@ -136,9 +139,9 @@ def test_a_section_that_leans_to_the_other_side_does_not_make_the_start_jump(n_l
     levels = np.linspace(0, 100, n_levels)
     jumps = {}
     for continuity in (0.0, 20.0):
-        targets = starting_points(loops, levels, continuity)
+        targets = starting_points(loops, levels, continuity, Q0)
         starts = np.array(
-            [loop[nearest_vertex(loop, *target)] for loop, target in zip(loops, targets, strict=True)]
+            [started_loop(loop, target)[0] for loop, target in zip(loops, targets, strict=True)]
         )
         jumps[continuity] = np.linalg.norm(np.diff(starts, axis=0), axis=1).max()
     assert jumps[0.0] > 20.0

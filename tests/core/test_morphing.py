@@ -5,8 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from vtkmuscle.core.morphing import morph_by_planes, morph_slice, shared_levels
+from vtkmuscle.core.morphing import morph_by_planes, shared_levels
 from vtkmuscle.core.rigid import apply_transform
+from vtkmuscle.core.section_maps import MAPPINGS, map_section
 from vtkmuscle.core.templates import TEMPLATES, sobol_points
 from vtkmuscle.phantoms.implicit import thick_curve, union
 from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution
@@ -24,13 +25,23 @@ def upright_box(points):
     return transform
 
 
-def morph(points, triangles, cube=None, transform=None, *, slice_tolerance=0.0, continuity=0.2, **other):
+def morph(
+    points,
+    triangles,
+    cube=None,
+    transform=None,
+    *,
+    slice_tolerance=0.0,
+    continuity=0.2,
+    mapping="bijective",
+    **other,
+):
     """Return fibres in a muscle, shaped like those in the cube."""
     cube = template() if cube is None else cube
     transform = upright_box(points) if transform is None else transform
     fitted = apply_transform(transform, cube.reshape(-1, 3))
-    settings_ = {"slice_tolerance": slice_tolerance, "continuity": continuity, **other}
-    return morph_by_planes(fitted, transform, points, triangles, **settings_).reshape(cube.shape)
+    settings_ = {"slice_tolerance": slice_tolerance, "continuity": continuity, "mapping": mapping, **other}
+    return morph_by_planes(fitted, transform, points, triangles, **settings_).points.reshape(cube.shape)
 
 
 def outside(places, points, triangles):
@@ -215,17 +226,23 @@ def test_heights_share_a_level_within_the_tolerance(heights, wide):
 def test_a_slice_that_is_the_rectangle_maps_to_itself(rng):
     loop = np.array([(4.0, 0), (4, 3), (2, 3), (0, 3), (0, 1), (0, 0)])
     places = rng.random((20, 2)) * [4, 3]
-    assert np.allclose(morph_slice(loop, np.zeros(2), 4.0, 3.0, places), places, atol=1e-12)
+    for mapping in MAPPINGS:
+        section = map_section(loop, np.zeros(2), np.array([4.0, 3.0]), places, mapping=mapping)
+        assert np.allclose(section.places, places, atol=1e-9)
 
 
-def test_corners_of_the_rectangle_go_to_the_boundary_and_its_inside_to_the_inside_of_a_convex_slice(rng):
+@pytest.mark.parametrize("mapping", MAPPINGS)
+def test_corners_of_the_rectangle_go_to_the_boundary_and_its_inside_to_the_inside_of_a_convex_slice(
+    rng, mapping
+):
     angles = np.linspace(0, 2 * np.pi, 50, endpoint=False)
     loop = np.column_stack([10 + 9 * np.cos(angles), 4 + 3 * np.sin(angles)])
     corners = np.array([(0.0, 0), (20, 0), (20, 8), (0, 8)])
-    ends = morph_slice(loop, np.zeros(2), 20.0, 8.0, corners)
+    sides = np.array([20.0, 8.0])
+    ends = map_section(loop, np.zeros(2), sides, corners, mapping=mapping).places
     radii = np.linalg.norm((ends - (10, 4)) / (9, 3), axis=1)
     assert np.allclose(radii, 1, atol=0.01)
-    mapped = morph_slice(loop, np.zeros(2), 20.0, 8.0, rng.random((200, 2)) * [20, 8])
+    mapped = map_section(loop, np.zeros(2), sides, rng.random((200, 2)) * sides, mapping=mapping).places
     assert (np.linalg.norm((mapped - (10, 4)) / (9, 3), axis=1) <= 1).all()
 
 
@@ -237,7 +254,7 @@ def test_an_open_muscle_is_refused(banana):
 
 def test_a_muscle_without_an_inside_is_refused():
     points = np.array([(0.0, 0, 0), (10, 0, 1), (3, 0, 30)])
-    with pytest.raises(ValueError, match="no plane through the template cuts"):
+    with pytest.raises(ValueError, match="no section of the muscle through the template has an inside"):
         morph(points, np.array([(0, 1, 2), (0, 2, 1)]), transform=np.diag([10.0, 1, 30, 1]))
 
 

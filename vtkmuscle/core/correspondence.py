@@ -1,8 +1,8 @@
 """Which point of a muscle's section corresponds to which point of the template's rectangle.
 
 The rectangle has the corners Q0 = (0, 0), (width, 0), (width, depth) and (0, depth); loops run
-counterclockwise as it does. A loop is matched once it is known which of its vertices goes with Q0: from there
-it is split into four parts, one for each side.
+counterclockwise as it does. A loop, flat (k = 2) or in space (k = 3), is matched once it is known which of
+its vertices goes with Q0: from there it is split into four parts, one for each side.
 
 Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.3,
 extended in doi:10.1007/978-3-642-38241-3_3.
@@ -10,7 +10,7 @@ extended in doi:10.1007/978-3-642-38241-3_3.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,54 +24,87 @@ Ints = NDArray[np.int64]
 N_PLACES = 128
 #: Slices, at most, for which the start is optimised; in between it is interpolated.
 N_KEYS = 64
+#: A segment shorter than this part of its loop's perimeter is rounding.
+SHORTEST = 1e-9
 
 
-def starting_points(loops: Sequence[Floats], levels: Floats, continuity: float) -> Floats:
+def starting_points(
+    loops: Sequence[Floats],
+    levels: Floats,
+    continuity: float,
+    corner: Floats,
+    place_costs: Callable[[Floats, Ints], Floats] | None = None,
+) -> Floats:
     """Return where each loop starts, so that it starts near Q0 and neighbouring loops do not twist.
 
     The paper takes the vertex nearest to Q0, slice by slice: where a section turns past Q0 that vertex jumps
     along it, and all fibres turn with it. Here the places p_j minimise, over all slices at once,
 
-        sum_j |x_j(p_j)|^2 dz_j  +  continuity^2 sum_j D_j(p_j, p_{j-1})^2 / (z_j - z_{j-1}),
+        sum_j cost_j(p_j) dz_j  +  continuity^2 sum_j D_j(p_j, p_{j-1})^2 / (z_j - z_{j-1}),
 
-    where x_j(p) is a place on loop j, so that the first term is the paper's, and D_j the root mean square
-    distance of the points of loop j from those of loop j - 1 that correspond to them, both loops about their
-    centroids. D depends on the difference of the places only, and comes for all of them at once from a
-    cyclic correlation; the minimum is found exactly, by dynamic programming. Where slices are dense, only
-    :data:`N_KEYS` of them take part, and the others' starts, about their centroids, are interpolated.
+    where cost_j is the squared distance from Q0, so that the first term is the paper's, unless another one is
+    given, and D_j is the root mean square distance of the points of loop j from those of loop j - 1 that
+    correspond to them, both loops about their centroids. D depends on the difference of the places only, and
+    comes for all of them at once from a cyclic correlation; the minimum is found exactly, by dynamic
+    programming. Where slices are dense, only :data:`N_KEYS` of them take part, and the others' starts, about
+    their centroids, are interpolated.
 
     Parameters
     ----------
-    loops : sequence of (n, 2) arrays
+    loops : sequence of (n, k) arrays
         Vertices of each loop, counterclockwise [mm].
     levels : (l,) array
         Heights of the loops, strictly ascending [mm].
     continuity : float
-        Height over which the start may drift towards Q0 [mm]; 0: each starts nearest to Q0.
+        Height over which the start may drift towards Q0 [mm]; 0: each has the place of least cost.
+    corner : (k,) array
+        Q0: places are counted from the point of each loop that is nearest to it [mm].
+    place_costs : callable, optional
+        From places (j, N_PLACES, k) of some loops and the numbers (j,) of these to the cost of starting at
+        each place, (j, N_PLACES) [mm^2].
 
     Returns
     -------
-    (l, 2) array
+    (l, k) array
         A point on or near each loop: it starts at the vertex nearest to this [mm].
     """
-    if continuity == 0.0:
-        return np.zeros((len(loops), 2))
+    if continuity == 0.0 and place_costs is None:
+        return np.tile(corner, (len(loops), 1))
     bins = ((levels - levels[0]) / (levels[-1] - levels[0] or 1.0) * (N_KEYS - 1)).astype(np.int64)
     keys = np.unique(bins, return_index=True)[1]
-    samples = np.array([sampled_loop(loops[key], N_PLACES) for key in keys])
-    thickness = np.gradient(levels[keys]) if len(keys) > 1 else np.ones(1)
-    costs = (samples**2).sum(axis=2) * thickness[:, None]
-    centred = (samples - samples.mean(axis=1, keepdims=True)) @ np.array([1.0, 1.0j])
-    spectra = np.fft.fft(centred, axis=1)
-    correlation = np.fft.ifft(spectra[:-1].conj() * spectra[1:], axis=1).real / N_PLACES
-    square = (np.abs(centred) ** 2).mean(axis=1)
-    twists = square[:-1, None] + square[1:, None] - 2.0 * correlation
+    if continuity == 0.0:
+        keys = np.arange(len(loops))
+    samples = np.array([sampled_loop(loops[key], corner, N_PLACES) for key in keys])
+    costs = ((samples - corner) ** 2).sum(axis=2) if place_costs is None else place_costs(samples, keys)
+    if continuity == 0.0:
+        nearest: Floats = samples[keys, costs.argmin(axis=1)]
+        return nearest
+    costs = costs * (np.gradient(levels[keys]) if len(keys) > 1 else np.ones(1))[:, None]
+    centred = samples - samples.mean(axis=1, keepdims=True)
+    square = (centred**2).sum(axis=2).mean(axis=1)
+    twists = square[:-1, None] + square[1:, None] - 2.0 * cyclic_products(centred[:-1], centred[1:])
     twists *= (continuity**2 / np.diff(levels[keys]))[:, None]
     starts = samples[np.arange(len(keys)), _cheapest_chain(costs, twists)]
+    if len(keys) == len(loops):
+        return starts
     centroids = np.array([boundary_centroid(loop) for loop in loops])
-    offsets = [np.interp(levels, levels[keys], (starts - centroids[keys])[:, axis]) for axis in range(2)]
+    offsets = [np.interp(levels, levels[keys], column) for column in (starts - centroids[keys]).T]
     points: Floats = centroids + np.column_stack(offsets)
     return points
+
+
+def cyclic_products(first: Floats, second: Floats) -> Floats:
+    """Return the mean over i of first[j, i] . second[j, i + p] for every shift p, (j, n).
+
+    Parameters
+    ----------
+    first, second : (j, n, k) array
+        Points along loops.
+    """
+    spectra = np.fft.rfft(first, axis=1).conj() * np.fft.rfft(second, axis=1)
+    n = first.shape[1]
+    products: Floats = np.fft.irfft(spectra.sum(axis=2), n, axis=1) / n
+    return products
 
 
 @kernel
@@ -100,30 +133,33 @@ def _cheapest_chain(costs: Floats, twists: Floats) -> Ints:
 
 @kernel
 def loop_lengths(loop: Floats) -> Floats:
-    """Return the length along a loop (n, 2) up to each vertex, and the whole perimeter: (n + 1,)."""
+    """Return the length along a loop (n, k) up to each vertex, and the whole perimeter: (n + 1,)."""
     lengths = np.zeros(len(loop) + 1)
     for i in range(len(loop)):
         after = i + 1 if i + 1 < len(loop) else 0
-        lengths[i + 1] = lengths[i] + np.hypot(loop[after, 0] - loop[i, 0], loop[after, 1] - loop[i, 1])
+        square = 0.0
+        for axis in range(loop.shape[1]):
+            square += (loop[after, axis] - loop[i, axis]) ** 2
+        lengths[i + 1] = lengths[i] + np.sqrt(square)
     return lengths
 
 
 @kernel
 def boundary_centroid(loop: Floats) -> Floats:
-    """Return the centroid of a loop's boundary, (2,): the mean of its segments' middles by length."""
+    """Return the centroid of a loop's boundary, (k,): the mean of its segments' middles by length."""
     lengths = loop_lengths(loop)
-    result = np.zeros(2)
+    result = np.zeros(loop.shape[1])
     for i in range(len(loop)):
         after = i + 1 if i + 1 < len(loop) else 0
         share = 0.5 * (lengths[i + 1] - lengths[i]) / lengths[-1]
-        for axis in range(2):
+        for axis in range(loop.shape[1]):
             result[axis] += share * (loop[i, axis] + loop[after, axis])
     return result
 
 
 @kernel
-def sampled_loop(loop: Floats, count: int) -> Floats:
-    """Return `count` points at equal distances along a loop (n, 2), from its point nearest to Q0 on.
+def sampled_loop(loop: Floats, corner: Floats, count: int) -> Floats:
+    """Return `count` points at equal distances along a loop (n, k), from its point nearest to Q0 on.
 
     That point need not be a vertex: where neighbouring loops hardly differ their samples hardly do either.
     """
@@ -131,20 +167,26 @@ def sampled_loop(loop: Floats, count: int) -> Floats:
     n, first, least = len(loop), 0.0, np.inf
     for i in range(n):
         after = i + 1 if i + 1 < n else 0
-        dx, dy = loop[after, 0] - loop[i, 0], loop[after, 1] - loop[i, 1]
-        share = -(loop[i, 0] * dx + loop[i, 1] * dy) / (dx * dx + dy * dy)
-        share = min(max(share, 0.0), 1.0)
-        square = (loop[i, 0] + share * dx) ** 2 + (loop[i, 1] + share * dy) ** 2
-        if square < least:
-            least = square
+        along, square = 0.0, 0.0
+        for axis in range(loop.shape[1]):
+            step = loop[after, axis] - loop[i, axis]
+            along += (corner[axis] - loop[i, axis]) * step
+            square += step * step
+        share = min(max(along / square, 0.0), 1.0)
+        distance = 0.0
+        for axis in range(loop.shape[1]):
+            place = loop[i, axis] + share * (loop[after, axis] - loop[i, axis])
+            distance += (place - corner[axis]) ** 2
+        if distance < least:
+            least = distance
             first = lengths[i] + share * (lengths[i + 1] - lengths[i])
-    result = np.empty((count, 2))
+    result = np.empty((count, loop.shape[1]))
     for j in range(count):
         length = (first + lengths[-1] * j / count) % lengths[-1]
         i = min(np.searchsorted(lengths, length, side="right") - 1, n - 1)
         after = i + 1 if i + 1 < n else 0
         share = (length - lengths[i]) / (lengths[i + 1] - lengths[i])
-        for axis in range(2):
+        for axis in range(loop.shape[1]):
             result[j, axis] = (1.0 - share) * loop[i, axis] + share * loop[after, axis]
     return result
 
@@ -153,34 +195,41 @@ def sampled_loop(loop: Floats, count: int) -> Floats:
 def refined_loop(loop: Floats, count: int) -> Floats:
     """Return a loop with points added so that no segment is longer than the perimeter / `count`.
 
-    Parts of a loop can be matched to sides only as exactly as its vertices allow.
+    Parts of a loop can be matched to sides only as exactly as its vertices allow. Vertices that only rounding
+    keeps apart become one.
     """
     lengths = loop_lengths(loop)
     longest = lengths[-1] / count
     pieces = np.empty(len(loop), dtype=np.int64)
     for i in range(len(loop)):
-        pieces[i] = max(int(np.ceil((lengths[i + 1] - lengths[i]) / longest)), 1)
-    result = np.empty((pieces.sum(), 2))
+        length = lengths[i + 1] - lengths[i]
+        pieces[i] = int(np.ceil(length / longest)) if length > SHORTEST * lengths[-1] else 0
+    result = np.empty((pieces.sum(), loop.shape[1]))
     n = 0
     for i in range(len(loop)):
         after = i + 1 if i + 1 < len(loop) else 0
         for j in range(pieces[i]):
             share = j / pieces[i]
-            for axis in range(2):
+            for axis in range(loop.shape[1]):
                 result[n, axis] = (1.0 - share) * loop[i, axis] + share * loop[after, axis]
             n += 1
     return result
 
 
 @kernel
-def nearest_vertex(loop: Floats, x: float, y: float) -> int:
-    """Return the number of the vertex of a loop (n, 2) that is nearest to a point, the first of several."""
-    best, least = 0, np.inf
+def started_loop(loop: Floats, target: Floats) -> Floats:
+    """Return a loop (n, k) that starts at the vertex nearest to a point (k,), the first of several."""
+    start, least = 0, np.inf
     for i in range(len(loop)):
-        square = (loop[i, 0] - x) ** 2 + (loop[i, 1] - y) ** 2
+        square = 0.0
+        for axis in range(loop.shape[1]):
+            square += (loop[i, axis] - target[axis]) ** 2
         if square < least:
-            best, least = i, square
-    return best
+            start, least = i, square
+    result = np.empty_like(loop)
+    for i in range(len(loop)):
+        result[i] = loop[(start + i) % len(loop)]
+    return result
 
 
 @kernel

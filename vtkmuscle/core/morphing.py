@@ -7,22 +7,15 @@ extended in doi:10.1007/978-3-642-38241-3_3.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.correspondence import (
-    N_PLACES,
-    loop_lengths,
-    nearest_vertex,
-    refined_loop,
-    split_chain,
-    starting_points,
-    subdivided_rectangle,
-)
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.correspondence import boundary_centroid, starting_points
+from vtkmuscle.core.loop_chains import loop_areas, main_loops
 from vtkmuscle.core.mesh import signed_volume
-from vtkmuscle.core.planar_coordinates import mean_value_weights
+from vtkmuscle.core.section_maps import count_outside, map_section
 from vtkmuscle.core.sections import Sections, cut_surface, opposite_half_edges
 
 Floats = NDArray[np.float64]
@@ -33,6 +26,46 @@ Ints = NDArray[np.int64]
 END_MARGIN = 1e-6
 #: Heights that differ by no more than this part of the box's length are equal but for rounding.
 SAME_HEIGHT = 1e-9
+#: Slices by which the muscle's course is judged.
+N_COURSE = 33
+#: A muscle is bent too much for parallel planes where more than this part of its course runs more steeply
+#: than this angle to the box's axis [degrees], or its main branch holds less than this part of its volume.
+LARGEST_STEEP_SHARE = 0.2
+STEEP = 45.0
+LEAST_SHARE = 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Morph:
+    """Fibres in a muscle, and how well the method suits it.
+
+    Attributes
+    ----------
+    points : (n, 3) float array
+        Points of the fibres [mm].
+    n_outside : int
+        Points that the mean value map put outside of their section.
+    n_unmapped : int
+        Sections that cross themselves and so have no one-to-one map, where one was asked for.
+    split_error : float
+        Largest error of a section's four parts: root of the sum of their squared errors over the perimeter.
+    volume_share : float
+        Part of the muscle's volume that is in the branch which the fibres fill.
+    steep_share : float
+        Part of the branch's course that runs at more than :data:`STEEP` degrees to the box's axis.
+    """
+
+    points: Floats
+    n_outside: int
+    n_unmapped: int
+    split_error: float
+    volume_share: float
+    steep_share: float
+
+    @property
+    def suits(self) -> bool:
+        """False where parallel planes do not follow the muscle's course."""
+        return self.volume_share >= LEAST_SHARE and self.steep_share <= LARGEST_STEEP_SHARE
 
 
 def morph_by_planes(
@@ -43,16 +76,17 @@ def morph_by_planes(
     *,
     slice_tolerance: float,
     continuity: float,
+    mapping: str,
     report_progress: Callable[[float], None] = lambda fraction: None,
-) -> Floats:
+) -> Morph:
     """Return fibre points moved from the fitted template into the muscle.
 
     For each height along the box's z axis at which there are fibre points, the plane there cuts the box in
-    a rectangle and the muscle in loops, of which :func:`main_loops` chooses one. Rectangle and loop are
-    matched (:mod:`vtkmuscle.core.correspondence`); the mean value coordinates of a fibre point in the
-    rectangle, applied to the loop, give its place in the muscle. A point keeps its height, unless the chosen
-    loops end before the box does: then the heights beyond the last slice that hits are squeezed into what is
-    left of the muscle there.
+    a rectangle and the muscle in loops, of which :func:`vtkmuscle.core.loop_chains.main_loops` chooses one.
+    Rectangle and loop are matched (:mod:`vtkmuscle.core.correspondence`) and the points of one mapped to the
+    other (:mod:`vtkmuscle.core.section_maps`). A point keeps its height, unless the chosen loops end before
+    the box does: then the heights beyond the last slice that hits are squeezed into what is left of the
+    muscle there.
 
     Parameters
     ----------
@@ -68,62 +102,126 @@ def morph_by_planes(
         Points whose heights differ by no more than this share a slice [mm].
     continuity : float
         Part of the box's length over which neighbouring slices resist twisting; 0 is the paper's rule.
+    mapping : str
+        One of :data:`vtkmuscle.core.section_maps.MAPPINGS`.
     report_progress : callable, optional
         Told the part of the work that is done.
 
     Returns
     -------
-    (n, 3) array
-        Points in the muscle [mm].
+    Morph
+        Points in the muscle [mm], and what there is to say about them.
 
     Raises
     ------
     ValueError
         If the surface is not closed, or no slice through the template has an inside.
     """
-    sides = np.linalg.norm(transform[:3, :3], axis=0)
-    frame = transform[:3, :3] / sides
-    inside = (fibre_points - transform[:3, 3]) @ frame
-    surface = (points - transform[:3, 3]) @ frame
-    if signed_volume(points, triangles) < 0.0:
-        triangles = np.ascontiguousarray(triangles[:, ::-1])
-    opposite = opposite_half_edges(triangles, len(points))
+    box = Box(transform)
+    inside, surface = box.coordinates(fibre_points), box.coordinates(points)
+    triangles, opposite = outward(surface, triangles)
     report_progress(0.1)
 
-    def cut(levels: Floats) -> tuple[Sections, Ints]:
+    def cut(levels: Floats) -> tuple[Sections, Floats, Ints]:
         sections = cut_surface(surface, triangles, opposite, surface[:, 2], levels)
-        return sections, main_loops(sections, levels)
+        sizes = loop_areas(sections.points, sections.loop_offsets)[:, 2]
+        return sections, sizes, main_loops(sections, levels, sizes)
 
-    tolerance = max(slice_tolerance, SAME_HEIGHT * float(sides[2]))
+    tolerance = max(slice_tolerance, SAME_HEIGHT * box.length)
     extent = surface[triangles, 2]  # of the points that are used
-    margin = END_MARGIN * float(np.ptp(extent))
-    heights = np.clip(inside[:, 2], extent.min() + margin, extent.max() - margin)
+    bottom, top = float(extent.min()), float(extent.max())
+    margin = END_MARGIN * (top - bottom)
+    heights = np.clip(inside[:, 2], bottom + margin, top - margin)
     levels, slice_of = shared_levels(heights, tolerance)
-    sections, loops = cut(levels)
+    sections, _, loops = cut(levels)
     if loops[0] < 0 or loops[-1] < 0:
         low, high = _branch_ends(sections, loops, surface[:, 2])
         hit = levels[loops >= 0]
         heights = _squeezed(heights, hit[0], hit[-1], low + margin, high - margin)
         levels, slice_of = shared_levels(heights, tolerance)
-        sections, loops = cut(levels)
-    report_progress(0.3)
+        sections, _, loops = cut(levels)
+    report_progress(0.25)
+    regular = bottom + (top - bottom) * (np.arange(N_COURSE) + 0.5) / N_COURSE
+    volume_share, steep_share = _course(*cut(regular))
+    report_progress(0.35)
 
     hits = np.flatnonzero(loops >= 0)
     slices = [np.ascontiguousarray(sections.loop(int(loop))[:, :2]) for loop in loops[hits]]
-    starts = starting_points(slices, levels[hits], continuity * float(sides[2]))
+    starts = starting_points(slices, levels[hits], continuity * box.length, np.zeros(2))
     report_progress(0.5)
 
-    order = np.argsort(slice_of, kind="stable")
-    bounds = np.searchsorted(slice_of[order], np.arange(len(levels) + 1))
     result = np.column_stack([inside[:, :2], heights])
-    for level in range(len(levels)):
-        # A level that the main branch misses after all takes the nearest slice of the branch.
-        number = int(np.abs(hits - level).argmin())
-        mine = order[bounds[level] : bounds[level + 1]]
-        result[mine, :2] = morph_slice(slices[number], starts[number], sides[0], sides[1], inside[mine, :2])
+    n_outside = n_unmapped = 0
+    split_error = 0.0
+    for level, mine in enumerate(members(slice_of, len(levels))):
+        number = nearest_hit(hits, level)
+        points_in = inside[mine, :2]
+        section = map_section(slices[number], starts[number], box.sides, points_in, mapping=mapping)
+        result[mine, :2] = section.places
+        split_error = max(split_error, section.split_error)
+        n_unmapped += not section.one_to_one and mapping == "bijective"
+        if not section.one_to_one:
+            n_outside += count_outside(slices[number], section.places)
         report_progress(0.5 + 0.5 * (level + 1) / len(levels))
-    moved: Floats = result @ frame.T + transform[:3, 3]
-    return moved
+    return Morph(box.positions(result), n_outside, n_unmapped, split_error, volume_share, steep_share)
+
+
+class Box:
+    """A fitted template's box, and coordinates along its sides.
+
+    Parameters
+    ----------
+    transform : (4, 4) array
+        Unit cube to box. A mirrored one has left-handed sides: all that is done in its coordinates is done to
+        the mirror image of the muscle.
+    """
+
+    def __init__(self, transform: Floats) -> None:
+        self.sides: Floats = np.linalg.norm(transform[:3, :3], axis=0)
+        self._frame: Floats = transform[:3, :3] / self.sides
+        self._corner: Floats = transform[:3, 3]
+
+    @property
+    def length(self) -> float:
+        """Length along z [mm]."""
+        return float(self.sides[2])
+
+    def coordinates(self, points: Floats) -> Floats:
+        """Return points (n, 3) along the sides, from the corner Q0 on [mm]."""
+        inside: Floats = (points - self._corner) @ self._frame
+        return inside
+
+    def positions(self, coordinates: Floats) -> Floats:
+        """Return the points (n, 3) that have these coordinates [mm]."""
+        points: Floats = coordinates @ self._frame.T + self._corner
+        return points
+
+
+def outward(points: Floats, triangles: Ints) -> tuple[Ints, Ints]:
+    """Return a closed surface's triangles, facing outward, and their opposite half-edges.
+
+    Raises
+    ------
+    ValueError
+        If the surface is open, or neighbouring triangles face different sides.
+    """
+    if signed_volume(points, triangles) < 0.0:
+        triangles = np.ascontiguousarray(triangles[:, ::-1])
+    return triangles, opposite_half_edges(triangles, len(points))
+
+
+def nearest_hit(hits: Ints, level: int) -> int:
+    """Return which of the levels that the main branch has, (k,), is nearest to a level.
+
+    A level that the branch misses after all, by rounding, takes the section next to it.
+    """
+    return int(np.abs(hits - level).argmin())
+
+
+def members(slice_of: Ints, n_slices: int) -> list[Ints]:
+    """Return the numbers of the points of each slice."""
+    order = np.argsort(slice_of, kind="stable")
+    return np.split(order, np.searchsorted(slice_of[order], np.arange(1, n_slices)))
 
 
 def shared_levels(heights: Floats, tolerance: float) -> tuple[Floats, Ints]:
@@ -159,78 +257,6 @@ def shared_levels(heights: Floats, tolerance: float) -> tuple[Floats, Ints]:
     return np.array(levels), slice_of
 
 
-def main_loops(sections: Sections, levels: Floats) -> Ints:
-    """Return the loop of each level that belongs to the muscle's main branch, -1 beyond its ends.
-
-    A loop continues another one of the next level if the surface between the two levels joins them. Of all
-    chains of loops that continue each other the one is taken that encloses most (area times distance of
-    the levels): so it never changes from one branch to another one that it does not meet.
-
-    Parameters
-    ----------
-    sections : Sections
-        By height: loops are counterclockwise in x and y where they are outer boundaries.
-    levels : (l,) array
-        Heights, strictly ascending [mm].
-
-    Returns
-    -------
-    (l,) int array
-        Numbers of loops; the levels of those that are not -1 follow each other.
-
-    Raises
-    ------
-    ValueError
-        If no level has a loop with an inside.
-    """
-    thickness = np.gradient(levels) if len(levels) > 1 else np.ones(1)
-    chain: Ints = _largest_chain(
-        sections.points,
-        sections.loop_offsets,
-        sections.level_offsets,
-        sections.parts_below,
-        sections.parts_above,
-        thickness,
-    )
-    if (chain < 0).all():
-        raise ValueError("no plane through the template cuts the muscle; fit the template to it first")
-    return chain
-
-
-@kernel
-def _largest_chain(
-    points: Floats, loop_offsets: Ints, level_offsets: Ints, below: Ints, above: Ints, thickness: Floats
-) -> Ints:
-    """Return the chain of loops that encloses the largest volume, by dynamic programming."""
-    n_loops = len(loop_offsets) - 1
-    best = np.zeros(n_loops)
-    previous = np.full(n_loops, -1, dtype=np.int64)
-    chain = np.full(len(thickness), -1, dtype=np.int64)
-    end, end_level = -1, -1
-    for level in range(len(thickness)):
-        for loop in range(level_offsets[level], level_offsets[level + 1]):
-            first, last = loop_offsets[loop], loop_offsets[loop + 1] - 1
-            x, y = points[last, 0], points[last, 1]
-            double_area = 0.0
-            for i in range(first, last):
-                double_area += (points[i, 0] - x) * (points[i + 1, 1] - y)
-                double_area -= (points[i + 1, 0] - x) * (points[i, 1] - y)
-            if double_area <= 0.0:
-                continue
-            if level > 0:
-                for other in range(level_offsets[level - 1], level_offsets[level]):
-                    if above[other] == below[loop] and best[other] > best[loop]:
-                        best[loop] = best[other]
-                        previous[loop] = other
-            best[loop] += 0.5 * double_area * thickness[level]
-            if end < 0 or best[loop] > best[end]:
-                end, end_level = loop, level
-    while end >= 0:
-        chain[end_level] = end
-        end, end_level = previous[end], end_level - 1
-    return chain
-
-
 def _branch_ends(sections: Sections, loops: Ints, heights: Floats) -> tuple[float, float]:
     """Return the lowest and the highest height of the surface beyond the ends of a branch."""
     branch = loops[loops >= 0]
@@ -250,43 +276,13 @@ def _squeezed(heights: Floats, first: float, last: float, low: float, high: floa
     return result
 
 
-@kernel
-def morph_slice(loop: Floats, target: Floats, width: float, depth: float, points: Floats) -> Floats:
-    """Map points of the template's rectangle to a section of the muscle.
-
-    f' = sum_i w_i(f) p_i, with w_i the mean value coordinates of f in the subdivided rectangle and p_i the
-    vertices of the section that correspond to the rectangle's.
-
-    Parameters
-    ----------
-    loop : (n, 2) array
-        The section's boundary, counterclockwise, n >= 3 [mm].
-    target : (2,) array
-        The correspondence starts at the vertex nearest to this [mm].
-    width, depth : float
-        Sides of the rectangle [mm].
-    points : (m, 2) array
-        Points of the rectangle [mm].
-
-    Returns
-    -------
-    (m, 2) array
-        Points of the section [mm].
-    """
-    refined = refined_loop(loop, N_PLACES)
-    n = len(refined)
-    start = nearest_vertex(refined, target[0], target[1])
-    ring = np.empty((n, 2))
-    for i in range(n):
-        ring[i] = refined[(start + i) % n]
-    lengths = loop_lengths(ring)
-    splits, _ = split_chain(lengths, width, depth)
-    rectangle = subdivided_rectangle(lengths, splits, width, depth)
-    weights = np.empty(n)
-    result = np.zeros((len(points), 2))
-    for i in range(len(points)):
-        mean_value_weights(rectangle, points[i, 0], points[i, 1], weights)
-        for j in range(n):
-            result[i, 0] += weights[j] * ring[j, 0]
-            result[i, 1] += weights[j] * ring[j, 1]
-    return result
+def _course(sections: Sections, sizes: Floats, loops: Ints) -> tuple[float, float]:
+    """Return which part of the volume the main branch holds, and which part of its course is steep."""
+    branch = loops[loops >= 0]
+    share = float(sizes[branch].sum() / sizes.sum())
+    steps = np.diff([boundary_centroid(sections.loop(int(loop))) for loop in branch], axis=0)
+    if not len(steps):
+        return share, 0.0
+    lengths = np.linalg.norm(steps, axis=1)
+    steep = steps[:, 2] < np.cos(np.radians(STEEP)) * lengths
+    return share, float(lengths[steep].sum() / lengths.sum())

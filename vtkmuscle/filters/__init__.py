@@ -14,7 +14,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from vtkmuscle.filters.attachment_estimator import AttachmentEstimator
     from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, attachments_of
     from vtkmuscle.filters.base import Filter
     from vtkmuscle.filters.bone_motion import BoneMotion
@@ -25,15 +24,14 @@ if TYPE_CHECKING:
     from vtkmuscle.filters.fibre_trimmer import FibreTrimmer
     from vtkmuscle.filters.fibre_tubes import FibreTubes
     from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+    from vtkmuscle.filters.harmonic_field import HarmonicField
     from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
     from vtkmuscle.filters.pbd_deformer import PBDDeformer
-    from vtkmuscle.filters.provenance import provenance_of
     from vtkmuscle.filters.slice_morpher import SliceMorpher
     from vtkmuscle.filters.template_fitter import TemplateFitter
 
 _SOURCES = {
     "AttachmentArea": "attachments",
-    "AttachmentEstimator": "attachment_estimator",
     "BoneMotion": "bone_motion",
     "FibreMetrics": "fibre_metrics",
     "FibreSmoother": "fibre_smoother",
@@ -43,6 +41,7 @@ _SOURCES = {
     "FibreTubes": "fibre_tubes",
     "Filter": "base",
     "FixedPointDetector": "fixed_point_detector",
+    "HarmonicField": "harmonic_field",
     "InputPort": "parameters",
     "OutputPort": "parameters",
     "PBDDeformer": "pbd_deformer",
@@ -51,12 +50,10 @@ _SOURCES = {
     "TemplateFitter": "template_fitter",
     "attachments_from": "attachments",
     "attachments_of": "attachments",
-    "provenance_of": "provenance",
 }
 
 __all__ = [
     "AttachmentArea",
-    "AttachmentEstimator",
     "BoneMotion",
     "FibreMetrics",
     "FibreSmoother",
@@ -66,6 +63,7 @@ __all__ = [
     "FibreTubes",
     "Filter",
     "FixedPointDetector",
+    "HarmonicField",
     "InputPort",
     "OutputPort",
     "PBDDeformer",
@@ -74,7 +72,6 @@ __all__ = [
     "TemplateFitter",
     "attachments_from",
     "attachments_of",
-    "provenance_of",
 ]
 
 

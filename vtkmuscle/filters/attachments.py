@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.patches import attachment_patch
 from vtkmuscle.filters.arrays import (
     Polylines,
     blocks_of,
-    field_array,
     field_string,
     multiblock_from,
     points_of,
@@ -39,15 +39,12 @@ class AttachmentArea:
     closed : bool
         True where the landmarks are the boundary of an area (a ring), False for an open curve or loose
         points: then the attachment is what lies near the curve.
-    estimated : bool
-        True where nobody has seen the landmarks: they were made from where the muscle touches the bone.
     """
 
     role: str
     bone: str
     landmarks: NDArray[np.float64]
     closed: bool
-    estimated: bool = False
 
 
 def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
@@ -61,7 +58,6 @@ def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
         block = polylines_from(Polylines(points, np.array([0, len(points)])))
         set_field_array(block, "Bone", area.bone)
         set_field_array(block, "Role", area.role)
-        set_field_array(block, "Estimated", int(area.estimated))
         blocks[f"{area.role}_{i}"] = block
     return multiblock_from(blocks)
 
@@ -73,8 +69,7 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
     ----------
     data : vtkMultiBlockDataSet
         A block per area: a vtkPolyData with the field arrays ``Bone`` and ``Role`` and one polyline
-        through the landmarks (closed if its last point repeats its first), or points alone; where the
-        field array ``Estimated`` is not 0, the landmarks are an estimate.
+        through the landmarks (closed if its last point repeats its first), or points alone.
     where : str
         Named in errors, e.g. ``"TemplateFitter: attachments"``.
 
@@ -101,10 +96,7 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
         if not bone:
             raise ValueError(f"{label}: the field array 'Bone' must name a bone")
         landmarks, closed = landmarks_of(block, label)
-        estimated = field_array(block, "Estimated")
-        areas.append(
-            AttachmentArea(role, bone, landmarks, closed, bool(estimated is not None and estimated[0]))
-        )
+        areas.append(AttachmentArea(role, bone, landmarks, closed))
     return areas
 
 
@@ -127,3 +119,28 @@ def landmarks_of(data: vtkPolyData, where: str) -> tuple[NDArray[np.float64], bo
     landmarks = points[vtk_to_numpy(lines.GetConnectivityArray())]
     closed = len(landmarks) > 3 and bool(np.array_equal(landmarks[0], landmarks[-1]))
     return (landmarks[:-1] if closed else landmarks), closed
+
+
+def attached_points(
+    areas: Sequence[AttachmentArea],
+    role: str,
+    points: NDArray[np.float64],
+    triangles: NDArray[np.int64],
+    where: str,
+) -> NDArray[np.int64]:
+    """Return the ids of a muscle's points that all areas of a role cover together, ascending.
+
+    Raises
+    ------
+    ValueError
+        If there is no such area, or the landmarks of one cannot be on this muscle.
+    """
+    patches = []
+    for number, area in enumerate(area for area in areas if area.role == role):
+        try:
+            patches.append(attachment_patch(points, triangles, area.landmarks, area.closed))
+        except ValueError as error:
+            raise ValueError(f"{where}: {role} area {number}: {error}") from error
+    if not patches:
+        raise ValueError(f"{where}: there is no area with the role {role!r}")
+    return np.unique(np.concatenate(patches))

@@ -2,42 +2,75 @@
 
 from __future__ import annotations
 
+import warnings
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.morphing import morph_by_planes
-from vtkmuscle.filters.arrays import Polylines, checked_surface, field_array, polylines_of, with_polylines
+from vtkmuscle.core.fitting import lie_opposite
+from vtkmuscle.core.harmonic_morphing import morph_by_isolines
+from vtkmuscle.core.morphing import Box, Morph, morph_by_planes
+from vtkmuscle.core.section_maps import MAPPINGS
+from vtkmuscle.filters.arrays import (
+    Polylines,
+    checked_surface,
+    field_array,
+    polylines_of,
+    set_field_array,
+    with_polylines,
+)
 from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.harmonic_field import field_of, has_field
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 #: ``slice_tolerance=None`` as a part of the box's length.
 DEFAULT_TOLERANCE = 1e-3
 
 
 class SliceMorpher(Filter):
-    """Move fibres from the template's box into the muscle, one plane section after the other.
+    """Move fibres from the template's box into the muscle, one section after the other.
 
-    A plane across the box's long axis cuts the box in a rectangle and the muscle in a contour. The contour
-    is split into four parts, one for each side of the rectangle, so that their lengths match best; a fibre
-    point's mean value coordinates in the rectangle, applied to the contour, give its place in the muscle.
+    By ``method="plane"`` a plane across the box's long axis cuts the box in a rectangle and the muscle in a
+    contour. The contour is split into four parts, one for each side of the rectangle, so that their lengths
+    match best, and the rectangle is mapped to the contour. Where a section has several loops, the chain of
+    loops that continue each other and enclose most of the muscle is followed from end to end: fibres fill
+    this main branch, and never change from one branch to another. Fibre parts beyond the end of the branch
+    are squeezed into its tip.
 
-    Where a section has several loops, the chain of loops that continue each other and enclose most of the
-    muscle is followed from end to end: fibres fill this main branch, and never change from one branch to
-    another. Fibre parts beyond the end of the branch are squeezed into its tip.
+    By ``method="harmonic"`` the muscle is cut along isolines of a function that is 0 on the origin area, 1 on
+    the insertion area and harmonic on the surface between them, as many as there are planes through the
+    template: they follow a muscle however it bends. The function is taken from the muscle's point array
+    ``HarmonicField`` where :class:`HarmonicField` has made it, which also serves a deformed muscle of the
+    same points, and computed from the attachments otherwise. The ends of fibres lie on the attachment areas.
+
+    Parallel planes do not follow a muscle that is bent. ``method="auto"`` takes them unless, at 33 heights,
+    the main branch holds less than 80 % of the muscle's volume, or its centre line runs at more than 45
+    degrees to the box's axis over more than a fifth of its length: then it takes isolines, if it has
+    attachments or the function and the template's areas are its bottom and its top. Which one it took is in
+    ``MorphMethod``. Where planes were used on such a muscle there is a warning.
+
+    ``mapping="bijective"`` inverts a harmonic map of the section onto the rectangle, which is one to one and
+    never leaves a flat section. ``mapping="mean-value"`` is the papers': a fibre point's mean value
+    coordinates in the rectangle, applied to the contour; they may leave a concave section. Points that do
+    are counted, with a warning. Isolines are not flat: between them the surface may be on either side of a
+    fibre point.
 
     The contour's point that goes with the rectangle's first corner is, in the paper, the vertex nearest to it
     in each slice. By default it is chosen for all slices together, so that neighbouring contours are not
     twisted against each other; ``continuity=0`` is the paper's rule.
 
-    Sections can be concave, and then a few points may be mapped to just outside of the muscle. A muscle that
-    is bent so much that a plane meets it more than once along its course is not filled by this method.
-
     Raises
     ------
     ValueError
         If the template has no ``Transform``, or one that is not a box; if the muscle is not a closed surface
-        of triangles; if the template lies outside of it; if a point is not finite.
+        of triangles; if the template lies outside of it; if a point is not finite. By the harmonic method
+        also if an attachment area is missing, or the origin and the insertion overlap, or the template's
+        areas are not its bottom and top.
 
     References
     ----------
@@ -59,7 +92,16 @@ class SliceMorpher(Filter):
     """
 
     method = Parameter(
-        str, default="plane", choices=("plane",), doc="How the muscle is sliced: by parallel planes."
+        str,
+        default="auto",
+        choices=("auto", "plane", "harmonic"),
+        doc="How the muscle is sliced: by parallel planes, along isolines, or whichever suits it.",
+    )
+    mapping = Parameter(
+        str,
+        default="bijective",
+        choices=MAPPINGS,
+        doc="How a rectangle is mapped to a section of the muscle.",
     )
     slice_tolerance: Parameter[float | None] = Parameter(
         float,
@@ -73,8 +115,8 @@ class SliceMorpher(Filter):
         float,
         default=0.2,
         minimum=0.0,
-        doc="Part of the box's length over which slices resist being twisted against each other; 0 matches "
-        "each slice by itself.",
+        doc="Part of the muscle's length over which slices resist being twisted against each other; 0 "
+        "matches each slice by itself.",
     )
 
     template = InputPort(
@@ -82,11 +124,27 @@ class SliceMorpher(Filter):
         content="fitted template",
         doc="Fibres in the muscle's box, with the field array ``Transform`` (16, unit cube to box).",
     )
-    muscle = InputPort(vtkPolyData, content="muscle", doc="The muscle's surface: triangles, closed.")
-    attachments = InputPort(
-        vtkMultiBlockDataSet, content="attachments", optional=True, doc="Not needed by the plane method."
+    muscle = InputPort(
+        vtkPolyData,
+        content="muscle",
+        doc="The muscle's surface: triangles, closed; optionally with the point array ``HarmonicField``.",
     )
-    output = OutputPort(vtkPolyData, doc="The fibres in the muscle, with the arrays of the template.")
+    attachments = InputPort(
+        vtkMultiBlockDataSet,
+        content="attachments",
+        optional=True,
+        doc="Areas of both roles; for the harmonic method only, of a muscle without ``HarmonicField``.",
+    )
+    output = OutputPort(
+        vtkPolyData,
+        doc="The fibres in the muscle, with the arrays of the template and the field arrays ``MorphMethod`` "
+        "(``plane`` or ``harmonic``), ``PointsOutside`` (points that the mean value map put outside of their "
+        "plane section), ``SectionsUnmapped`` (sections that cross themselves and got the mean value map), "
+        "``SplitError`` (largest deviation of a section's four parts from the rectangle's sides, as a "
+        "part of "
+        "its perimeter), ``VolumeShare`` (part of the muscle in the branch that the fibres fill) and "
+        "``SteepShare`` (part of its course at more than 45 degrees to the planes' axis).",
+    )
 
     def execute(
         self, template: vtkPolyData, muscle: vtkPolyData, attachments: vtkMultiBlockDataSet | None
@@ -98,19 +156,79 @@ class SliceMorpher(Filter):
         tolerance = self.slice_tolerance
         if tolerance is None:
             tolerance = DEFAULT_TOLERANCE * float(np.linalg.norm(box[:3, 2]))
-        try:
-            moved = morph_by_planes(
-                lines.points,
-                box,
-                points,
-                triangles,
-                slice_tolerance=tolerance,
-                continuity=self.continuity,
-                report_progress=self.report_progress,
+
+        def morph(method: str) -> Morph:
+            shape = (lines.points, box, points, triangles)
+            settings: dict[str, Any] = {
+                "slice_tolerance": tolerance,
+                "continuity": self.continuity,
+                "mapping": self.mapping,
+                "report_progress": self.report_progress,
+            }
+            if method == "plane":
+                return morph_by_planes(*shape, **settings)
+            return morph_by_isolines(*shape, field_of(muscle, attachments, "SliceMorpher"), **settings)
+
+        upright = _runs_upwards(template, box)
+        if self.method == "harmonic" and not upright:
+            raise ValueError(
+                "SliceMorpher: method='harmonic' needs a template whose areas are its bottom and its top, "
+                "as of the kinds parallel, curved and fan; use method='plane' for this one"
             )
+        method = "harmonic" if self.method == "harmonic" else "plane"
+        try:
+            result = morph(method)
+            known = attachments is not None or has_field(muscle)
+            if self.method == "auto" and not result.suits and upright and known:
+                method, result = "harmonic", morph("harmonic")
         except ValueError as error:
-            raise ValueError(f"SliceMorpher: {error}") from error
-        return with_polylines(template, Polylines(moved, lines.offsets))
+            text = str(error)
+            raise ValueError(text if text.startswith("SliceMorpher") else f"SliceMorpher: {text}") from error
+        _warn(result, method)
+        moved = with_polylines(template, Polylines(result.points, lines.offsets))
+        for name, value in (
+            ("MorphMethod", method),
+            ("PointsOutside", result.n_outside),
+            ("SectionsUnmapped", result.n_unmapped),
+            ("SplitError", result.split_error),
+            ("VolumeShare", result.volume_share),
+            ("SteepShare", result.steep_share),
+        ):
+            set_field_array(moved, name, value)
+        return moved
+
+
+def _warn(result: Morph, method: str) -> None:
+    """Warn of what a user should know of the fibres."""
+    remarks = []
+    if method == "plane" and not result.suits:
+        remarks.append(
+            f"the muscle is bent too much for parallel planes: their main branch holds "
+            f"{100 * result.volume_share:.0f} % of it, and {100 * result.steep_share:.0f} % of its course "
+            "run at more than 45 degrees to the box's axis; use method='harmonic'"
+        )
+    if result.n_outside:
+        remarks.append(
+            f"the mean value map put {result.n_outside} of {len(result.points)} points outside of their "
+            "section; mapping='bijective' does not"
+        )
+    if result.n_unmapped:
+        remarks.append(
+            f"{result.n_unmapped} section(s) cross themselves and have no one-to-one map: they got the mean "
+            "value map"
+        )
+    if remarks:
+        warnings.warn("SliceMorpher: " + "; ".join(remarks), stacklevel=2)
+
+
+def _runs_upwards(template: vtkPolyData, box: Floats) -> bool:
+    """Return False where the template says that its areas are not its bottom and its top."""
+    areas = [field_array(template, name) for name in ("OriginArea", "InsertionArea")]
+    if any(area is None or area.ndim != 2 or area.shape[1] != 3 for area in areas):
+        return True
+    inner = Box(box)
+    origin, insertion = (inner.coordinates(np.asarray(area)) / inner.sides for area in areas)
+    return lie_opposite(origin, insertion)
 
 
 def _box(template: vtkPolyData) -> NDArray[np.float64]:
@@ -123,9 +241,9 @@ def _box(template: vtkPolyData) -> NDArray[np.float64]:
         gram = box[:3, :3].T @ box[:3, :3]
         sides = np.sqrt(np.diag(gram))
         right = sides.min() > 0.0 and np.abs(gram / np.outer(sides, sides) - np.eye(3)).max() < 1e-6
-        if right and np.linalg.det(box[:3, :3]) > 0.0 and np.array_equal(box[3], [0.0, 0.0, 0.0, 1.0]):
+        if right and np.array_equal(box[3], [0.0, 0.0, 0.0, 1.0]):
             return box
     raise ValueError(
         "SliceMorpher: template: the field array 'Transform' is not that of a box: 16 finite numbers, a "
-        "right-handed rotation of a cube scaled along its axes, row by row"
+        "rotation (or reflection) of a cube scaled along its axes, row by row"
     )

@@ -204,7 +204,6 @@ class Scene:
         figures: bool = True,
         progress: Callable[[str, str, float], None] | None = None,
         workers: int | None = None,
-        series: str = "pvd",
     ) -> Result:
         """Deform all muscles over the motion, carry their fibres along, and measure.
 
@@ -226,9 +225,6 @@ class Scene:
         workers : int, optional
             Muscles that run at the same time; default the number of processors. The result does not
             depend on it.
-        series : str, optional
-            How frames are written: ``"pvd"`` (a .vtp file per frame) or ``"vtkhdf"`` (one file per muscle,
-            for its fibres and for the bones).
 
         Returns
         -------
@@ -247,9 +243,7 @@ class Scene:
         from vtkmuscle.run.scenes import run_scene  # noqa: PLC0415
 
         target = None if out is None else Path(out)
-        return run_scene(
-            self, target, frames=frames, figures=figures, progress=progress, workers=workers, series=series
-        )
+        return run_scene(self, target, frames=frames, figures=figures, progress=progress, workers=workers)
 
     @property
     def millimetres(self) -> float:

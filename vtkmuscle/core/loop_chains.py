@@ -1,0 +1,92 @@
+"""Which loop of each section belongs to the muscle's main branch, and how its course runs."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.sections import Sections
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@kernel
+def loop_areas(points: Floats, loop_offsets: Ints) -> Floats:
+    """Return the vector area of each loop, (k, 3): half the sum of the cross products of its edges.
+
+    For a flat loop its length is the area, and it points to where the loop runs counterclockwise.
+    """
+    result = np.zeros((len(loop_offsets) - 1, 3))
+    for loop in range(len(result)):
+        first, last = loop_offsets[loop], loop_offsets[loop + 1] - 1
+        for i in range(first, last):
+            a, b = points[i] - points[last], points[i + 1] - points[last]
+            result[loop, 0] += 0.5 * (a[1] * b[2] - a[2] * b[1])
+            result[loop, 1] += 0.5 * (a[2] * b[0] - a[0] * b[2])
+            result[loop, 2] += 0.5 * (a[0] * b[1] - a[1] * b[0])
+    return result
+
+
+def main_loops(sections: Sections, levels: Floats, sizes: Floats) -> Ints:
+    """Return the loop of each level that belongs to the muscle's main branch, -1 beyond its ends.
+
+    A loop continues another one of the next level if the surface between the two levels joins them. Of all
+    chains of loops that continue each other the one is taken that encloses most (area times distance of
+    the levels): so it never changes from one branch to another one that it does not meet.
+
+    Parameters
+    ----------
+    sections : Sections
+        Of the muscle.
+    levels : (l,) array
+        Heights, strictly ascending [mm].
+    sizes : (k,) array
+        Area of each loop [mm^2]; loops of 0 or less, as the boundaries of holes, take no part.
+
+    Returns
+    -------
+    (l,) int array
+        Numbers of loops; the levels of those that are not -1 follow each other.
+
+    Raises
+    ------
+    ValueError
+        If no level has a loop with an inside.
+    """
+    thickness = np.gradient(levels) if len(levels) > 1 else np.ones(1)
+    chain: Ints = _largest_chain(
+        sizes, sections.level_offsets, sections.parts_below, sections.parts_above, thickness
+    )
+    if (chain < 0).all():
+        raise ValueError(
+            "no section of the muscle through the template has an inside; fit the template first"
+        )
+    return chain
+
+
+@kernel
+def _largest_chain(sizes: Floats, level_offsets: Ints, below: Ints, above: Ints, thickness: Floats) -> Ints:
+    """Return the chain of loops that encloses the largest volume, by dynamic programming."""
+    n_loops = len(sizes)
+    best = np.zeros(n_loops)
+    previous = np.full(n_loops, -1, dtype=np.int64)
+    chain = np.full(len(thickness), -1, dtype=np.int64)
+    end, end_level = -1, -1
+    for level in range(len(thickness)):
+        for loop in range(level_offsets[level], level_offsets[level + 1]):
+            if sizes[loop] <= 0.0:
+                continue
+            if level > 0:
+                for other in range(level_offsets[level - 1], level_offsets[level]):
+                    if above[other] == below[loop] and best[other] > best[loop]:
+                        best[loop] = best[other]
+                        previous[loop] = other
+            best[loop] += sizes[loop] * thickness[level]
+            if end < 0 or best[loop] > best[end]:
+                end, end_level = loop, level
+    while end >= 0:
+        chain[end_level] = end
+        end, end_level = previous[end], end_level - 1
+    return chain

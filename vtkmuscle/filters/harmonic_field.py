@@ -1,0 +1,107 @@
+"""HarmonicField: a function on a muscle's surface that runs from its origin to its insertion."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+
+from vtkmuscle.core.harmonic_morphing import attachment_field
+from vtkmuscle.filters.arrays import checked_surface, point_array, set_point_array
+from vtkmuscle.filters.attachments import attached_points, attachments_of
+from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.parameters import InputPort, OutputPort
+
+Floats = NDArray[np.float64]
+
+#: The point array's name.
+FIELD = "HarmonicField"
+
+
+class HarmonicField(Filter):
+    """Give a muscle the function that is 0 on its origin, 1 on its insertion, and harmonic in between.
+
+    The attachment areas are those of FixedPointDetector: the landmarks' rings projected onto the muscle. The
+    Laplacian has cotangent weights, kept positive on bad triangles, so that the function has no extremum
+    between the areas and every isoline runs around the muscle. :class:`SliceMorpher` computes it by itself;
+    this filter saves it from doing so again for a muscle that moves, as point arrays pass through the
+    deformer.
+
+    Raises
+    ------
+    ValueError
+        If a role has no attachment area, or one that cannot be on this muscle; if the areas of both roles
+        overlap; if no connected part of the muscle has both; if the muscle has faces that are not triangles.
+
+    References
+    ----------
+    Kohout, Kukacka 2014, *Real-time modelling of fibrous muscle*, doi:10.1111/cgf.12354.
+
+    Examples
+    --------
+    >>> from vtkmuscle.filters import HarmonicField
+    >>> from vtkmuscle.phantoms import spindle_over_hinge
+    >>> phantom = spindle_over_hinge()
+    >>> (name, muscle), = phantom.muscles.items()
+    >>> with_field = HarmonicField()(muscle, phantom.attachments[name])
+    >>> with_field.GetPointData().GetArray("HarmonicField").GetRange()
+    (0.0, 1.0)
+    """
+
+    muscle = InputPort(vtkPolyData, content="muscle", doc="The muscle's surface, triangles.")
+    attachments = InputPort(
+        vtkMultiBlockDataSet, content="attachments", doc="Areas of both roles, landmarks near the muscle."
+    )
+    output = OutputPort(
+        vtkPolyData, doc="The muscle with the point array ``HarmonicField`` (from 0 at the origin to 1)."
+    )
+
+    def execute(self, muscle: vtkPolyData, attachments: vtkMultiBlockDataSet) -> vtkPolyData:
+        """Return the muscle with the function."""
+        result = muscle.NewInstance()
+        result.ShallowCopy(muscle)
+        set_point_array(result, FIELD, _computed(muscle, attachments, "HarmonicField"))
+        return result
+
+
+def has_field(muscle: vtkPolyData) -> bool:
+    """Return whether a muscle has the function."""
+    return bool(muscle.GetPointData().HasArray(FIELD))
+
+
+def field_of(muscle: vtkPolyData, attachments: vtkMultiBlockDataSet | None, where: str) -> Floats:
+    """Return a muscle's function, (n,): the one that it has, or else a new one.
+
+    Raises
+    ------
+    ValueError
+        If it has none and attachments are missing, or it has a wrong one.
+    """
+    if has_field(muscle):
+        field: Floats = np.array(point_array(muscle, FIELD, where), dtype=np.float64)
+        if field.ndim != 1 or not np.isfinite(field).all() or field.min() < 0.0 or field.max() > 1.0:
+            raise ValueError(
+                f"{where}: muscle: the point array {FIELD!r} must have one number in [0, 1] per point; "
+                "HarmonicField makes it"
+            )
+        return field
+    if attachments is None:
+        raise ValueError(
+            f"{where}: the harmonic method starts from the attachment areas, but no attachments are "
+            f"connected "
+            f"and the muscle has no point array {FIELD!r}"
+        )
+    return _computed(muscle, attachments, where)
+
+
+def _computed(muscle: vtkPolyData, attachments: vtkMultiBlockDataSet, where: str) -> Floats:
+    points, triangles = checked_surface(muscle, f"{where}: muscle")
+    areas = attachments_of(attachments, f"{where}: attachments")
+    origin, insertion = (
+        attached_points(areas, role, points, triangles, f"{where}: attachments")
+        for role in ("origin", "insertion")
+    )
+    try:
+        return attachment_field(points, triangles, origin, insertion)
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from error
