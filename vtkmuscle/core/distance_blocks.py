@@ -194,20 +194,22 @@ def _spread_sides(values: Singles, band: float, left: int) -> None:
     left : number of NaN, not all of them.
     """
     flat = values.reshape(-1)
+    outside, inside = np.float32(band), np.float32(-band)
     while left:
-        for node in range(SIDE**3):
-            if not np.isnan(flat[node]):
-                continue
-            for axis in range(3):
-                stride = SIDE**axis
-                place = node // stride % SIDE
-                for other in (
-                    node - stride if place > 0 else node,
-                    node + stride if place < SIDE - 1 else node,
-                ):
-                    if np.isnan(flat[node]) and not np.isnan(flat[other]):
-                        flat[node] = -band if flat[other] < 0.0 else band
-                        left -= 1
+        for stride in (1, SIDE, SIDE * SIDE):  # along z, y, x, forth and back
+            for line in range(SIDE * SIDE):
+                start = line % stride + line // stride * stride * SIDE
+                for step in (stride, -stride):
+                    node = start if step > 0 else start + (SIDE - 1) * stride
+                    before = flat[node]
+                    for _ in range(SIDE - 1):
+                        node += step
+                        here = flat[node]
+                        if np.isnan(here) and not np.isnan(before):
+                            here = inside if before < 0.0 else outside
+                            flat[node] = here
+                            left -= 1
+                        before = here
 
 
 @kernel

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
 
+Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Ints = NDArray[np.int64]
 
@@ -20,6 +21,9 @@ _PASSES = 8
 
 #: Distance at which a sample's weight has fallen to 1/e [cells].
 _WIDTH = 0.3
+
+#: Which of a cell's 27 samples are its corners, in the order of z, y, x.
+_CORNERS = (0, 2, 6, 8, 18, 20, 24, 26)
 
 #: Weight of a node's own value: nodes that no sample near the surface depends on stay as they are.
 _INERTIA = 0.02
@@ -71,55 +75,103 @@ def fit_nodes(values: Singles, cells: Ints, samples: Singles, cell: float) -> Si
     (n,) array
         The largest error that is left of the samples nearer to the surface than half a cell [mm].
     """
-    weights = np.nan_to_num(np.exp(-((samples / np.float32(_WIDTH * cell)) ** 2)))
-    shares, belongs = _shares()
-    total = _INERTIA + np.bincount(
-        cells.reshape(-1), weights=(weights * belongs @ shares).reshape(-1), minlength=len(values)
-    )
-    weights *= belongs
+    weights = np.empty(samples.shape, dtype=np.float32)
+    total = np.full(len(values), _INERTIA)
+    _weigh(samples, cells, _WIDTH * cell, weights, total)
     errors = np.empty(len(values))
     for _ in range(_PASSES):
         errors[:] = 0.0
-        _add_errors(values, cells, samples, weights, shares, errors)
+        _add_errors(values, cells, samples, weights, errors)
         values += errors / total
-    left = np.abs(values[cells] @ shares.T.astype(np.float32) - samples)
-    near = np.abs(samples) < 0.5 * cell
-    worst: Singles = np.max(left, axis=1, where=near, initial=0.0)
+    worst = np.empty(len(cells), dtype=np.float32)
+    _worst_errors(values, cells, samples, 0.5 * cell, worst)
     return worst
 
 
-def _shares() -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """Return how much each sample depends on each corner, (27, 8), and belongs to the cell, (27,).
+@kernel
+def _weigh(samples: Singles, cells: Ints, width: float, weights: Singles, total: Floats) -> None:
+    """Write the weight of each sample, and add to each node how much of them depends on it.
 
-    Samples on faces, edges and corners belong to 2, 4 and 8 cells.
+    The nearer to the surface, the more a sample counts; NaN counts nothing. Samples on faces, edges and
+    corners belong to 2, 4 and 8 cells, and count as a part for each.
     """
-    along = np.array([[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]])
-    single = np.array([0.5, 1.0, 0.5])
-    shares = np.einsum("ia,jb,kc->ijkabc", along, along, along).reshape(27, 8)
-    belongs = np.einsum("i,j,k->ijk", single, single, single).reshape(27)
-    return shares, belongs.astype(np.float32)
+    work = np.empty(27)
+    for n in range(len(samples)):
+        for sample in range(27):
+            middles = (sample // 9 == 1) + (sample // 3 % 3 == 1) + (sample % 3 == 1)
+            value = samples[n, sample]
+            weight = 0.0
+            if not np.isnan(value):
+                weight = np.exp(-((value / width) ** 2)) * 0.125 * (1 << middles)
+            weights[n, sample] = weight
+            work[sample] = weight
+        _to_corners(work)
+        for corner in range(8):
+            total[cells[n, corner]] += work[_CORNERS[corner]]
 
 
 @kernel
-def _add_errors(
-    values: Singles,
-    cells: Ints,
-    samples: Singles,
-    weights: Singles,
-    shares: NDArray[np.float64],
-    errors: NDArray[np.float64],
-) -> None:
+def _add_errors(values: Singles, cells: Ints, samples: Singles, weights: Singles, errors: Floats) -> None:
     """Add to each node what the interpolant lacks at the samples that depend on it, (k,), in place."""
-    at = np.empty(8)
+    work = np.empty(27)
     for n in range(len(cells)):
         for corner in range(8):
-            at[corner] = values[cells[n, corner]]
+            work[_CORNERS[corner]] = values[cells[n, corner]]
+        _from_corners(work)
         for sample in range(27):
-            if weights[n, sample] == 0.0:
-                continue
-            value = 0.0
-            for corner in range(8):
-                value += shares[sample, corner] * at[corner]
-            off = weights[n, sample] * (samples[n, sample] - value)
-            for corner in range(8):
-                errors[cells[n, corner]] += shares[sample, corner] * off
+            weight = np.float64(weights[n, sample])
+            # The weight of a sample that is not known is 0, but 0 times NaN is not.
+            off = weight * (samples[n, sample] - work[sample])
+            work[sample] = off if weight > 0.0 else 0.0
+        _to_corners(work)
+        for corner in range(8):
+            errors[cells[n, corner]] += work[_CORNERS[corner]]
+
+
+@kernel
+def _worst_errors(values: Singles, cells: Ints, samples: Singles, near: float, worst: Singles) -> None:
+    """Write the largest error of each cell at the samples nearer to the surface than that, (n,)."""
+    work = np.empty(27)
+    for n in range(len(cells)):
+        for corner in range(8):
+            work[_CORNERS[corner]] = values[cells[n, corner]]
+        _from_corners(work)
+        worst[n] = 0.0
+        for sample in range(27):
+            if abs(samples[n, sample]) < near:
+                worst[n] = max(worst[n], abs(work[sample] - samples[n, sample]))
+
+
+@kernel
+def _from_corners(work: Floats) -> None:
+    """Fill in a cell's 27 samples between its corners, axis by axis; work : (27,), in place."""
+    for i in range(0, 27, 18):
+        for j in range(0, 9, 6):
+            work[i + j + 1] = 0.5 * (work[i + j] + work[i + j + 2])
+    for i in range(0, 27, 18):
+        for k in range(3):
+            work[i + 3 + k] = 0.5 * (work[i + k] + work[i + 6 + k])
+    for rest in range(9):
+        work[9 + rest] = 0.5 * (work[rest] + work[18 + rest])
+
+
+@kernel
+def _to_corners(work: Floats) -> None:
+    """Add to the corners what depends on them of a cell's 27 samples; work : (27,), in place.
+
+    The transpose of the interpolation: half of each middle goes either way.
+    """
+    for rest in range(9):
+        half = 0.5 * work[9 + rest]
+        work[rest] += half
+        work[18 + rest] += half
+    for i in range(0, 27, 18):
+        for k in range(3):
+            half = 0.5 * work[i + 3 + k]
+            work[i + k] += half
+            work[i + 6 + k] += half
+    for i in range(0, 27, 18):
+        for j in range(0, 9, 6):
+            half = 0.5 * work[i + j + 1]
+            work[i + j] += half
+            work[i + j + 2] += half

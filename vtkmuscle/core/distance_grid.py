@@ -81,6 +81,7 @@ def build_distance_grid(
     band: float | None = None,
     region: tuple[ArrayLike, ArrayLike] | None = None,
     threads: int = 0,
+    what: str = "distance grid",
 ) -> DistanceGrid:
     """Return the signed distance from a surface of one or several shells, which may overlap.
 
@@ -108,6 +109,8 @@ def build_distance_grid(
         are the same, whatever the region is.
     threads : int, optional
         Threads to work in, 0 for one per processor; the result does not depend on it.
+    what : str, optional
+        Named in warnings.
 
     Returns
     -------
@@ -131,7 +134,7 @@ def build_distance_grid(
             f"a distance grid needs cell > 0 and band >= 2 cells, got cell={cell:g} mm, band={band:g} mm"
         )
     surface = closed_shells(points, triangles)
-    warn_of(surface.remarks)
+    warn_of(surface.remarks, what)
     low = np.min([surface.points[shell].min(axis=(0, 1)) for shell in surface.shells], axis=0)
     high = np.max([surface.points[shell].max(axis=(0, 1)) for shell in surface.shells], axis=0)
     # The outermost nodes are outside, and farther from the bone than the band.
@@ -196,10 +199,10 @@ def _before(blocks: Ints, values: Singles, lattice: Lattice, band: float) -> Int
     return np.concatenate(result)
 
 
-def warn_of(remarks: tuple[str, ...]) -> None:
+def warn_of(remarks: tuple[str, ...], what: str) -> None:
     """Warn of what was wrong with a surface, in the name of the caller's caller."""
     if remarks:
-        warnings.warn("distance grid: " + "; ".join(remarks), stacklevel=3)
+        warnings.warn(f"{what}: " + "; ".join(remarks), stacklevel=3)
 
 
 def _blocks_of(

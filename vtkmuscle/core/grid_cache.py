@@ -26,7 +26,7 @@ Ints = NDArray[np.int64]
 FOLDER_VARIABLE = "VTKMUSCLE_CACHE"
 
 #: To be raised with every change of what is stored or how it is computed.
-FORMAT = 1
+FORMAT = 2
 
 #: What the files of a cache may take [bytes]; beyond it the ones longest unused are removed.
 MOST_BYTES = 2 * 1024**3
@@ -59,12 +59,13 @@ def cached_distance_grid(
     band: float | None = None,
     region: tuple[ArrayLike, ArrayLike] | None = None,
     threads: int = 0,
+    what: str = "distance grid",
 ) -> DistanceGrid:
     """Return the signed distance from a surface, from disk if it was built before.
 
     Parameters
     ----------
-    points, triangles, cell, band, region, threads
+    points, triangles, cell, band, region, threads, what
         As for :func:`~vtkmuscle.core.distance_grid.build_distance_grid`.
 
     Returns
@@ -83,9 +84,11 @@ def cached_distance_grid(
         path = folder / (_key(points, triangles, cell, band, region) + _SUFFIX)
         grid = _read(path)
         if grid is not None:
-            warn_of(grid.remarks)
+            warn_of(grid.remarks, what)
             return grid
-    grid = build_distance_grid(points, triangles, cell=cell, band=band, region=region, threads=threads)
+    grid = build_distance_grid(
+        points, triangles, cell=cell, band=band, region=region, threads=threads, what=what
+    )
     if path is not None:
         _write(path, grid)
     return grid

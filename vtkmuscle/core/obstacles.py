@@ -42,10 +42,13 @@ class Obstacle(ABC):
         Of the bone in the rest pose [mm].
     triangles : (m, 3) int array
         Point ids.
+    name : str
+        Of the bone, for warnings.
     """
 
-    def __init__(self, bone: int, points: Floats, triangles: Ints) -> None:
+    def __init__(self, bone: int, points: Floats, triangles: Ints, name: str) -> None:
         self.bone = bone
+        self.name = name
         self.points = points
         self.triangles = triangles
         #: Lowest and highest corner of a box in the scene at rest that holds the bone [mm].
@@ -133,7 +136,7 @@ class VoxelObstacle(Obstacle):
 
     Parameters
     ----------
-    bone, points, triangles
+    bone, points, triangles, name
         As of :class:`Obstacle`.
     n_max : int
         Number of voxels, about, shared out so that they are nearly cubes.
@@ -144,9 +147,16 @@ class VoxelObstacle(Obstacle):
     slides = False
 
     def __init__(
-        self, bone: int, points: Floats, triangles: Ints, *, n_max: int, n_equal: int | None = None
+        self,
+        bone: int,
+        points: Floats,
+        triangles: Ints,
+        *,
+        n_max: int,
+        n_equal: int | None = None,
+        name: str = "bone",
     ) -> None:
-        super().__init__(bone, points, triangles)
+        super().__init__(bone, points, triangles, name)
         self.n_max, self.n_equal = n_max, n_equal
 
     @property
@@ -164,7 +174,7 @@ class VoxelObstacle(Obstacle):
     def grid(self) -> VoxelGrid:
         """The bone's voxels, in its own axes."""
         along = apply_transform(self.axes, self.points)
-        return build_voxel_grid(along, self.triangles, n_max=self.n_max, n_equal=self.n_equal)
+        return build_voxel_grid(along, self.triangles, n_max=self.n_max, n_equal=self.n_equal, what=self.name)
 
     def allowance(self, points: Floats) -> None:
         """Return None: a point that was in the bone before is not moved."""
@@ -192,7 +202,7 @@ class DistanceObstacle(Obstacle):
 
     Parameters
     ----------
-    bone, points, triangles
+    bone, points, triangles, name
         As of :class:`Obstacle`.
     cell : float or None
         Distance of the grid's nodes [mm]; None for the bone's diagonal / :data:`CELLS_PER_DIAGONAL`.
@@ -213,8 +223,9 @@ class DistanceObstacle(Obstacle):
         cell: float | None = None,
         skin: float = 0.0,
         friction: float = 0.0,
+        name: str = "bone",
     ) -> None:
-        super().__init__(bone, points, triangles)
+        super().__init__(bone, points, triangles, name)
         self._cell, self.skin, self.friction = cell, skin, friction
 
     @property
@@ -246,7 +257,8 @@ class DistanceObstacle(Obstacle):
     @cached_property
     def grid(self) -> DistanceGrid:
         """Distances from the bone, in its own axes."""
-        return _shared_grid(apply_transform(self.axes, self.points), self.triangles, self.cell, self.band)
+        along = apply_transform(self.axes, self.points)
+        return _shared_grid(along, self.triangles, self.cell, self.band, self.name)
 
     def take_over(self, earlier: Obstacle | None) -> None:
         """Take the grid of an obstacle that was there before, where it is the same."""
@@ -304,7 +316,7 @@ class _Lock:
         self.lock = Lock()
 
 
-def _shared_grid(points: Floats, triangles: Ints, cell: float, band: float) -> DistanceGrid:
+def _shared_grid(points: Floats, triangles: Ints, cell: float, band: float, name: str) -> DistanceGrid:
     """Return the distances of a bone; muscles that are deformed side by side share one grid."""
     settings = np.array([cell, band])
     key = sha256(points.tobytes() + triangles.tobytes() + settings.tobytes()).digest()
@@ -313,7 +325,7 @@ def _shared_grid(points: Floats, triangles: Ints, cell: float, band: float) -> D
     with building.lock:  # other bones are built meanwhile
         grid = _shared.get(key)
         if grid is None:
-            grid = cached_distance_grid(points, triangles, cell=cell, band=band)
+            grid = cached_distance_grid(points, triangles, cell=cell, band=band, what=name)
             _shared[key] = grid
     return grid
 

@@ -104,14 +104,17 @@ class RestBones:
         """
         kept, self._obstacles = self._obstacles, {}
         for index, (name, bone) in enumerate(bones.items()):
-            points, triangles = checked_surface(bone, f"{self._where}, block {name!r}")
+            where = f"{self._where}, block {name!r}"
+            points, triangles = checked_surface(bone, where)
             rest = apply_transform(inverse(transforms[index]), points)
             old = kept.get(name)
             new: Obstacle
             if collision == "voxel":
-                new = VoxelObstacle(index, rest, triangles, n_max=n_max, n_equal=n_equal)
+                new = VoxelObstacle(index, rest, triangles, n_max=n_max, n_equal=n_equal, name=where)
             else:
-                new = DistanceObstacle(index, rest, triangles, cell=cell, skin=skin, friction=friction)
+                new = DistanceObstacle(
+                    index, rest, triangles, cell=cell, skin=skin, friction=friction, name=where
+                )
                 new.take_over(old)
             self._obstacles[name] = old if old is not None and new.same_as(old) else new
 

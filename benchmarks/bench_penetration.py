@@ -1,0 +1,131 @@
+"""Measure how far muscles end inside the bones of a hip over full flexion, against the bones' triangles.
+
+Run as ``python benchmarks/bench_penetration.py [folder] [--modes sdf voxel ...] [--muscles NAME ...]``, where
+the folder holds ``scene.toml`` (by default that of ``VTKMUSCLE_DATA``, else ``../shared/data``, and there
+``lhdl_hip``).
+
+For each mode and muscle: over all frames, the largest 95th percentile and the largest depth of free points
+that were outside the bones at rest, and the most of them that are inside. For all points of the iliacus, too,
+how far they are drawn into the joint: how many lie within the acetabulum, which is the convex hull of the
+pelvis's points that are nearer to the joint's centre than the radius of the head and 6 mm, and how deep.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from vtkmuscle.core.rigid import apply_transform, inverse
+from vtkmuscle.filters.arrays import field_array, point_array, points_of
+from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.pipelines import deform
+from vtkmuscle.scene import Scene
+
+#: Settings of the deformer beside those of the scene.
+MODES = {
+    "sdf": {"collision": "sdf", "cell": 1.0},
+    "sdf, plain": {"collision": "sdf", "cell": 1.0, "solver": "gauss-seidel"},
+    "voxel": {"collision": "voxel", "solver": "gauss-seidel"},
+    "voxel, anderson": {"collision": "voxel", "solver": "anderson"},
+    "voxel, transform": {"collision": "voxel", "solver": "gauss-seidel", "bone_push": "transform"},
+    "voxel, P21": {
+        "collision": "voxel",
+        "solver": "gauss-seidel",
+        "start": "inertial",
+        "order": "sequential",
+        "bone_push": "transform",
+        "contact_velocity": "keep",
+    },
+    "none": {"collision": "none"},
+}
+
+#: Beyond the femoral head, up to this far from it, pelvis is acetabulum [mm].
+CUP = 6.0
+
+
+def hip(folder):
+    """Return the scene, and the exact distance of each bone."""
+    scene = Scene.load(folder / "scene.toml")
+    return scene, {name: SurfaceDistance(bone) for name, bone in scene.bones.items()}
+
+
+class Acetabulum:
+    """The socket of the hip joint, filled: a convex body fixed to the pelvis."""
+
+    def __init__(self, scene):
+        centre = np.asarray(scene.motion.centre, dtype=float)
+        femur, pelvis = (points_of(scene.bones[name]) for name in ("femur_r", "pelvis"))
+        # The head is round: its radius is the distance from the centre that most of its points have.
+        distances = np.linalg.norm(femur - centre, axis=1)
+        counts, edges = np.histogram(distances, bins=np.arange(10.0, 40.0, 0.5))
+        self.radius = float(edges[counts.argmax()] + 0.25)
+        cup = pelvis[np.linalg.norm(pelvis - centre, axis=1) < self.radius + CUP]
+        hull = ConvexHull(cup)
+        self.faces = np.unique(hull.equations, axis=0)
+
+    def depth(self, points):
+        """Return how deep points are in it [mm], negative outside."""
+        return -(points @ self.faces[:, :3].T + self.faces[:, 3]).max(axis=1)
+
+
+def measured(scene, name, distances, settings, acetabulum):
+    """Yield, frame by frame, the depths of points, and how deep they are in the joint."""
+    detector = FixedPointDetector(**scene.fixing_of(name))
+    for port, value in enumerate(
+        (scene.muscles[name].surface, scene.bones_data(), scene.attachments_data(name))
+    ):
+        detector.connect(port, value)
+    rest = detector.update().output
+    free = point_array(rest, "FixedTo", "") < 0
+    counted = free & (np.max([d.depth(points_of(rest)) for d in distances.values()], axis=0) == 0.0)
+    chain = deform(
+        detector, scene.bones_data(), scene.motion, fixed=None, **{**scene.solver_of(name), **settings}
+    )
+    for time in scene.motion.times:
+        out = chain.update(time=float(time)).output
+        points, now = points_of(out), scene.motion.at(float(time))
+        depths = [
+            d.depth(apply_transform(inverse(now.get(bone, np.eye(4))), points[counted]))
+            for bone, d in distances.items()
+        ]
+        joint = acetabulum.depth(apply_transform(inverse(now.get("pelvis", np.eye(4))), points[free]))
+        yield np.max(depths, axis=0), joint, float(field_array(out, "Milliseconds")[0])
+
+
+def main():
+    """Measure all."""
+    data = Path(os.environ.get("VTKMUSCLE_DATA", Path(__file__).parents[2] / "shared" / "data"))
+    options = argparse.ArgumentParser()
+    options.add_argument("folder", nargs="?", type=Path, default=data / "lhdl_hip")
+    options.add_argument("--modes", nargs="+", choices=MODES, default=["sdf", "voxel"])
+    options.add_argument("--muscles", nargs="+")
+    chosen = options.parse_args()
+    if not (chosen.folder / "scene.toml").is_file():
+        raise SystemExit(f"no data: there is no scene.toml in {chosen.folder}")
+    scene, distances = hip(chosen.folder)
+    acetabulum = Acetabulum(scene)
+    print(f"radius of the femoral head {acetabulum.radius:.1f} mm")
+    for name in chosen.muscles or scene.muscles:
+        for mode in chosen.modes:
+            frames = list(measured(scene, name, distances, MODES[mode], acetabulum))
+            depths = np.array([depth for depth, _, _ in frames])
+            joint = np.array([inside for _, inside, _ in frames])
+            p95 = np.percentile(depths, 95, axis=1)
+            within, inside = (joint > 0).sum(axis=1), (depths > 0).sum(axis=1)
+            print(
+                f"{name:16s} {mode:16s} {len(frames)} frames, {depths.shape[1]} points: worst p95 "
+                f"{p95.max():.3f} mm, worst max {depths.max():.3f} mm, at most {inside.max()} "
+                f"inside; in the acetabulum {within[0]} at rest, at most {within.max()}, deepest "
+                f"{joint[0].max():.2f} at rest, {joint.max():.2f} mm; median step "
+                f"{np.median([ms for *_, ms in frames]):.1f} ms",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()
