@@ -67,13 +67,13 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
     """
     points = np.asarray(points, dtype=np.float64)
     triangles = _proper(np.asarray(triangles, dtype=np.int64).reshape(-1, 3))
-    if not len(triangles):
-        raise ValueError("the surface has no triangles of three different points")
+    _check_any(triangles)
     if not np.isfinite(points[triangles]).all():
         raise ValueError("the surface has a coordinate that is not finite")
     remarks = []
     if len(_excess(triangles)):
         points, triangles = _welded(points, triangles)
+        _check_any(triangles)
     if len(_excess(triangles)):
         triangles, n_turned = _consistent(triangles)
         if n_turned:
@@ -98,6 +98,11 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
         shell[:, ::-1].copy() if volume < 0 else shell for shell, volume in zip(shells, volumes, strict=True)
     ]
     return ClosedShells(points, tuple(turned), tuple(solid), tuple(remarks))
+
+
+def _check_any(triangles: Ints) -> None:
+    if not len(triangles):
+        raise ValueError("the surface has no triangles of three different points")
 
 
 def _proper(triangles: Ints) -> Ints:

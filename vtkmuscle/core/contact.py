@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,6 +15,10 @@ from vtkmuscle.core.rigid import apply_transform, inverse
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+
+
+#: A muscle with more than this part of its free points in a bone is taken to be swallowed by it.
+SWALLOWED = 0.5
 
 
 class Barrier:
@@ -52,6 +57,7 @@ class Barrier:
         self.boxes: Floats = np.array([((low + high) / 2, (high - low) / 2) for low, high in boxes])
         self._from_axes: dict[int, Floats] = {}
         self._allowances: dict[int, Floats | None] = {}
+        self._told: set[tuple[int, str]] = set()
 
     def from_axes(self, number: int) -> Floats:
         """Return the transform from an obstacle's axes to the scene at rest, about the muscle's centre."""
@@ -63,8 +69,24 @@ class Barrier:
         """Return how deep points may be in an obstacle."""
         if number not in self._allowances:
             at_rest = apply_transform(inverse(self.from_axes(number)), self._rest)
-            self._allowances[number] = self.obstacles[number].allowance(at_rest)
+            allowance = self.obstacles[number].allowance(at_rest)
+            self._allowances[number] = allowance
+            if allowance is not None:
+                inside = int((allowance[self.free] > self.obstacles[number].skin).sum())
+                if inside > SWALLOWED * self.free.sum():
+                    self.tell(
+                        number,
+                        "swallowed",
+                        f"{inside} of the muscle's {self.free.sum()} free points are in it at rest and may "
+                        "stay as deep; check that bone and muscle are in the same frame and unit",
+                    )
         return self._allowances[number]
+
+    def tell(self, number: int, kind: str, what: str) -> None:
+        """Warn of what was seen at an obstacle, once for each kind."""
+        if (number, kind) not in self._told:
+            self._told.add((number, kind))
+            warnings.warn(f"{self.obstacles[number].name}: {what}", stacklevel=2)
 
 
 class Contact:
@@ -100,6 +122,7 @@ class Contact:
         self._from_low, self._from_high = _moved_boxes(self._steps, (low + high) / 2, (high - low) / 2)
         #: Where points were when their distance was found, and its square (0 inside).
         self._clear: dict[int, tuple[Floats, Floats]] = {}
+        self._tested: set[int] = set()
 
     def keep_out(self, p: Floats) -> Bools:
         """Move predicted positions out of the bones that they can have met.
@@ -121,6 +144,7 @@ class Contact:
                 continue
             obstacle = self._barrier.obstacles[number]
             bone = self._now[number] @ self._barrier.from_axes(number)
+            predicted = None if number in self._tested else p.copy()
             moved = obstacle.keep_out(
                 bone,
                 self._steps[number],
@@ -130,6 +154,9 @@ class Contact:
                 allowance=self._barrier.allowance(number),
                 bone_push=self._barrier.bone_push,
             )
+            if predicted is not None:
+                self._tested.add(number)
+                self._look_at(number, bone, predicted, moved)
             if obstacle.slides:
                 if number not in self._clear:
                     distance = np.maximum(obstacle.distance(apply_transform(inverse(bone), p)), 0.0)
@@ -140,6 +167,35 @@ class Contact:
                 hit |= moved
                 near = self._in_reach(p)
         return hit
+
+    def _look_at(self, number: int, bone: Floats, predicted: Floats, moved: Bools) -> None:
+        """Warn where a step began with more in a bone, or farther through it, than can come out well."""
+        barrier, obstacle = self._barrier, self._barrier.obstacles[number]
+        to_axes = inverse(bone)
+        start = apply_transform(to_axes @ self._steps[number], self._x[number])
+        end = apply_transform(to_axes, predicted)
+        inside = obstacle.entered(end, moved) & barrier.free
+        low, high = obstacle.box_along_axes
+        # Voxels do not see what a point has passed through: the box of its path has to do.
+        met = inside if obstacle.slides else barrier.free & _meet(start, end, low, high)
+        if not met.any():
+            return
+        way = float(np.linalg.norm(end[met] - start[met], axis=1).max())
+        thickness = float((high - low).min())
+        if way > thickness:
+            barrier.tell(
+                number,
+                "jumped",
+                f"it moved {way:.4g} mm against the muscle in one step, but is {thickness:.4g} mm thick; "
+                "give the motion more frames, or use more substeps",
+            )
+        if inside.sum() > SWALLOWED * barrier.free.sum():
+            barrier.tell(
+                number,
+                "swallowed",
+                f"{inside.sum()} of the muscle's {barrier.free.sum()} free points were in it at the "
+                "beginning of a step; give the motion more frames, or use more substeps",
+            )
 
     def _in_reach(self, p: Floats) -> Bools:
         """Return whose boxes, along the axes of the scene, the path of the points may meet, (k,)."""
@@ -174,6 +230,12 @@ class Contact:
         moved = p - there
         concerned: Bools = self._barrier.free & (np.einsum("ij,ij->i", moved, moved) >= squares)
         return concerned
+
+
+def _meet(start: Floats, end: Floats, low: Floats, high: Floats) -> Bools:
+    """Return whether the boxes of paths (n, 3), (n, 3) meet a box, (n,)."""
+    met: Bools = np.logical_and(np.maximum(start, end) >= low, np.minimum(start, end) <= high).all(axis=1)
+    return met
 
 
 def _inverses(transforms: Floats) -> Floats:

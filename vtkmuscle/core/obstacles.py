@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from hashlib import sha256
 from threading import Lock
@@ -57,6 +59,9 @@ class Obstacle(ABC):
     #: Whether points move along the surface, so that their path can be followed in short pieces.
     slides: bool
 
+    #: Distance that points keep from the bone [mm].
+    skin: float = 0.0
+
     @property
     @abstractmethod
     def margin(self) -> float:
@@ -94,6 +99,10 @@ class Obstacle(ABC):
     def distance(self, points: Floats) -> Floats:
         """Return at most the distance of points (n, 3) [mm], in the bone's axes, from the bone, (n,)."""
         return np.zeros(len(points))
+
+    @abstractmethod
+    def entered(self, points: Floats, moved: Bools) -> Bools:
+        """Return which of the points (n, 3) [mm], in the bone's axes, were in it: it moved some, (n,)."""
 
     @abstractmethod
     def keep_out(
@@ -174,10 +183,18 @@ class VoxelObstacle(Obstacle):
     def grid(self) -> VoxelGrid:
         """The bone's voxels, in its own axes."""
         along = apply_transform(self.axes, self.points)
-        return build_voxel_grid(along, self.triangles, n_max=self.n_max, n_equal=self.n_equal, what=self.name)
+        with _named(self.name):
+            return build_voxel_grid(
+                along, self.triangles, n_max=self.n_max, n_equal=self.n_equal, what=self.name
+            )
 
     def allowance(self, points: Floats) -> None:
         """Return None: a point that was in the bone before is not moved."""
+
+    def entered(self, points: Floats, moved: Bools) -> Bools:
+        """Return which points are in the bone's voxels: not all that are need have been moved."""
+        inside: Bools = self.grid.contains(points)
+        return inside
 
     def keep_out(
         self,
@@ -258,7 +275,8 @@ class DistanceObstacle(Obstacle):
     def grid(self) -> DistanceGrid:
         """Distances from the bone, in its own axes."""
         along = apply_transform(self.axes, self.points)
-        return _shared_grid(along, self.triangles, self.cell, self.band, self.name)
+        with _named(self.name):
+            return _shared_grid(along, self.triangles, self.cell, self.band, self.name)
 
     def take_over(self, earlier: Obstacle | None) -> None:
         """Take the grid of an obstacle that was there before, where it is the same."""
@@ -278,6 +296,10 @@ class DistanceObstacle(Obstacle):
     def distance(self, points: Floats) -> Floats:
         """Return the distance from the skin, less what the interpolation between nodes can be wrong by."""
         return signed_distance(self.grid, points) - (self.cell + self.skin)
+
+    def entered(self, points: Floats, moved: Bools) -> Bools:
+        """Return the points that were moved: all that were in the bone."""
+        return moved
 
     def keep_out(
         self,
@@ -302,6 +324,15 @@ class DistanceObstacle(Obstacle):
             friction=self.friction,
             allowance=allowance,
         )
+
+
+@contextmanager
+def _named(bone: str) -> Iterator[None]:
+    """Say which bone it is that no grid can be made of."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{bone}: {error}") from error
 
 
 _shared: WeakValueDictionary[bytes, DistanceGrid] = WeakValueDictionary()

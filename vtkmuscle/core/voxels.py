@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
-from vtkmuscle.core.closed_shells import closed_shells
+from vtkmuscle.core.closed_shells import ClosedShells, closed_shells
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.rigid import inverse
 from vtkmuscle.core.triangle_distance import winding_number
@@ -84,7 +84,8 @@ def build_voxel_grid(
     The bounding box is divided into cells; the cells that a triangle meets are the boundary; what
     cannot be reached from beyond the box without crossing the boundary is inside. That would take what is
     left of a hole too narrow for the cells for bone, so the winding number of each enclosed pocket has the
-    last word. Every shell has an inside of its own, whichever way it faces: a hollow counts as filled.
+    last word. Holes in the surface are closed first. Every shell has an inside of its own, whichever way it
+    faces: a hollow counts as filled.
 
     Parameters
     ----------
@@ -97,8 +98,8 @@ def build_voxel_grid(
     n_equal : int, optional
         Cells along each axis instead (the cells are then no cubes).
     pockets : bool, optional
-        False leaves pockets of the outside that the boundary cuts off as inside: quicker, where it is
-        enough that nothing inside is missed.
+        False leaves pockets of the outside that the boundary cuts off as inside, and holes in the surface
+        open: quicker, where the surface is closed and it is enough that nothing inside is missed.
     what : str, optional
         Named in warnings.
 
@@ -122,6 +123,12 @@ def build_voxel_grid(
         raise ValueError(
             f"a voxel grid needs n_max >= 1 and n_equal >= 1, got n_max={n_max}, n_equal={n_equal}"
         )
+    surface = None
+    if pockets:
+        surface = closed_shells(points, triangles)
+        points, triangles = surface.points, np.vstack(surface.shells)
+        if surface.remarks:
+            warnings.warn(f"{what}: " + "; ".join(surface.remarks), stacklevel=2)
     used = points[np.unique(triangles)]
     low, high = used.min(axis=0), used.max(axis=0)
     # Wider than the surface by a hair, so that a flat side of a bone does not touch the outermost layer.
@@ -134,23 +141,17 @@ def build_voxel_grid(
     corners = ((points - origin) / spacing)[triangles]
     _mark_boundary(corners, cells)
     _flood_outside(cells)
-    remarks: tuple[str, ...] = ()
-    if pockets:
-        remarks = _open_pockets(points, triangles, origin, spacing, cells)
-        if remarks:
-            warnings.warn(f"{what}: " + "; ".join(remarks), stacklevel=2)
-    return VoxelGrid(origin, spacing, cells, remarks)
+    if surface is not None:
+        _open_pockets(surface, origin, spacing, cells)
+    return VoxelGrid(origin, spacing, cells, () if surface is None else surface.remarks)
 
 
-def _open_pockets(
-    points: Floats, triangles: Ints, origin: Floats, spacing: Floats, cells: Cells
-) -> tuple[str, ...]:
-    """Mark as outside the enclosed pockets that no shell winds round; return what is wrong with the shells.
+def _open_pockets(surface: ClosedShells, origin: Floats, spacing: Floats, cells: Cells) -> None:
+    """Mark as outside the enclosed pockets that no shell winds round.
 
     Between neighbouring cells that are not boundary there is no surface, so one cell speaks for its pocket.
     cells : (nx, ny, nz), changed in place.
     """
-    surface = closed_shells(points, triangles)
     enclosed, count = label(cells == INSIDE)
     flat = enclosed.reshape(-1)
     first = np.full(count + 1, -1, dtype=np.int64)
@@ -166,7 +167,6 @@ def _open_pockets(
             if solid
         )
     cells[outside[enclosed]] = OUTSIDE
-    return surface.remarks
 
 
 def _shared_out(sides: Floats, n_max: int) -> Ints:

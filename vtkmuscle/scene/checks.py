@@ -85,19 +85,14 @@ def checked_names(scene: Scene) -> None:
 
 
 def checked_bones(scene: Scene) -> dict[str, vtkPolyData]:
-    """Return the bones, each checked and facing outward."""
-    closed = any(needs_closed_bones(scene, muscle) for muscle in scene.muscles.values())
+    """Return the bones, each checked.
+
+    What is open or inside out is mended where its inside is asked for, which warns of it.
+    """
     return {
-        name: _checked_surface(scene, f"bones.{name}.surface", surface, closed=closed)
+        name: _checked_surface(scene, f"bones.{name}.surface", surface, closed=False)
         for name, surface in scene.bones.items()
     }
-
-
-def needs_closed_bones(scene: Scene, muscle: Muscle) -> bool:
-    """Tell whether a muscle's settings ask what is inside a bone."""
-    collision = _setting(PBDDeformer, "collision", scene.solver, muscle.solver)
-    method = _setting(FixedPointDetector, "method", scene.fixing, muscle.fixing)
-    return bool(collision != "none" or method == "collision")
 
 
 def _setting(kind: type[Filter], name: str, *settings: Mapping[str, Any]) -> Any:
@@ -171,7 +166,7 @@ def _checked_surface(scene: Scene, key: str, surface: vtkPolyData, *, closed: bo
             closed and not report.closed,
             f"the surface is open: {report.n_boundary_edges} edges belong to one triangle only",
             "fill its holes (pyvista: mesh.fill_holes(size)); if there are none to see, merge coincident "
-            "points (pyvista: mesh.clean())" + _open_bone_hint(key),
+            "points (pyvista: mesh.clean())",
         ),
         (
             closed and not report.manifold,
@@ -199,11 +194,6 @@ def _checked_surface(scene: Scene, key: str, surface: vtkPolyData, *, closed: bo
         )
         return _turned(surface, points, triangles)
     return surface
-
-
-def _open_bone_hint(key: str) -> str:
-    open_is_fine = "; or, without collisions, set solver.collision = 'none'"
-    return open_is_fine if key.startswith("bones.") else ""
 
 
 def _turned(surface: vtkPolyData, points: NDArray[Any], triangles: NDArray[Any]) -> vtkPolyData:
