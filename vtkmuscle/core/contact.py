@@ -234,7 +234,8 @@ class Contact:
 
 def _meet(start: Floats, end: Floats, low: Floats, high: Floats) -> Bools:
     """Return whether the boxes of paths (n, 3), (n, 3) meet a box, (n,)."""
-    met: Bools = np.logical_and(np.maximum(start, end) >= low, np.minimum(start, end) <= high).all(axis=1)
+    apart = (np.maximum(start, end) < low) | (np.minimum(start, end) > high)
+    met: Bools = np.logical_not(apart.any(axis=1))
     return met
 
 
