@@ -35,7 +35,9 @@ def chain(phantom, name, n_far, *, move):
     moving = next(iter(transforms.values()))
     for number in range(n_far):
         bone = list(blocks.values())[number % 2]
-        blocks[f"far {number}"] = with_points(bone, points_of(bone) + [FAR * (number + 1), FAR, 0.0])
+        blocks[f"far {number}"] = with_points(
+            bone, points_of(bone) + np.array([FAR * (number + 1), FAR, 0.0])
+        )
         if move:
             transforms[f"far {number}"] = moving
     motion = RigidMotion(phantom.motion.times, transforms)
