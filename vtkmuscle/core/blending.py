@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.rigid import inverse
 
 Floats = NDArray[np.float64]
+
+#: Least norm that a blended quaternion is divided by.
+EPSILON = float(np.finfo(np.float64).eps)
 
 
 def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats:
@@ -41,14 +47,26 @@ def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats
     dual[:, :3] = 0.5 * (real[:, 3:] * shift + np.cross(shift, real[:, :3]))
     dual[:, 3] = -0.5 * np.einsum("ij,ij->i", shift, real[:, :3])
 
-    q, d = weights @ real, weights @ dual
-    norm = np.linalg.norm(q, axis=1, keepdims=True)
-    norm = np.maximum(norm, np.finfo(float).eps)
-    q, d = q / norm, d / norm
-    v, w = q[:, :3], q[:, 3:]
-    turned = points + 2.0 * np.cross(v, np.cross(v, points) + w * points)
-    moved: Floats = turned + 2.0 * (w * d[:, :3] - d[:, 3:] * v + np.cross(v, d[:, :3]))
+    moved = np.empty_like(points)
+    _move(weights @ real, weights @ dual, points, moved)
     return moved
+
+
+@kernel
+def _move(real: Floats, dual: Floats, points: Floats, moved: Floats) -> None:
+    """Move points (n, 3) by dual quaternions, (n, 4) each, (x, y, z, w), which need not be of norm 1."""
+    for i in range(len(points)):
+        x, y, z, w = real[i, 0], real[i, 1], real[i, 2], real[i, 3]
+        dx, dy, dz, dw = dual[i, 0], dual[i, 1], dual[i, 2], dual[i, 3]
+        norm = max(math.sqrt(x * x + y * y + z * z + w * w), EPSILON)
+        x, y, z, w = x / norm, y / norm, z / norm, w / norm
+        dx, dy, dz, dw = dx / norm, dy / norm, dz / norm, dw / norm
+        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
+        # v x p + w p, then v x that: the turn; w d - d_w v + v x d: the shift.
+        cx, cy, cz = y * pz - z * py + w * px, z * px - x * pz + w * py, x * py - y * px + w * pz
+        moved[i, 0] = px + 2.0 * (y * cz - z * cy + w * dx - dw * x + y * dz - z * dy)
+        moved[i, 1] = py + 2.0 * (z * cx - x * cz + w * dy - dw * y + z * dx - x * dz)
+        moved[i, 2] = pz + 2.0 * (x * cy - y * cx + w * dz - dw * z + x * dy - y * dx)
 
 
 def screw_between(start: Floats, end: Floats, fraction: float) -> Floats:

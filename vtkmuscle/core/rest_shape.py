@@ -8,11 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.constraints import dihedral_angle, volume_and_gradient
+from vtkmuscle.core.constraints import DEGENERATE_SINE, volume_and_gradient
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh import edge_lengths
 from vtkmuscle.core.topology import MeshTopology
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 #: A surface of less volume than this part of its box's diagonal cubed encloses nothing.
@@ -81,7 +83,9 @@ class RestShape:
             )
         self._topology = topology
         self.lengths: Floats = edge_lengths(points, topology.edges)
-        self.angles, self.angle_defined = self._angles(points)
+        self._long = self.lengths > 0
+        self._long_edges = np.ascontiguousarray(topology.edges[self._long])
+        self.angles, self.angle_defined = dihedral_angles(points, topology.quads)
         self.volume_gradient: Floats = np.empty_like(points)
         self.volume: float = volume_and_gradient(points, topology.triangles, self.volume_gradient)
         diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
@@ -91,17 +95,12 @@ class RestShape:
                 f"{diagonal:.3g}); it must be a closed surface with all triangles facing outward"
             )
 
-    def _angles(self, positions: Floats) -> tuple[Floats, Bools]:
-        p1, p2, p3, p4 = (positions[self._topology.quads[:, i]] for i in range(4))
-        return dihedral_angle(p1, p2, p3, p4)
-
     def compare(self, positions: Floats) -> ShapeReport:
         """Return how far a deformed surface, (n, 3) positions [mm], is from rest."""
         volume = volume_and_gradient(positions, self._topology.triangles, np.empty_like(positions))
-        long = self.lengths > 0
-        stretch = edge_lengths(positions, self._topology.edges[long]) / self.lengths[long]
+        stretch = _lengths(positions, self._long_edges) / self.lengths[self._long]
         median, high = np.percentile(stretch, [50.0, 95.0])
-        angles, defined = self._angles(positions)
+        angles, defined = dihedral_angles(positions, self._topology.quads)
         change = np.abs(angles - self.angles)[defined & self.angle_defined]
         change = np.degrees(np.minimum(change, 2.0 * math.pi - change))
         errors = np.percentile(change, [50.0, 95.0]) if len(change) else np.zeros(2)
@@ -114,3 +113,57 @@ class RestShape:
             dihedral_error_p95=float(errors[1]),
             degenerate_edges=int((self.angle_defined & ~defined).sum()),
         )
+
+
+def dihedral_angles(points: Floats, quads: Ints) -> tuple[Floats, Bools]:
+    """Return the signed angles (q,) of quadruples of points, and False where one is not defined, (q,).
+
+    The same as :func:`~vtkmuscle.core.constraints.dihedral_angle`, one after the other without arrays in
+    between.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions [mm].
+    quads : (q, 4) int array
+        As in :class:`~vtkmuscle.core.topology.MeshTopology`.
+    """
+    angles, defined = np.zeros(len(quads)), np.zeros(len(quads), dtype=np.bool_)
+    _measure_angles(points, quads, angles, defined)
+    return angles, defined
+
+
+@kernel
+def _measure_angles(p: Floats, quads: Ints, angles: Floats, defined: Bools) -> None:
+    for q in range(len(quads)):
+        i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
+        ex, ey, ez = p[j, 0] - p[i, 0], p[j, 1] - p[i, 1], p[j, 2] - p[i, 2]
+        ax, ay, az = p[k, 0] - p[i, 0], p[k, 1] - p[i, 1], p[k, 2] - p[i, 2]
+        bx, by, bz = p[m, 0] - p[i, 0], p[m, 1] - p[i, 1], p[m, 2] - p[i, 2]
+        n1x, n1y, n1z = ey * az - ez * ay, ez * ax - ex * az, ex * ay - ey * ax
+        n2x, n2y, n2z = by * ez - bz * ey, bz * ex - bx * ez, bx * ey - by * ex
+        length = math.sqrt(ex * ex + ey * ey + ez * ez)
+        n1 = math.sqrt(n1x * n1x + n1y * n1y + n1z * n1z)
+        n2 = math.sqrt(n2x * n2x + n2y * n2y + n2z * n2z)
+        least = DEGENERATE_SINE * length
+        if (
+            length > 0.0
+            and n1 > least * math.sqrt(ax * ax + ay * ay + az * az)
+            and n2 > least * math.sqrt(bx * bx + by * by + bz * bz)
+        ):
+            # (n1 x n2) . e = -|e|^2 n1 . b, without the cancellation of the cross product.
+            sine = -length * (n1x * bx + n1y * by + n1z * bz)
+            angle = math.atan2(sine, n1x * n2x + n1y * n2y + n1z * n2z)
+            angles[q] = math.pi if angle == -math.pi else angle
+            defined[q] = True
+
+
+@kernel
+def _lengths(p: Floats, edges: Ints) -> Floats:
+    """Return the lengths of edges (k, 2)."""
+    lengths = np.empty(len(edges))
+    for e in range(len(edges)):
+        i, j = edges[e, 0], edges[e, 1]
+        x, y, z = p[i, 0] - p[j, 0], p[i, 1] - p[j, 1], p[i, 2] - p[j, 2]
+        lengths[e] = math.sqrt(x * x + y * y + z * z)
+    return lengths
