@@ -18,10 +18,14 @@ from vtkmuscle.filters.template_fitter import TemplateFitter
 #: The settings of :func:`decompose`, and the parameter of a filter that each one is.
 FIBRE_SETTINGS: dict[str, tuple[type[Filter], str]] = {
     "template": (FibreTemplateSource, "kind"),
+    "template_file": (FibreTemplateSource, "file"),
     "n_fibres": (FibreTemplateSource, "n_fibres"),
     "resolution": (FibreTemplateSource, "resolution"),
     "axis": (TemplateFitter, "axis"),
     "angle_step": (TemplateFitter, "angle_step"),
+    "refine": (TemplateFitter, "refine"),
+    "cube": (TemplateFitter, "cube"),
+    "mirror": (TemplateFitter, "mirror"),
     "method": (SliceMorpher, "method"),
     "mapping": (SliceMorpher, "mapping"),
     "slice_tolerance": (SliceMorpher, "slice_tolerance"),
@@ -37,10 +41,14 @@ def decompose(
     attachments: Any,
     *,
     template: str = "parallel",
+    template_file: str | None = None,
     n_fibres: int = 100,
     resolution: int = 15,
     axis: str = "auto",
     angle_step: float = 5.0,
+    refine: bool = False,
+    cube: str = "upright",
+    mirror: bool = False,
     method: str = "auto",
     mapping: str = "bijective",
     slice_tolerance: float | None = None,
@@ -60,9 +68,10 @@ def decompose(
         Closed surface of triangles, in the rest pose.
     attachments : vtkMultiBlockDataSet or algorithm
         Where it is attached, at least one origin and one insertion.
-    template, n_fibres, resolution
-        Kind, number of fibres and segments per fibre of FibreTemplateSource.
-    axis, angle_step
+    template, template_file, n_fibres, resolution
+        Kind, file with a template of your own, number of fibres and segments per fibre of
+        FibreTemplateSource.
+    axis, angle_step, refine, cube, mirror
         Of TemplateFitter.
     method, mapping, slice_tolerance, continuity
         Of SliceMorpher.
@@ -91,8 +100,13 @@ def decompose(
     >>> fibres.GetNumberOfCells()
     10
     """
-    source = FibreTemplateSource(kind=template, n_fibres=n_fibres, resolution=resolution)
-    fitter = _connected(TemplateFitter(axis=axis, angle_step=angle_step), source, muscle, attachments)
+    source = FibreTemplateSource(kind=template, file=template_file, n_fibres=n_fibres, resolution=resolution)
+    fitter = _connected(
+        TemplateFitter(axis=axis, angle_step=angle_step, refine=refine, cube=cube, mirror=mirror),
+        source,
+        muscle,
+        attachments,
+    )
     morpher = _connected(
         SliceMorpher(method=method, mapping=mapping, slice_tolerance=slice_tolerance, continuity=continuity),
         fitter,

@@ -1,10 +1,19 @@
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from vtkmuscle.core.fitting import centroid_axis, fit_box, lie_opposite, principal_axis
+from vtkmuscle.core.fitting import (
+    ASSIGNMENTS,
+    centroid_axis,
+    fit_box,
+    lie_opposite,
+    principal_axis,
+    turned_cube,
+)
 from vtkmuscle.core.rigid import apply_transform
 from vtkmuscle.core.templates import TEMPLATES
 
@@ -178,3 +187,37 @@ def test_a_flat_muscle_is_refused(flat):
 def test_only_areas_at_bottom_and_top_lie_opposite(kind):
     areas = (TEMPLATES[kind].origin_areas.reshape(-1, 3), TEMPLATES[kind].insertion_areas.reshape(-1, 3))
     assert lie_opposite(*areas) == (kind not in {"pennate", "bipennate"})
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 10**6))
+def test_refinement_ends_in_a_minimum_that_a_fine_sweep_does_not_beat_nearby(seed):
+    points, _ = cloud(seed)
+    origin, insertion = ends(points)
+    coarse, fine = (
+        fit_box(
+            points,
+            np.array([0.0, 0, 1]),
+            origin=origin,
+            insertion=insertion,
+            origin_area=rectangle((0, 0, 0), (1, 1, 0)),
+            insertion_area=rectangle((0, 0, 1), (1, 1, 1)),
+            angle_step=5.0,
+            refine=refine,
+        )
+        for refine in (False, True)
+    )
+    assert fine.error <= coarse.error
+    assert abs(fine.angle - coarse.angle) <= 5.0
+
+
+@pytest.mark.parametrize("assignment", ASSIGNMENTS)
+def test_assignments_turn_the_cube_into_itself(assignment):
+    turn = turned_cube(assignment)
+    corners = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
+    assert {tuple(c) for c in apply_transform(turn, corners)} == {tuple(c) for c in corners}
+    assert np.linalg.det(turn) == pytest.approx(1)
+
+
+def test_the_six_assignments_put_every_axis_along_z_either_way_up():
+    assert len({tuple(a[2]) for a in ASSIGNMENTS}) == 6

@@ -15,7 +15,11 @@ from vtkmuscle.filters.arrays import (
 )
 from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, attachments_of
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
+from vtkmuscle.filters.slice_morpher import SliceMorpher
 from vtkmuscle.filters.template_fitter import TemplateFitter
+from vtkmuscle.phantoms.meshing import box
+
+ROLES = ("origin", "insertion")
 
 
 def template(kind="parallel"):
@@ -81,19 +85,6 @@ def test_the_fit_moves_with_muscle_and_attachments(hip):
     assert np.abs(transform_of(there) - move @ transform_of(here)).max() < 1e-6
 
 
-def test_auto_takes_the_principal_axis_for_aponeuroses_and_the_attachments_otherwise(block):
-    muscle, areas = block.muscles["block"], block.attachments["block"]
-
-    def axis(kind, rule):
-        return axis_of(TemplateFitter(axis=rule)(template(kind), muscle, areas))
-
-    assert np.allclose(axis("pennate", "auto"), [0, 0, 1], atol=1e-6)
-    assert np.array_equal(axis("bipennate", "auto"), axis("bipennate", "principal"))
-    for kind in ("parallel", "curved", "fan"):
-        assert np.array_equal(axis(kind, "auto"), axis(kind, "attachments"))
-    assert not np.allclose(axis("parallel", "auto"), axis("parallel", "principal"), atol=0.1)
-
-
 def test_the_pennate_block_is_met_exactly(block):
     fitted = TemplateFitter()(template("pennate"), block.muscles["block"], block.attachments["block"])
     transform = transform_of(fitted)
@@ -136,3 +127,58 @@ def test_a_template_without_areas_is_an_error(spindle):
     bare.GetFieldData().RemoveArray("OriginArea")
     with pytest.raises(ValueError, match=r"'OriginArea' .* is missing"):
         TemplateFitter()(bare, spindle.muscles["spindle"], spindle.attachments["spindle"])
+
+
+def test_a_mirrored_muscle_gets_mirrored_fibres(hip):
+    mirror = np.diag([-1.0, 1.0, 1.0, 1.0])
+    for name, muscle in hip.muscles.items():
+        areas = attachments_of(hip.attachments[name], "test")
+        other = surface_from(
+            apply_transform(mirror, points_of(muscle)), triangles_of(muscle, "test")[:, ::-1].copy()
+        )
+        other_areas = attachments_from(
+            [AttachmentArea(a.role, a.bone, apply_transform(mirror, a.landmarks), a.closed) for a in areas]
+        )
+        fitted = TemplateFitter()(template(), muscle, hip.attachments[name])
+        mirrored = TemplateFitter(mirror=True)(template(), other, other_areas)
+        assert np.abs(apply_transform(mirror, points_of(fitted)) - points_of(mirrored)).max() < 1e-9
+        assert np.linalg.det(transform_of(mirrored)) < 0 < np.linalg.det(transform_of(fitted))
+        fibres = SliceMorpher(method="harmonic")(fitted, muscle, hip.attachments[name])
+        mirrored_fibres = SliceMorpher(method="harmonic")(mirrored, other, other_areas)
+        difference = apply_transform(mirror, points_of(fibres)) - points_of(mirrored_fibres)
+        assert np.abs(difference).max() < 1e-6, name
+
+
+def test_auto_takes_the_axis_with_the_smaller_error(hip, block):
+    for phantom in (hip, block):
+        for name, muscle in phantom.muscles.items():
+            errors = {
+                axis: field_array(
+                    TemplateFitter(axis=axis)(template(), muscle, phantom.attachments[name]), "FitError"
+                )[0]
+                for axis in ("auto", "attachments", "principal")
+            }
+            assert errors["auto"] == min(errors.values())
+
+
+def test_any_assignment_of_the_cube_finds_fibres_that_run_across_the_long_axis():
+    # A board 20 x 40 x 120 whose attachments are its long narrow sides: fibres run along y.
+    points, triangles = box((0, 0, 0), (20, 40, 120), 5.0)
+    sides = [np.array([(0.0, y, 0), (20, y, 0), (20, y, 120), (0, y, 120)]) for y in (0, 40)]
+    areas = attachments_from(
+        [AttachmentArea(role, "bone", side, True) for role, side in zip(ROLES, sides, strict=True)]
+    )
+    muscle = surface_from(points, triangles)
+    fitted = TemplateFitter(axis="principal", cube="any")(template(), muscle, areas)
+    assert field_array(fitted, "FitError")[0] == pytest.approx(0, abs=1e-9)
+    assert np.allclose(np.abs(axis_of(fitted)), (0, 1, 0))
+    upright = TemplateFitter(axis="principal")(template(), muscle, areas)
+    assert field_array(upright, "FitError")[0] > 100
+
+
+def test_coinciding_centroids_do_not_stop_auto(spindle):
+    ((name, muscle),) = spindle.muscles.items()
+    areas = attachments_of(spindle.attachments[name], "test")
+    both = [AttachmentArea(role, "bone", areas[0].landmarks, True) for role in ROLES]
+    fitted = TemplateFitter()(template(), muscle, attachments_from(both))
+    assert np.isfinite(points_of(fitted)).all()

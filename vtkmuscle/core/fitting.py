@@ -10,10 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 from scipy.spatial import ConvexHull
 from scipy.spatial.distance import cdist
-
-from vtkmuscle.core.rigid import apply_transform
 
 Floats = NDArray[np.float64]
 
@@ -22,6 +21,20 @@ Floats = NDArray[np.float64]
 TIE = 1e-9
 #: Sides of the least rectangle's edges shorter than this part of the section are rounding.
 SHORTEST_EDGE = 1e-6
+#: To how many degrees a refined angle is found.
+FINEST_ANGLE = 1e-4
+#: Turns of the cube, as rows of the image of each axis, that put its z axis, x axis or y axis along the
+#: muscle, either way up. With the sweep's quarter turns these are all 24.
+ASSIGNMENTS = np.array(
+    [
+        np.eye(3),
+        [(1, 0, 0), (0, -1, 0), (0, 0, -1)],
+        [(0, 1, 0), (0, 0, 1), (1, 0, 0)],
+        [(0, 1, 0), (0, 0, -1), (-1, 0, 0)],
+        [(0, 0, 1), (1, 0, 0), (0, 1, 0)],
+        [(0, 0, -1), (1, 0, 0), (0, -1, 0)],
+    ]
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,10 +48,13 @@ class Fit:
         z axis runs from origin to insertion.
     error : float
         Sum of distances from the template's area points to the nearest landmarks, in the unit of the points.
+    angle : float
+        Turn about the axis from where the sweep began [degrees].
     """
 
     transform: Floats
     error: float
+    angle: float
 
 
 def lie_opposite(origin_area: Floats, insertion_area: Floats) -> bool:
@@ -88,6 +104,7 @@ def fit_box(
     origin_area: Floats,
     insertion_area: Floats,
     angle_step: float,
+    refine: bool = False,
 ) -> Fit:
     """Return the box around a muscle whose areas lie nearest to the muscle's attachments.
 
@@ -109,6 +126,8 @@ def fit_box(
         Points of the template's areas in the unit cube.
     angle_step : float
         Degrees.
+    refine : bool, optional
+        Go on from the best angle to a minimum between its neighbours.
 
     Returns
     -------
@@ -128,24 +147,45 @@ def fit_box(
         raise ValueError("the points of the muscle lie in one plane, so that no box of any volume holds them")
     outline = seen[ConvexHull(seen).vertices]
     start = _least_rectangle_angle(outline, _marker(seen))
-    best: Fit | None = None
-    for angle in start + np.radians(np.arange(0.0, 360.0, angle_step)):
-        c, s = np.cos(angle), np.sin(angle)
-        turned = outline @ np.array([[c, -s], [s, c]])
-        low = np.append(turned.min(axis=0), bottom)
-        high = np.append(turned.max(axis=0), top)
-        frame = np.column_stack([c * first + s * second, c * second - s * first, axis])
-        transform = np.eye(4)
-        transform[:3, :3] = frame * (high - low)
-        transform[:3, 3] = frame @ low
-        error = sum(
-            float(cdist(apply_transform(transform, area), landmarks).min(axis=1).sum())
-            for area, landmarks in ((origin_area, origin), (insertion_area, insertion))
+    ends = ((origin_area, origin), (insertion_area, insertion))
+
+    def boxes(degrees: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the frames, (k, 3, 3), and the lowest and highest corners, (k, 3), of turned boxes."""
+        turn = start + np.radians(degrees)
+        c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
+        along = outline @ np.stack([c, -s, s, c], axis=-1).reshape(-1, 2, 2)
+        low = np.column_stack([along.min(axis=1), np.full(len(turn), bottom)])
+        high = np.column_stack([along.max(axis=1), np.full(len(turn), top)])
+        third = np.broadcast_to(axis, (len(turn), 3))
+        return np.stack([c * first + s * second, c * second - s * first, third], axis=2), low, high
+
+    def errors(degrees: Floats) -> Floats:
+        frames, low, high = boxes(degrees)
+        total = np.zeros(len(degrees))
+        for area, landmarks in ends:
+            inside = low[:, None] + area * (high - low)[:, None]
+            corners = np.einsum("kij,kaj->kai", frames, inside).reshape(-1, 3)
+            total += cdist(corners, landmarks).min(axis=1).reshape(len(degrees), -1).sum(axis=1)
+        return total
+
+    steps = np.arange(0.0, 360.0, angle_step)
+    swept = errors(steps)
+    best = int((swept <= swept.min() + TIE * (top - bottom)).argmax())
+    angle, error = float(steps[best]), float(swept[best])
+    if refine:
+        found = minimize_scalar(
+            lambda degrees: float(errors(np.array([degrees]))[0]),
+            bounds=(angle - angle_step, angle + angle_step),
+            method="bounded",
+            options={"xatol": FINEST_ANGLE},
         )
-        if best is None or error < best.error - TIE * (top - bottom):
-            best = Fit(transform, error)
-    assert best is not None  # angle 0 is always tried
-    return best
+        if found.fun < error - TIE * (top - bottom):
+            angle, error = float(found.x), float(found.fun)
+    frames, low, high = boxes(np.array([angle]))
+    transform = np.eye(4)
+    transform[:3, :3] = frames[0] * (high - low)[0]
+    transform[:3, 3] = frames[0] @ low[0]
+    return Fit(transform, error, angle)
 
 
 def _perpendicular(axis: Floats) -> tuple[Floats, Floats]:
@@ -190,3 +230,17 @@ def _least_rectangle_angle(outline: Floats, marker: Floats) -> float:
     sides = np.vstack([directions[least], -directions[least], sideways[least], -sideways[least]])
     x, y = sides[int((sides @ marker).argmax())]
     return float(np.arctan2(y, x))
+
+
+def turned_cube(assignment: Floats) -> Floats:
+    """Return the transform (4, 4) of the unit cube to itself that turns it about its centre.
+
+    Parameters
+    ----------
+    assignment : (3, 3) array
+        One of :data:`ASSIGNMENTS`.
+    """
+    transform = np.eye(4)
+    transform[:3, :3] = assignment
+    transform[:3, 3] = 0.5 - assignment @ np.full(3, 0.5)
+    return transform

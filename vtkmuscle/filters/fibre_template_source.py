@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.template_files import read_template
 from vtkmuscle.core.templates import KINDS, TEMPLATES, sobol_points
 from vtkmuscle.filters.arrays import (
     Polylines,
@@ -23,7 +24,13 @@ class FibreTemplateSource(Filter):
     Each fibre is a Bezier curve from the origin area, at the bottom of the cube, to the insertion area, at
     its top; which curve is given by two parameters (r, s), and the fibres' parameters are Sobol points, which
     are spread evenly whatever their number. The points of a fibre are equally spaced in its parameter t.
-    :mod:`vtkmuscle.core.templates` says what each kind is.
+    :mod:`vtkmuscle.core.templates` says what each kind is, :mod:`vtkmuscle.core.template_files` how to write
+    one of your own.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read or does not hold a template; the message says where and what is allowed.
 
     References
     ----------
@@ -40,6 +47,9 @@ class FibreTemplateSource(Filter):
     """
 
     kind = Parameter(str, default="parallel", choices=KINDS, doc="How the fibres run.")
+    file: Parameter[str | None] = Parameter(
+        str, default=None, doc="A .toml or .json file with a template of your own, in place of ``kind``."
+    )
     n_fibres = Parameter(int, default=100, minimum=1, doc="Number of fibres.")
     resolution = Parameter(int, default=15, minimum=1, doc="Segments of each fibre, one less than points.")
 
@@ -53,6 +63,11 @@ class FibreTemplateSource(Filter):
     def execute(self) -> vtkPolyData:
         """Return the template."""
         template = TEMPLATES[self.kind]
+        if self.file is not None:
+            try:
+                template = read_template(self.file)
+            except ValueError as error:
+                raise ValueError(f"FibreTemplateSource.file: {error}") from error
         r, s = sobol_points(self.n_fibres).T
         t = np.linspace(0.0, 1.0, self.resolution + 1)
         points = template.fibres(r, s, t).reshape(-1, 3)

@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.fitting import centroid_axis, fit_box, lie_opposite, principal_axis
+from vtkmuscle.core.fitting import (
+    ASSIGNMENTS,
+    TIE,
+    Fit,
+    centroid_axis,
+    fit_box,
+    principal_axis,
+    turned_cube,
+)
 from vtkmuscle.core.rigid import apply_transform
 from vtkmuscle.filters.arrays import (
     Polylines,
@@ -30,17 +38,26 @@ class TemplateFitter(Filter):
 
     The box's z axis is the muscle's axis. By ``axis="attachments"`` that is the line from the centroid of
     the origin's landmarks to the centroid of the insertion's; by ``axis="principal"`` the direction in
-    which the surface's points spread most. ``axis="auto"`` takes the former for a template whose areas lie
-    above each other in the cube, and the latter for one whose areas lie beside each other (pennate,
-    bipennate): there the line between the centroids follows the fibres rather than the muscle. The box is
-    turned about this axis step by step, and the angle is kept at which the corners of the template's areas
-    are nearest to the landmarks. It is never mirrored. Several areas of one role count as one.
+    which the surface's points spread most. ``axis="auto"`` tries both and keeps the one with the smaller
+    error: the former rule fails where an attachment is so complex that its centroid is not on it, and where
+    areas lie beside each other (pennate, bipennate), so that the line follows the fibres rather than the
+    muscle.
+
+    The box is turned about this axis step by step, and the angle is kept at which the corners of the
+    template's areas are nearest to the landmarks; ``refine=True`` goes on from there to a minimum between its
+    neighbours. Several areas of one role count as one. ``cube="any"`` also tries the cube with another of its
+    axes along the muscle, either way up: 24 turns in all, with the quarter turns of the sweep. Fibres of a
+    broad muscle may run across its long axis.
+
+    Only rotations are tried. ``mirror=True`` is for the muscle of the other side of the body: it gives the
+    mirror image of what the mirrored muscle would get.
 
     Raises
     ------
     ValueError
-        If a role has no attachment area; if the centroids of the landmarks coincide; if the template has no
-        areas; if the muscle is flat or has faces that are not triangles; if a point is not finite.
+        If a role has no attachment area; if the centroids of the landmarks coincide (by
+        ``axis="attachments"``); if the template has no areas; if the muscle is flat or has faces that are not
+        triangles; if a point is not finite.
 
     References
     ----------
@@ -68,6 +85,14 @@ class TemplateFitter(Filter):
     angle_step = Parameter(
         float, default=5.0, above=0.0, maximum=90.0, units="degrees", doc="Step of the turn about the axis."
     )
+    refine = Parameter(bool, default=False, doc="Go on from the best step to a local optimum.")
+    cube = Parameter(
+        str,
+        default="upright",
+        choices=("upright", "any"),
+        doc="Which of the cube's axes follows the muscle: z, or whichever fits best.",
+    )
+    mirror = Parameter(bool, default=False, doc="Mirror the template.")
 
     template = InputPort(
         vtkPolyData,
@@ -93,34 +118,62 @@ class TemplateFitter(Filter):
         points = points[np.bincount(triangles.reshape(-1), minlength=len(points)) > 0]
         areas = attachments_of(attachments, "TemplateFitter: attachments")
         origin, insertion = _landmarks(areas, "origin"), _landmarks(areas, "insertion")
-        by_centroids = self.axis == "attachments" or (
-            self.axis == "auto" and lie_opposite(origin_area, insertion_area)
-        )
+        # The mirror image of the fit to the mirrored muscle.
+        reflection = np.diag([-1.0, 1.0, 1.0, 1.0]) if self.mirror else np.eye(4)
+        points, origin, insertion = (apply_transform(reflection, p) for p in (points, origin, insertion))
         try:
-            along = (
-                centroid_axis(origin, insertion)
-                if by_centroids
-                else principal_axis(points, origin, insertion)
-            )
-            fit = fit_box(
-                points,
-                along,
-                origin=origin,
-                insertion=insertion,
-                origin_area=origin_area,
-                insertion_area=insertion_area,
-                angle_step=self.angle_step,
-            )
+            fits = [
+                self._fit(axis, assignment, points, (origin, insertion), (origin_area, insertion_area))
+                for axis in self._axes(points, origin, insertion)
+                for assignment in (ASSIGNMENTS if self.cube == "any" else ASSIGNMENTS[:1])
+            ]
         except ValueError as error:
             raise ValueError(f"TemplateFitter: {error}") from error
-        fitted = with_polylines(
-            template, Polylines(apply_transform(fit.transform, lines.points), lines.offsets)
-        )
-        set_field_array(fitted, "OriginArea", apply_transform(fit.transform, origin_area))
-        set_field_array(fitted, "InsertionArea", apply_transform(fit.transform, insertion_area))
-        set_field_array(fitted, "Transform", fit.transform.reshape(16))
-        set_field_array(fitted, "FitError", fit.error)
+        least = min(fit.error for fit in fits)
+        extent = float(np.ptp(points, axis=0).max())
+        best = next(fit for fit in fits if fit.error <= least + TIE * extent)
+        transform = reflection @ best.transform
+        fitted = with_polylines(template, Polylines(apply_transform(transform, lines.points), lines.offsets))
+        set_field_array(fitted, "OriginArea", apply_transform(transform, origin_area))
+        set_field_array(fitted, "InsertionArea", apply_transform(transform, insertion_area))
+        set_field_array(fitted, "Transform", transform.reshape(16))
+        set_field_array(fitted, "FitError", best.error)
         return fitted
+
+    def _axes(self, points: Floats, origin: Floats, insertion: Floats) -> list[Floats]:
+        """Return the axes to try, (3,) each."""
+        axes = []
+        if self.axis != "principal":
+            try:
+                axes.append(centroid_axis(origin, insertion))
+            except ValueError:
+                if self.axis == "attachments":
+                    raise
+        if self.axis != "attachments":
+            axes.append(principal_axis(points, origin, insertion))
+        return axes
+
+    def _fit(
+        self,
+        axis: Floats,
+        assignment: Floats,
+        points: Floats,
+        landmarks: tuple[Floats, Floats],
+        areas: tuple[Floats, Floats],
+    ) -> Fit:
+        """Return the best box with one of the cube's axes along an axis."""
+        turn = turned_cube(assignment)
+        fit = fit_box(
+            points,
+            axis,
+            origin=landmarks[0],
+            insertion=landmarks[1],
+            origin_area=apply_transform(turn, areas[0]),
+            insertion_area=apply_transform(turn, areas[1]),
+            angle_step=self.angle_step,
+            refine=self.refine,
+        )
+        return Fit(fit.transform @ turn, fit.error, fit.angle)
 
 
 def _area(template: vtkPolyData, name: str) -> Floats:
