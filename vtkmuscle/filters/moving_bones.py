@@ -18,6 +18,9 @@ Floats = NDArray[np.float64]
 #: (coordinates may be float32).
 RIGIDITY_TOLERANCE = 1e-5
 
+#: The identity, as an array of the pipeline holds it.
+_AT_REST = np.eye(4).tobytes()
+
 #: Points of a bone that are looked at to see whether it moved with its transform.
 SAMPLE_SIZE = 100
 
@@ -37,6 +40,9 @@ def transforms_of(bones: dict[str, vtkPolyData], where: str) -> Floats:
             raise ValueError(
                 f"{where}, block {name!r}: the field array 'Transform' is missing; BoneMotion adds it"
             )
+        if values.tobytes() == _AT_REST:  # as most bones are, most of the time
+            transforms[index] = np.eye(4)
+            continue
         if values.size != transforms[index].size or not is_rigid(values.reshape(4, 4)):
             raise ValueError(
                 f"{where}, block {name!r}: the field array 'Transform' must be 16 numbers, a rotation and a "
@@ -58,6 +64,8 @@ class RestBones:
     def __init__(self, where: str) -> None:
         self._where = where
         self._obstacles: dict[str, Obstacle] = {}
+        #: State of each bone's points, and its transform, when they were last found to agree.
+        self._checked: dict[str, tuple[int, bytes]] = {}
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
@@ -103,6 +111,7 @@ class RestBones:
             If a bone is not made of triangles, or a coordinate is not finite.
         """
         kept, self._obstacles = self._obstacles, {}
+        self._checked.clear()
         for index, (name, bone) in enumerate(bones.items()):
             where = f"{self._where}, block {name!r}"
             points, triangles = checked_surface(bone, where)
@@ -127,6 +136,9 @@ class RestBones:
             If one is not: its obstacle would be somewhere else than the bone.
         """
         for index, (name, bone) in enumerate(bones.items()):
+            state = bone.GetPoints().GetMTime(), transforms[index].tobytes()
+            if self._checked.get(name) == state:
+                continue
             rest = self._obstacles[name].points
             sample = np.linspace(0, len(rest) - 1, min(len(rest), SAMPLE_SIZE)).astype(np.int64)
             expected = apply_transform(transforms[index], rest[sample])
@@ -140,3 +152,4 @@ class RestBones:
                     f"{self._where}, block {name!r}: its points are not its rest points moved by its "
                     "'Transform'; move bones with BoneMotion, or set collision to 'none'"
                 )
+            self._checked[name] = state
