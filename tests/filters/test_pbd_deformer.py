@@ -243,6 +243,28 @@ def test_the_skin_keeps_the_muscle_off_the_bone():
     assert gap(off, *of_off) == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.parametrize("collision", ["none", "sdf"])
+def test_penetration_is_that_of_the_free_points_in_the_exact_bone(collision):
+    deformer, swing, free = swinging(collision=collision, penetration=True, start="inertial")
+    out = deformer.update(12.0).output
+    lower = np.array([5.0, 5.0, 20.0]) - np.abs(points_of(out)[free] - [0, 25, -30])
+    back = apply_transform(inverse(swing.at(12.0)["upper"]), points_of(out)[free]) - [0, 25, 30]
+    upper = np.array([5.0, 5.0, 20.0]) - np.abs(back)
+    depths = np.maximum(0.0, np.maximum(lower.min(axis=1), upper.min(axis=1)))
+    assert field_array(out, "PenetrationMax")[0] == pytest.approx(depths.max(), abs=1e-5)
+    assert field_array(out, "PenetrationP95")[0] == pytest.approx(np.percentile(depths, 95), abs=1e-5)
+    assert field_array(out, "PenetratingPoints")[0] == (depths > 1e-9).sum()
+    assert (depths.max() > 1.0) == (collision == "none")
+
+
+def test_penetration_is_not_measured_unless_asked_for_and_asking_computes_no_frame_anew(counted_steps):
+    deformer = deformer_of()
+    assert field_array(deformer.update(10.0).output, "PenetrationMax") is None
+    deformer.penetration = True
+    assert field_array(deformer.update(10.0).output, "PenetrationMax")[0] == 0.0
+    assert counted_steps == [0.0, 5.0, 10.0]
+
+
 def test_friction_holds_points_on_the_bone():
     """With more friction a point that the bone presses goes less far along it; with much, not at all."""
     ways = []

@@ -10,7 +10,8 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.obstacles import DistanceObstacle, Obstacle, VoxelObstacle
 from vtkmuscle.core.rigid import apply_transform, inverse, is_rigid
 from vtkmuscle.core.voxels import DEFAULT_N_MAX
-from vtkmuscle.filters.arrays import checked_surface, field_array
+from vtkmuscle.filters.arrays import checked_surface, field_array, surface_from
+from vtkmuscle.filters.surface_distance import SurfaceDistance
 
 Floats = NDArray[np.float64]
 
@@ -66,6 +67,7 @@ class RestBones:
         self._obstacles: dict[str, Obstacle] = {}
         #: State of each bone's points, and its transform, when they were last found to agree.
         self._checked: dict[str, tuple[int, bytes]] = {}
+        self._exact: dict[str, SurfaceDistance] = {}
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
@@ -111,6 +113,7 @@ class RestBones:
             If a bone is not made of triangles, or a coordinate is not finite.
         """
         kept, self._obstacles = self._obstacles, {}
+        exact, self._exact = self._exact, {}
         self._checked.clear()
         for index, (name, bone) in enumerate(bones.items()):
             where = f"{self._where}, block {name!r}"
@@ -125,7 +128,36 @@ class RestBones:
                     index, rest, triangles, cell=cell, skin=skin, friction=friction, name=where
                 )
                 new.take_over(old)
-            self._obstacles[name] = old if old is not None and new.same_as(old) else new
+            same = old is not None and new.same_as(old)
+            self._obstacles[name] = old if old is not None and same else new
+            if same and name in exact:
+                self._exact[name] = exact[name]
+
+    def depths(self, points: Floats, transforms: Floats) -> Floats:
+        """Return how deep points are in the bones, against their triangles.
+
+        Parameters
+        ----------
+        points : (n, 3) array
+            In the scene, now [mm].
+        transforms : (b, 4, 4) array
+            Of the bones, rest to now.
+
+        Returns
+        -------
+        (n,) array
+            0 outside [mm]. A bone that is not closed has no inside here; a warning says so.
+        """
+        result = np.zeros(len(points))
+        for name, obstacle in self._obstacles.items():
+            at_rest = apply_transform(inverse(transforms[obstacle.bone]), points)
+            low, high = obstacle.box
+            near = np.flatnonzero(((at_rest >= low) & (at_rest <= high)).all(axis=1))
+            if len(near):
+                if name not in self._exact:
+                    self._exact[name] = SurfaceDistance(surface_from(obstacle.points, obstacle.triangles))
+                result[near] = np.maximum(result[near], self._exact[name].depth(at_rest[near]))
+        return result
 
     def check(self, bones: dict[str, vtkPolyData], transforms: Floats) -> None:
         """Check that each bone is its rest geometry moved by its transform, at a sample of its points.

@@ -257,6 +257,11 @@ class PBDDeformer(Filter):
         choices=("colour", "sequential"),
         doc="Order in which edges are projected: many that share no point at once, or one by one (P21).",
     )
+    penetration = Parameter(
+        bool,
+        default=False,
+        doc="Measure how deep points are in the bones, against their triangles, for each frame asked for.",
+    )
     checkpoint_memory = Parameter(
         float,
         default=256.0,
@@ -289,7 +294,9 @@ class PBDDeformer(Filter):
         "angle was lost as a triangle collapsed), ``Iterations``, ``Residual`` (root mean square of what the "
         "last iteration moved points by) [mm], ``EstimatedDistance`` to the converged shape, with solver "
         "'anderson' [mm] (within a factor of 2 in two cases of three where no bone is met; unknown where one "
-        "is), ``CollidingPoints`` and ``Milliseconds`` (of the last step).",
+        "is), ``CollidingPoints`` and ``Milliseconds`` (of the last step); with ``penetration`` "
+        "``PenetrationMax`` and ``PenetrationP95`` [mm], how deep the free points are in the closed bones (0 "
+        "outside), and ``PenetratingPoints``, how many are inside.",
     )
 
     def __init__(self, **parameters: Any) -> None:
@@ -371,6 +378,8 @@ class PBDDeformer(Filter):
         """Return the parameters that a frame depends on."""
         settings = self.parameters()
         del settings["checkpoint_memory"]
+        if self.collision != "none":  # the bones at rest are known then
+            del settings["penetration"]
         for name, (other, value) in _ONLY_WITH.items():
             if settings[other] != value:
                 del settings[name]
@@ -436,7 +445,7 @@ class PBDDeformer(Filter):
     def _take_rest(self, first: float | None, bones: dict[str, vtkPolyData]) -> None:
         """Take the bones at rest from the first frame of a path, on which their last digits depend."""
         self._rest_from = first
-        if self.collision != "none":
+        if self.collision != "none" or self.penetration:
             transforms = transforms_of(bones, "PBDDeformer: bones")
             self._rest_bones.take(
                 bones,
@@ -456,7 +465,7 @@ class PBDDeformer(Filter):
             self._take_rest(path[0], bones)
         transforms = transforms_of(bones, "PBDDeformer: bones")
         solver = self._made_solver()
-        if self.collision != "none":
+        if self.collision != "none" or self.penetration:
             self._rest_bones.check(bones, transforms)
         before = self._frames[path[known - 1]].state if known else solver.rest_state(len(bones))
         state = solver.step(
@@ -520,6 +529,11 @@ class PBDDeformer(Filter):
         if state.distance is not None:
             set_field_array(result, "EstimatedDistance", state.distance)
         set_field_array(result, "CollidingPoints", state.colliding)
+        if self.penetration:
+            depths = self._rest_bones.depths(solver.points(state)[solver.fixed_to < 0], state.transforms)
+            set_field_array(result, "PenetrationMax", depths.max(initial=0.0))
+            set_field_array(result, "PenetrationP95", np.percentile(depths, 95) if len(depths) else 0.0)
+            set_field_array(result, "PenetratingPoints", int((depths > 0.0).sum()))
         set_field_array(result, "Milliseconds", frame.milliseconds)
         return result
 
