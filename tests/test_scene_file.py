@@ -11,7 +11,7 @@ from vtkmodules.vtkFiltersSources import vtkCubeSource
 from vtkmuscle import Scene, SceneError
 from vtkmuscle.core.mesh import signed_volume
 from vtkmuscle.core.rigid import RigidMotion, rotation_about
-from vtkmuscle.filters.arrays import points_of, surface_from, triangles_of
+from vtkmuscle.filters.arrays import points_of, surface_from, triangles_of, with_points
 from vtkmuscle.io import read_surface, write_polydata
 from vtkmuscle.scene.writing import to_toml
 
@@ -135,6 +135,30 @@ def test_an_open_bone_will_do_and_the_run_says_what_was_made_of_it(scene_file):
     assert all(np.isfinite(row["volume_ratio"]) for row in result.report["muscles"]["spindle"]["frames"])
 
 
+@pytest.mark.parametrize("moving", ["lower", "upper"])
+def test_attachments_may_be_estimated(scene_file, moving, tmp_path):
+    """From where the muscle touches the bones; the one that moves has the insertion. They stay marked."""
+    edit(scene_file, LIST, 'attachments = "estimate"')
+    edit(scene_file, 'bone = "lower"', f'bone = "{moving}"')
+    for bone in ("lower", "upper"):  # nearer, so that they touch the muscle
+        path = scene_file.parent / f"bones/{bone}.vtp"
+        surface = read_surface(path)
+        write_polydata(path, with_points(surface, points_of(surface) + np.array([0.0, 5.0, 0.0])))
+    scene = Scene.load(scene_file)
+    areas = scene.muscles["spindle"].attachments
+    assert {(area.role, area.bone == moving) for area in areas} == {("origin", False), ("insertion", True)}
+    again = Scene.load(scene.save(tmp_path / "saved")).muscles["spindle"].attachments
+    assert all(area.estimated for area in (*areas, *again))
+    for mine, yours in zip(areas, again, strict=True):
+        np.testing.assert_allclose(mine.landmarks, yours.landmarks, atol=1e-9)
+
+
+def test_a_muscle_that_touches_no_bone_has_no_estimate(scene_file):
+    edit(scene_file, LIST, 'attachments = "estimate"')
+    with pytest.raises(SceneError, match=r"muscles\.spindle\.attachments: .* touches no bone.*landmarks"):
+        Scene.load(scene_file)
+
+
 def test_a_muscle_without_fibres_needs_no_insertion(scene_file):
     edit(scene_file, 'fibres = { template = "parallel", n_fibres = 6, resolution = 5 }\n', "")
     edit(
@@ -145,6 +169,7 @@ def test_a_muscle_without_fibres_needs_no_insertion(scene_file):
 
 # ------------------------------------------------------------------------------- what is refused
 
+LIST = TOML[TOML.index("attachments = [") : TOML.index("]\n\n[solver]") + 1]
 ORIGIN = '{ role = "origin", bone = "upper", landmarks = "attachments/origin.vtp" }'
 FIBRES = 'fibres = { template = "parallel", n_fibres = 6, resolution = 5 }'
 FAULTS = [
@@ -221,6 +246,14 @@ FAULTS = [
         "no attachment with role 'origin'",
         "or leave out fibres",
     ),
+    (
+        LIST,
+        "",
+        "muscles.spindle.attachments",
+        "no attachment with role 'origin'",
+        'or write attachments = "estimate"',
+    ),
+    (LIST, 'attachments = "guess"', "muscles.spindle.attachments", "must be a list", '"estimate"'),
     (ORIGIN, "3", "muscles.spindle.attachments[0]", "must be a table", "format"),
     (
         ORIGIN,

@@ -1,4 +1,4 @@
-"""The command line: ``vtkmuscle run``, ``vtkmuscle demo``, ``vtkmuscle info``.
+"""The command line: ``vtkmuscle run``, ``demo``, ``info`` and ``paraview-path``.
 
 Nothing heavy is imported before a command needs it, so that ``vtkmuscle --help`` answers at once.
 """
@@ -41,6 +41,12 @@ OutOption = Annotated[
 ]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and warnings only.")]
 FiguresOption = Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")]
+FormatOption = Annotated[
+    str,
+    typer.Option(
+        "--format", metavar="pvd|vtkhdf", help="Time series: a .vtp file per frame, or one file for all."
+    ),
+]
 FramesOption = Annotated[
     str | None,
     typer.Option(
@@ -79,6 +85,7 @@ def run(
     frames: FramesOption = None,
     quiet: QuietOption = False,
     figures: FiguresOption = True,
+    series: FormatOption = "pvd",
 ) -> None:
     """Run a scene: deform its muscles, carry their fibres along, measure, and write all of it.
 
@@ -88,7 +95,9 @@ def run(
         from vtkmuscle.scene import Scene
 
         loaded = Scene.load(scene)
-    _run(loaded, out or Path(f"{loaded.name}_out"), frames=frames, quiet=quiet, figures=figures)
+    _run(
+        loaded, out or Path(f"{loaded.name}_out"), frames=frames, quiet=quiet, figures=figures, series=series
+    )
 
 
 @app.command()
@@ -97,6 +106,7 @@ def demo(
     frames: FramesOption = None,
     quiet: QuietOption = False,
     figures: FiguresOption = True,
+    series: FormatOption = "pvd",
 ) -> None:
     """Run a phantom hip, and write its scene too, as a model for your own.
 
@@ -112,7 +122,7 @@ def demo(
         loaded = Scene.load(path)
     _say(quiet, f"The scene is {path}: edit it, or put your own surfaces there, and run it with")
     _say(quiet, f"  vtkmuscle run {path}")
-    _run(loaded, folder, frames=frames, quiet=quiet, figures=figures)
+    _run(loaded, folder, frames=frames, quiet=quiet, figures=figures, series=series)
 
 
 @app.command()
@@ -127,9 +137,60 @@ def info(
                 typer.echo(f"  {word:<12}{value}")
 
 
-def _run(scene: Scene, out: Path, *, frames: str | None, quiet: bool, figures: bool) -> None:
+@app.command()
+def export(
+    source: Annotated[
+        Path, typer.Argument(help="Folder of a run's results, or a .pvd file.", show_default=False)
+    ],
+    out: Annotated[Path, typer.Argument(help=".gltf for a web page, or .vtkhdf.", show_default=False)],
+    time: Annotated[
+        float | None, typer.Option("--time", help="Which pose. Default: the last.", show_default=False)
+    ] = None,
+) -> None:
+    """Export a pose of a run's results for a web page (glTF), or a .pvd series as one .vtkhdf file."""
+    with _one_clear_error(None):
+        if out.suffix.lower() == ".vtkhdf":
+            from vtkmuscle.io import read_series, write_vtkhdf
+            from vtkmuscle.run.poses import merged
+
+            series = read_series(source)
+            write_vtkhdf(out, series.times, lambda number: merged(series.frame(number)))
+        else:
+            from vtkmuscle.plotting import export_scene
+            from vtkmuscle.run.poses import read_pose
+
+            pose = read_pose(source, time)
+            export_scene(out, pose.bones, pose.muscles, fibres=pose.fibres)
+
+
+@app.command("paraview-path")
+def paraview_path(
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--folder", help="Folder for the links; by default one in your cache.", show_default=False
+        ),
+    ] = None,
+) -> None:
+    """Print what to set for ParaView, pvpython and pvbatch to find the filters.
+
+    It fills a folder with links to vtkmuscle, numpy, scipy and numba, for a ParaView whose Python is of the
+    same version as this one, and prints commands for your shell:
+
+      eval "$(vtkmuscle paraview-path)"; paraview
+    """
+    with _one_clear_error(None):
+        from vtkmuscle.paraview import environment
+
+        links = (folder or environment.default_folder()).absolute()
+        environment.link_packages(links)
+    for command in environment.shell_commands(links):
+        typer.echo(command)
+
+
+def _run(scene: Scene, out: Path, *, frames: str | None, quiet: bool, figures: bool, series: str) -> None:
     with _one_clear_error(out), _progress_bars(list(scene.muscles), quiet=quiet) as progress:
-        result = scene.run(out, frames=frames, figures=figures, progress=progress)
+        result = scene.run(out, frames=frames, figures=figures, progress=progress, series=series)
     rows = result.report["muscles"]
     for name, muscle in rows.items():
         volumes = [row["volume_ratio"] for row in muscle["frames"]]
@@ -138,7 +199,8 @@ def _run(scene: Scene, out: Path, *, frames: str | None, quiet: bool, figures: b
         error = max(abs(volume - 1.0) for volume in volumes)
         _say(quiet, f"{name}: {len(volumes)} frames, volume within {error:.2%}{deepest}")
     _say(quiet, f"{result.report['seconds']['total']:.1f} s. Results are in {out}:")
-    _say(quiet, "  report.json, lengths.csv, figures/, and NAME.pvd, NAME_fibres.pvd, bones.pvd for ParaView")
+    files = ", ".join(f"{name}.{series}" for name in ("NAME", "NAME_fibres", "bones"))
+    _say(quiet, f"  report.json, lengths.csv, figures/, and {files} for ParaView")
 
 
 @contextmanager

@@ -247,12 +247,12 @@ def test_the_loops_over_lanes_are_vector_instructions(rough):
         compiled(*arguments)
         return next(iter(compiled.inspect_asm().values()))
 
-    edges = assembly(sweep_edges, p, muscle.edge_at, muscle.constants, buffer)
+    edges = assembly(sweep_edges, p, muscle.edge_at, muscle.constants, 0, 1, buffer)
     assert "sqrtpd" in edges
     assert "divpd" in edges
     assert "sqrtsd" not in edges
     volume = assembly(
-        batched_volume.project_volume,
-        *(p, muscle.vertex_at, muscle.ring_starts, muscle.ring_at, 1.0, 1.0, 1.0, p.copy(), buffer),
+        batched_volume.volume_gradient,
+        *(p, muscle.vertex_at, muscle.ring_starts, muscle.ring_at, 0, 1, p.copy(), buffer),
     )
     assert "mulpd" in volume

@@ -3,6 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from spindle import spindle
 
+from vtkmuscle.core import batches, domains
 from vtkmuscle.core.anisotropy import edge_stiffness, harmonic_directions
 from vtkmuscle.core.mesh import signed_volume
 from vtkmuscle.core.obstacles import DistanceObstacle, VoxelObstacle, bone_axes
@@ -342,3 +343,37 @@ def test_the_axes_of_a_bone_turn_with_it(rng):
     for _ in range(20):
         frame = rotation_about(rng.normal(size=3), rng.normal(size=3), rng.uniform(0, 360))
         assert np.allclose(bone_axes(apply_transform(frame, points)), axes @ inverse(frame), atol=1e-9)
+
+
+def test_single_precision_stays_near_double():
+    ends = {}
+    for dtype in ("float64", "float32"):
+        solver = solver_of(solver="gauss-seidel", iterations=50, dtype=dtype)
+        state = solver.rest_state(2)
+        for angle in (10.0, 20.0, 30.0):
+            state = solver.step(state, bent(angle))
+        ends[dtype] = state.positions
+        assert solver.report(state).volume_ratio == pytest.approx(1.0, abs=1e-9)
+    difference = np.abs(ends["float64"] - ends["float32"]).max()
+    assert 0.0 < difference < 2e-3
+
+
+@pytest.mark.parametrize("other", [{"solver": "anderson"}, {"order": "sequential"}])
+def test_single_precision_is_refused_where_it_would_not_do(other):
+    settings = {"solver": "gauss-seidel", "order": "colour", **other}
+    with pytest.raises(ValueError, match=r"dtype is 'float32', but solver is .* needs dtype 'float64'"):
+        SolverParameters(dtype="float32", **settings)
+
+
+def test_a_solve_that_meets_bones_is_the_same_on_any_number_of_threads(monkeypatch):
+    monkeypatch.setattr(domains, "LARGE", 1000)
+    monkeypatch.setattr(batches, "LARGE", 1000)
+    mesh = spindle(rings=60, around=20, seed=0)
+    bone = box_bone(0, [-30, -40, -10], [30, -8, 10])
+    ends = []
+    for threads in (1, 2, 5):
+        solver = solver_of(mesh, threads=threads, obstacles=[bone])
+        state = solver.step(solver.rest_state(2), bent(-20.0))
+        assert state.colliding > 0
+        ends.append(state.positions.tobytes() + state.velocities.tobytes())
+    assert ends[0] == ends[1] == ends[2]

@@ -158,8 +158,9 @@ def test_where_nothing_may_be_cut_a_fibre_is_only_drawn_to_the_nearest_free_plac
     short = np.clip(parallel(), [-20, -20, 4], [20, 20, 96])
     result = trimmed(short, origin=faces[0], insertion=faces[1], largest_cut=0.0)
     assert_allclose(result[:, 2:-2, :2], short[:, 2:-2, :2], atol=1e-9)
-    # Twice as many places as fibres: they are 2 mm from each other.
-    assert_allclose(result[:, [0, -1], :2], short[:, [0, -1], :2], atol=3.0)
+    # The fibres fill 8 mm around the axis, the faces 10 mm, with a place every 3.2 mm.
+    moved = np.linalg.norm(result[:, [0, -1], :2] - short[:, [0, -1], :2], axis=2)
+    assert moved.max() < (RADIUS - 8.0) + 2 * RADIUS / np.sqrt(len(short))
 
 
 def test_fibres_that_run_from_area_to_area_are_left_as_they_are():
@@ -288,18 +289,33 @@ def test_what_is_beyond_a_plane_is_cut_where_the_line_last_comes_through(seed, a
     assert_allclose(cut, 0 if heights[-1] <= 0 else expected, atol=0.05)
 
 
-def test_places_are_given_once_each_and_rays_that_hit_the_area_are_followed():
+def test_places_straight_ahead_are_taken_and_none_twice():
     rng = np.random.default_rng(1)
     feet = np.column_stack([rng.uniform(-5, 5, (30, 2)), np.zeros(30)])
-    places = np.vstack([feet + 8 * AXIS, rng.uniform(-5, 5, (30, 3)) + 8 * AXIS])[rng.permutation(60)]
-    taken = assign_places(feet, np.tile(AXIS, (30, 1)), places)
-    assert len(set(taken)) == 30
-    assert_allclose(places[taken], feet + 8 * AXIS, atol=1e-12)
+    ahead = rng.permutation(30)
+    assert_array_equal(ahead[assign_places(feet, feet[ahead] + 8 * AXIS)], np.arange(30))
+
+
+@settings(deadline=None, max_examples=40)
+@given(seed=st.integers(0, 2**32 - 1), count=st.integers(2, 12))
+def test_new_segments_in_a_plane_never_cross(seed, count):
+    rng = np.random.default_rng(seed)
+    starts = np.column_stack([rng.uniform(-5, 5, count), np.zeros(count), np.zeros(count)])
+    places = np.column_stack([rng.uniform(-9, 9, count), np.zeros(count), rng.uniform(1, 20, count)])
+    ends = places[assign_places(starts, places)]
+
+    def side(a, b, c):
+        return (b[0] - a[0]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[0] - a[0])
+
+    for i in range(count):
+        for j in range(i):
+            a, b, c, d = starts[i], ends[i], starts[j], ends[j]
+            assert not (side(a, b, c) * side(a, b, d) < -1e-9 and side(c, d, a) * side(c, d, b) < -1e-9)
 
 
 def test_where_the_area_runs_beside_the_fibres_the_nearest_fibre_ends_on_its_nearest_part():
     depth = np.array([4.0, 1.0, 3.0, 2.0])
     departures = np.column_stack([depth, 0 * depth, 0 * depth])
     places = np.array([[0, 0, 40.0], [0, 0, 10], [0, 0, 30], [0, 0, 20]])
-    taken = assign_places(departures, np.tile(AXIS, (4, 1)), places)
+    taken = assign_places(departures, places)
     assert_array_equal(places[taken, 2], 10 * depth)

@@ -15,12 +15,13 @@ from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.parameters import InputPort, OutputPort
 from vtkmuscle.filters.pipeline_times import announce_times
 
-#: Arrays that say how long the work took: they differ from run to run.
-TIMINGS = {"Milliseconds"}
+#: Arrays that say how a result came about, not what it is: they differ from run to run, or by parameters that
+#: change nothing else (threads, say).
+HOW_IT_WAS_MADE = {"Milliseconds", "Provenance"}
 
 
 def digest(data):
-    """Return a hash of all that a data object holds, timings left out."""
+    """Return a hash of all that a data object holds, how it was made left out."""
     hashed = hashlib.sha256(data.GetClassName().encode())
     if isinstance(data, vtkMultiBlockDataSet):
         for name, block in blocks_of(data):
@@ -39,7 +40,7 @@ def digest(data):
 def _hash_arrays(hashed, attributes):
     for i in range(attributes.GetNumberOfArrays()):
         array = attributes.GetAbstractArray(i)
-        if array.GetName() in TIMINGS:
+        if array.GetName() in HOW_IT_WAS_MADE:
             continue
         hashed.update(f"{array.GetName()} {array.GetClassName()} {array.GetNumberOfComponents()}".encode())
         hashed.update(values_of(array).tobytes())

@@ -83,6 +83,11 @@ def test_other_arrays_pass_through(kind):
 
 
 @every_filter
+def test_provenance_travels(kind):
+    contract.check_provenance_travels(Case(kind))
+
+
+@every_filter
 def test_outputs_are_finite_doubles(kind):
     contract.check_outputs_are_finite_doubles(Case(kind))
 

@@ -100,6 +100,13 @@ class DropsArrays(Sound):
         return polylines_from(polylines_of(fibres, "DropsArrays: fibres"))
 
 
+class ForgetsWhereItComesFrom(Sound):
+    """Says only that it ran."""
+
+    def _publish(self, results, inputs, out_info):
+        super()._publish(results, [], out_info)
+
+
 class SwallowsErrors(Sound):
     """Gives an empty output where it fails."""
 
@@ -189,6 +196,7 @@ FAULTS = [
     (ReExecutes, contract.check_executes_only_on_change),
     (IgnoresItsParameter, contract_declarations.check_setting_the_same_value_modifies_nothing),
     (IgnoresItsParameter, contract.check_executes_only_on_change),
+    (ForgetsWhereItComesFrom, contract.check_provenance_travels),
     (DropsArrays, contract.check_other_arrays_pass_through),
     (IsRandom, contract.check_same_result_each_time),
     (IsRandom, contract.check_all_ways_of_running_agree),

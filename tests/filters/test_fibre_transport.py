@@ -8,6 +8,7 @@ from vtkmuscle.filters import fibre_transport
 from vtkmuscle.filters.arrays import (
     Polylines,
     cell_array,
+    field_array,
     points_of,
     polylines_from,
     set_cell_array,
@@ -149,3 +150,26 @@ def test_the_times_are_those_of_the_deformed_muscle():
     assert FibreTransport().time_steps(information) is None
     announce_times(information[2], [0.0, 1.0, 2.0])
     assert FibreTransport().time_steps(information) == (0.0, 1.0, 2.0)
+
+
+def test_points_outside_of_the_muscle_are_counted(fibres, muscle):
+    moved = FibreTransport()(fibres, muscle, muscle)
+    radii = np.linalg.norm(points_of(fibres), axis=1)
+    assert 0 < (radii > 20).sum() <= field_array(moved, "PointsOutside")[0] <= (radii > 19).sum()
+    inner = with_points(fibres, 0.5 * points_of(fibres))
+    assert_array_equal(field_array(FibreTransport()(inner, muscle, muscle), "PointsOutside"), [0])
+
+
+def test_pruned_weights_are_near_all_of_them_and_say_how_near(fibres, muscle):
+    bent = points_of(muscle)
+    bent[:, 1] += 0.01 * bent[:, 0] ** 2
+    deformed = with_points(muscle, bent)
+    exact = FibreTransport()(fibres, muscle, deformed)
+    assert_array_equal(field_array(exact, "PruneError"), [0.0])
+    transport = FibreTransport(prune=0.5)
+    pruned = transport(fibres, muscle, deformed)
+    error = np.linalg.norm(points_of(pruned) - points_of(exact), axis=1).max()
+    assert 0 < error < 0.5
+    assert 0 < field_array(pruned, "PruneError")[0] < 1.0
+    transport.prune = 0.0
+    assert_array_equal(points_of(transport(fibres, muscle, deformed)), points_of(exact))

@@ -137,29 +137,29 @@ def _dihedral(
 ) -> tuple[float, ...]:  # fmt: skip
     """Return the four points moved so that the angle between two triangles is as at rest: C = phi - phi0.
 
-    The formulas are those of :func:`~vtkmuscle.core.constraints.project_dihedral`, with the gradients
-    divided by |e|: at p3 and p4 m1 = n1 / |n1|^2 and m2 = n2 / |n2|^2, at p2 their mean by the feet a and b
-    of p3 and p4 on the edge, at p1 what makes the sum zero. Their squares follow from |m1|^2, |m2|^2 and
-    m1 . m2, without the vectors.
+    The formulas are those of :func:`~vtkmuscle.core.constraints.project_dihedral`, multiplied through so that
+    two divisions are left. With the feet a = A / |e|^2 and b = B / |e|^2 of p3 and p4 on the edge, the
+    gradients times |e| |n1|^2 |n2|^2 are n1 |n2|^2 |e|^2 at p3, n2 |n1|^2 |e|^2 at p4, minus their mean by A
+    and B at p2, and at p1 what makes the sum zero. Their squares follow from |n1|^2, |n2|^2 and n1 . n2,
+    without the vectors.
     """
     real = type(x1)
-    zero, one, two = real(0.0), real(1.0), real(2.0)
+    zero, two = real(0.0), real(2.0)
     ex, ey, ez = x2 - x1, y2 - y1, z2 - z1
     ax, ay, az = x3 - x1, y3 - y1, z3 - z1
     bx, by, bz = x4 - x1, y4 - y1, z4 - z1
     n1x, n1y, n1z = ey * az - ez * ay, ez * ax - ex * az, ex * ay - ey * ax
     n2x, n2y, n2z = by * ez - bz * ey, bz * ex - bx * ez, bx * ey - by * ex
     ee = ex * ex + ey * ey + ez * ez
-    ae = ax * ex + ay * ey + az * ez
-    be = bx * ex + by * ey + bz * ez
+    a2 = ax * ex + ay * ey + az * ez
+    b2 = bx * ex + by * ey + bz * ez
     n11 = n1x * n1x + n1y * n1y + n1z * n1z
     n22 = n2x * n2x + n2y * n2y + n2z * n2z
     n12 = n1x * n2x + n1y * n2y + n1z * n2z
     # Degenerate where the sine of the corner at p1 vanishes; its tangent is |n1| / (a . e).
     least = real(DEGENERATE_SINE * DEGENERATE_SINE)
     n1122 = n11 * n22
-    proper = (n11 > least * (ae * ae)) & (n22 > least * (be * be)) & (n1122 > zero)
-    ee = ee if proper else one
+    proper = (n11 > least * (a2 * a2)) & (n22 > least * (b2 * b2)) & (n1122 > zero)
     length = math.sqrt(ee)
 
     sine = -length * (n1x * bx + n1y * by + n1z * bz)
@@ -169,28 +169,24 @@ def _dihedral(
     far = (real(math.pi) if sd >= zero else real(-math.pi)) - near
     c = near if cd >= zero else far
 
-    inverse = one / n1122
-    m11, m22, m12 = n22 * inverse, n11 * inverse, n12 * inverse
-    inverse = one / ee
-    a, b = ae * inverse, be * inverse
-    a1, b1 = one - a, one - b
-    g1 = a1 * a1 * m11 + b1 * b1 * m22 + two * (a1 * b1 * m12)
-    g2 = a * a * m11 + b * b * m22 + two * (a * b * m12)
-    weighted = w1 * g1 + w2 * g2 + w3 * m11 + w4 * m22
-    floor = real(DIHEDRAL_FLOOR) * (g1 + g2 + m11 + m22)
-    s = stiffness * c / (length * (weighted if weighted > floor else floor))
-    s1 = s * m11 if proper else zero
-    s2 = s * m22 if proper else zero
-    # n1, n2 become the corrections of p3 and p4; those of p2 and p1 follow.
-    n1x, n1y, n1z = s1 * n1x, s1 * n1y, s1 * n1z
-    n2x, n2y, n2z = s2 * n2x, s2 * n2y, s2 * n2z
-    cx, cy, cz = a * n1x + b * n2x, a * n1y + b * n2y, a * n1z + b * n2z
-    dx, dy, dz = n1x + n2x - cx, n1y + n2y - cy, n1z + n2z - cz
+    a1, b1 = ee - a2, ee - b2
+    cross = two * n12
+    g1 = a1 * (a1 * n22 + b1 * cross) + b1 * (b1 * n11)
+    g2 = a2 * (a2 * n22 + b2 * cross) + b2 * (b2 * n11)
+    g3, g4 = ee * ee * n22, ee * ee * n11
+    weighted = w1 * g1 + w2 * g2 + w3 * g3 + w4 * g4
+    floor = real(DIHEDRAL_FLOOR) * ((g1 + g2) + (g3 + g4))
+    s = stiffness * c * length / (weighted if weighted > floor else floor)
+    s = s if proper else zero
+    s1, s2 = s * n22, s * n11
+    u1, v1 = w1 * (s1 * a1), w1 * (s2 * b1)
+    u2, v2 = w2 * (s1 * a2), w2 * (s2 * b2)
+    u3, v4 = w3 * (s1 * ee), w4 * (s2 * ee)
     return (
-        x1 - w1 * dx, y1 - w1 * dy, z1 - w1 * dz,
-        x2 - w2 * cx, y2 - w2 * cy, z2 - w2 * cz,
-        x3 + w3 * n1x, y3 + w3 * n1y, z3 + w3 * n1z,
-        x4 + w4 * n2x, y4 + w4 * n2y, z4 + w4 * n2z,
+        x1 - u1 * n1x - v1 * n2x, y1 - u1 * n1y - v1 * n2y, z1 - u1 * n1z - v1 * n2z,
+        x2 - u2 * n1x - v2 * n2x, y2 - u2 * n1y - v2 * n2y, z2 - u2 * n1z - v2 * n2z,
+        x3 + u3 * n1x, y3 + u3 * n1y, z3 + u3 * n1z,
+        x4 + v4 * n2x, y4 + v4 * n2y, z4 + v4 * n2z,
     )  # fmt: skip
 
 
@@ -224,7 +220,7 @@ def scatter(p: Reals, offsets: Offsets, first: int, count: int, buffer: Reals, p
 
 
 @vector_kernel
-def sweep_edges(p: Reals, edge_at: Offsets, constants: Reals, buffer: Reals) -> None:
+def sweep_edges(p: Reals, edge_at: Offsets, constants: Reals, first: int, last: int, buffer: Reals) -> None:
     """Project the distance and then the dihedral constraint of each edge, batch by batch.
 
     Parameters
@@ -233,10 +229,15 @@ def sweep_edges(p: Reals, edge_at: Offsets, constants: Reals, buffer: Reals) -> 
         Records, changed in place.
     edge_at, constants : arrays
         As in :class:`~vtkmuscle.core.batches.PackedMuscle`.
+    first, last : int
+        The batches from the first on, the last excluded.
     buffer : array
         Working memory of :data:`EDGE_BUFFER` numbers.
     """
     corner = RECORD * WIDTH
+    # Slices, for a loop that starts at an unknown number is not made into vector instructions.
+    edge_at = edge_at[4 * WIDTH * first : 4 * WIDTH * last]
+    constants = constants[CONSTANTS * WIDTH * first : CONSTANTS * WIDTH * last]
     for batch in range(len(edge_at) // (4 * WIDTH)):
         gather(p, edge_at, 4 * WIDTH * batch, 4 * WIDTH, buffer, 0)
         # Constants are loaded four at a time and then stored, so that the compiler need not know that the

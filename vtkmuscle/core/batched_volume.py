@@ -15,6 +15,7 @@ from vtkmuscle.core.batched_constraints import (
     vector_kernel,
 )
 
+Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 #: Edges of a vertex's ring that are summed at once; six is what a closed triangle mesh has on average.
@@ -26,23 +27,22 @@ _SUMS = _VERTEX + RECORD * WIDTH
 _TOTALS = _SUMS + 3 * WIDTH
 _GRADIENT = _TOTALS + 2 * WIDTH
 
-#: Numbers in the working memory of :func:`project_volume`.
+#: Numbers in the working memory of :func:`volume_gradient`.
 VOLUME_BUFFER = _GRADIENT + RECORD * WIDTH
 
 
 @vector_kernel
-def project_volume(
+def volume_gradient(
     p: Reals,
     vertex_at: Offsets,
     ring_starts: Ints,
     ring_at: Offsets,
-    rest: float,
-    floor: float,
-    stiffness: float,
+    first: int,
+    last: int,
     gradient: Reals,
     buffer: Reals,
-) -> float:
-    """Move all points along the volume's gradient so that the volume is as at rest.
+) -> tuple[float, float]:
+    """Compute the volume's gradient at some of the vertices.
 
     Each vertex gathers its gradient from the ring r_0, r_1, ... around it, two edges at a time:
     g = dV/dp = sum r_i x r_(i+1) / 6 = sum r_(2i+1) x (r_(2i+2) - r_(2i)) / 6. The volume is homogeneous of
@@ -52,31 +52,27 @@ def project_volume(
     Parameters
     ----------
     p : (4 (n + 1),) array
-        Records, changed in place.
+        Records.
     vertex_at, ring_starts, ring_at : arrays
         As in :class:`~vtkmuscle.core.batches.PackedMuscle`.
-    rest : float
-        V0 [mm^3].
-    floor : float
-        Least value of the denominator sum(w |g|^2) [mm^4].
-    stiffness : float
-        Stiffness per iteration, in [0, 1].
+    first, last : int
+        Batches of vertices, the last excluded.
     gradient : (4 (n + 1),) array
-        Working memory; must be 0 at points without a triangle.
+        6 w g of these vertices is written into it; must be 0 at points without a triangle.
     buffer : array
         Working memory of :data:`VOLUME_BUFFER` numbers.
 
     Returns
     -------
-    float
-        The volume before the projection [mm^3].
+    volume, weighted : float
+        What these vertices add to V [mm^3] and to sum(w |g|^2) [mm^4].
     """
     corner = RECORD * WIDTH
     spare = len(p) - RECORD
     cx, cy, cz = p[spare], p[spare + 1], p[spare + 2]
     for i in range(2 * WIDTH):
         buffer[_TOTALS + i] = 0.0
-    for batch in range(len(ring_starts) - 1):
+    for batch in range(first, last):
         gather(p, vertex_at, WIDTH * batch, WIDTH, buffer, _VERTEX)
         for i in range(3 * WIDTH):
             buffer[_SUMS + i] = 0.0
@@ -112,11 +108,46 @@ def project_volume(
     for i in range(WIDTH):
         volume += buffer[_TOTALS + i] / 18.0
         weighted += buffer[_TOTALS + i + WIDTH] / 36.0
+    return volume, weighted
+
+
+@vector_kernel
+def move_along_gradient(
+    p: Reals,
+    gradient: Reals,
+    first: int,
+    last: int,
+    parts: Floats,
+    rest: float,
+    floor: float,
+    stiffness: float,
+) -> None:
+    """Move points along the volume's gradient so that the volume is as at rest.
+
+    Parameters
+    ----------
+    p, gradient : (4 (n + 1),) arrays
+        Records, changed in place; of :func:`volume_gradient`.
+    first, last : int
+        Places in them, the last excluded.
+    parts : (d, 2) array
+        What :func:`volume_gradient` gave, part by part.
+    rest : float
+        V0 [mm^3].
+    floor : float
+        Least value of the denominator sum(w |g|^2) [mm^4].
+    stiffness : float
+        Stiffness per iteration, in [0, 1].
+    """
+    volume, weighted = 0.0, 0.0
+    for part in range(len(parts)):
+        volume += parts[part, 0]
+        weighted += parts[part, 1]
     if weighted > 0.0:
         s = p.dtype.type(stiffness * (volume - rest) / max(weighted, floor) / 6.0)
-        for i in range(spare):
-            p[i] -= s * gradient[i]
-    return volume
+        moved, along = p[first:last], gradient[first:last]
+        for i in range(len(moved)):
+            moved[i] -= s * along[i]
 
 
 @vector_kernel

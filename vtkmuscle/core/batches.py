@@ -11,12 +11,20 @@ from vtkmuscle.core.batched_constraints import CONSTANTS, RECORD, WIDTH, Offsets
 from vtkmuscle.core.batched_volume import RING_STEP
 from vtkmuscle.core.colouring import greedy_colouring
 from vtkmuscle.core.constraints import VOLUME_FLOOR, dihedral_angle, volume_and_gradient
+from vtkmuscle.core.domains import LARGE, domains_of_points, groups_of_constraints, order_of_points
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh import edge_lengths
 from vtkmuscle.core.topology import MeshTopology
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+#: What a task does: project batches of edges, compute the volume's gradient, move points along it.
+EDGES, GRADIENT, MOVE = 0, 1, 2
+
+#: Columns of a task: what it does, the first and last (excluded) batch or place that it does it to, how many
+#: tasks must be done before, and which part of the sums it computes.
+KIND, FIRST, LAST, AFTER, PART = range(5)
 
 #: Edges that are coloured together: their points' records fill about half a second-level cache.
 BLOCK = 32_768
@@ -51,8 +59,13 @@ class PackedMuscle:
         First and last (excluded) step of each batch in ``ring_at``.
     ring_at : (s * (RING_STEP + 1) * WIDTH,) uint32 array
         Per step the first points of the vertices' rings, then all second points, and so on.
+    tasks : (t, 5) int array
+        An iteration in parts, in order, see :data:`KIND`: those that need not wait for each other may be done
+        side by side. A small muscle has one of each kind.
+    places : (n,) int array
+        Record of each point.
     inverse_mass : (n,) array
-        1 free, 0 fixed.
+        Of each record: 1 free, 0 fixed.
     rest_volume, volume_floor, volume_stiffness : float
         V0 [mm^3]; least denominator of the projection [mm^4]; stiffness per iteration.
     dtype : dtype
@@ -66,6 +79,8 @@ class PackedMuscle:
     vertex_at: Offsets
     ring_starts: Ints
     ring_at: Offsets
+    tasks: Ints
+    places: Ints
     inverse_mass: Floats
     rest_volume: float
     volume_floor: float
@@ -82,13 +97,13 @@ class PackedMuscle:
         """Return the records of points (n, 3) [mm]: a flat array of (n + 1) * 4 numbers."""
         flat = aligned_zeros(RECORD * (self.n_points + 1), self.dtype)
         table = flat.reshape(-1, RECORD)
-        table[:-1, :3] = points
+        table[self.places, :3] = points
         table[:-1, 3] = self.inverse_mass
         return flat
 
     def points(self, records: Reals) -> Floats:
         """Return the positions (n, 3) [mm] of records."""
-        positions: Floats = records.reshape(-1, RECORD)[:-1, :3].astype(np.float64)
+        positions: Floats = records.reshape(-1, RECORD)[self.places, :3].astype(np.float64)
         return positions
 
 
@@ -144,6 +159,9 @@ def pack(
     if n >= np.iinfo(np.uint32).max // RECORD:
         raise ValueError(f"a muscle of {n} points is too large to pack; at most 2^30 - 2 points fit")
     number = np.dtype(dtype)
+    order = order_of_points(topology.edges, n)
+    places = np.empty(n + 1, dtype=np.int64)
+    places[order], places[n] = np.arange(n), n
     k = len(topology.edges)
     lengths = edge_lengths(rest, topology.edges)
     corners = np.full((k, 4), n, dtype=np.int64)
@@ -165,10 +183,22 @@ def pack(
     used = free[corners[:, :2]].any(axis=1) & (values[:-1, 1] > 0)
     used |= free[corners].any(axis=1) & (values[:-1, 4] > 0)
     ids = np.flatnonzero(used)
-    edges = cut_into_batches(ids, greedy_colouring(corners[ids], n, block=BLOCK), WIDTH)
+    corners = places[corners]
+    first = corners[ids].min(axis=1)
+    large = k >= LARGE
+    if large:
+        along = np.argsort(first, kind="stable")
+        ids, first = ids[along], first[along]
+    domains = domains_of_points(np.bincount(first, minlength=n)[:n], large=large)
+    groups, stages = groups_of_constraints(corners[ids], domains)
+    batches = [
+        cut_into_batches(ids[group], greedy_colouring(corners[ids[group]], n, block=BLOCK), WIDTH)
+        for group in groups
+    ]
+    edges = np.concatenate(batches)
     corners = np.vstack([corners, np.full(4, n)])
 
-    vertex_at, ring_starts, ring_at = _pack_rings(topology.triangles, n)
+    vertex_at, ring_starts, ring_at, vertex_batches = _pack_rings(places[topology.triangles], domains)
     gradient = np.empty_like(rest)
     volume = volume_and_gradient(rest, topology.triangles, gradient)
     squares = np.einsum("ij,ij->i", gradient, gradient)
@@ -180,7 +210,9 @@ def pack(
         vertex_at=vertex_at,
         ring_starts=ring_starts,
         ring_at=ring_at,
-        inverse_mass=inverse_mass,
+        tasks=_tasks([len(batch) // WIDTH for batch in batches], stages, vertex_batches, domains),
+        places=places[:-1],
+        inverse_mass=inverse_mass[order],
         rest_volume=float(volume),
         volume_floor=VOLUME_FLOOR * float(inverse_mass @ squares),
         volume_stiffness=volume_stiffness,
@@ -215,14 +247,30 @@ def cut_into_batches(ids: Ints, colours: Ints, width: int) -> Ints:
     return batches
 
 
+def _tasks(batches: list[int], stages: list[int], vertex_batches: Ints, domains: Ints) -> Ints:
+    """Return ``tasks`` of :class:`PackedMuscle`.
+
+    Its groups of edges, in stages, have so many batches of edges, its parts so many batches of vertices.
+    """
+    ends = np.cumsum(batches)
+    tasks = [(EDGES, ends[i] - batches[i], ends[i], stages.index(stage), i) for i, stage in enumerate(stages)]
+    parts = len(vertex_batches)
+    records = RECORD * np.searchsorted(domains, np.arange(parts + 1))
+    for kind, cuts in ((GRADIENT, np.append(0, np.cumsum(vertex_batches))), (MOVE, records)):
+        before = len(tasks)
+        tasks += [(kind, cuts[i], cuts[i + 1], before, i) for i in range(parts)]
+    return np.array(tasks, dtype=np.int64)
+
+
 def _by_lanes(table: NDArray[np.generic]) -> NDArray[np.generic]:
     """Reorder rows (b * WIDTH, c) to (b, c, WIDTH), flat: each batch one column after the other."""
     columns = table.shape[1]
     return np.ascontiguousarray(table.reshape(-1, WIDTH, columns).transpose(0, 2, 1)).reshape(-1)
 
 
-def _pack_rings(triangles: Ints, n: int) -> tuple[Offsets, Ints, Offsets]:
-    """Return ``vertex_at``, ``ring_starts`` and ``ring_at`` of :class:`PackedMuscle`."""
+def _pack_rings(triangles: Ints, domains: Ints) -> tuple[Offsets, Ints, Offsets, Ints]:
+    """Return ``vertex_at``, ``ring_starts``, ``ring_at`` of :class:`PackedMuscle`, and batches per part."""
+    n = len(domains)
     corner = triangles.reshape(-1)
     order = np.argsort(corner, kind="stable")
     degree = np.bincount(corner, minlength=n)
@@ -232,17 +280,21 @@ def _pack_rings(triangles: Ints, n: int) -> tuple[Offsets, Ints, Offsets]:
     rings = np.empty(3 * len(corner) + n, dtype=np.int64)
     lengths = _walk_rings(first, degree, following, opposite, n, rings)
 
-    vertices = np.flatnonzero(degree)
-    steps = -(-(lengths[vertices] - 1) // RING_STEP)
-    vertices = vertices[np.argsort(steps, kind="stable")]
-    vertices = np.append(vertices, np.full(-len(vertices) % WIDTH, n))
+    used = np.flatnonzero(degree)
+    needed = -(-(lengths - 1) // RING_STEP)
+    used = used[np.argsort(needed[used], kind="stable")]
+    parts = int(domains.max(initial=0)) + 1
+    groups = [used[domains[used] == part] for part in range(parts)]
+    groups = [np.append(group, np.full(-len(group) % WIDTH, n)) for group in groups]
+    vertices = np.concatenate(groups)
     # Rings of one batch have the length of its longest; the spare point has a ring of itself.
-    steps = np.append(-(-(lengths - 1) // RING_STEP), 0)[vertices].reshape(-1, WIDTH).max(axis=1)
+    steps = np.append(needed, 0)[vertices].reshape(-1, WIDTH).max(axis=1)
     starts = np.zeros(len(steps) + 1, dtype=np.int64)
     np.cumsum(steps, out=starts[1:])
     ring_at = np.empty(int(starts[-1]) * (RING_STEP + 1) * WIDTH, dtype=np.uint32)
     _fill_steps(vertices, starts, first, rings, lengths, n, WIDTH, RING_STEP, RECORD, ring_at)
-    return (RECORD * vertices).astype(np.uint32), starts, ring_at
+    batches = np.array([len(group) // WIDTH for group in groups])
+    return (RECORD * vertices).astype(np.uint32), starts, ring_at, batches
 
 
 @kernel

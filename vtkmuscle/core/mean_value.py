@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +16,7 @@ from vtkmuscle.core.mesh import half_edges
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+T = TypeVar("T")
 
 #: A query point nearer than this to a vertex, an edge or a triangle lies on it; share of the mesh's diagonal.
 ON_SURFACE = 1e-13
@@ -56,8 +60,31 @@ def mean_value_coordinates(points: Floats, triangles: Ints, queries: Floats, *, 
         If the weights of a point do not reproduce it: the surface is not closed, its triangles are not
         oriented alike, or the point is too far away.
     """
+    mesh = coordinate_mesh(points, triangles)
+    weights = np.empty((len(queries), len(points)))
+
+    def keep(rows: slice, part: Floats) -> None:
+        weights[rows] = part
+
+    in_chunks(mesh, queries, keep, threads)
+    return weights
+
+
+@dataclass(frozen=True, eq=False)
+class CoordinateMesh:
+    """What all query points need of a mesh, about its centre."""
+
+    centre: Floats
+    diagonal: float
+    arrays: tuple[
+        Floats, Ints, Ints, Ints, Floats, Floats, Floats, Floats
+    ]  # the first arguments of the kernel
+
+
+def coordinate_mesh(points: Floats, triangles: Ints) -> CoordinateMesh:
+    """Return what all query points need of a mesh."""
     centre = points.mean(axis=0) if len(points) else np.zeros(3)
-    vertices, centred = points - centre, queries - centre
+    vertices = points - centre
     corners = vertices[triangles]
     edge_vectors = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]  # number i is opposite to corner i
     normals = np.cross(edge_vectors[:, 0], edge_vectors[:, 1])
@@ -73,7 +100,7 @@ def mean_value_coordinates(points: Floats, triangles: Ints, queries: Floats, *, 
     if not len(used):
         raise ValueError("mean value coordinates: the mesh has no triangle with an area")
     diagonal = float(np.linalg.norm(np.ptp(used, axis=0)))
-    mesh = (
+    arrays = (
         np.ascontiguousarray(vertices, dtype=np.float64),
         np.ascontiguousarray(triangles, dtype=np.int64),
         np.ascontiguousarray(edges, dtype=np.int64),
@@ -81,27 +108,36 @@ def mean_value_coordinates(points: Floats, triangles: Ints, queries: Floats, *, 
         edge_vectors,
         normals,
         double_areas,
+        # Spreads a residual over the vertices by the smallest change of weights that keeps their sum.
+        vertices @ np.linalg.pinv(vertices.T @ vertices),
     )
-    # Spreads a residual over the vertices by the smallest change of weights that keeps their sum.
-    spread = vertices @ np.linalg.pinv(vertices.T @ vertices)
-    weights = np.empty((len(queries), len(points)))
+    return CoordinateMesh(centre, diagonal, arrays)
+
+
+def in_chunks(
+    mesh: CoordinateMesh, queries: Floats, keep: Callable[[slice, Floats], T], threads: int
+) -> list[T]:
+    """Compute the weights of some points at a time, in threads, and return what `keep` makes of each part."""
+    centred = np.ascontiguousarray(queries - mesh.centre)
     residuals = np.empty(len(queries))
 
-    def work(first: int) -> None:
-        rows = slice(first, first + CHUNK)
-        _weights_of_chunk(*mesh, spread, centred[rows], diagonal * ON_SURFACE, weights[rows], residuals[rows])
+    def work(first: int) -> T:
+        rows = slice(first, min(first + CHUNK, len(queries)))
+        weights = np.empty((rows.stop - first, len(mesh.arrays[0])))
+        tolerance = mesh.diagonal * ON_SURFACE
+        _weights_of_chunk(*mesh.arrays, centred[rows], tolerance, weights, residuals[rows])
+        return keep(rows, weights)
 
-    starts = range(0, len(queries), CHUNK)
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
-        list(pool.map(work, starts))
-    bad = np.flatnonzero(~(residuals <= LARGEST_RESIDUAL * diagonal))
+        parts = list(pool.map(work, range(0, len(queries), CHUNK)))
+    bad = np.flatnonzero(~(residuals <= LARGEST_RESIDUAL * mesh.diagonal))
     if len(bad):
         raise ValueError(
             f"mean value coordinates: {len(bad)} point(s), the first is number {bad[0]}, are not reproduced "
             "by their weights; the surface must be closed and its triangles oriented alike, and the points "
             "must not be many times its size away from it"
         )
-    return weights
+    return parts
 
 
 def transport(weights: Floats, points: Floats) -> Floats:

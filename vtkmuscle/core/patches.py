@@ -44,7 +44,7 @@ _STRAIGHTNESS = 10.0
 
 #: A way along the normal of a point that faces the bone nears it by this part of the way, at least; along
 #: that of a point that looks away it leaves the bone by as much. Between them is the rim of a muscle.
-_FACING = 0.5
+FACING = 0.5
 
 
 def attachment_patch(
@@ -152,15 +152,14 @@ def _prefer_facing(
     among : the tree of these points, their ids, and the limit.
     """
     tree, used, limit = among
-    normals = vertex_normals(points, triangles) * np.sign(signed_volume(points, triangles) or 1.0)
-    step = float(edge_lengths(points, unique_edges(triangles)).mean())
+    normals, step = outward_normals(points, triangles)
     waiting, count = np.arange(len(landmarks)), 1
     while len(waiting):
         offsets, found = tree.query(landmarks[waiting], [*range(count // 2 + 1, count + 1)])
         ids = used[np.minimum(found, len(used) - 1)].ravel()
         # Landmarks that are nearest to the rim stay there, but none is sent there.
-        least = -_FACING if count == 1 else _FACING
-        facing = _faces_bone(points[ids], normals[ids], step, least, bone_distance).reshape(found.shape)
+        least = -FACING if count == 1 else FACING
+        facing = approach(points[ids], normals[ids], step, bone_distance).reshape(found.shape) >= least
         facing &= offsets <= limit
         settled = facing.any(axis=1)
         nearest[waiting[settled]] = found[settled, facing[settled].argmax(axis=1)]
@@ -168,13 +167,35 @@ def _prefer_facing(
         count *= 2
 
 
-def _faces_bone(
-    points: Floats, normals: Floats, step: float, least: float, bone_distance: Callable[[Floats], Floats]
-) -> Bools:
-    """Return which points near the bone by the least part of a step along their normals."""
-    here = bone_distance(points)
-    faces: Bools = here - bone_distance(points + step * normals) >= least * step
-    return faces
+def outward_normals(points: Floats, triangles: Ints) -> tuple[Floats, float]:
+    """Return the outward normals of a muscle's points, (n, 3), and the mean length of its edges."""
+    normals = vertex_normals(points, triangles) * np.sign(signed_volume(points, triangles) or 1.0)
+    return normals, float(edge_lengths(points, unique_edges(triangles)).mean())
+
+
+def approach(
+    positions: Floats, normals: Floats, step: float, bone_distance: Callable[[Floats], Floats]
+) -> Floats:
+    """Return how much a step out of the muscle nears a bone: 1 straight towards it, -1 away from it.
+
+    Parameters
+    ----------
+    positions : (k, 3) array
+        Points of the muscle [mm].
+    normals : (k, 3) array
+        Their outward normals.
+    step : float
+        How far out to look, > 0 [mm].
+    bone_distance : callable
+        From points (k, 3) to their distances (k,) from the bone, negative inside.
+
+    Returns
+    -------
+    (k,) array
+        Decrease of the distance / step.
+    """
+    nearer: Floats = (bone_distance(positions) - bone_distance(positions + step * normals)) / step
+    return nearer
 
 
 def _on_a_line(landmarks: Floats) -> bool:

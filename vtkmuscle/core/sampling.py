@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.stats import qmc
 
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh import triangle_normals, unique_edges
 
 Floats = NDArray[np.float64]
@@ -31,14 +32,7 @@ def even_samples(candidates: Floats, count: int) -> Floats:
     (count, 3) array
         Some of the candidates [mm].
     """
-    chosen = np.empty(min(count, len(candidates)), dtype=np.int64)
-    distances = np.full(len(candidates), np.inf)
-    farthest = int(np.argmin(((candidates - candidates.mean(axis=0)) ** 2).sum(axis=1)))
-    for i in range(len(chosen)):
-        chosen[i] = farthest
-        np.minimum(distances, ((candidates - candidates[farthest]) ** 2).sum(axis=1), out=distances)
-        farthest = int(np.argmax(distances))
-    samples = candidates[chosen]
+    samples = candidates[_farthest(candidates, min(count, len(candidates)))]
     tree = cKDTree(candidates)
     for _ in range(4):
         cells = cKDTree(samples).query(candidates)[1]
@@ -47,6 +41,32 @@ def even_samples(candidates: Floats, count: int) -> Floats:
         filled = sizes > 0
         samples[filled] = candidates[tree.query(sums[filled] / sizes[filled, None])[1]]
     return samples[np.arange(count) % len(samples)]
+
+
+@kernel
+def _farthest(candidates: Floats, count: int) -> Ints:
+    """Return which candidates are the farthest from those before, again and again; first the central one."""
+    n = len(candidates)
+    centre = np.zeros(3)
+    for i in range(n):
+        centre += candidates[i] / n
+    chosen = np.empty(count, dtype=np.int64)
+    distances = np.full(n, np.inf)
+    at, least = 0, np.inf
+    for i in range(n):
+        distance = ((candidates[i] - centre) ** 2).sum()
+        if distance < least:
+            at, least = i, distance
+    for k in range(count):
+        chosen[k] = at
+        x, y, z = candidates[at, 0], candidates[at, 1], candidates[at, 2]
+        farthest = -1.0
+        for i in range(n):
+            dx, dy, dz = candidates[i, 0] - x, candidates[i, 1] - y, candidates[i, 2] - z
+            distances[i] = min(distances[i], dx * dx + dy * dy + dz * dz)
+            if distances[i] > farthest:
+                at, farthest = i, distances[i]
+    return chosen
 
 
 def dense_samples(points: Floats, triangles: Ints, patch: Ints, count: int, *, seed: int = 0) -> Floats:

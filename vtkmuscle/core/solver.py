@@ -11,19 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.anderson import anderson
-from vtkmuscle.core.batched_iteration import BatchedIteration
 from vtkmuscle.core.batches import pack
 from vtkmuscle.core.blending import blend_motions, screw_between
-from vtkmuscle.core.constraints import (
-    VOLUME_FLOOR,
-    per_iteration_stiffness,
-    project_dihedral,
-    project_distance,
-    project_volume,
-)
+from vtkmuscle.core.constraints import VOLUME_FLOOR, per_iteration_stiffness, project_volume
 from vtkmuscle.core.contact import Barrier, Contact
 from vtkmuscle.core.harmonic import harmonic_weights
 from vtkmuscle.core.obstacles import Obstacle
+from vtkmuscle.core.projection import ColourOrder, Projection, SequentialOrder
 from vtkmuscle.core.rest_shape import RestShape, ShapeReport
 from vtkmuscle.core.rigid import apply_transform, inverse
 from vtkmuscle.core.topology import MeshTopology, mesh_topology
@@ -69,6 +63,12 @@ class SolverParameters:
         With ``"anderson"``: stop at this estimated distance to the converged shape [mm]; 0 never stops.
     order : str
         ``"colour"`` or ``"sequential"``: in which order edges are projected.
+    dtype : str
+        ``"float64"`` or ``"float32"``: the numbers that the iteration computes with. The latter only with
+        ``"gauss-seidel"`` and ``"colour"``: acceleration lives on differences that single precision loses.
+    threads : int
+        Threads that a large muscle is solved on, 0 for as many as there are processors. The result does not
+        depend on it.
     bone_push : str
         What a bone does to points it moved over: ``"transform"`` or ``"off"``.
     contact_velocity : str
@@ -87,8 +87,24 @@ class SolverParameters:
     solver: str = "anderson"
     tolerance: float = 0.0
     order: str = "colour"
+    dtype: str = "float64"
+    threads: int = 0
     bone_push: str = "off"
     contact_velocity: str = "zero"
+
+    def __post_init__(self) -> None:
+        """Refuse what does not go together.
+
+        Raises
+        ------
+        ValueError
+            For single precision with acceleration, or in sequential order.
+        """
+        if self.dtype == "float32" and (self.solver, self.order) != ("gauss-seidel", "colour"):
+            raise ValueError(
+                f"dtype is 'float32', but solver is {self.solver!r} and order is {self.order!r}; single "
+                "precision is for solver 'gauss-seidel' with order 'colour', all else needs dtype 'float64'"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +184,7 @@ class MuscleSolver:
         self._inverse_mass = self._free.astype(np.float64)
         self._shape = RestShape(self.rest, self.topology)
         self._barrier = Barrier((), self.rest, self.centre, self._free, bone_push=False)
-        self._edges_made_from: tuple[str, float, Floats] | None = None
+        self._projection_made_from: tuple[tuple[object, ...], Floats] | None = None
         self._prepare(parameters, edge_stiffness, obstacles)
 
     def adjusted(
@@ -201,7 +217,7 @@ class MuscleSolver:
         if push != self._barrier.bone_push or tuple(obstacles) != self._barrier.obstacles:
             self._barrier = Barrier(obstacles, self.rest, self.centre, self._free, bone_push=push)
         self._prepare_volume()
-        self._prepare_edges(edge_stiffness)
+        self._prepare_projection(edge_stiffness)
 
     def _prepare_volume(self) -> None:
         squares = np.einsum("ij,ij->i", self._shape.volume_gradient, self._shape.volume_gradient)
@@ -209,45 +225,37 @@ class MuscleSolver:
         self._volume_stiffness = float(self._per_iteration(self.parameters.volume_stiffness))
         self._gradient = np.empty_like(self.rest)
 
-    def _prepare_edges(self, edge_stiffness: Floats | None) -> None:
-        edges = self.topology.edges
-        stiffness = np.ones(len(edges)) if edge_stiffness is None else edge_stiffness
-        stiffness = self._per_iteration(self.parameters.stiffness * stiffness)
-        shape_stiffness = float(self._per_iteration(self.parameters.shape_stiffness))
-        made_from = self.parameters.order, shape_stiffness, stiffness
-        before = self._edges_made_from
-        if before is not None and before[:2] == made_from[:2] and np.array_equal(before[2], stiffness):
+    def _prepare_projection(self, edge_stiffness: Floats | None) -> None:
+        settings = self.parameters
+        stiffness = np.ones(len(self.topology.edges)) if edge_stiffness is None else edge_stiffness
+        stiffness = self._per_iteration(settings.stiffness * stiffness)
+        shape_stiffness = float(self._per_iteration(settings.shape_stiffness))
+        made_from = settings.order, settings.dtype, settings.threads, shape_stiffness, self._volume_stiffness
+        before = self._projection_made_from
+        if before is not None and before[0] == made_from and np.array_equal(before[1], stiffness):
             return
-        self._edges_made_from = made_from
-        if self.parameters.order == "colour":
+        self._projection_made_from = made_from, stiffness
+        if settings.order == "colour":
             packed = pack(
                 self.topology,
                 self.rest,
                 self._inverse_mass,
                 edge_stiffness=stiffness,
                 shape_stiffness=shape_stiffness,
+                volume_stiffness=self._volume_stiffness,
+                dtype=settings.dtype,
             )
-            batched = BatchedIteration(packed)
-
-            def in_colours(p: Floats) -> None:
-                records = packed.records(p)
-                batched.edges(records)
-                p[:] = packed.points(records)
-
-            self._project_edges: Callable[[Floats], None] = in_colours
+            self._projection: Projection = ColourOrder(packed, threads=settings.threads)
             return
-        used = self._free[edges].any(axis=1)
-        long = np.ascontiguousarray(edges[used]), self._shape.lengths[used], stiffness[used]
-        quads = self.topology.quads
-        used = self._shape.angle_defined & self._free[quads].any(axis=1)
-        angles = self._shape.angles[used]
-        bent = np.ascontiguousarray(quads[used]), np.cos(angles), np.sin(angles), shape_stiffness
-
-        def in_turn(p: Floats) -> None:
-            project_distance(p, self._inverse_mass, *long)
-            project_dihedral(p, self._inverse_mass, *bent)
-
-        self._project_edges = in_turn
+        self._projection = SequentialOrder(
+            self.topology,
+            self._shape,
+            self._inverse_mass,
+            edge_stiffness=stiffness,
+            shape_stiffness=shape_stiffness,
+            volume_stiffness=self._volume_stiffness,
+            volume_floor=self._volume_floor,
+        )
 
     def _per_iteration(self, stiffness: Floats | float) -> Floats:
         """Return a stiffness per iteration.
@@ -356,7 +364,7 @@ class MuscleSolver:
         before = p
         for iteration in range(n):
             before = p.copy()
-            collided |= self._iterate(p, contact)
+            collided |= self._projection.iterate(p, contact.keep_out)
             progress((iteration + 1) / n)
         moved = float(np.sqrt(np.mean(np.sum((p - before) ** 2, axis=1))))
         return p, collided, (n, moved, None)
@@ -371,7 +379,7 @@ class MuscleSolver:
         def iterate(flat: Floats) -> Floats:
             nonlocal done
             image[:] = flat.reshape(-1, 3)
-            collided[:] = self._iterate(image, contact)
+            collided[:] = self._projection.iterate(image, contact.keep_out)
             done += 1
             progress(done / n)
             return image.reshape(-1)
@@ -404,19 +412,6 @@ class MuscleSolver:
             fixed = self.fixed_to == bone
             p[fixed] = apply_transform(now[bone], self.rest[fixed])
         return p
-
-    def _iterate(self, p: Floats, contact: Contact) -> Bools:
-        """Project all constraints once, in place; return which points met a bone.
-
-        The order is distance, shape, collision, volume. Volume comes last, as in the end only what was
-        projected last holds exactly: V / V0 stays within 0.1 % where another order ends at 1.07. So that
-        this does not push points back into the bones that they have just been moved out of, those take no
-        part in it: the volume goes to where the muscle can give way.
-        """
-        self._project_edges(p)
-        hit = contact.keep_out(p)
-        self._keep_volume(p, hit, self._volume_stiffness)
-        return hit
 
     def _settle(self, p: Floats, contact: Contact) -> Bools:
         """Take out of the bones what the last projection of the volume pushed in; return which points.

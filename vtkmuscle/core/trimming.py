@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh import triangle_normals
@@ -25,12 +26,12 @@ Ints = NDArray[np.int64]
 
 #: Largest turn from a fibre into its new end segment [degrees].
 LARGEST_TURN = 60.0
-#: Parts of the cut that are tried, the whole of it first.
-CUTS = (1.0, 0.75, 0.5, 0.25, 0.0)
+#: A turn that needs no other cut [degrees].
+EASY_TURN = 30.0
+#: Multiples of the cut at the plane that are tried, the nearer to 1 the earlier.
+CUTS = (1.0, 0.8, 1.2, 0.6, 1.4, 0.4, 1.7, 0.2, 2.0, 0.0)
 #: Where along a new segment it is checked against the surface.
-CHECKS = (np.arange(8) + 0.5) / 8.0
-#: Places on an area per fibre end: with more than one, a fibre need not take a place that is behind it.
-PLACES_PER_FIBRE = 2
+CHECKS = (np.arange(16) + 0.5) / 16.0
 #: Ends nearer to each other than this share of an even spacing meet rather than spread over the area.
 LEAST_SPREAD = 0.1
 #: Fibres that share out an area together; the assignment costs the cube of their number.
@@ -142,8 +143,8 @@ def _new_ends(
     there = _already_there(ends, area, tolerance)
     extremal = (area.landmarks @ direction).min()
     cuts = np.minimum(beyond_plane(points, offsets, points @ direction - extremal), largest_cut * lengths)
-    tries = [_departures(points, offsets, lengths - part * cuts) for part in CUTS]
-    cuts[there] = 0.0
+    tried = np.minimum(np.outer(CUTS, cuts), largest_cut * lengths)
+    departures, rays = _departures(points, offsets, lengths - tried)
     levels, places = np.zeros(len(cuts), dtype=np.int64), ends.copy()
     n_batches = -(-len(cuts) // BATCH)
     for batch in range(n_batches):
@@ -152,32 +153,48 @@ def _new_ends(
         fibres = mine[~there[mine]]
         if not len(fibres):
             continue
-        free = _places_in_front(
-            area, direction, tries[0][0][fibres], PLACES_PER_FIBRE * len(mine), seed=batch
-        )
+        free = _places_in_front(area, direction, departures[0, fibres], len(mine), seed=batch)
         if there[mine].any():
-            free = np.delete(free, np.unique(cKDTree(free).query(ends[mine[there[mine]]])[1]), axis=0)
-        least = np.full(len(cuts), np.inf)
-        for level, (departures, rays) in enumerate(tries):
-            taken = assign_places(departures[fibres], rays[fibres], free)
-            segments = free[taken] - departures[fibres]
-            checked = departures[fibres, None] + CHECKS[:, None] * segments[:, None]
-            ways_back = into_muscle(checked.reshape(-1, 3)).reshape(checked.shape) - checked
-            leaves = np.linalg.norm(ways_back, axis=2).max(axis=1)
-            turns = np.degrees(np.arccos(np.clip(_cosines(rays[fibres], segments), -1.0, 1.0)))
-            # Both relative to what is allowed: 1 or less passes, and otherwise the smaller is the better.
-            evil = np.maximum(leaves / tolerance, turns / LARGEST_TURN)
-            levels[fibres[evil < least[fibres]]] = level
-            np.minimum.at(least, fibres, evil)
-            passed = evil <= 1.0
-            places[fibres[passed]] = free[taken[passed]]
-            fibres, free = fibres[~passed], np.delete(free, taken[passed], axis=0)
-            if not len(fibres):
-                break
-        else:
-            departures, rays = (np.array([tries[levels[i]][part][i] for i in fibres]) for part in range(2))
-            places[fibres] = free[assign_places(departures, rays, free)]
-    return _Ends(np.array(CUTS)[levels] * cuts, places)
+            taken = np.unique(cKDTree(free).query(ends[mine[there[mine]]])[1])
+            free = np.delete(free, taken[: len(free) - len(fibres)], axis=0)
+        places[fibres] = free[assign_places(departures[0, fibres], free)]
+        levels[fibres] = _least_evil(
+            departures[:, fibres], rays[:, fibres], places[fibres], into_muscle, tolerance
+        )
+    cuts = np.where(there, 0.0, tried[levels, np.arange(len(cuts))])
+    return _Ends(cuts, places)
+
+
+def _least_evil(
+    departures: Floats,
+    rays: Floats,
+    places: Floats,
+    into_muscle: Callable[[Floats], Floats],
+    tolerance: float,
+) -> Ints:
+    """Return which cut suits each fibre, a number into CUTS.
+
+    The first one whose segment stays in the muscle and turns easily; else that of the least turn among
+    those that are allowed; else the one that leaves or turns least, relative to what is allowed.
+    """
+    open_ = np.arange(len(places))
+    levels, least = np.zeros(len(places), dtype=np.int64), np.full(len(places), np.inf)
+    for level in range(len(CUTS)):
+        starts = departures[level, open_]
+        segments = places[open_] - starts
+        checked = starts[:, None] + CHECKS[:, None] * segments[:, None]
+        ways_back = into_muscle(checked.reshape(-1, 3)).reshape(checked.shape) - checked
+        leaves = np.linalg.norm(ways_back, axis=2).max(axis=1) / tolerance
+        turns = np.degrees(np.arccos(np.clip(_cosines(rays[level, open_], segments), -1.0, 1.0)))
+        evil = np.maximum(leaves, turns / LARGEST_TURN)
+        evil[evil <= 1.0] = turns[evil <= 1.0] / 180.0
+        better = evil < least[open_]
+        levels[open_[better]] = level
+        least[open_[better]] = evil[better]
+        open_ = open_[(leaves > 1.0) | (turns > EASY_TURN)]
+        if not len(open_):
+            break
+    return levels
 
 
 def _already_there(ends: Floats, area: EndArea, tolerance: float) -> NDArray[np.bool_]:
@@ -217,15 +234,27 @@ def _places_in_front(
     return even_samples(candidates, count)
 
 
+@kernel
 def _departures(points: Floats, offsets: Ints, arcs: Floats) -> tuple[Floats, Floats]:
-    """Return the points of fibres at arc lengths (k,), and the directions (k, 3) in which they run there."""
-    ends = np.empty((len(arcs), 2, 3))
-    for i, (first, last) in enumerate(pairwise(offsets)):
-        line = points[first:last]
-        # One mean segment back, for what is left of the segment that is cut may be arbitrarily short.
-        step = np.linalg.norm(np.diff(line, axis=0), axis=1).sum() / max(len(line) - 1, 1)
-        ends[i] = resample_polyline(line, np.array([max(arcs[i] - step, 0.0), arcs[i]]))
-    return ends[:, 1], ends[:, 1] - ends[:, 0]
+    """Return the points (c, k, 3) of fibres at arc lengths (c, k), and the directions that they run in.
+
+    The direction is that of one mean segment back, for what is left of the segment that is cut may be
+    arbitrarily short.
+    """
+    places, rays = np.empty((*arcs.shape, 3)), np.empty((*arcs.shape, 3))
+    at = np.empty(2)
+    for i in range(len(offsets) - 1):
+        line = points[offsets[i] : offsets[i + 1]]
+        step = 0.0
+        for j in range(1, len(line)):
+            step += np.sqrt(((line[j] - line[j - 1]) ** 2).sum())
+        step /= max(len(line) - 1, 1)
+        for level in range(len(arcs)):
+            at[0], at[1] = max(arcs[level, i] - step, 0.0), arcs[level, i]
+            pair = resample_polyline(line, at)
+            places[level, i] = pair[1]
+            rays[level, i] = pair[1] - pair[0]
+    return places, rays
 
 
 def _cosines(a: Floats, b: Floats) -> Floats:
@@ -235,23 +264,19 @@ def _cosines(a: Floats, b: Floats) -> Floats:
     return cosines
 
 
-def assign_places(departures: Floats, rays: Floats, places: Floats) -> Ints:
-    """Return which place each fibre ends at: one near its own ray, no two fibres at the same.
+def assign_places(departures: Floats, places: Floats) -> Ints:
+    """Return which place each fibre ends at, no two fibres at the same: the new segments are short in all.
 
     The paper takes the place on the area that is closest to the ray, for each fibre by itself. Where the area
     is beside the rays rather than in front of them, that is the same place on its rim for many fibres, and
-    they meet in a point. So each fibre is given a place of its own, such that the sum of the deviations from
-    the rays is least; that also keeps neighbours neighbours. The deviation is the distance of the place from
-    the departure less its advance along the ray: 0 on the ray, y^2 / 2z at a distance y from it and far
-    ahead, the distance where there is no advance. Unlike the distance from the ray it also decides how far to
-    go where the area runs beside the rays: the fibre next to the area ends on its nearest part.
+    they meet in a point. So each fibre is given a place of its own, such that the sum of the distances is
+    least. Two segments that cross would be shorter exchanged: so they do not cross, and neighbours stay
+    neighbours. Where the area runs beside the fibres, the fibre next to it ends on its nearest part.
 
     Parameters
     ----------
     departures : (k, 3) array
         Where the new segments begin [mm].
-    rays : (k, 3) array
-        Directions of the fibres there, of any length.
     places : (j, 3) array
         Positions on the area, j >= k [mm].
 
@@ -260,11 +285,7 @@ def assign_places(departures: Floats, rays: Floats, places: Floats) -> Ints:
     (k,) int array
         Numbers of places, all different.
     """
-    lengths = np.linalg.norm(rays, axis=1, keepdims=True)
-    directions = np.divide(rays, lengths, out=np.zeros_like(rays), where=lengths > 0)
-    views = places[None] - departures[:, None]
-    deviations = np.linalg.norm(views, axis=2) - (views * directions[:, None]).sum(axis=2)
-    taken: Ints = linear_sum_assignment(deviations)[1].astype(np.int64)
+    taken: Ints = linear_sum_assignment(cdist(departures, places))[1].astype(np.int64)
     return taken
 
 

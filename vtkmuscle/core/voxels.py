@@ -62,11 +62,20 @@ class VoxelGrid:
 
     def contains(self, points: Floats) -> Bools:
         """Return whether each point (n, 3) [mm, rest pose] lies in a boundary or inside cell, (n,)."""
+        contained: Bools = self._states(points) != OUTSIDE
+        return contained
+
+    def encloses(self, points: Floats) -> Bools:
+        """Return whether each point (n, 3) [mm, rest pose] lies in an inside cell, (n,)."""
+        enclosed: Bools = self._states(points) == INSIDE
+        return enclosed
+
+    def _states(self, points: Floats) -> Cells:
         in_cells = (np.asarray(points, dtype=np.float64) - self.origin) / self.spacing
         within = ((in_cells >= 0) & (in_cells < self.cells.shape)).all(axis=1)
         index = in_cells[within].astype(np.int64)
-        result = np.zeros(len(in_cells), dtype=np.bool_)
-        result[within] = self.cells[index[:, 0], index[:, 1], index[:, 2]] != OUTSIDE
+        result = np.full(len(in_cells), OUTSIDE, dtype=np.uint8)
+        result[within] = self.cells[index[:, 0], index[:, 1], index[:, 2]]
         return result
 
 

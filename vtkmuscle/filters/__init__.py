@@ -14,6 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from vtkmuscle.filters.attachment_estimator import AttachmentEstimator
     from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, attachments_of
     from vtkmuscle.filters.base import Filter
     from vtkmuscle.filters.bone_motion import BoneMotion
@@ -27,11 +28,13 @@ if TYPE_CHECKING:
     from vtkmuscle.filters.harmonic_field import HarmonicField
     from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
     from vtkmuscle.filters.pbd_deformer import PBDDeformer
+    from vtkmuscle.filters.provenance import provenance_of
     from vtkmuscle.filters.slice_morpher import SliceMorpher
     from vtkmuscle.filters.template_fitter import TemplateFitter
 
 _SOURCES = {
     "AttachmentArea": "attachments",
+    "AttachmentEstimator": "attachment_estimator",
     "BoneMotion": "bone_motion",
     "FibreMetrics": "fibre_metrics",
     "FibreSmoother": "fibre_smoother",
@@ -50,10 +53,12 @@ _SOURCES = {
     "TemplateFitter": "template_fitter",
     "attachments_from": "attachments",
     "attachments_of": "attachments",
+    "provenance_of": "provenance",
 }
 
 __all__ = [
     "AttachmentArea",
+    "AttachmentEstimator",
     "BoneMotion",
     "FibreMetrics",
     "FibreSmoother",
@@ -72,6 +77,7 @@ __all__ = [
     "TemplateFitter",
     "attachments_from",
     "attachments_of",
+    "provenance_of",
 ]
 
 

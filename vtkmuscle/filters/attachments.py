@@ -14,6 +14,7 @@ from vtkmuscle.core.patches import attachment_patch
 from vtkmuscle.filters.arrays import (
     Polylines,
     blocks_of,
+    field_array,
     field_string,
     multiblock_from,
     points_of,
@@ -39,12 +40,15 @@ class AttachmentArea:
     closed : bool
         True where the landmarks are the boundary of an area (a ring), False for an open curve or loose
         points: then the attachment is what lies near the curve.
+    estimated : bool
+        True where nobody has seen the landmarks: they were made from where the muscle touches the bone.
     """
 
     role: str
     bone: str
     landmarks: NDArray[np.float64]
     closed: bool
+    estimated: bool = False
 
 
 def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
@@ -58,6 +62,7 @@ def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
         block = polylines_from(Polylines(points, np.array([0, len(points)])))
         set_field_array(block, "Bone", area.bone)
         set_field_array(block, "Role", area.role)
+        set_field_array(block, "Estimated", int(area.estimated))
         blocks[f"{area.role}_{i}"] = block
     return multiblock_from(blocks)
 
@@ -69,7 +74,8 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
     ----------
     data : vtkMultiBlockDataSet
         A block per area: a vtkPolyData with the field arrays ``Bone`` and ``Role`` and one polyline
-        through the landmarks (closed if its last point repeats its first), or points alone.
+        through the landmarks (closed if its last point repeats its first), or points alone; where the
+        field array ``Estimated`` is not 0, the landmarks are an estimate.
     where : str
         Named in errors, e.g. ``"TemplateFitter: attachments"``.
 
@@ -96,7 +102,10 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
         if not bone:
             raise ValueError(f"{label}: the field array 'Bone' must name a bone")
         landmarks, closed = landmarks_of(block, label)
-        areas.append(AttachmentArea(role, bone, landmarks, closed))
+        estimated = field_array(block, "Estimated")
+        areas.append(
+            AttachmentArea(role, bone, landmarks, closed, bool(estimated is not None and estimated[0]))
+        )
     return areas
 
 

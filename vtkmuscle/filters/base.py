@@ -8,13 +8,10 @@ is here, once.
 from __future__ import annotations
 
 import inspect
-import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from typing import Any, ClassVar
 
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
-from vtkmodules.vtkCommonCore import vtkObject
 from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkCommonExecutionModel import (
     vtkAlgorithm,
@@ -24,8 +21,11 @@ from vtkmodules.vtkCommonExecutionModel import (
 )
 
 from vtkmuscle.filters.docstrings import documented
+from vtkmuscle.filters.failure_messages import failure_messages_off, silence_after_failure
+from vtkmuscle.filters.interrupts import interrupts_deferred
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
 from vtkmuscle.filters.pipeline_times import announce_times
+from vtkmuscle.filters.provenance import add_provenance
 from vtkmuscle.filters.pyvista_operator import mend_pyvista_operator
 
 _RESERVED = frozenset(dir(vtkAlgorithm)) | {"update", "apply", "execute", "parameters"}
@@ -166,7 +166,7 @@ class Filter(VTKPythonAlgorithmBase):
         for algorithm in reversed(chain):
             if isinstance(algorithm, Filter):
                 algorithm._check_connections()
-        with _vtk_messages_of_failed_filters_off():
+        with failure_messages_off():
             if time is not None:
                 self.UpdateInformation()
                 key = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
@@ -306,7 +306,11 @@ class Filter(VTKPythonAlgorithmBase):
             If ``AbortExecute`` was set; the base class turns it into an empty output.
         """
         self._progress_reached = max(self._progress_reached, min(float(fraction), 1.0))
-        self.UpdateProgress(self._progress_reached)
+        if self.HasObserver("ProgressEvent"):
+            with interrupts_deferred():
+                self.UpdateProgress(self._progress_reached)
+        else:
+            self.UpdateProgress(self._progress_reached)
         if self.GetAbortExecute():
             raise AbortedError(f"{type(self).__name__} was aborted at {self._progress_reached:.0%}")
 
@@ -341,8 +345,7 @@ class Filter(VTKPythonAlgorithmBase):
                 data = info.Get(vtkDataObject.DATA_OBJECT())
                 if data is not None:
                     data.ReleaseData()
-            if _messages.off:
-                vtkObject.GlobalWarningDisplayOff()
+            silence_after_failure()
             return 0
 
     def RequestInformation(self, request: Any, inInfo: Any, outInfo: Any) -> int:
@@ -362,7 +365,8 @@ class Filter(VTKPythonAlgorithmBase):
         # Who asks a filter to stop before it has begun is heard by every filter, also by those that are too
         # quick to report progress themselves.
         self.report_progress(0.0)
-        self._publish(self.execute(*self._inputs(inInfo)), outInfo)
+        inputs = self._inputs(inInfo)
+        self._publish(self.execute(*inputs), inputs, outInfo)
         return 1
 
     def _begin(self, outInfo: Any) -> None:
@@ -384,10 +388,11 @@ class Filter(VTKPythonAlgorithmBase):
             inputs.append(data)
         return inputs
 
-    def _publish(self, results: Any, outInfo: Any) -> None:
+    def _publish(self, results: Any, inputs: Sequence[Any], outInfo: Any) -> None:
         for port, result in enumerate(results if isinstance(results, tuple) else (results,)):
             output = outInfo.GetInformationObject(port).Get(vtkDataObject.DATA_OBJECT())
             output.ShallowCopy(result)
+            add_provenance(output, inputs, type(self).__name__, self._parameter_values)
             if self.request_time is not None:
                 output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), self.request_time)
 
@@ -441,22 +446,3 @@ def _upstream(algorithm: Any) -> Iterator[Any]:
         for port in range(current.GetNumberOfInputPorts()):
             indices = range(current.GetNumberOfInputConnections(port))
             waiting.extend(current.GetInputAlgorithm(port, index) for index in indices)
-
-
-class _Messages(threading.local):
-    off = False
-
-
-_messages = _Messages()
-
-
-@contextmanager
-def _vtk_messages_of_failed_filters_off() -> Iterator[None]:
-    """Keep VTK's "returned failure for request" quiet where the exception itself is about to be raised."""
-    displayed, outer = vtkObject.GetGlobalWarningDisplay(), _messages.off
-    _messages.off = True
-    try:
-        yield
-    finally:
-        _messages.off = outer
-        vtkObject.SetGlobalWarningDisplay(displayed)

@@ -16,7 +16,7 @@ def documented(
     outputs: Sequence[OutputPort],
 ) -> str:
     """Return the docstring with Parameters and ports written out from the declarations."""
-    head, sections = _split(inspect.cleandoc(doc))
+    head, sections = split_docstring(inspect.cleandoc(doc))
     lines = [head]
     if parameters:
         lines += ["", "Parameters", "----------"]
@@ -33,8 +33,8 @@ def documented(
     return "\n".join([*lines, sections])
 
 
-def _split(doc: str) -> tuple[str, str]:
-    """Cut a docstring before its first section heading."""
+def split_docstring(doc: str) -> tuple[str, str]:
+    """Return a docstring (cleaned of its indent) up to its first section heading, and the rest of it."""
     lines = doc.splitlines()
     for i in range(1, len(lines)):
         if lines[i] and set(lines[i]) == {"-"} and len(lines[i]) == len(lines[i - 1]):

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.polylines import smooth_polylines
-from vtkmuscle.filters.arrays import Polylines, polylines_of, with_polylines
+from vtkmuscle.core.polylines import polyline_lengths, smooth_polylines
+from vtkmuscle.filters.arrays import Polylines, polylines_of, set_cell_array, with_polylines
 from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.muscle_geometry import muscle_geometry
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
 from vtkmuscle.filters.surface_distance import SurfaceDistance
+
+Floats = NDArray[np.float64]
 
 
 class FibreSmoother(Filter):
@@ -44,15 +48,26 @@ class FibreSmoother(Filter):
     muscle = InputPort(
         vtkPolyData, content="muscle", optional=True, doc="Closed triangles that the fibres stay in."
     )
-    output = OutputPort(vtkPolyData, doc="The smoothed polylines, with the arrays of the input.")
+    output = OutputPort(
+        vtkPolyData,
+        doc="The smoothed polylines, with the arrays of the input, and the cell array ``LengthChange`` "
+        "(n_fibres,): length after less length before [mm].",
+    )
 
     def execute(self, fibres: vtkPolyData, muscle: vtkPolyData | None) -> vtkPolyData:
         """Return the smoothed fibres."""
         lines = polylines_of(fibres, "FibreSmoother: fibres")
         if muscle is None:
             points = smooth_polylines(lines.points, lines.offsets, self.k, self.iterations)
-            return with_polylines(fibres, Polylines(points, lines.offsets))
-        surface = SurfaceDistance(muscle)
+        else:
+            points = self._in_muscle(lines, muscle_geometry(muscle, "FibreSmoother: muscle").distance)
+        result = with_polylines(fibres, Polylines(points, lines.offsets))
+        before = polyline_lengths(lines.points, lines.offsets)
+        set_cell_array(result, "LengthChange", polyline_lengths(points, lines.offsets) - before)
+        return result
+
+    def _in_muscle(self, lines: Polylines, surface: SurfaceDistance) -> Floats:
+        """Return smoothed points of which the inner ones are put back into the muscle after each pass."""
         inner = np.ones(len(lines.points), dtype=np.bool_)
         inner[lines.offsets[:-1]] = inner[lines.offsets[1:] - 1] = False
         points = lines.points
@@ -60,4 +75,4 @@ class FibreSmoother(Filter):
             points = smooth_polylines(points, lines.offsets, self.k, 1)
             points[inner] = surface.into(points[inner])
             self.report_progress((done + 1) / self.iterations)
-        return with_polylines(fibres, Polylines(points, lines.offsets))
+        return points

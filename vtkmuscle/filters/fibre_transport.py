@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,15 +12,18 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.mean_value import mean_value_coordinates, transport
 from vtkmuscle.core.polylines import polyline_lengths
+from vtkmuscle.core.sparse_weights import SparseWeights, sparse_mean_value_coordinates, sparse_transport
 from vtkmuscle.filters.arrays import (
     Polylines,
     checked_surface,
     polylines_of,
     set_cell_array,
+    set_field_array,
     with_polylines,
 )
 from vtkmuscle.filters.base import Filter
-from vtkmuscle.filters.parameters import InputPort, OutputPort
+from vtkmuscle.filters.muscle_geometry import muscle_geometry
+from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
 from vtkmuscle.filters.pipeline_times import times_of
 
 Floats = NDArray[np.float64]
@@ -30,23 +33,49 @@ Ints = NDArray[np.int64]
 _BLOCK = 256
 #: Weights are kept up to this size [bytes]; beyond it they are computed again for each frame.
 _LARGEST_CACHE = 2**31
+#: Points nearer to the surface than this part of the muscle's size do not count as outside.
+_ON_SURFACE = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Rest:
     """What weights belong to, and the weights of each block of fibre points that were kept."""
 
     fibre_points: Floats
     points: Floats
     triangles: Ints
-    weights: dict[int, Floats]
+    prune: float
+    outside: int | None = None
+    weights: dict[int, Floats | SparseWeights] = field(default_factory=dict)
+    size: int = 0
+    error: float = 0.0
 
-    def is_of(self, fibre_points: Floats, points: Floats, triangles: Ints) -> bool:
+    def is_of(self, fibre_points: Floats, points: Floats, triangles: Ints, prune: float) -> bool:
         return (
-            np.array_equal(self.fibre_points, fibre_points)
+            self.prune == prune
+            and np.array_equal(self.fibre_points, fibre_points)
             and np.array_equal(self.points, points)
             and np.array_equal(self.triangles, triangles)
         )
+
+    def of_block(self, first: int) -> Floats | SparseWeights:
+        """Return the weights of the block of fibre points from number `first` on."""
+        kept = self.weights.get(first)
+        if kept is not None:
+            return kept
+        weights: Floats | SparseWeights
+        block = self.fibre_points[first : first + _BLOCK]
+        if self.prune == 0.0:
+            weights = mean_value_coordinates(self.points, self.triangles, block)
+            size = weights.nbytes
+        else:
+            weights = sparse_mean_value_coordinates(self.points, self.triangles, block, prune=self.prune)
+            size = weights.values.nbytes + weights.columns.nbytes
+            self.error = max(self.error, weights.error)
+        if self.size + size <= _LARGEST_CACHE:
+            self.weights[first] = weights
+            self.size += size
+        return weights
 
 
 class FibreTransport(Filter):
@@ -55,7 +84,11 @@ class FibreTransport(Filter):
     Each fibre point is expressed by mean value coordinates in the vertices of the muscle at rest; the same
     weighted mean of the deformed vertices is where it has moved. The weights are kept for as long as the rest
     fibres and the rest muscle are the same (in content), so that a frame costs one matrix product. Fibre
-    points outside of the muscle are carried along as well.
+    points outside of the muscle are carried along as well, and counted.
+
+    All weights of 1600 points on 9878 vertices take 126 MB. With ``prune`` the small ones are dropped, and
+    the others changed so that affine motions stay exact; 1 keeps an eighth of them. What that costs is in
+    ``PruneError``: the largest error of a fibre point if the muscle is bent by about one radian.
 
     Raises
     ------
@@ -81,6 +114,14 @@ class FibreTransport(Filter):
     2.0
     """
 
+    prune = Parameter(
+        float,
+        default=0.0,
+        minimum=0.0,
+        doc="Weights smaller than this part of the mean weight, 1 / number of vertices, are dropped; 0 keeps "
+        "all.",
+    )
+
     rest_fibres = InputPort(vtkPolyData, content="fibres", doc="Polylines in the muscle at rest.")
     rest_muscle = InputPort(vtkPolyData, content="muscle", doc="The muscle at rest, closed, triangles.")
     deformed_muscle = InputPort(
@@ -89,7 +130,8 @@ class FibreTransport(Filter):
     output = OutputPort(
         vtkPolyData,
         doc="The moved polylines, with the arrays of the rest fibres and the cell array ``RestLength`` "
-        "(n_fibres,) [mm].",
+        "(n_fibres,) [mm], and the field arrays ``PointsOutside``, the number of rest fibre points that are "
+        "outside of the muscle, and ``PruneError`` [mm].",
     )
 
     _rest: _Rest | None = None
@@ -110,25 +152,30 @@ class FibreTransport(Filter):
                 f"FibreTransport: deformed_muscle has {len(deformed)} points, but rest_muscle has "
                 f"{len(points)}; both must be the same mesh, before and after the deformation"
             )
+        rest = self._rest_of(lines.points, points, triangles)
         moved = np.empty_like(lines.points)
         for first in range(0, len(moved), _BLOCK):
-            rows = slice(first, first + _BLOCK)
-            moved[rows] = transport(self._weights(first, lines.points, points, triangles), deformed)
+            weights = rest.of_block(first)
+            moved[first : first + _BLOCK] = (
+                sparse_transport(weights, deformed)
+                if isinstance(weights, SparseWeights)
+                else transport(weights, deformed)
+            )
             self.report_progress(min(first + _BLOCK, len(moved)) / len(moved))
+        if rest.outside is None:
+            distance = muscle_geometry(rest_muscle, "FibreTransport: rest_muscle").distance
+            slack = _ON_SURFACE * float(np.linalg.norm(np.ptp(points, axis=0)))
+            gone = np.linalg.norm(distance.into(lines.points) - lines.points, axis=1) > slack
+            rest.outside = int(gone.sum())
         result = with_polylines(rest_fibres, Polylines(moved, lines.offsets))
         set_cell_array(result, "RestLength", polyline_lengths(lines.points, lines.offsets))
+        set_field_array(result, "PointsOutside", rest.outside)
+        set_field_array(result, "PruneError", rest.error)
         return result
 
-    def _weights(self, first: int, fibre_points: Floats, points: Floats, triangles: Ints) -> Floats:
-        """Return the weights of the block of fibre points from number `first` on."""
+    def _rest_of(self, fibre_points: Floats, points: Floats, triangles: Ints) -> _Rest:
         # Comparing content costs a hundredth of a frame, and unlike comparing modification times it is right
         # for inputs that were copied, or changed behind VTK's back through a numpy view.
-        if first == 0 and (self._rest is None or not self._rest.is_of(fibre_points, points, triangles)):
-            self._rest = _Rest(fibre_points, points, triangles, {})
-        kept = self._rest.weights if self._rest is not None else {}
-        weights = kept.get(first)
-        if weights is None:
-            weights = mean_value_coordinates(points, triangles, fibre_points[first : first + _BLOCK])
-            if (first + _BLOCK) * len(points) * weights.itemsize <= _LARGEST_CACHE:
-                kept[first] = weights
-        return weights
+        if self._rest is None or not self._rest.is_of(fibre_points, points, triangles, self.prune):
+            self._rest = _Rest(fibre_points, points, triangles, self.prune)
+        return self._rest

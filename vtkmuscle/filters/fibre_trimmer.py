@@ -8,17 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.mesh import edge_lengths, survey, unique_edges
-from vtkmuscle.core.patches import attachment_patch
 from vtkmuscle.core.trimming import EndArea, trim_fibres
-from vtkmuscle.filters.arrays import Polylines, checked_surface, field_array, polylines_of, with_polylines
+from vtkmuscle.filters.arrays import Polylines, field_array, polylines_of, with_polylines
 from vtkmuscle.filters.attachments import AttachmentArea, attachments_of
 from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.muscle_geometry import MuscleGeometry, muscle_geometry
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
-from vtkmuscle.filters.surface_distance import SurfaceDistance
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 class FibreTrimmer(Filter):
@@ -27,10 +24,11 @@ class FibreTrimmer(Filter):
     Near a wide attachment area, fibres from a template meet in a point or run along the area instead of
     ending on it. So two planes perpendicular to the muscle's principal axis, each through the landmark of
     its side that reaches furthest into the muscle, cut the ends of the fibres off, and straight segments to
-    places on the attachment areas replace them. Each fibre is given a place of its own near the ray along
-    which it left off. Less is cut from a fibre whose new segment would leave the muscle (by more than a
-    quarter of its mean edge length) or turn by more than 60 degrees. Where most fibres end on an area
-    anyway without meeting, as pennate ones do, those that do keep their end.
+    places on the attachment areas replace them. The places are spread evenly over the areas; each fibre is
+    given one of its own, such that the new segments are short in all and do not cross. Less or more is cut
+    from a fibre whose new segment would leave the muscle (by more than a quarter of its mean edge length)
+    or turn by more than 30 degrees. Where most fibres end on an area anyway without meeting, as pennate ones
+    do, those that do keep their end.
 
     The axis is that of the fitted template where the fibres carry its field array ``Transform``, otherwise
     the direction from the origin's to the insertion's centroid. Each fibre keeps its number of points,
@@ -64,7 +62,7 @@ class FibreTrimmer(Filter):
 
     largest_cut = Parameter(
         float,
-        default=0.4,
+        default=0.5,
         minimum=0.0,
         maximum=0.5,
         doc="Largest part of a fibre's length to cut off at either end: an area may reach so far along the "
@@ -88,43 +86,42 @@ class FibreTrimmer(Filter):
         short = np.flatnonzero(np.diff(lines.offsets) < 2)
         if len(short):
             raise ValueError(f"FibreTrimmer: fibres: {len(short)} fibre(s) of one point, first {short[0]}")
-        points, triangles = checked_surface(muscle, "FibreTrimmer: muscle")
-        facts = survey(points, triangles)
-        if not facts.closed:
+        geometry = muscle_geometry(muscle, "FibreTrimmer: muscle")
+        if geometry.n_open_edges:
             raise ValueError(
-                f"FibreTrimmer: muscle: the surface has {facts.n_boundary_edges} open edge(s), and so no "
+                f"FibreTrimmer: muscle: the surface has {geometry.n_open_edges} open edge(s), and so no "
                 "inside to keep fibres in; close its holes, and merge equal points (vtkCleanPolyData)"
             )
         areas = attachments_of(attachments, "FibreTrimmer: attachments")
-        origin = _end_area("origin", areas, points, triangles)
-        insertion = _end_area("insertion", areas, points, triangles)
+        origin = _end_area("origin", areas, geometry)
+        insertion = _end_area("insertion", areas, geometry)
         self.report_progress(0.2)
-        mean_edge = float(edge_lengths(points, unique_edges(triangles)).mean())
         trimmed = trim_fibres(
             lines.points,
             lines.offsets,
             axis=_axis(fibres, origin, insertion),
             origin=origin,
             insertion=insertion,
-            into_muscle=SurfaceDistance(muscle).into,
-            tolerance=0.25 * mean_edge,
+            into_muscle=geometry.distance.into,
+            tolerance=0.25 * geometry.mean_edge,
             largest_cut=self.largest_cut,
         )
         return with_polylines(fibres, Polylines(trimmed, lines.offsets))
 
 
-def _end_area(role: str, areas: Sequence[AttachmentArea], points: Floats, triangles: Ints) -> EndArea:
+def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> EndArea:
     mine = [area for area in areas if area.role == role]
     if not mine:
         raise ValueError(f"FibreTrimmer: attachments: there is no area with the role {role!r}")
     patches = []
     for number, area in enumerate(mine):
         try:
-            patches.append(attachment_patch(points, triangles, area.landmarks, area.closed))
+            patches.append(geometry.patch(area))
         except ValueError as error:
             raise ValueError(f"FibreTrimmer: attachments: {role} area {number}: {error}") from error
     landmarks = np.vstack([area.landmarks for area in mine])
-    return EndArea(landmarks, points, triangles, np.unique(np.concatenate(patches)))
+    covered = np.unique(np.concatenate(patches))
+    return EndArea(landmarks, geometry.points, geometry.triangles, covered)
 
 
 def _axis(fibres: vtkPolyData, origin: EndArea, insertion: EndArea) -> Floats:

@@ -158,7 +158,7 @@ class FixedPointDetector(Filter):
         nearest = np.full(len(points), np.inf)
         fixed_to = np.full(len(points), -1)
         for index, bone in enumerate(bones.values()):
-            reachable = _in_box(points, bone, tolerance)
+            reachable = in_box(points, bone, tolerance)
             if len(reachable):
                 distances = SurfaceDistance(bone).unsigned(points[reachable])
                 closer = (distances <= tolerance) & (distances < nearest[reachable])
@@ -175,7 +175,7 @@ class FixedPointDetector(Filter):
     def _by_collision(self, points: Floats, bones: dict[str, vtkPolyData]) -> Ints:
         claimed = np.zeros((len(bones), len(points)), dtype=np.bool_)
         for index, (name, bone) in enumerate(bones.items()):
-            reachable = _in_box(points, bone, 0.0)
+            reachable = in_box(points, bone, 0.0)
             if len(reachable):
                 surface = checked_surface(bone, f"FixedPointDetector: bones, block {name!r}")
                 claimed[index, reachable] = build_voxel_grid(*surface, n_max=self.n_max).contains(
@@ -197,7 +197,7 @@ class FixedPointDetector(Filter):
         return fixed_to
 
 
-def _in_box(points: Floats, bone: vtkPolyData, margin: float) -> Ints:
+def in_box(points: Floats, bone: vtkPolyData, margin: float) -> Ints:
     """Return the points in the bone's bounding box, made wider by a margin."""
     bounds = np.array(bone.GetBounds()).reshape(3, 2)
     within = (points >= bounds[:, 0] - margin) & (points <= bounds[:, 1] + margin)

@@ -270,6 +270,21 @@ class PBDDeformer(Filter):
         doc="Memory for frames kept to go back in time; the last two are kept even with 0.",
     )
 
+    dtype = Parameter(
+        str,
+        default="float64",
+        choices=("float64", "float32"),
+        doc="Numbers that the iteration computes with; 'float32' only with solver 'gauss-seidel' and order "
+        "'colour'.",
+    )
+    threads = Parameter(
+        int,
+        default=0,
+        minimum=0,
+        doc="Threads that work on a muscle of more than 65 536 edges, 0 for as many as there are processors; "
+        "a smaller one is left to one. The result is the same bit for bit.",
+    )
+
     muscle = InputPort(
         vtkPolyData,
         content="fixed muscle",

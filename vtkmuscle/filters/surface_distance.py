@@ -8,14 +8,12 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkDoubleArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
-from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
 
 from vtkmuscle.core.mesh import half_edges, point_components, signed_volume
+from vtkmuscle.core.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.voxels import VoxelGrid, build_voxel_grid
-from vtkmuscle.filters.arrays import checked_surface, surface_from
+from vtkmuscle.filters.arrays import checked_surface
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -45,7 +43,7 @@ class SurfaceDistance:
     References
     ----------
     Baerentzen, Aanaes 2005, *Signed distance computation using the angle weighted pseudonormal*,
-    doi:10.1109/TVCG.2005.49; VTK's vtkImplicitPolyDataDistance.
+    doi:10.1109/TVCG.2005.49.
 
     Examples
     --------
@@ -59,11 +57,13 @@ class SurfaceDistance:
 
     def __init__(self, surface: vtkPolyData) -> None:
         points, triangles = checked_surface(surface, "SurfaceDistance")
-        self._points, self._triangles = _merged(points, triangles)
+        if not _is_closed(triangles, len(points)):
+            points, triangles = _merged(points, triangles)
+        self._points, self._triangles = points, triangles
 
     def unsigned(self, points: ArrayLike) -> Floats:
         """Return the distance of each point (n, 3) from the nearest triangle, (n,)."""
-        return np.abs(_evaluate(self._whole, _checked(points)))
+        return self._whole.nearest(_checked(points))[2]
 
     def signed(self, points: ArrayLike) -> Floats:
         """Return the distance of each point (n, 3) from the nearest triangle, negative behind it, (n,).
@@ -71,7 +71,7 @@ class SurfaceDistance:
         Unlike :meth:`depth` it needs no closed shell, and tells nothing where shells overlap.
         """
         side = float(np.sign(signed_volume(self._points, self._triangles)) or 1.0)
-        return side * _evaluate(self._whole, _checked(points))
+        return side * self._whole.signed(_checked(points))[0]
 
     def closest(self, points: ArrayLike) -> tuple[Floats, Floats]:
         """Return the closest point on the surface to each point (n, 3), and its distance.
@@ -83,13 +83,8 @@ class SurfaceDistance:
         distances : (n,) array
             As :meth:`unsigned`.
         """
-        positions = _checked(points)
-        closest, distances = np.empty_like(positions), np.empty(len(positions))
-        found = [0.0, 0.0, 0.0]
-        for i, position in enumerate(positions):
-            distances[i] = self._whole.EvaluateFunctionAndGetClosestPoint(position, found)
-            closest[i] = found
-        return closest, np.abs(distances)
+        _, closest, distances = self._whole.nearest(_checked(points))
+        return closest, distances
 
     def depth(self, points: ArrayLike) -> Floats:
         """Return how deep each point (n, 3) is inside the surface, (n,), 0 outside.
@@ -102,21 +97,26 @@ class SurfaceDistance:
         result = np.zeros(len(positions))
         for shell in self._shells:
             in_reach = np.flatnonzero(shell.sieve.contains(positions))
-            depths = -_evaluate(shell.signed, positions[in_reach]) * shell.orientation
+            depths = -shell.tree.signed(positions[in_reach])[0]
             result[in_reach] = np.maximum(result[in_reach], depths)
         return result
 
     def into(self, points: ArrayLike) -> Floats:
         """Return points (n, 3) with those outside moved to the closest place on the surface."""
         moved = _checked(points).copy()
-        outside = np.flatnonzero(self.depth(moved) == 0.0)
-        if len(outside):
-            moved[outside] = self.closest(moved[outside])[0]
+        outside, closest = np.arange(len(moved)), moved
+        for shell in self._shells:
+            outside = outside[~shell.sieve.encloses(moved[outside])]
+            distances, closest = shell.tree.signed(moved[outside])
+            outside, closest = outside[distances >= 0.0], closest[distances >= 0.0]
+        if len(self._shells) != 1:
+            closest = self._whole.nearest(moved[outside])[1]
+        moved[outside] = closest
         return moved
 
     @cached_property
-    def _whole(self) -> vtkImplicitPolyDataDistance:
-        return _distance_function(self._points, self._triangles)
+    def _whole(self) -> TriangleTree:
+        return triangle_tree(self._points, self._triangles)
 
     @cached_property
     def _shells(self) -> list[_Shell]:
@@ -128,13 +128,9 @@ class SurfaceDistance:
             triangles = self._triangles[labels == number]
             volume = signed_volume(self._points, triangles)
             if volume != 0.0 and _is_closed(triangles, len(self._points)):
-                shells.append(
-                    _Shell(
-                        self._whole if len(numbers) == 1 else _distance_function(self._points, triangles),
-                        float(np.sign(volume)),
-                        build_voxel_grid(self._points, triangles, n_max=_SIEVE_CELLS),
-                    )
-                )
+                shared = volume > 0.0 and len(numbers) == 1
+                outward = triangles if volume > 0.0 else triangles[:, ::-1]
+                shells.append(_Shell(self._whole if shared else triangle_tree(self._points, outward)))
         if len(shells) < len(numbers):
             warnings.warn(
                 f"SurfaceDistance: {len(numbers) - len(shells)} of {len(numbers)} shell(s) of the surface "
@@ -144,16 +140,16 @@ class SurfaceDistance:
         return shells
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Shell:
-    """A closed shell: its signed distance (negative inside, for orientation 1) and its voxels.
+    """A closed shell that faces outward."""
 
-    The voxels that are not outside hold all of the inside: a point elsewhere need not be measured.
-    """
+    tree: TriangleTree
 
-    signed: vtkImplicitPolyDataDistance
-    orientation: float
-    sieve: VoxelGrid
+    @cached_property
+    def sieve(self) -> VoxelGrid:
+        """Voxels: points in those that are outside, or all inside, need not be measured."""
+        return build_voxel_grid(self.tree.points, self.tree.triangles, n_max=_SIEVE_CELLS)
 
 
 def _merged(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
@@ -170,15 +166,9 @@ def _merged(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
 
 def _is_closed(triangles: Ints, n_points: int) -> bool:
     edges = half_edges(triangles)
-    uses = np.unique(edges.min(axis=1) * n_points + edges.max(axis=1), return_counts=True)[1]
-    return bool((uses > 1).all())
-
-
-def _distance_function(points: Floats, triangles: Ints) -> vtkImplicitPolyDataDistance:
-    used, renumbered = np.unique(triangles, return_inverse=True)
-    function = vtkImplicitPolyDataDistance()
-    function.SetInput(surface_from(points[used], renumbered.reshape(-1, 3)))
-    return function
+    keys = np.sort(edges.min(axis=1) * n_points + edges.max(axis=1))
+    new = np.r_[True, keys[1:] != keys[:-1], True]
+    return not (new[1:] & new[:-1]).any()  # no key is alone
 
 
 def _checked(points: ArrayLike) -> Floats:
@@ -186,12 +176,3 @@ def _checked(points: ArrayLike) -> Floats:
     if positions.ndim != 2 or positions.shape[1] != 3 or not np.isfinite(positions).all():
         raise ValueError("SurfaceDistance: points must be an (n, 3) array of finite numbers")
     return positions
-
-
-def _evaluate(function: vtkImplicitPolyDataDistance, points: Floats) -> Floats:
-    if not len(points):
-        return np.zeros(0)
-    distances = vtkDoubleArray()
-    function.FunctionValue(numpy_to_vtk(points), distances)
-    values: Floats = np.array(vtk_to_numpy(distances), dtype=np.float64).reshape(-1)
-    return values

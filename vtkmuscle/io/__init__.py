@@ -10,17 +10,22 @@ from vtkmuscle.io.landmarks import read_landmarks
 from vtkmuscle.io.motion_table import read_motion_table, write_motion_table
 from vtkmuscle.io.series import Collection, Series
 from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, read_polydata, read_surface
+from vtkmuscle.io.temporal import SERIES_SUFFIXES, TimeSeries, read_series, write_vtkhdf
 from vtkmuscle.io.writing import write_polydata, write_text
 
 __all__ = [
+    "SERIES_SUFFIXES",
     "SURFACE_SUFFIXES",
     "Collection",
     "Series",
+    "TimeSeries",
     "read_landmarks",
     "read_motion_table",
     "read_polydata",
+    "read_series",
     "read_surface",
     "write_motion_table",
     "write_polydata",
     "write_text",
+    "write_vtkhdf",
 ]

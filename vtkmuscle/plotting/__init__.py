@@ -7,6 +7,7 @@ a window unless asked to.
 
 from __future__ import annotations
 
+from vtkmuscle.plotting.export import export_scene
 from vtkmuscle.plotting.figures import (
     RunResult,
     plot_lengths,
@@ -24,6 +25,7 @@ __all__ = [
     "View",
     "can_render",
     "choose_view",
+    "export_scene",
     "framed",
     "make_plotter",
     "plot_lengths",

@@ -11,14 +11,21 @@ from typing import TYPE_CHECKING, Any
 
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.filters.arrays import blocks_of
+from vtkmuscle import __version__
+from vtkmuscle.filters.arrays import blocks_of, set_field_array
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.series import Collection, Series
+from vtkmuscle.io.temporal import read_series, write_vtkhdf
 from vtkmuscle.io.writing import write_polydata, write_text
+from vtkmuscle.run.poses import merged
 
 if TYPE_CHECKING:
     from vtkmuscle.run.result import MuscleTrack, Result
     from vtkmuscle.scene.model import Scene
+
+
+#: How frames are written: a list of .vtp files per series, or one file per series.
+FORMATS = ("pvd", "vtkhdf")
 
 
 class RunFolder:
@@ -31,18 +38,26 @@ class RunFolder:
     ----------
     path : Path
         Made where it does not exist. Files of the same names are replaced, others are left alone.
+    series : str, optional
+        ``"pvd"``, or ``"vtkhdf"``: each series is gathered in one file when it is finished; one that is
+        not finished stays a .pvd.
 
     Raises
     ------
     OSError
         If it cannot be made, or is a file.
+    ValueError
+        If there is no such format.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, series: str = "pvd") -> None:
+        if series not in FORMATS:
+            raise ValueError(f"series is {series!r}, but must be one of {', '.join(map(repr, FORMATS))}")
         if path.exists() and not path.is_dir():
             raise NotADirectoryError(f"{path} is a file; give another folder for the results")
         path.mkdir(parents=True, exist_ok=True)
         self.path = path
+        self._gather = series == "vtkhdf"
         self._series: dict[str, Series] = {}
 
     def begin(self, report: dict[str, Any]) -> None:
@@ -50,13 +65,42 @@ class RunFolder:
         self._write_report(report)
 
     def write_frame(
-        self, muscle: str, number: int, time: float, surface: vtkPolyData, fibres: vtkPolyData | None
+        self,
+        scene: Scene,
+        muscle: str,
+        number: int,
+        time: float,
+        surface: vtkPolyData,
+        fibres: vtkPolyData | None,
     ) -> None:
         """Write a frame of a muscle and of its fibres."""
         parts = {f"{muscle}_fibres": fibres, muscle: surface}
         for name, data in parts.items():
             if data is not None:
-                self._series.setdefault(name, Series(self.path, name)).add(number, time, data)
+                self._series.setdefault(name, Series(self.path, name)).add(
+                    number, time, _stamped(data, scene)
+                )
+
+    def finish(self, muscle: str) -> None:
+        """Say that all frames of a muscle are written."""
+        for name in (muscle, f"{muscle}_fibres"):
+            if self._gather and name in self._series:
+                self._gathered(name)
+            elif name in self._series:
+                # An earlier run may have left the other format, which would be taken for this one's.
+                (self.path / f"{name}.vtkhdf").unlink(missing_ok=True)
+
+    def _gathered(self, name: str) -> None:
+        """Turn a collection of files into one file."""
+        collection = self.path / f"{name}.pvd"
+        series = read_series(collection)
+        write_vtkhdf(collection.with_suffix(".vtkhdf"), series.times, lambda i: merged(series.frame(i)))
+        collection.unlink()
+        for file in series.files:
+            file.unlink()
+        for folder in sorted({file.parent for file in series.files} | {self.path / name}, reverse=True):
+            if not any(folder.iterdir()):
+                folder.rmdir()
 
     def write_bones(self, scene: Scene, numbers: range, stopped: Callable[[], bool]) -> None:
         """Write the bones over time, until it is stopped; those that stay where they are only once."""
@@ -68,7 +112,7 @@ class RunFolder:
         for name, bone in scene.bones.items():
             if name not in scene.motion.transforms:
                 still[name] = folder / f"{name}.vtp"
-                write_polydata(still[name], bone)
+                write_polydata(still[name], _stamped(bone, scene))
         for number in numbers:
             if stopped():
                 return
@@ -77,8 +121,12 @@ class RunFolder:
             for name, bone in blocks_of(mover.update(time=time).output):
                 parts[name] = still.get(name) or folder / name / f"{name}_{number:04d}.vtp"
                 if name not in still:
-                    write_polydata(parts[name], bone)
+                    write_polydata(parts[name], _stamped(bone, scene))
             collection.add(time, parts)
+        if self._gather:
+            self._gathered("bones")
+        else:
+            (self.path / "bones.vtkhdf").unlink(missing_ok=True)
 
     def write_tables(
         self, report: dict[str, Any], scene: Scene, numbers: range, tracks: dict[str, MuscleTrack]
@@ -114,6 +162,15 @@ class RunFolder:
     def _write_report(self, report: dict[str, Any]) -> None:
         text = json.dumps(report, indent=1, allow_nan=False, default=_plain)
         write_text(self.path / "report.json", text + "\n")
+
+
+def _stamped(data: vtkPolyData, scene: Scene) -> vtkPolyData:
+    """Return a shallow copy whose field data say what it is part of."""
+    copy = vtkPolyData()
+    copy.ShallowCopy(data)
+    for name, value in (("Scene", scene.name), ("Units", scene.units), ("Version", __version__)):
+        set_field_array(copy, name, value)
+    return copy
 
 
 def _plain(value: Any) -> Any:

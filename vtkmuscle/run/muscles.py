@@ -82,6 +82,7 @@ class MuscleRun:
         with self._timed("measuring"):
             measure = MuscleMeasure(track.rest, list(scene.bones), self.distances, scene.millimetres)
             track.report.update(measure.at_rest())
+        track.report["estimated_attachments"] = sum(area.estimated for area in muscle.attachments)
         fibres = None if muscle.fibres is None else decompose(detector, attachments, **muscle.fibres)
         if fibres is not None:
             self._tell("fibres", 0.0)
@@ -103,6 +104,9 @@ class MuscleRun:
         for number in range(numbers[-1] + 1):
             self._tell("deforming", number / (numbers[-1] + 1))
             self._frame(number, number in numbers, deformer, transport, metrics, measure)
+        if self.folder is not None:
+            with self._timed("writing"):
+                self.folder.finish(self.name)
         self._tell("done", 1.0)
 
     def _frame(
@@ -135,7 +139,7 @@ class MuscleRun:
         row["ms"] = 1000.0 * took
         if self.folder is not None:
             with self._timed("writing"):
-                self.folder.write_frame(self.name, number, now, deformed, fibres)
+                self.folder.write_frame(self.scene, self.name, number, now, deformed, fibres)
         # All of a frame is there, or nothing of it.
         self.track.points.append(points)
         if fibres is not None:

@@ -24,6 +24,7 @@ FIBRE_TOLERANCE = 0.5
 
 #: What the numbers of a report mean; it is part of every report.
 DEFINITIONS = {
+    "estimated_attachments": "attachment areas that were made from where the muscle touches bones",
     "volume_ratio": "volume / volume at rest",
     "edge_stretch_p95": "95th percentile, over the edges of the muscle, of length / length at rest",
     "edge_stretch_max": "the largest of them",

@@ -83,13 +83,14 @@ def run_scene(
     figures: bool,
     progress: Progress | None,
     workers: int | None,
+    series: str = "pvd",
 ) -> Result:
     """Run a scene; see :meth:`vtkmuscle.Scene.run`."""
     began = time.perf_counter()
     numbers = frame_numbers(frames, len(scene.motion.times))
     if workers is not None and workers < 1:
         raise ValueError(f"workers is {workers}, but must be an integer >= 1")
-    folder = None if out is None else RunFolder(out)
+    folder = None if out is None else RunFolder(out, series=series)
     distances = _bone_distances(scene)
     tracks = {name: MuscleTrack() for name in scene.muscles}
     report = _first_report(scene, numbers, tracks)

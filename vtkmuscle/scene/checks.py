@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 _NAME = re.compile(r"\w[\w .+-]*(?<![ .])")
 #: Names that the run writes itself, beside those of the muscles.
 _RESERVED = ("bones", "figures", "scene")
+#: What a scene file has in place of a muscle's attachments, to have them estimated.
+ESTIMATE = "estimate"
 #: Landmarks farther from their muscle than this many of its diagonals are another muscle's, or in
 #: another unit.
 _FARTHEST_LANDMARKS = 1.0
@@ -236,6 +238,11 @@ def _check_attachments(scene: Scene, key: str, muscle: Muscle, points: NDArray[A
                 f"there is no attachment with role {role!r}",
                 key=key,
                 mend=f'add {{ role = "{role}", bone = "...", landmarks = "..." }}'
+                + (
+                    ""
+                    if roles
+                    else f', or write attachments = "{ESTIMATE}" (from where it touches the bones)'
+                )
                 + (", or leave out fibres" if muscle.fibres is not None else ""),
                 file=file,
             )

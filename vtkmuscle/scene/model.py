@@ -204,6 +204,7 @@ class Scene:
         figures: bool = True,
         progress: Callable[[str, str, float], None] | None = None,
         workers: int | None = None,
+        series: str = "pvd",
     ) -> Result:
         """Deform all muscles over the motion, carry their fibres along, and measure.
 
@@ -225,6 +226,9 @@ class Scene:
         workers : int, optional
             Muscles that run at the same time; default the number of processors. The result does not
             depend on it.
+        series : str, optional
+            How frames are written: ``"pvd"`` (a .vtp file per frame) or ``"vtkhdf"`` (one file per muscle,
+            for its fibres and for the bones).
 
         Returns
         -------
@@ -243,7 +247,9 @@ class Scene:
         from vtkmuscle.run.scenes import run_scene  # noqa: PLC0415
 
         target = None if out is None else Path(out)
-        return run_scene(self, target, frames=frames, figures=figures, progress=progress, workers=workers)
+        return run_scene(
+            self, target, frames=frames, figures=figures, progress=progress, workers=workers, series=series
+        )
 
     @property
     def millimetres(self) -> float:

@@ -29,7 +29,7 @@
     attachments = [
       { role = "origin", bone = "pelvis", landmarks = "origin.vtp" },     # .vtp, .vtk, .csv, .json
       { role = "insertion", bone = "femur", landmarks = "insertion.csv", closed = true },
-    ]
+    ]                                  # or "estimate": from where the muscle touches the bones
     solver = { iterations = 20 }       # optional: what differs from [solver]
     fixing = { method = "proximity" }  # optional: what differs from [fixing]
 
@@ -47,15 +47,19 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.rigid import RigidMotion, hinge
-from vtkmuscle.filters.attachments import AttachmentArea
+from vtkmuscle.filters.arrays import multiblock_from
+from vtkmuscle.filters.attachments import AttachmentArea, attachments_of
 from vtkmuscle.io import read_landmarks, read_motion_table, read_surface
-from vtkmuscle.scene.checks import suggestion
+from vtkmuscle.pipelines import estimate_attachments
+from vtkmuscle.scene.checks import ESTIMATE, suggestion
 from vtkmuscle.scene.model import Muscle, Scene, SceneError
 
 T = TypeVar("T")
@@ -106,6 +110,12 @@ class _Table:
             raise self.error(name, problem, f"write {name} = {example}")
         return [float(v) for v in value]
 
+    def flag(self, name: str, mend: str, default: bool) -> bool:
+        value = self.values.get(name, default)
+        if not isinstance(value, bool):
+            raise self.error(name, f"must be true or false, not {value!r}", mend)
+        return value
+
     def settings(self, name: str) -> dict[str, Any]:
         return _Table(self.file, self.path_to(name), self.values.get(name, {}), ()).values
 
@@ -147,7 +157,7 @@ def read_scene(path: Path) -> Scene:
         surface, files[f"{table.key}.surface"] = table.read("surface", '"FILE.vtp"', read_surface)
         muscles[name] = Muscle(
             surface,
-            _attachments(table, files),
+            _attachments(table, files, surface, bones, motion),
             table.settings("fibres") if "fibres" in table else None,
             table.settings("solver"),
             table.settings("fixing"),
@@ -162,6 +172,29 @@ def read_scene(path: Path) -> Scene:
         fixing=root.settings("fixing"),
         files=files,
     )
+
+
+def read_motion(path: Path) -> RigidMotion:
+    """Read the motion of a scene.toml and the tables it names, and nothing else of the scene.
+
+    Parameters
+    ----------
+    path : path
+        A scene.toml.
+
+    Returns
+    -------
+    RigidMotion
+        Of the bones that the scene names.
+
+    Raises
+    ------
+    SceneError
+        If the file cannot be read, or its motion is not right; the message says where and why.
+    """
+    root = _Table(path, "", _parsed(path), ())
+    bones = _Table(path, "bones", root.required("bones", "a table [bones.NAME]"), ())
+    return _motion(root, bones.values, {})
 
 
 def _parsed(path: Path) -> dict[str, Any]:
@@ -181,23 +214,45 @@ def _parsed(path: Path) -> dict[str, Any]:
         raise SceneError(f"is not valid TOML: {error}", key="", mend=mend, file=path) from error
 
 
-def _attachments(muscle: _Table, files: dict[str, Path]) -> tuple[AttachmentArea, ...]:
+def _attachments(
+    muscle: _Table,
+    files: dict[str, Path],
+    surface: vtkPolyData,
+    bones: Mapping[str, vtkPolyData],
+    motion: RigidMotion,
+) -> tuple[AttachmentArea, ...]:
     listed = muscle.values.get("attachments", [])
+    if listed == ESTIMATE:
+        return _estimated(muscle, surface, bones, motion)
     example = '[{ role = "origin", bone = "NAME", landmarks = "FILE.vtp" }]'
     if not isinstance(listed, list):
-        raise muscle.error("attachments", f"must be a list, not {listed!r}", f"write {example}")
+        mend = f'write {example}, or "{ESTIMATE}"'
+        raise muscle.error("attachments", f"must be a list, not {listed!r}", mend)
     areas = []
     for number, value in enumerate(listed):
         key = f"{muscle.key}.attachments[{number}]"
-        table = _Table(muscle.file, key, value, ("role", "bone", "landmarks", "closed"))
+        table = _Table(muscle.file, key, value, ("role", "bone", "landmarks", "closed", "estimated"))
         role, bone = table.text("role", '"origin" or "insertion"'), table.text("bone", '"NAME"')
         (landmarks, closed), files[f"{key}.landmarks"] = table.read("landmarks", '"FILE.vtp"', read_landmarks)
-        if "closed" in table:
-            closed = table.values["closed"]
-            if not isinstance(closed, bool):
-                mend = "write true for a ring, false for an open curve"
-                raise table.error("closed", f"must be true or false, not {closed!r}", mend)
-        areas.append(AttachmentArea(role, bone, landmarks, closed))
+        closed = table.flag("closed", "write true for a ring, false for an open curve", closed)
+        estimated = table.flag("estimated", "write true where nobody has seen the landmarks", False)
+        areas.append(AttachmentArea(role, bone, landmarks, closed, estimated))
+    return tuple(areas)
+
+
+def _estimated(
+    muscle: _Table, surface: vtkPolyData, bones: Mapping[str, vtkPolyData], motion: RigidMotion
+) -> tuple[AttachmentArea, ...]:
+    """Return estimated attachments; of two bones the one that moves has the insertion."""
+    try:
+        areas = attachments_of(estimate_attachments(surface, multiblock_from(dict(bones))), muscle.key)
+    except ValueError as error:
+        problem, _, mend = str(error).partition("; ")
+        raise muscle.error("attachments", problem, mend) from error
+    moving = {area.role: area.bone in motion.transforms for area in areas}
+    if moving["origin"] and not moving["insertion"]:
+        other = {"origin": "insertion", "insertion": "origin"}
+        areas = [replace(area, role=other[area.role]) for area in areas]
     return tuple(areas)
 
 

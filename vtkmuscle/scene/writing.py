@@ -69,6 +69,7 @@ def to_toml(scene: Scene) -> str:
                     "role": area.role,
                     "bone": area.bone,
                     "landmarks": _landmark_file(name, number, muscle),
+                    "estimated": area.estimated or None,
                 }
                 lines.append(f"  {_inline(entry)},")
             lines.append("]")

@@ -1,0 +1,122 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vtkmuscle.core.mesh import triangle_normals
+from vtkmuscle.filters.arrays import (
+    blocks_of,
+    checked_surface,
+    field_array,
+    multiblock_from,
+    point_array,
+    surface_from,
+)
+from vtkmuscle.filters.attachment_estimator import AttachmentEstimator
+from vtkmuscle.filters.attachments import attachments_of
+from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+from vtkmuscle.scene.model import Scene
+
+
+def estimate(muscle, bones, **parameters):
+    estimator = AttachmentEstimator(**parameters)
+    estimator.connect(0, muscle)
+    estimator.connect(1, bones)
+    return estimator.update().output
+
+
+def fixed(muscle, bones, attachments):
+    detector = FixedPointDetector()
+    for port, data in enumerate((muscle, bones, attachments)):
+        detector.connect(port, data)
+    return point_array(detector.update().output, "FixedTo", "test")
+
+
+def compared(muscle, bones, known):
+    """Return for each bone: covered part of the true area, estimated area / true area, and centroids' gap."""
+    points, triangles = checked_surface(muscle, "test")
+    thirds = np.repeat(np.linalg.norm(triangle_normals(points, triangles), axis=1) / 6, 3)
+    weights = np.bincount(triangles.ravel(), thirds, len(points))
+    estimated, true = (fixed(muscle, bones, areas) for areas in (estimate(muscle, bones), known))
+    found = {}
+    for index, (name, _) in enumerate(blocks_of(bones)):
+        mine, theirs = estimated == index, true == index
+        centres = [np.average(points[mask], axis=0, weights=weights[mask]) for mask in (mine, theirs)]
+        found[name] = (
+            weights[mine & theirs].sum() / weights[theirs].sum(),
+            weights[mine].sum() / weights[theirs].sum(),
+            np.linalg.norm(centres[0] - centres[1]),
+        )
+    return found
+
+
+def test_the_ends_of_the_spindle_are_found(spindle):
+    found = compared(spindle.muscles["spindle"], spindle.bones, spindle.attachments["spindle"])
+    for covered, area, gap in found.values():
+        assert covered > 0.9
+        assert 0.8 < area < 1.5
+        assert gap < 1.0
+
+
+@pytest.mark.parametrize("muscle", ["gluteus_medius", "iliacus"])
+def test_the_attachments_of_the_phantom_hip_are_covered(hip, muscle):
+    """Muscles of the phantom lie on the bones beside their attachments too: the estimate is wider."""
+    for covered, area, gap in compared(hip.muscles[muscle], hip.bones, hip.attachments[muscle]).values():
+        assert covered > 0.85
+        assert area < 3.0
+        assert gap < 10.0
+
+
+def test_areas_are_marked_as_estimated_and_have_roles(spindle):
+    data = estimate(spindle.muscles["spindle"], spindle.bones)
+    assert [field_array(block, "Estimated")[0] for _, block in blocks_of(data)] == [1, 1]
+    areas = attachments_of(data, "test")
+    assert [area.role for area in areas] == ["origin", "insertion"]
+    assert all(area.estimated for area in areas)
+    known = attachments_of(spindle.attachments["spindle"], "test")
+    assert not any(area.estimated for area in known)
+
+
+def test_the_bone_of_the_origin_may_be_given(spindle):
+    for bone in ("proximal", "distal"):
+        areas = attachments_of(estimate(spindle.muscles["spindle"], spindle.bones, origin=bone), "test")
+        assert {area.role: area.bone for area in areas}["origin"] == bone
+    with pytest.raises(ValueError, match=r"origin is 'ulna', but .* 'proximal' and 'distal'"):
+        estimate(spindle.muscles["spindle"], spindle.bones, origin="ulna")
+
+
+def test_the_way_that_the_triangles_face_makes_no_difference(spindle):
+    muscle = spindle.muscles["spindle"]
+    points, triangles = checked_surface(muscle, "test")
+    inside_out = surface_from(points, triangles[:, ::-1])
+    for mine, yours in zip(
+        attachments_of(estimate(muscle, spindle.bones), "test"),
+        attachments_of(estimate(inside_out, spindle.bones), "test"),
+        strict=True,
+    ):
+        assert mine.bone == yours.bone
+        np.testing.assert_allclose(mine.landmarks.mean(axis=0), yours.landmarks.mean(axis=0), atol=0.5)
+
+
+def test_a_muscle_that_touches_one_bone_is_refused(spindle):
+    name, bone = blocks_of(spindle.bones)[0]
+    with pytest.raises(ValueError, match=f"touches only '{name}', .* larger tolerance, or landmarks"):
+        estimate(spindle.muscles["spindle"], multiblock_from({name: bone}))
+
+
+@pytest.mark.realdata
+def test_estimates_of_the_real_muscles_cover_the_large_origins(lhdl_hip):
+    scene = Scene.load(lhdl_hip / "scene.toml")
+    for name, gap in {
+        "gluteus_maximus": 5.0,
+        "gluteus_medius": 5.0,
+        "iliacus": 5.0,
+        "adductor_brevis": 10.0,
+    }.items():
+        muscle, known = scene.muscles[name].surface, scene.attachments_data(name)
+        found = compared(muscle, scene.bones_data(), known)
+        covered, area, apart = found["pelvis"]
+        assert covered > 0.8, name
+        assert area < 1.5, name
+        assert apart < gap, name
+        assert found["femur_r"][0] > 0.6, name

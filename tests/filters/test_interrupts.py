@@ -1,0 +1,169 @@
+"""Ctrl-C in a script, by real signals in child processes; and signals held back while an observer runs."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+from vtkmodules.vtkCommonCore import vtkObject
+
+from vtkmuscle.filters.failure_messages import failure_messages_off, silence_after_failure
+from vtkmuscle.filters.interrupts import interrupts_deferred
+
+SETTING = """
+import os, signal, threading
+from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
+from vtkmuscle.filters.arrays import points_of
+from vtkmuscle.phantoms import spindle_over_hinge
+
+phantom = spindle_over_hinge()
+(name, muscle), = phantom.muscles.items()
+fixed = FixedPointDetector()(muscle, phantom.bones, phantom.attachments[name])
+
+def deformer(**parameters):
+    moving = BoneMotion(motion=phantom.motion)
+    moving.connect(0, phantom.bones)
+    made = PBDDeformer(**parameters)
+    made.connect(0, fixed)
+    made.connect(1, moving)
+    return made
+
+def frame(made):
+    return points_of(made.update(4.0).output).tobytes()
+
+expected = frame(deformer(iterations=5))
+stopped = deformer(iterations=10_000_000)
+"""
+
+FROM_OUTSIDE = """
+report, counted, at_signal = stopped.report_progress, [], []
+warm = threading.Event()
+
+def count(fraction):
+    counted.append(fraction)
+    if len(counted) == 20:
+        warm.set()
+    report(fraction)
+
+def press_ctrl_c():
+    warm.wait()
+    at_signal.append(len(counted))
+    os.kill(os.getpid(), signal.SIGINT)
+
+stopped.report_progress = count
+threading.Thread(target=press_ctrl_c).start()
+"""
+
+IN_AN_OBSERVER = """
+counted, at_signal = [], []
+
+def observe(caller, _event):
+    counted.append(caller.GetProgress())
+    if len(counted) == 20:
+        at_signal.append(len(counted))
+        os.kill(os.getpid(), signal.SIGINT)
+
+observer = stopped.AddObserver("ProgressEvent", observe)
+"""
+
+THEN = """
+try:
+    stopped.update(4.0)
+    print("not stopped")
+except KeyboardInterrupt:
+    print("stopped", len(counted) - at_signal[0])
+print(stopped.GetOutputDataObject(0).GetNumberOfPoints())
+stopped.iterations = 5
+print(frame(stopped) == expected)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT for a process alone")
+@pytest.mark.parametrize("ctrl_c", [FROM_OUTSIDE, IN_AN_OBSERVER], ids=["while computing", "in an observer"])
+def test_ctrl_c_stops_within_an_iteration_and_leaves_the_filter_usable(ctrl_c):
+    done = subprocess.run(
+        [sys.executable, "-c", SETTING + ctrl_c + THEN],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    stopped, points, usable = done.stdout.splitlines()
+    word, iterations = stopped.split()
+    # VTK itself tells an observer 1.0 when the filter has returned.
+    assert word == "stopped"
+    assert int(iterations) <= 1
+    assert points == "0"
+    assert usable == "True"
+
+
+def test_a_signal_is_held_back_until_the_block_is_left():
+    reached = []
+    with pytest.raises(KeyboardInterrupt):  # noqa: PT012 -- where it is raised is the point
+        with interrupts_deferred():
+            os.kill(os.getpid(), signal.SIGINT)
+            reached.append("end of the block")
+        reached.append("behind the block")
+    assert reached == ["end of the block"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_an_error_in_the_block_puts_the_handler_back():
+    with pytest.raises(ValueError, match="within"), interrupts_deferred():
+        raise ValueError("within")
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_outside_the_main_thread_handlers_are_left_alone():
+    seen = []
+
+    def work():
+        with interrupts_deferred():
+            seen.append(signal.getsignal(signal.SIGINT))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert seen == [signal.default_int_handler]
+
+
+def test_an_ignored_ctrl_c_stays_ignored():
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with interrupts_deferred():
+            os.kill(os.getpid(), signal.SIGINT)
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_messages_come_back_when_threads_fail_across_each_other():
+    """One thread's block begins after the failure in another's, and ends after that."""
+    assert vtkObject.GetGlobalWarningDisplay() == 1
+    failed, entered, left = threading.Event(), threading.Event(), threading.Event()
+
+    def other():
+        failed.wait()
+        with failure_messages_off():
+            entered.set()
+            left.wait()
+            silence_after_failure()
+
+    thread = threading.Thread(target=other)
+    thread.start()
+    with failure_messages_off():
+        silence_after_failure()
+        assert vtkObject.GetGlobalWarningDisplay() == 0
+        failed.set()
+        entered.wait()
+    left.set()
+    thread.join()
+    assert vtkObject.GetGlobalWarningDisplay() == 1
+
+
+def test_a_failure_elsewhere_is_shown():
+    silence_after_failure()
+    assert vtkObject.GetGlobalWarningDisplay() == 1

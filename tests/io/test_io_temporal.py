@@ -1,0 +1,169 @@
+"""Time series come back from .pvd and .vtkhdf files as they went in, field data and all."""
+
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from vtkmodules.vtkIOHDF import vtkHDFReader
+
+from vtkmuscle.filters import FibreTemplateSource, provenance_of
+from vtkmuscle.filters.arrays import (
+    blocks_of,
+    cell_array,
+    field_array,
+    field_string,
+    point_array,
+    points_of,
+    set_cell_array,
+    set_field_array,
+    set_point_array,
+    surface_from,
+)
+from vtkmuscle.filters.pipeline_times import times_of
+from vtkmuscle.io import Collection, Series, read_series, write_polydata, write_vtkhdf
+
+TIMES = (0.0, 2.5, 5.0)
+
+
+def frame(i):
+    surface = surface_from(np.eye(3) * (i + 1) / 3.0, np.array([[0, 1, 2]]))
+    set_point_array(surface, "Velocity", np.arange(9.0).reshape(3, 3) / 7.0 * i)
+    set_cell_array(surface, "Colour", np.array([i]))
+    set_field_array(surface, "VolumeRatio", 1.0 + i / 3.0)
+    set_field_array(surface, "Transform", np.arange(16.0) * i)
+    set_field_array(surface, "Units", "mm")
+    return surface
+
+
+def write(kind, folder):
+    if kind == "pvd":
+        series = Series(folder, "m")
+        for i, time in enumerate(TIMES):
+            series.add(i, time, frame(i))
+        return folder / "m.pvd"
+    write_vtkhdf(folder / "m.vtkhdf", TIMES, frame)
+    return folder / "m.vtkhdf"
+
+
+@pytest.mark.parametrize("kind", ["pvd", "vtkhdf"])
+def test_a_series_is_read_back_exactly(tmp_path, kind):
+    series = read_series(write(kind, tmp_path))
+    assert series.times == TIMES
+    for i in (2, 0, 1):
+        expected, found = frame(i), series.frame(i)
+        assert np.array_equal(points_of(found), points_of(expected))
+        assert np.array_equal(point_array(found, "Velocity", ""), point_array(expected, "Velocity", ""))
+        assert cell_array(found, "Colour", "").tolist() == [i]
+        assert field_array(found, "VolumeRatio").tolist() == [1.0 + i / 3.0]
+        assert field_array(found, "Transform").tolist() == (np.arange(16.0) * i).tolist()
+        assert field_string(found, "Units") == "mm"
+    assert np.array_equal(points_of(series.at(2.0)), points_of(frame(1)))
+
+
+def test_the_single_file_is_one_that_vtk_reads_with_its_times(tmp_path):
+    reader = vtkHDFReader()
+    reader.SetFileName(str(write("vtkhdf", tmp_path)))
+    reader.UpdateInformation()
+    assert times_of(reader.GetOutputInformation(0)) == TIMES
+    reader.UpdateTimeStep(5.0)
+    assert np.array_equal(points_of(reader.GetOutput()), points_of(frame(2)))
+    assert [path.name for path in tmp_path.iterdir()] == ["m.vtkhdf"]
+    assert (tmp_path / "m.vtkhdf").stat().st_size < 500_000
+
+
+def test_what_was_done_travels_with_the_file(tmp_path):
+    fibres = FibreTemplateSource(n_fibres=3).update().output
+    write_polydata(tmp_path / "f.vtp", fibres)
+    write_vtkhdf(tmp_path / "f.vtkhdf", [0.0], lambda _: fibres)
+    Collection(tmp_path / "f.pvd").add(0.0, {"f": tmp_path / "f.vtp"})
+    for name in ("f.pvd", "f.vtkhdf"):
+        (step,) = provenance_of(read_series(tmp_path / name).frame(0))
+        assert step["filter"] == "FibreTemplateSource"
+        assert step["parameters"]["n_fibres"] == 3
+
+
+def test_parts_of_a_step_are_blocks(tmp_path):
+    write_polydata(tmp_path / "a.vtp", frame(0))
+    write_polydata(tmp_path / "b.vtp", frame(1))
+    Collection(tmp_path / "ab.pvd").add(1.0, {"a": tmp_path / "a.vtp", "b": tmp_path / "b.vtp"})
+    blocks = blocks_of(read_series(tmp_path / "ab.pvd").frame(0))
+    assert [name for name, _ in blocks] == ["a", "b"]
+    assert np.array_equal(points_of(blocks[1][1]), points_of(frame(1)))
+
+
+def test_an_array_that_a_frame_lacks_is_left_out_of_all(tmp_path):
+    def uneven(i):
+        surface = frame(i)
+        if i != 1:
+            set_field_array(surface, "EstimatedDistance", 0.1)
+        return surface
+
+    write_vtkhdf(tmp_path / "m.vtkhdf", TIMES, uneven)
+    series = read_series(tmp_path / "m.vtkhdf")
+    for i in range(3):
+        assert field_array(series.frame(i), "EstimatedDistance") is None
+        assert field_array(series.frame(i), "VolumeRatio").tolist() == [1.0 + i / 3.0]
+
+
+def test_a_fault_while_writing_leaves_the_old_file(tmp_path):
+    path = write("vtkhdf", tmp_path)
+    before = path.read_bytes()
+    asked = []
+
+    def failing(i):
+        asked.append(i)
+        if len(asked) > len(TIMES):
+            raise ValueError("no such frame")
+        return frame(i)
+
+    with pytest.raises(ValueError, match="no such frame"):
+        write_vtkhdf(path, TIMES, failing)
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("m.pvd", "<VTKFile><Collection/></VTKFile>", "lists no time step"),
+        ("m.pvd", "no xml", "no ParaView collection"),
+        ("m.vtkhdf", "no hdf", "no VTKHDF file"),
+        ("m.vtp", "", "read from .pvd or .vtkhdf"),
+    ],
+)
+def test_files_that_are_no_series_are_named(tmp_path, name, content, words):
+    (tmp_path / name).write_text(content)
+    with pytest.raises(ValueError, match=re.escape(words)) as caught:
+        read_series(tmp_path / name)
+    assert str(tmp_path / name) in str(caught.value)
+
+
+PARAVIEW = """
+from paraview.simple import *
+reader = OpenDataFile({path!r})
+times = list(reader.TimestepValues)
+reader.UpdatePipeline(times[-1])
+data = servermanager.Fetch(reader)
+data = data.GetBlock(0) if data.IsA("vtkMultiBlockDataSet") else data
+print("times", times)
+print("point", data.GetPoint(0)[0])
+"""
+
+
+def test_the_installed_paraview_reads_the_collection(tmp_path):
+    pvpython = shutil.which("pvpython")
+    if pvpython is None:
+        pytest.skip("ParaView's pvpython is not installed")
+    (tmp_path / "read.py").write_text(PARAVIEW.format(path=str(write("pvd", tmp_path))))
+    done = subprocess.run(
+        [pvpython, "--force-offscreen-rendering", str(tmp_path / "read.py")],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert f"times {list(TIMES)}" in done.stdout
+    assert "point 1.0" in done.stdout

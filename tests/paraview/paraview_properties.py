@@ -1,0 +1,86 @@
+"""Run by pvpython: what proxies look like from ParaView's side, refused values, abort. Argument: folder."""
+
+import sys
+from pathlib import Path
+
+import paraview.simple as pv
+from paraview import servermanager
+from paraview_pipeline import pipeline
+from scene_on_disk import TIMES, points
+
+from vtkmuscle.paraview.properties import camel_case, plain
+from vtkmuscle.paraview.shells import all_filters
+
+
+def check_declarations():
+    """Compare ParaView's view of every filter with its declarations."""
+    manager = servermanager.ProxyManager()
+    for kind in all_filters():
+        proxy = manager.NewProxy("filters" if kind.input_ports else "sources", kind.__name__)
+        assert proxy.GetHints().FindNestedElementByName("ShowInMenu").GetAttribute("category") == "Muscle"
+        assert proxy.GetDocumentation().GetDescription().startswith(plain(kind.__doc__.partition("\n")[0]))
+        for name, parameter in kind.parameter_declarations.items():
+            shown = proxy.GetProperty(camel_case(name))
+            assert shown is not None, (kind, name)
+            assert plain(parameter.doc) in shown.GetDocumentation().GetDescription()
+            if parameter.kind in (int, float, str) and parameter.default is not None:
+                assert shown.GetElement(0) == parameter.default, (kind, name)
+            if parameter.choices:
+                domain = shown.GetDomain("list")
+                listed = [domain.GetString(i) for i in range(domain.GetNumberOfStrings())]
+                assert tuple(listed) == parameter.choices
+            for bound, has in ((parameter.minimum, "Minimum"), (parameter.maximum, "Maximum")):
+                if bound is not None:
+                    domain = shown.GetDomain("range")
+                    assert getattr(domain, f"Get{has}Exists")(0)
+                    assert getattr(domain, f"Get{has}")(0) == bound
+        for port in kind.input_ports:
+            assert proxy.GetProperty(camel_case(port.name)).GetClassName() == "vtkSMInputProperty"
+
+
+def check_refusal(chain):
+    """A value that is refused fails with the reason, and is forgotten when it is replaced."""
+    tubes = pv.FibreTubes(Fibres=chain["fitted"])
+    tubes.Radius = -3.0
+    tubes.UpdatePipeline()
+    assert tubes.GetDataInformation().GetNumberOfPoints() == 0
+    tubes.Radius = 1.0
+    tubes.UpdatePipeline()
+    assert tubes.GetDataInformation().GetNumberOfPoints() > 0
+
+
+def check_abort(chain):
+    """A deformer that is told to stop does so at the next iteration, and works again afterwards."""
+    deformed = chain["deformed"]
+    deformed.UpdatePipeline(TIMES[0])
+    before = points(servermanager.Fetch(deformed))
+    algorithm = deformed.GetClientSideObject()
+    reached = []
+
+    def stop(caller, _event):
+        reached.append(caller.GetProgress())
+        if len(reached) == 3:
+            caller.SetAbortExecute(1)
+
+    observer = algorithm.AddObserver("ProgressEvent", stop)
+    deformed.Iterations = 11
+    deformed.UpdatePipeline(TIMES[0])
+    # VTK itself says 0.0 before the filter begins and 1.0 after it has stopped.
+    assert 0.0 < reached[2] < 1.0
+    assert reached[3:] in ([], [1.0])
+    assert algorithm.GetOutputDataObject(0).GetNumberOfPoints() == 0
+    algorithm.RemoveObserver(observer)
+    deformed.Iterations = 10
+    deformed.UpdatePipeline(TIMES[0])
+    assert points(servermanager.Fetch(deformed)) == before
+
+
+def main(folder):
+    check_declarations()
+    chain = pipeline(folder)
+    check_refusal(chain)
+    check_abort(chain)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,74 @@
+"""What `vtkmuscle paraview-path` makes and prints."""
+
+import subprocess
+import sys
+
+import pytest
+from typer.testing import CliRunner
+
+from vtkmuscle.cli import BAD_INPUT, app
+from vtkmuscle.paraview.environment import MEND, PLUGINS, link_packages
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, ["paraview-path", *map(str, arguments)])
+
+
+def test_the_folder_gives_what_the_filters_need_and_no_vtk(tmp_path):
+    link_packages(tmp_path)
+    assert {"vtkmuscle", "numpy", "scipy", "numba", "llvmlite"} <= {path.name for path in tmp_path.iterdir()}
+    script = (
+        "import numba, numpy, scipy.spatial, vtkmuscle\n"
+        "from importlib.util import find_spec\n"
+        "print(find_spec('vtk'), find_spec('vtkmodules'))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-S", "-c", script],
+        env={"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.split() == ["None", "None"]
+
+
+def test_the_commands_set_the_variables(tmp_path):
+    folder = tmp_path / "it's here"
+    done = run("--folder", folder)
+    assert done.exit_code == 0, done.output
+    script = done.output + 'printf "%s\\n" "$PV_PLUGIN_PATH" "$PYTHONPATH"'
+    printed = subprocess.run(
+        ["sh", "-c", script], env={"PYTHONPATH": "/before"}, capture_output=True, text=True, check=True
+    )
+    assert printed.stdout.splitlines() == [str(PLUGINS), f"{MEND}:{folder}:/before"]
+    assert [path.name for path in PLUGINS.glob("*.py")] == ["vtkmuscle_plugin.py"]
+
+
+def test_links_are_made_anew(tmp_path):
+    (tmp_path / "numpy").symlink_to(tmp_path / "gone")
+    link_packages(tmp_path)
+    assert (tmp_path / "numpy" / "__init__.py").is_file()
+
+
+def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path):
+    (tmp_path / "mine.txt").write_text("mine")
+    done = run("--folder", tmp_path)
+    assert done.exit_code == BAD_INPUT
+    assert "mine.txt is not a link" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_without_a_cache_a_folder_must_be_given(monkeypatch):
+    monkeypatch.setenv("VTKMUSCLE_CACHE", "")
+    done = run()
+    assert done.exit_code == BAD_INPUT
+    assert "--folder" in done.stderr
+
+
+@pytest.mark.parametrize("twice", [1, 2])
+def test_the_default_folder_is_in_the_cache(monkeypatch, tmp_path, twice):
+    monkeypatch.setenv("VTKMUSCLE_CACHE", str(tmp_path))
+    for _ in range(twice):
+        assert run().exit_code == 0
+    (folder,) = tmp_path.iterdir()
+    assert folder.name.startswith(f"paraview-py3.{sys.version_info.minor}-")

@@ -1,0 +1,145 @@
+"""ParaView's properties against the declarations they are made from."""
+
+import json
+import subprocess
+import sys
+from xml.etree.ElementTree import fromstring
+
+import pytest
+
+from vtkmuscle.core.rigid import RigidMotion
+from vtkmuscle.filters import Filter, InputPort, OutputPort, Parameter
+from vtkmuscle.paraview.properties import FILES, camel_case, plain, properties_of, spaced
+from vtkmuscle.paraview.proxies import proxy_parts
+from vtkmuscle.paraview.shells import all_filters
+
+KINDS = all_filters()
+PARAMETERS = [
+    pytest.param(kind, parameter, id=f"{kind.__name__}-{parameter.name}")
+    for kind in KINDS
+    for parameter in kind.parameter_declarations.values()
+]
+every_filter = pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+
+
+def parts(kind):
+    return [fromstring(part) for part in proxy_parts(kind)]
+
+
+def named(elements, name):
+    (found,) = [element for element in elements if element.get("name") == name]
+    return found
+
+
+def test_all_filters_are_in_the_plugin():
+    assert {"BoneMotion", "PBDDeformer", "FibreTubes"} <= {kind.__name__ for kind in KINDS}
+    assert Filter not in KINDS
+
+
+@pytest.mark.parametrize(("kind", "parameter"), PARAMETERS)
+def test_property_says_what_is_declared(kind, parameter):
+    name = camel_case(parameter.name)
+    xml = named(parts(kind), name)
+    assert xml.get("command") == f"Set{name}"
+    assert plain(parameter.doc) in xml.findtext("Documentation")
+    assert parameter.units in xml.findtext("Documentation")
+    defaults = xml.get("default_values").split(" ")
+    assert len(defaults) == int(xml.get("number_of_elements")) == (parameter.length or 1)
+    if parameter.kind is tuple:
+        assert tuple(map(float, defaults)) == parameter.default
+    elif parameter.kind is bool:
+        assert defaults == [str(int(parameter.default))]
+        assert xml.find("BooleanDomain") is not None
+    elif parameter.kind in FILES:
+        assert defaults == [""]
+        assert xml.find("Hints/FileChooser").get("extensions") == FILES[parameter.kind].extensions
+    elif parameter.default is not None:
+        assert parameter.kind(defaults[0]) == parameter.default
+    assert tuple(choice.get("value") for choice in xml.iter("String")) == parameter.choices
+    domain = xml.find("IntRangeDomain" if parameter.kind is int else "DoubleRangeDomain")
+    if parameter.kind in (int, float):
+        lowest = parameter.above if parameter.minimum is None else parameter.minimum
+        for bound, value in (("min", lowest), ("max", parameter.maximum)):
+            assert domain.get(bound) == (None if value is None else f"{value:g}")
+    if parameter.kind in (int, float) and parameter.default is None:
+        assert named(parts(kind), f"Automatic{name}").get("default_values") == "1"
+        parameter.check(parameter.kind(defaults[0]), kind.__name__)
+
+
+@every_filter
+def test_nothing_else_is_in_the_proxy(kind):
+    names = [part.get("name") for part in parts(kind)]
+    expected = [None, *(camel_case(port.name) for port in kind.input_ports)]
+    for parameter in kind.parameter_declarations.values():
+        optional = parameter.kind in (int, float) and parameter.default is None
+        expected += [f"Automatic{camel_case(parameter.name)}"] * optional + [camel_case(parameter.name)]
+    expected += ["TimestepValues"] * (kind.time_steps is not Filter.time_steps)
+    assert names == expected
+    assert len(set(names)) == len(names)
+
+
+@every_filter
+def test_inputs_say_what_is_declared(kind):
+    for number, port in enumerate(kind.input_ports):
+        xml = named(parts(kind), camel_case(port.name))
+        assert xml.get("port_index") == str(number)
+        assert xml.find("DataTypeDomain/DataType").get("value") == port.type_name
+        assert (xml.find("Hints/Optional") is not None) == port.optional
+        assert xml.findtext("Documentation") == plain(port.doc)
+
+
+@every_filter
+def test_help_is_the_docstring(kind):
+    help_ = parts(kind)[0]
+    first = kind.__doc__.partition("\n")[0]
+    assert help_.get("short_help") == plain(first)
+    assert help_.text.startswith(plain(first))
+    assert "Parameters" not in help_.text
+    assert "``" not in help_.text
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("AngleStep", "Angle Step"), ("PBDDeformer", "PBD Deformer"), ("NMax", "N Max"), ("Dt", "Dt")],
+)
+def test_labels_are_words(name, words):
+    assert spaced(name) == words
+
+
+def test_several_outputs_are_named():
+    class Two(Filter):
+        """Give two things."""
+
+        first = OutputPort(Filter, doc="One.")
+        second = OutputPort(Filter, doc="Other.")
+
+    ports = [part for part in parts(Two) if part.tag == "OutputPort"]
+    assert [(port.get("index"), port.get("name")) for port in ports] == [("0", "First"), ("1", "Second")]
+
+
+def test_a_kind_without_property_or_file_is_refused():
+    class Odd(Filter):
+        """Take something odd."""
+
+        thing = Parameter(dict, default=None, doc="Odd.")
+        input = InputPort(Filter, content="x", doc="X.")
+
+    with pytest.raises(TypeError, match=r"'thing' is a dict.*FILES"):
+        properties_of(Odd.parameter_declarations["thing"])
+
+
+def test_a_motion_has_a_file():
+    assert RigidMotion in FILES
+
+
+def test_the_package_imports_neither_pyvista_nor_paraview():
+    script = (
+        "import json, sys, vtkmuscle.paraview.environment, vtkmuscle.scene.reading\n"
+        "import vtkmuscle.paraview.shells as s\n"
+        "[s.shell_of(kind, 'm') for kind in s.all_filters()]\n"
+        "print(json.dumps(sorted({name.partition('.')[0] for name in sys.modules})))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    loaded = set(json.loads(done.stdout))
+    assert "vtkmuscle" in loaded
+    assert not loaded & {"pyvista", "paraview", "matplotlib", "vtk", "typer", "rich"}

@@ -1,0 +1,94 @@
+"""The plugin in ParaView itself, where pvpython is installed: the same points as in plain Python."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scene_on_disk
+from numpy.testing import assert_allclose
+
+from vtkmuscle.paraview.environment import link_packages, settings
+from vtkmuscle.phantoms import spindle_over_hinge
+
+HERE = Path(__file__).parent
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory):
+    """The environment that `vtkmuscle paraview-path` says to set; a reason to skip where it cannot be."""
+    if shutil.which("pvpython") is None:
+        pytest.skip("pvpython is not installed")
+    shown = ["pvpython", "-c", "import sys; print('%d.%d' % sys.version_info[:2])"]
+    theirs = subprocess.run(shown, capture_output=True, text=True, check=True).stdout.split()[-1]
+    ours = f"{sys.version_info.major}.{sys.version_info.minor}"
+    if theirs != ours:
+        pytest.skip(f"pvpython has Python {theirs}, but numba here is for Python {ours}")
+    folder = tmp_path_factory.mktemp("packages")
+    link_packages(folder)
+    variables = {name: os.pathsep.join(map(str, paths)) for name, paths in settings(folder).items()}
+    return {**os.environ, **variables}
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("scene")
+    scene_on_disk.write(folder, spindle_over_hinge())
+    return folder
+
+
+def run(environment, *command):
+    done = subprocess.run(
+        [str(word) for word in command],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done
+
+
+def test_the_pipeline_gives_the_points_that_plain_python_gives(environment, scene, tmp_path):
+    run(environment, "pvpython", HERE / "paraview_pipeline.py", scene, tmp_path / "points.json")
+    there = json.loads((tmp_path / "points.json").read_text(encoding="utf-8"))
+    chain = scene_on_disk.pipeline(scene)
+    assert there.pop("time steps") == chain["moving"].motion.times.tolist()
+    here = scene_on_disk.results(chain)
+    assert list(there) == list(here)
+    for name, points in here.items():
+        assert_allclose(np.array(there[name]), np.array(points), rtol=0.0, atol=1e-9, err_msg=name)
+    moved = np.array(here["deformed at 7"]) - np.array(here["fixed at 7"])
+    assert np.abs(moved).max() > 1.0
+
+
+def test_proxies_have_the_declared_properties_abort_and_say_what_is_wrong(environment, scene):
+    done = run(environment, "pvpython", HERE / "paraview_properties.py", scene)
+    assert "FibreTubes.radius is -3.0, but must be a finite number > 0" in done.stderr
+
+
+def test_pvbatch_makes_a_picture(environment, scene, tmp_path):
+    if "DISPLAY" in os.environ:
+        display = []
+    elif shutil.which("xvfb-run"):
+        display = ["xvfb-run", "-a"]
+    else:
+        pytest.skip("this ParaView renders on an X display only, and there is neither one nor xvfb-run")
+    picture = tmp_path / "picture.png"
+    run(environment, *display, "pvbatch", HERE / "paraview_screenshot.py", scene, picture)
+    from matplotlib.image import imread
+
+    pixels = imread(picture)[..., :3]
+    assert pixels.shape == (600, 600, 3)
+    red = (pixels[..., 0] > 2.0 * pixels[..., 1]) & (pixels[..., 0] > 0.2)
+    bone = (np.ptp(pixels, axis=-1) < 0.25) & (pixels[..., 0] < 0.95)
+    # Fibres, shown in red, and the bones that they are between each take a visible part of the picture.
+    assert 0.01 < red.mean() < 0.2
+    assert 0.03 < bone.mean() < 0.5
+    rows = np.flatnonzero(red.any(axis=1))
+    assert np.flatnonzero(bone.any(axis=1))[0] < rows[0] < rows[-1] < np.flatnonzero(bone.any(axis=1))[-1]

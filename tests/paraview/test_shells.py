@@ -1,0 +1,109 @@
+"""The setters that ParaView calls, without ParaView."""
+
+import gc
+
+import pytest
+from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
+
+from vtkmuscle import Scene
+from vtkmuscle.filters import BoneMotion, FibreTemplateSource, FixedPointDetector, PBDDeformer
+from vtkmuscle.paraview.properties import properties_of
+from vtkmuscle.paraview.shells import all_filters, shell_of
+
+
+def shell(kind):
+    return shell_of(kind, __name__)()
+
+
+@pytest.fixture
+def messages():
+    """What VTK would show, as a function."""
+    window, before = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
+    vtkOutputWindow.SetInstance(window)
+    yield window.GetOutput
+    vtkOutputWindow.SetInstance(before)
+
+
+@pytest.mark.parametrize("kind", all_filters(), ids=lambda kind: kind.__name__)
+def test_defaults_from_paraview_change_nothing(kind):
+    made = shell(kind)
+    before, modified = made.parameters(), made.GetMTime()
+    for parameter in kind.parameter_declarations.values():
+        for shown in properties_of(parameter):
+            texts = shown.xml.get("default_values").split(" ")
+            number = {"Int": int, "Double": float, "String": str}[
+                shown.xml.tag.removesuffix("VectorProperty")
+            ]
+            getattr(made, shown.command)(*map(number, texts))
+    assert made.parameters() == before == kind().parameters()
+    assert made.GetMTime() == modified
+
+
+def test_setters_set():
+    deformer = shell(PBDDeformer)
+    deformer.SetIterations(7)
+    deformer.SetExternalForce(0.0, 1.0, 2.0)
+    deformer.SetAnisotropy(0)
+    deformer.SetSolver("gauss-seidel")
+    assert deformer.iterations == 7
+    assert deformer.external_force == (0.0, 1.0, 2.0)
+    assert deformer.anisotropy is False
+    assert deformer.solver == "gauss-seidel"
+
+
+def test_a_number_counts_when_it_is_not_automatic():
+    detector = shell(FixedPointDetector)
+    detector.SetTolerance(2.5)
+    assert detector.tolerance is None
+    detector.SetAutomaticTolerance(0)
+    assert detector.tolerance == 2.5
+    detector.SetTolerance(0.0)
+    assert detector.tolerance == 0.0
+    detector.SetAutomaticTolerance(1)
+    assert detector.tolerance is None
+
+
+def test_a_motion_is_read_from_its_scene(spindle, tmp_path):
+    path = Scene.from_phantom(spindle).save(tmp_path)
+    motion = shell(BoneMotion)
+    motion.SetMotion(str(path))
+    assert motion.motion.times.tolist() == spindle.motion.times.tolist()
+    assert list(motion.motion.transforms) == list(spindle.motion.transforms)
+    motion.SetMotion("")
+    assert motion.motion is None
+
+
+def test_a_refused_value_makes_the_filter_fail_until_it_is_replaced(messages):
+    source = shell(FibreTemplateSource)
+    source.SetNFibres(0)
+    for _ in range(2):
+        source.Modified()
+        assert not source.GetExecutive().Update()
+        assert source.GetOutputDataObject(0).GetNumberOfPoints() == 0
+    assert messages().count("FibreTemplateSource.n_fibres is 0, but must be an integer >= 1") == 2
+    source.SetNFibres(5)
+    assert source.GetExecutive().Update()
+    assert source.GetOutputDataObject(0).GetNumberOfCells() == 5
+
+
+def test_a_file_that_is_not_there_is_named(messages, spindle):
+    motion = shell(BoneMotion)
+    motion.connect(0, spindle.bones)
+    motion.SetMotion("no/such/scene.toml")
+    assert not motion.GetExecutive().Update()
+    assert "no/such/scene.toml: there is no such file" in messages()
+
+
+def test_a_shell_that_failed_outlives_its_python_side(messages):
+    """ParaView holds the VTK side only; what the Python side knows must not go with a collected cycle."""
+    source = shell(FibreTemplateSource)
+    port = source.GetOutputPort()
+    source.SetNFibres(0)
+    source.GetExecutive().Update()
+    executive = source.GetExecutive()
+    del source
+    gc.collect()
+    again = port.GetProducer()
+    again.SetNFibres(3)
+    assert executive.Update()
+    assert again.n_fibres == 3

@@ -1,0 +1,163 @@
+"""What PyVista finds by itself: ``mesh.muscle`` and the readers, through the package's entry points."""
+
+import json
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+from tiny_scene import write_tiny_scene
+
+import vtkmuscle.accessor
+from vtkmuscle.filters import FibreMetrics, FixedPointDetector, attachments_of
+from vtkmuscle.filters.arrays import points_of
+from vtkmuscle.io.pyvista_readers import read_landmark_file, read_scene_file
+from vtkmuscle.pipelines import decompose, deform
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture
+def mesh(spindle):
+    return pv.wrap(spindle.muscles["spindle"])
+
+
+def landmarks_by_role(phantom):
+    """Return {role: {bone: ring}}, each ring ending at its first point."""
+    found = {}
+    for area in attachments_of(phantom.attachments["spindle"], ""):
+        found[area.role] = {area.bone: np.vstack([area.landmarks, area.landmarks[:1]])}
+    return found
+
+
+def test_methods_give_what_the_filters_give(spindle, mesh):
+    areas, bones = spindle.attachments["spindle"], spindle.bones
+    fixed = mesh.muscle.fix(bones, attachments=areas)
+    assert np.array_equal(fixed["FixedTo"], FixedPointDetector().apply(mesh, bones, areas)["FixedTo"])
+    fibres = mesh.muscle.decompose(attachments=areas, n_fibres=7)
+    assert np.array_equal(fibres.points, points_of(decompose(mesh, areas, n_fibres=7).update().output))
+    lengths = FibreMetrics().apply(fibres)["Length"]
+    assert np.array_equal(fibres.muscle.fibre_lengths(), lengths)
+    chain = deform(mesh, bones, spindle.motion, areas, fibres=fibres, iterations=2)
+    for moved in (mesh, fixed):
+        given = {"attachments": areas} if moved is mesh else {}
+        bent = moved.muscle.deform(bones, spindle.motion, time=4.0, fibres=fibres, iterations=2, **given)
+        assert np.array_equal(bent.points, points_of(chain.update(time=4.0).output))
+    last = fixed.muscle.deform(bones, spindle.motion, iterations=2)
+    assert np.array_equal(
+        last.points, fixed.muscle.deform(bones, spindle.motion, time=40.0, iterations=2).points
+    )
+    assert fibres.muscle.tubes(radius=0.5, sides=6).n_points > 7 * 16 * 6
+
+
+def test_landmarks_may_be_given_by_role(spindle, mesh):
+    areas, by_role = spindle.attachments["spindle"], landmarks_by_role(spindle)
+    named = {name: spindle.bones.GetBlock(i) for i, name in enumerate(("proximal", "distal"))}
+    expected = mesh.muscle.fix(spindle.bones, attachments=areas)
+    assert np.array_equal(mesh.muscle.fix(named, **by_role)["FixedTo"], expected["FixedTo"])
+    bare = {role: next(iter(rings.values())) for role, rings in by_role.items()}
+    lines = {role: areas.GetBlock(i) for i, role in enumerate(bare)}
+    for given in (by_role, bare, lines):
+        fibres = mesh.muscle.decompose(n_fibres=5, **given)
+        assert np.array_equal(fibres.points, mesh.muscle.decompose(attachments=areas, n_fibres=5).points)
+
+
+def test_what_is_missing_or_too_much_is_said(spindle, mesh):
+    areas, by_role = spindle.attachments["spindle"], landmarks_by_role(spindle)
+    ring = by_role["origin"]["proximal"]
+    with pytest.raises(ValueError, match=r"origin must say which bone.*'proximal', 'distal'"):
+        mesh.muscle.fix(spindle.bones, origin=ring)
+    with pytest.raises(ValueError, match=r"give origin= and insertion=, or attachments="):
+        mesh.muscle.decompose()
+    with pytest.raises(ValueError, match="not both"):
+        mesh.muscle.decompose(origin=ring, attachments=areas)
+    with pytest.raises(ValueError, match=r"array \(k, 3\)"):
+        mesh.muscle.decompose(origin=[1.0, 2.0], insertion=ring)
+    with pytest.raises(TypeError, match="no_such"):
+        mesh.muscle.deform(spindle.bones, spindle.motion, attachments=areas, no_such=1)
+
+
+def test_the_mesh_stays_as_it_is(spindle, mesh):
+    before = mesh.copy(deep=True)
+    mesh.muscle.fix(spindle.bones, attachments=spindle.attachments["spindle"])
+    mesh.muscle.decompose(attachments=spindle.attachments["spindle"], n_fibres=3)
+    assert mesh == before
+
+
+# ---------------------------------------------------------------- readers
+
+
+def test_a_scene_is_read_as_blocks(tmp_path):
+    blocks = read_scene_file(str(write_tiny_scene(tmp_path)))
+    assert blocks.keys() == ["bones", "muscles", "attachments"]
+    assert blocks["bones"].keys() == ["upper", "lower"]
+    assert blocks["muscles"]["spindle"].n_cells > 0
+    assert [area.role for area in attachments_of(blocks["attachments"]["spindle"], "")] == [
+        "origin",
+        "insertion",
+    ]
+
+
+def test_landmarks_are_read_as_a_polyline(tmp_path):
+    ring = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 0]])
+    np.savetxt(tmp_path / "ring.csv", ring, delimiter=",")
+    (tmp_path / "open.json").write_text(json.dumps(ring[:4].tolist()))
+    closed, line = (
+        read_landmark_file(str(tmp_path / "ring.csv")),
+        read_landmark_file(str(tmp_path / "open.json")),
+    )
+    assert np.array_equal(closed.points, ring)
+    assert np.array_equal(line.points, ring[:4])
+    assert (closed.n_lines, line.n_lines) == (1, 1)
+
+
+# ---------------------------------------------------------------- discovery
+
+DISCOVERY = """
+import sys
+import numpy as np
+import pyvista as pv
+
+ring, scene = sys.argv[1:]
+assert not any(name.startswith("vtkmuscle") for name in sys.modules)
+assert "muscle" in dir(pv.Sphere())
+assert not any(name.startswith("vtkmuscle") for name in sys.modules)
+print(pv.MultipleLines(np.eye(3)).muscle.fibre_lengths())
+print(pv.read(ring).n_points, pv.read(scene).keys())
+"""
+
+
+def write_entry_points(folder):
+    """Write what an installation of the package would tell of its entry points."""
+    groups = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["entry-points"]
+    lines = []
+    for group, entries in groups.items():
+        lines += [f"[{group}]", *(f"{name} = {value}" for name, value in entries.items())]
+    info = folder / "vtkmuscle-0.0.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: vtkmuscle\nVersion: 0.0.0\n")
+    (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
+
+
+def test_pyvista_finds_it_without_an_import(tmp_path):
+    np.savetxt(tmp_path / "ring.csv", np.eye(3), delimiter=",")
+    scene = write_tiny_scene(tmp_path / "scene")
+    write_entry_points(tmp_path / "installed")
+    path = os.pathsep.join([str(tmp_path / "installed"), str(ROOT)])
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", DISCOVERY, str(tmp_path / "ring.csv"), str(scene)],
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == ["[2.82842712]", "3 ['bones', 'muscles', 'attachments']"]
+
+
+def test_the_accessor_is_the_one_that_pyvista_has():
+    assert type(pv.Sphere().muscle) is vtkmuscle.accessor.MuscleAccessor

@@ -1,0 +1,241 @@
+"""The PyVista accessor ``mesh.muscle``: filters as methods of the mesh that they are run on.
+
+PyVista finds it through the entry point group ``pyvista.accessors``, so that nothing has to be imported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pyvista
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
+
+from vtkmuscle.core.rigid import RigidMotion
+from vtkmuscle.filters.arrays import Polylines, blocks_of, polylines_from
+from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, landmarks_of
+from vtkmuscle.filters.fibre_metrics import FibreMetrics
+from vtkmuscle.filters.fibre_tubes import FibreTubes
+from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+from vtkmuscle.pipelines import decompose, deform
+
+Floats = NDArray[np.float64]
+
+#: Landmarks of one area, or those of several by the name of the bone that each is on.
+Landmarks = Any
+
+
+@pyvista.register_dataset_accessor("muscle", pyvista.PolyData)
+class MuscleAccessor:
+    """What can be done with a muscle, or with its fibres, as methods of the mesh.
+
+    The methods return new PyVista meshes and leave the mesh as it is. For a chain that is brought up to date
+    when something upstream changes (a time slider, say), use :mod:`vtkmuscle.pipelines` or the filters.
+
+    Parameters
+    ----------
+    mesh : pyvista.PolyData
+        A muscle, or fibres; PyVista gives it.
+
+    Examples
+    --------
+    >>> import pyvista as pv
+    >>> from vtkmuscle.phantoms import spindle_over_hinge
+    >>> phantom = spindle_over_hinge()
+    >>> mesh = pv.wrap(phantom.muscles["spindle"])
+    >>> attachments = phantom.attachments["spindle"]
+    >>> fibres = mesh.muscle.decompose(attachments=attachments, n_fibres=10)
+    >>> fibres.muscle.fibre_lengths().shape
+    (10,)
+    >>> fixed = mesh.muscle.fix(phantom.bones, attachments=attachments)
+    >>> bent = fixed.muscle.deform(phantom.bones, phantom.motion, time=10.0, iterations=3)
+    >>> bool(abs(bent.volume / mesh.volume - 1.0) < 0.01)
+    True
+    """
+
+    def __init__(self, mesh: Any) -> None:
+        self._mesh = mesh
+
+    def fix(
+        self,
+        bones: Any,
+        *,
+        origin: Landmarks = None,
+        insertion: Landmarks = None,
+        attachments: vtkMultiBlockDataSet | None = None,
+        **parameters: Any,
+    ) -> Any:
+        """Return the muscle with its fixed points marked, by FixedPointDetector.
+
+        Parameters
+        ----------
+        bones : pyvista.MultiBlock or mapping of str to vtkPolyData
+            Bones at rest, by name.
+        origin, insertion : mapping of str to landmarks, optional
+            Per bone the landmarks of an attachment area: a (k, 3) array or a polyline, [mm]; a ring ends at
+            the point it began with.
+        attachments : vtkMultiBlockDataSet, optional
+            The areas as one data set, instead of ``origin`` and ``insertion``.
+        **parameters
+            Of :class:`~vtkmuscle.filters.FixedPointDetector`: ``method``, ``tolerance``.
+
+        Returns
+        -------
+        pyvista.PolyData
+            With the point array ``FixedTo``.
+
+        Raises
+        ------
+        TypeError
+            For a keyword that is no parameter.
+        ValueError
+            If a bone is not named, or as FixedPointDetector.
+        """
+        bones = _blocks(bones)
+        names = [name for name, _ in blocks_of(bones)]
+        areas = _areas(origin, insertion, attachments, names)
+        return FixedPointDetector(**parameters).apply(self._mesh, bones, areas)
+
+    def deform(
+        self,
+        bones: Any,
+        motion: RigidMotion,
+        *,
+        time: float | None = None,
+        fibres: Any = None,
+        origin: Landmarks = None,
+        insertion: Landmarks = None,
+        attachments: vtkMultiBlockDataSet | None = None,
+        **solver: Any,
+    ) -> Any:
+        """Return the muscle deformed with the bones, by BoneMotion and PBDDeformer.
+
+        Parameters
+        ----------
+        bones : pyvista.MultiBlock or mapping of str to vtkPolyData
+            Bones at rest, by name.
+        motion : RigidMotion
+            How they move.
+        time : float, optional
+            When; the last time of the motion by default.
+        fibres : vtkPolyData, optional
+            Fibres at rest, for the anisotropy.
+        origin, insertion, attachments
+            As of :meth:`fix`; not needed where the mesh has the point array ``FixedTo``.
+        **solver
+            Parameters of :class:`~vtkmuscle.filters.PBDDeformer`.
+
+        Returns
+        -------
+        pyvista.PolyData
+            The muscle at that time.
+
+        Raises
+        ------
+        TypeError
+            For a keyword that is no parameter of PBDDeformer.
+        ValueError
+            As FixedPointDetector and PBDDeformer.
+        """
+        bones = _blocks(bones)
+        names = [name for name, _ in blocks_of(bones)]
+        areas = _areas(origin, insertion, attachments, names)
+        fixed = None if areas is None and "FixedTo" in self._mesh.point_data else "attachment"
+        chain = deform(self._mesh, bones, motion, areas, fibres=fibres, fixed=fixed, **solver)
+        return chain.apply(time=float(motion.times[-1]) if time is None else time)
+
+    def decompose(
+        self,
+        *,
+        origin: Landmarks = None,
+        insertion: Landmarks = None,
+        attachments: vtkMultiBlockDataSet | None = None,
+        **settings: Any,
+    ) -> Any:
+        """Return fibres that fill the muscle, by the chain of :func:`vtkmuscle.pipelines.decompose`.
+
+        Parameters
+        ----------
+        origin, insertion : landmarks, or mapping of str to landmarks
+            Of the attachment areas: a (k, 3) array or a polyline, [mm]; several by the names of their bones.
+        attachments : vtkMultiBlockDataSet, optional
+            The areas as one data set, instead of ``origin`` and ``insertion``.
+        **settings
+            Of decompose: ``template``, ``n_fibres``, ``resolution`` and so on.
+
+        Returns
+        -------
+        pyvista.PolyData
+            Polylines from origin to insertion.
+
+        Raises
+        ------
+        TypeError
+            For a keyword that is no setting.
+        ValueError
+            If there are no attachments, or as the filters of the chain.
+        """
+        areas = _areas(origin, insertion, attachments, None)
+        if areas is None:
+            raise ValueError("mesh.muscle.decompose: give origin= and insertion=, or attachments=")
+        return decompose(self._mesh, areas, **settings).apply()
+
+    def fibre_lengths(self) -> Floats:
+        """Return the length of each polyline of the mesh, (n,) [mm], by FibreMetrics."""
+        return np.array(FibreMetrics().apply(self._mesh)["Length"])
+
+    def tubes(self, **parameters: Any) -> Any:
+        """Return tubes around the polylines of the mesh, by FibreTubes.
+
+        Parameters
+        ----------
+        **parameters
+            Of :class:`~vtkmuscle.filters.FibreTubes`: ``radius`` [mm], ``sides``.
+
+        Returns
+        -------
+        pyvista.PolyData
+            Surfaces.
+        """
+        return FibreTubes(**parameters).apply(self._mesh)
+
+
+def _blocks(bones: Any) -> Any:
+    return pyvista.MultiBlock(dict(bones)) if isinstance(bones, Mapping) else bones
+
+
+def _areas(
+    origin: Landmarks, insertion: Landmarks, attachments: vtkMultiBlockDataSet | None, bones: list[str] | None
+) -> vtkMultiBlockDataSet | None:
+    """Return attachment areas as filters take them; bones are the names to choose from, where it matters."""
+    given = {"origin": origin, "insertion": insertion}
+    if attachments is not None:
+        if origin is not None or insertion is not None:
+            raise ValueError("mesh.muscle: give attachments=, or origin= and insertion=, not both")
+        return attachments
+    areas: list[AttachmentArea] = []
+    for role, landmarks in given.items():
+        if landmarks is None:
+            continue
+        if not isinstance(landmarks, Mapping) or isinstance(landmarks, vtkDataObject):
+            if bones is not None:
+                raise ValueError(
+                    f"mesh.muscle: {role} must say which bone it is on: {{bone: landmarks}}, with a bone of "
+                    f"{', '.join(map(repr, bones))}"
+                )
+            landmarks = {role: landmarks}  # noqa: PLW2901 -- fibres do not ask for the bone
+        for bone, where in landmarks.items():
+            points, closed = landmarks_of(_polyline(where), f"mesh.muscle: {role} on {bone!r}")
+            areas.append(AttachmentArea(role, bone, points, closed))
+    return attachments_from(areas) if areas else None
+
+
+def _polyline(landmarks: Any) -> vtkPolyData:
+    if isinstance(landmarks, vtkPolyData):
+        return landmarks
+    points = np.asarray(landmarks, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        raise ValueError(f"mesh.muscle: landmarks must be an array (k, 3), got the shape {points.shape}")
+    return polylines_from(Polylines(points, np.array([0, len(points)])))

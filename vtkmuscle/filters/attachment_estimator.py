@@ -1,0 +1,126 @@
+"""AttachmentEstimator: attachments of a muscle for which nobody has digitised any."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+
+from vtkmuscle.core.contact_areas import ContactArea, attached_contacts, contact_areas, outline
+from vtkmuscle.core.patches import FACING, approach, outward_normals
+from vtkmuscle.filters.arrays import checked_surface
+from vtkmuscle.filters.attachments import AttachmentArea, attachments_from
+from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.bone_motion import bones_of
+from vtkmuscle.filters.fixed_point_detector import in_box
+from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.surface_distance import SurfaceDistance
+
+#: Where no tolerance is given: this part of the diagonal of the muscle's box, 2 to 5 mm about the hip.
+TOLERANCE_PER_DIAGONAL = 0.015
+
+
+class AttachmentEstimator(Filter):
+    """Propose the attachments of a muscle, from where it touches the bones at rest.
+
+    A point touches a bone within the tolerance of which it is, and which it faces. Of the connected areas
+    of such points, those two of different bones are the main attachments that are large and far from each
+    other along the muscle, for between its ends a muscle slides over bones; other areas of the same bones
+    at the same ends are added. The landmarks are points on the areas' boundaries.
+
+    It is a start where landmarks are missing, no replacement: what touches a bone without being attached to
+    it is fixed with it. Look at the areas before you rely on them.
+
+    Raises
+    ------
+    ValueError
+        If the muscle touches fewer than two bones, or ``origin`` is not one of the two.
+
+    Examples
+    --------
+    >>> from vtkmuscle.filters import AttachmentEstimator
+    >>> from vtkmuscle.phantoms import spindle_over_hinge
+    >>> phantom = spindle_over_hinge()
+    >>> (name, muscle), = phantom.muscles.items()
+    >>> attachments = AttachmentEstimator().apply(muscle, phantom.bones)
+    >>> attachments.keys()
+    ['origin_0', 'insertion_1']
+    """
+
+    tolerance: Parameter[float | None] = Parameter(
+        float,
+        default=None,
+        above=0.0,
+        units="mm",
+        doc="Distance up to which a point touches a bone; None is 1.5 % of the diagonal of the muscle's box.",
+    )
+    origin: Parameter[str | None] = Parameter(
+        str, default=None, doc="Name of the origin's bone; None is the one that is touched more."
+    )
+
+    muscle = InputPort(vtkPolyData, content="muscle", doc="Triangles, in the rest pose.")
+    bones = InputPort(vtkMultiBlockDataSet, content="rest bones", doc="Named blocks of vtkPolyData, at rest.")
+    output = OutputPort(
+        vtkMultiBlockDataSet,
+        doc="Attachments: a block per area, a closed polyline through its landmarks, with the field arrays "
+        "``Bone``, ``Role`` and ``Estimated`` (1).",
+    )
+
+    def execute(self, muscle: vtkPolyData, bones: vtkMultiBlockDataSet) -> vtkMultiBlockDataSet:
+        """Return the areas."""
+        points, triangles = checked_surface(muscle, "AttachmentEstimator: muscle")
+        surfaces = bones_of(bones, "AttachmentEstimator: bones")
+        tolerance = self.tolerance
+        if tolerance is None:
+            used = points[np.unique(triangles)]
+            tolerance = TOLERANCE_PER_DIAGONAL * float(np.linalg.norm(np.ptp(used, axis=0)))
+        touching = []
+        for number, bone in enumerate(surfaces.values()):
+            touching.append(_touching(points, triangles, bone, tolerance))
+            self.report_progress((number + 1) / (len(surfaces) + 1))
+        names = list(surfaces)
+        ends = attached_contacts(points, triangles, contact_areas(points, triangles, touching))
+        self._check(names, ends, touching, tolerance)
+        if names[ends[1][0].bone] == self.origin:
+            ends = ends[::-1]
+        areas = []
+        for role, contacts in zip(("origin", "insertion"), ends, strict=True):
+            for contact in contacts:
+                landmarks, closed = outline(points, triangles, contact.points)
+                areas.append(AttachmentArea(role, names[contact.bone], landmarks, closed, estimated=True))
+        return attachments_from(areas)
+
+    def _check(
+        self,
+        names: list[str],
+        ends: tuple[list[ContactArea], list[ContactArea]],
+        touching: list[NDArray[np.bool_]],
+        tolerance: float,
+    ) -> None:
+        if not ends[0]:
+            touched = [repr(name) for name, mask in zip(names, touching, strict=True) if mask.any()]
+            raise ValueError(
+                f"AttachmentEstimator: within {tolerance:.4g} the muscle touches "
+                f"{'only ' + touched[0] if touched else 'no bone'}, but attachments are estimated between "
+                "two bones; give a larger tolerance, or landmarks"
+            )
+        found = [names[end[0].bone] for end in ends]
+        if self.origin is not None and self.origin not in found:
+            raise ValueError(
+                f"AttachmentEstimator: origin is {self.origin!r}, but the muscle seems to be attached to "
+                f"{' and '.join(map(repr, found))}; choose one of these, or another tolerance"
+            )
+
+
+def _touching(
+    points: NDArray[np.float64], triangles: NDArray[np.int64], bone: vtkPolyData, tolerance: float
+) -> NDArray[np.bool_]:
+    touching = np.zeros(len(points), dtype=np.bool_)
+    near = in_box(points, bone, tolerance)
+    near = near[np.isin(near, triangles)]
+    if len(near):
+        distance = SurfaceDistance(bone).signed
+        near = near[distance(points[near]) <= tolerance]
+        normals, step = outward_normals(points, triangles)
+        touching[near] = approach(points[near], normals[near], step, distance) >= FACING
+    return touching

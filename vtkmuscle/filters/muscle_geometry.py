@@ -1,0 +1,103 @@
+"""What several filters ask of one muscle surface, computed once for all of them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import OrderedDict
+from functools import cached_property
+from threading import Lock
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.core.mesh import half_edges
+from vtkmuscle.core.patches import attachment_patch
+from vtkmuscle.filters.arrays import checked_surface
+from vtkmuscle.filters.attachments import AttachmentArea
+from vtkmuscle.filters.surface_distance import SurfaceDistance
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Surfaces that are remembered: the muscles of a limb. One of 20 000 triangles takes about 10 MB.
+REMEMBERED = 8
+
+_known: OrderedDict[bytes, MuscleGeometry] = OrderedDict()
+_lock = Lock()
+
+
+class MuscleGeometry:
+    """A surface and what was found out about it so far: each fact is computed when first asked for.
+
+    Parameters
+    ----------
+    surface : vtkPolyData
+        Triangles.
+    points : (n, 3) array
+        Its points [mm].
+    triangles : (m, 3) int array
+        Its triangles.
+    """
+
+    def __init__(self, surface: vtkPolyData, points: Floats, triangles: Ints) -> None:
+        self.points, self.triangles = points, triangles
+        self._surface = vtkPolyData()
+        self._surface.DeepCopy(surface)  # the caller's may change
+        self._patches: dict[bytes, Ints] = {}
+
+    @cached_property
+    def n_open_edges(self) -> int:
+        """Number of edges that only one triangle has."""
+        edges = half_edges(self.triangles)
+        keys = np.sort(edges.min(axis=1) * len(self.points) + edges.max(axis=1))
+        new = np.r_[True, keys[1:] != keys[:-1], True]
+        return int((new[1:] & new[:-1]).sum())
+
+    @cached_property
+    def mean_edge(self) -> float:
+        """Mean length of an edge [mm]; in a closed mesh all edges are in two triangles, and count twice."""
+        edges = half_edges(self.triangles)
+        return float(np.linalg.norm(self.points[edges[:, 1]] - self.points[edges[:, 0]], axis=1).mean())
+
+    @cached_property
+    def distance(self) -> SurfaceDistance:
+        """Distances from the surface."""
+        return SurfaceDistance(self._surface)
+
+    def patch(self, area: AttachmentArea) -> Ints:
+        """Return the ids of the points that an attachment area covers; ValueError where it is off it."""
+        key = np.ascontiguousarray(area.landmarks).tobytes() + bytes([area.closed])
+        if key not in self._patches:
+            self._patches[key] = attachment_patch(self.points, self.triangles, area.landmarks, area.closed)
+        return self._patches[key]
+
+
+def muscle_geometry(surface: vtkPolyData, where: str) -> MuscleGeometry:
+    """Return what is known of a surface, the same object for the same points and triangles.
+
+    Content decides, not modification times, so that copies of a muscle share what is known, and a surface
+    that was changed through a numpy view is another one.
+
+    Parameters
+    ----------
+    surface : vtkPolyData
+        Triangles.
+    where : str
+        Named in errors, e.g. ``"FibreTrimmer: muscle"``.
+
+    Raises
+    ------
+    ValueError
+        If the surface has no triangles or other faces, or a point is not finite.
+    """
+    points, triangles = checked_surface(surface, where)
+    digest = hashlib.blake2b(points.tobytes(), digest_size=16)
+    digest.update(triangles.tobytes())
+    key = digest.digest()
+    with _lock:
+        found = _known.pop(key, None) or MuscleGeometry(surface, points, triangles)
+        _known[key] = found
+        while len(_known) > REMEMBERED:
+            _known.popitem(last=False)
+    return found

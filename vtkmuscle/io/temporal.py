@@ -1,0 +1,205 @@
+"""Time series as they are read: lists of .vtp files (.pvd), and single files (.vtkhdf) with all frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
+from vtkmodules.vtkIOHDF import vtkHDFReader
+
+from vtkmuscle.filters.arrays import multiblock_from
+from vtkmuscle.filters.pipeline_times import announce_times, times_of
+from vtkmuscle.io.surfaces import check_is_file, read_polydata
+from vtkmuscle.io.writing import replacing
+
+#: Suffixes of the files that :func:`read_series` reads.
+SERIES_SUFFIXES = (".pvd", ".vtkhdf")
+
+#: Values per chunk and strength of compression: VTK's 25 000 would make a file of many small arrays huge.
+_CHUNK = 1000
+_COMPRESSION = 4
+
+
+@dataclass(frozen=True)
+class TimeSeries:
+    """Frames in a file, read when they are asked for.
+
+    Attributes
+    ----------
+    times : tuple of float
+        Pipeline times, ascending.
+    frame : callable
+        Given the number of a frame, returns its vtkPolyData, or a vtkMultiBlockDataSet of its named parts.
+    files : tuple of Path
+        What the frames are read from.
+    """
+
+    times: tuple[float, ...]
+    frame: Callable[[int], Any]
+    files: tuple[Path, ...]
+
+    def at(self, time: float) -> Any:
+        """Return the frame nearest to a time."""
+        nearest = min(range(len(self.times)), key=lambda number: abs(self.times[number] - time))
+        return self.frame(nearest)
+
+
+def read_series(path: str | PathLike[str]) -> TimeSeries:
+    """Open a time series.
+
+    Parameters
+    ----------
+    path : path
+        A .pvd file, or a temporal .vtkhdf file of poly data.
+
+    Returns
+    -------
+    TimeSeries
+        Its times, and a function that reads a frame.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is no time series, or cannot be read.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in SERIES_SUFFIXES:
+        raise ValueError(f"{path}: a time series is read from {' or '.join(SERIES_SUFFIXES)}")
+    check_is_file(path)
+    return _from_pvd(path) if path.suffix.lower() == ".pvd" else _from_vtkhdf(path)
+
+
+def write_vtkhdf(
+    path: str | PathLike[str], times: Sequence[float], frame: Callable[[int], vtkPolyData]
+) -> None:
+    """Write poly data over time as one temporal VTKHDF file, all or nothing.
+
+    Parameters
+    ----------
+    path : path
+        The .vtkhdf file; replaced where it exists.
+    times : sequence of float
+        Ascending.
+    frame : callable
+        Given the number of a frame, returns its vtkPolyData. An array that a frame lacks is left out of all:
+        VTK's reader gives all frames the same arrays.
+
+    Raises
+    ------
+    OSError
+        If VTK could not write the file.
+    RuntimeError
+        If VTK has no writer for it (before 9.4).
+    """
+    try:
+        from vtkmodules.vtkIOHDF import vtkHDFWriter  # noqa: PLC0415 -- not in the VTK of ParaView 5.11
+    except ImportError:
+        raise RuntimeError("VTKHDF files are written by VTK 9.4 or later; write .pvd instead") from None
+    path = Path(path)
+    source = _Frames(tuple(float(time) for time in times), frame)
+    writer = vtkHDFWriter()
+    writer.SetInputConnection(source.GetOutputPort())
+    writer.SetWriteAllTimeSteps(True)
+    writer.SetChunkSize(_CHUNK)
+    writer.SetCompressionLevel(_COMPRESSION)
+    with replacing(path) as beside:
+        beside.touch()
+        writer.SetFileName(str(beside))
+        written = writer.Write()
+        if source.error is not None:
+            raise source.error
+        if not written or writer.GetErrorCode():
+            raise OSError(f"{path}: the file could not be written; is the disk full?")
+
+
+class _Frames(VTKPythonAlgorithmBase):
+    """A source that announces times, and gives the frame of the time asked for."""
+
+    def __init__(self, times: tuple[float, ...], frame: Callable[[int], vtkPolyData]) -> None:
+        super().__init__(nInputPorts=0, nOutputPorts=1, outputType="vtkPolyData")
+        self._times, self._frame = times, frame
+        self.error: Exception | None = None
+        self._common = _arrays(frame(0))
+        for number in range(1, len(times)):
+            self._common &= _arrays(frame(number))
+
+    def RequestInformation(self, request: Any, inInfo: Any, outInfo: Any) -> int:  # noqa: N802, N803
+        announce_times(outInfo.GetInformationObject(0), self._times)
+        return 1
+
+    def RequestData(self, request: Any, inInfo: Any, outInfo: Any) -> int:  # noqa: N802, N803
+        info = outInfo.GetInformationObject(0)
+        key = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
+        time = info.Get(key) if info.Has(key) else self._times[0]
+        try:
+            frame = self._frame(self._times.index(time))
+        except Exception as error:  # VTK would print and lose it; write_vtkhdf raises it again
+            self.error = error
+            return 0
+        output = vtkPolyData.GetData(outInfo)
+        output.ShallowCopy(frame)
+        for kind, name in _arrays(frame) - self._common:
+            getattr(output, kind)().RemoveArray(name)
+        output.GetInformation().Set(output.DATA_TIME_STEP(), time)
+        return 1
+
+
+def _arrays(data: vtkPolyData) -> set[tuple[str, str]]:
+    return {
+        (kind, getattr(data, kind)().GetArrayName(i))
+        for kind in ("GetPointData", "GetCellData", "GetFieldData")
+        for i in range(getattr(data, kind)().GetNumberOfArrays())
+    }
+
+
+def _from_pvd(path: Path) -> TimeSeries:
+    try:
+        entries = list(ElementTree.parse(path).getroot().iter("DataSet"))
+        steps: dict[float, dict[str, Path]] = {}
+        for entry in entries:
+            parts = steps.setdefault(float(entry.get("timestep", "0")), {})
+            name = entry.get("name") or entry.get("part") or str(len(parts))
+            parts[name] = path.parent / entry.attrib["file"]
+    except (ElementTree.ParseError, KeyError, ValueError) as error:
+        raise ValueError(f"{path}: the file is no ParaView collection: {error}; write it again") from error
+    if not steps:
+        raise ValueError(f"{path}: the collection lists no time step")
+    times = tuple(sorted(steps))
+
+    def frame(number: int) -> Any:
+        parts = {name: read_polydata(file) for name, file in steps[times[number]].items()}
+        return next(iter(parts.values())) if len(parts) == 1 else multiblock_from(parts)
+
+    return TimeSeries(
+        times, frame, tuple({file: None for parts in steps.values() for file in parts.values()})
+    )
+
+
+def _from_vtkhdf(path: Path) -> TimeSeries:
+    reader = vtkHDFReader()
+    reader.SetFileName(str(path))
+    if not reader.CanReadFile(str(path)):
+        raise ValueError(f"{path}: the file is no VTKHDF file; write it again")
+    reader.UpdateInformation()
+    times = times_of(reader.GetOutputInformation(0)) or (0.0,)
+
+    def frame(number: int) -> Any:
+        reader.UpdateTimeStep(times[number])
+        data = reader.GetOutputDataObject(0)
+        if not isinstance(data, vtkPolyData | vtkMultiBlockDataSet):
+            raise ValueError(f"{path}: the file holds a {data.GetClassName()}, not poly data")
+        copy = data.NewInstance()
+        copy.DeepCopy(data)
+        copy.GetFieldData().RemoveArray("Time")  # the reader's own
+        return copy
+
+    return TimeSeries(times, frame, (path,))

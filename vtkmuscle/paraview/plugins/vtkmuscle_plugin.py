@@ -1,0 +1,34 @@
+"""The plugin: ParaView loads this file, by PV_PLUGIN_PATH or by Tools, Manage Plugins, Load New.
+
+ParaView looks for proxies in this module only, so all of them are made here.
+"""
+
+import sys
+
+from paraview.util.vtkAlgorithm import smhint, smproperty, smproxy
+
+try:
+    from vtkmuscle import __version__
+    from vtkmuscle.paraview.properties import spaced
+    from vtkmuscle.paraview.proxies import menu_hint, proxy_parts
+    from vtkmuscle.paraview.shells import all_filters, shell_of
+except ImportError as error:
+    # Not an ImportError again: ParaView takes that for a Python of old, and says something else.
+    version = f"{sys.version_info.major}.{sys.version_info.minor}"
+    raise RuntimeError(
+        f"vtkmuscle cannot be imported here ({error}). ParaView needs vtkmuscle, numba, numpy and scipy in "
+        f"PYTHONPATH, for its own Python {version} and with no other VTK beside them; run 'vtkmuscle "
+        "paraview-path' and see the documentation, 'In ParaView'"
+    ) from error
+
+paraview_plugin_name = "Muscle"
+paraview_plugin_version = __version__
+
+for _kind in all_filters():
+    _shell = shell_of(_kind, __name__)
+    for _part in proxy_parts(_kind):
+        _shell = smproperty.xml(_part)(_shell)
+    _decorate = smproxy.filter if _kind.input_ports else smproxy.source
+    globals()[_kind.__name__] = _decorate(
+        name=_kind.__name__, label=spaced(_kind.__name__), support_reload=False
+    )(smhint.xml(menu_hint())(_shell))

@@ -1,0 +1,75 @@
+"""A filter's description for ParaView's server manager, from what the filter declares."""
+
+from __future__ import annotations
+
+from xml.etree.ElementTree import Element, SubElement, tostring
+
+from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.docstrings import split_docstring
+from vtkmuscle.filters.parameters import InputPort
+from vtkmuscle.paraview.properties import camel_case, plain, properties_of, spaced
+
+#: The menu in which all filters are found.
+CATEGORY = "Muscle"
+
+
+def proxy_parts(kind: type[Filter]) -> list[str]:
+    """Return what stands inside a filter's proxy: documentation, inputs, properties and outputs.
+
+    Parameters
+    ----------
+    kind : type
+        A filter class.
+
+    Returns
+    -------
+    list of str
+        XML elements, in the order in which ParaView shows them.
+    """
+    parts = [_documentation(kind)]
+    parts += [_input(number, port) for number, port in enumerate(kind.input_ports)]
+    parts += [p.xml for parameter in kind.parameter_declarations.values() for p in properties_of(parameter)]
+    if kind.time_steps is not Filter.time_steps:
+        parts.append(_times())
+    if len(kind.output_ports) > 1:
+        parts += [
+            Element("OutputPort", index=str(number), name=camel_case(port.name), id=f"port{number}")
+            for number, port in enumerate(kind.output_ports)
+        ]
+    return [tostring(part, encoding="unicode") for part in parts]
+
+
+def menu_hint() -> str:
+    """Return the hint that puts a proxy into the menu."""
+    return tostring(Element("ShowInMenu", category=CATEGORY), encoding="unicode")
+
+
+def _documentation(kind: type[Filter]) -> Element:
+    summary, _, rest = plain(split_docstring(kind.__doc__ or "")[0]).partition("\n\n")
+    text = "\n\n".join(" ".join(paragraph.split()) for paragraph in rest.split("\n\n"))
+    element = Element("Documentation", short_help=summary, long_help=summary)
+    element.text = f"{summary}\n\n{text}".strip()
+    return element
+
+
+def _input(number: int, port: InputPort) -> Element:
+    name = camel_case(port.name)
+    element = Element(
+        "InputProperty", name=name, label=spaced(name), command="SetInputConnection", port_index=str(number)
+    )
+    groups = SubElement(element, "ProxyGroupDomain", name="groups")
+    SubElement(groups, "Group", name="sources")
+    SubElement(groups, "Group", name="filters")
+    types = SubElement(element, "DataTypeDomain", name="input_type")
+    SubElement(types, "DataType", value=port.type_name)
+    SubElement(element, "Documentation").text = plain(port.doc)
+    if port.optional:
+        SubElement(SubElement(element, "Hints"), "Optional")
+    return element
+
+
+def _times() -> Element:
+    """Return the property by which ParaView's animation learns the time steps."""
+    element = Element("DoubleVectorProperty", name="TimestepValues", repeatable="1", information_only="1")
+    SubElement(element, "TimeStepsInformationHelper")
+    return element

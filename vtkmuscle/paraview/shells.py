@@ -1,0 +1,95 @@
+"""Filters with the setters that ParaView calls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from vtkmodules.vtkCommonCore import vtkOutputWindow
+
+from vtkmuscle import filters
+from vtkmuscle.filters.base import AbortedError, Filter
+from vtkmuscle.paraview.properties import Property, properties_of
+
+
+def all_filters() -> list[type[Filter]]:
+    """Return all public filters, in alphabetical order."""
+    public = [getattr(filters, name) for name in sorted(filters.__all__)]
+    return [
+        kind for kind in public if isinstance(kind, type) and issubclass(kind, Filter) and kind is not Filter
+    ]
+
+
+class Shell(Filter):
+    """What ParaView's filters have beside their setters: errors that reach the one who looks at ParaView.
+
+    ParaView drops what a setter raises and goes on with the value before. Here a value that is refused is
+    kept in mind, and makes the filter fail with the reason until it is replaced.
+    """
+
+    def __init__(self, **parameters: Any) -> None:
+        self._shown: dict[str, Any] = {}
+        self._refused: dict[str, str] = {}
+        super().__init__(**parameters)
+
+    def take(self, name: str, shown: Property, values: tuple[Any, ...]) -> None:
+        """Set a parameter from what ParaView sets."""
+        refused = self._refused.pop(name, None)
+        try:
+            setattr(self, name, shown.take(self._shown, *values))
+        except (ValueError, OSError) as error:
+            self._refused[name] = str(error)
+        if self._refused.get(name) != refused:
+            self.Modified()
+
+    def ProcessRequest(self, request: Any, inInfo: Any, outInfo: Any) -> int:
+        """Answer a request, and show why where that fails."""
+        done = super().ProcessRequest(request, inInfo, outInfo)
+        if self._failure is not None:
+            if not isinstance(self._failure, AbortedError):
+                vtkOutputWindow.GetInstance().DisplayErrorText(f"{_words(self._failure)}\n")
+            # The exception's traceback holds this filter. ParaView holds the VTK side only, and the garbage
+            # collector would take the cycle, and with it the Python side's attributes.
+            self._failure = None
+        return done
+
+    def RequestData(self, request: Any, inInfo: Any, outInfo: Any) -> int:
+        """Execute, unless a value was refused."""
+        for message in self._refused.values():
+            raise ValueError(message)
+        return super().RequestData(request, inInfo, outInfo)
+
+
+def shell_of(kind: type[Filter], module: str) -> type[Shell]:
+    """Return a filter with a setter for each of its properties in ParaView.
+
+    Parameters
+    ----------
+    kind : type
+        A filter class.
+    module : str
+        Name of the module that ParaView will look for the class in.
+
+    Returns
+    -------
+    type
+        A class of the same name.
+    """
+    members: dict[str, Any] = {"__module__": module, "__doc__": kind.__doc__}
+    for name, parameter in kind.parameter_declarations.items():
+        for shown in properties_of(parameter):
+            members[shown.command] = _setter(name, shown)
+    return type(kind.__name__, (Shell, kind), members)
+
+
+def _setter(name: str, shown: Property) -> Callable[..., None]:
+    def set_property(self: Shell, *values: Any) -> None:
+        self.take(name, shown, values)
+
+    set_property.__name__ = shown.command
+    return set_property
+
+
+def _words(failure: BaseException) -> str:
+    # Errors of the package are ValueErrors that say which filter they are from; others say what they are.
+    return str(failure) if isinstance(failure, ValueError) else f"{type(failure).__name__}: {failure}"
