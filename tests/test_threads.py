@@ -40,11 +40,10 @@ def run(phantom, **parameters):
 JOBS = [
     (spindle_over_hinge, dict(iterations=12)),
     (wrapping_cylinder, dict(iterations=8, solver="gauss-seidel")),
-    (spindle_over_hinge, dict(iterations=12, order="sequential", collision="voxel")),
 ]
 expected = [run(make(), **parameters) for make, parameters in JOBS]
 assert len(set(expected)) == len(JOBS)
-for one, other in ((0, 1), (1, 2), (0, 0)):
+for one, other in ((0, 1), (0, 0)):
     phantoms = [JOBS[job][0]() for job in (one, other)]
     found, together = {}, threading.Barrier(2)
 

@@ -9,13 +9,13 @@ from paraview_pipeline import pipeline
 from scene_on_disk import TIMES, points
 
 from vtkmuscle.paraview.properties import camel_case, plain
-from vtkmuscle.paraview.shells import all_filters
+from vtkmuscle.paraview.shells import all_kinds
 
 
 def check_declarations():
     """Compare ParaView's view of every filter with its declarations."""
     manager = servermanager.ProxyManager()
-    for kind in all_filters():
+    for kind in all_kinds():
         proxy = manager.NewProxy("filters" if kind.input_ports else "sources", kind.__name__)
         assert proxy.GetHints().FindNestedElementByName("ShowInMenu").GetAttribute("category") == "Muscle"
         assert proxy.GetDocumentation().GetDescription().startswith(plain(kind.__doc__.partition("\n")[0]))
@@ -75,9 +75,26 @@ def check_abort(chain):
     assert points(servermanager.Fetch(deformed)) == before
 
 
+def check_scene(folder, chain):
+    """File, Open on a scene.toml gives what the files it names hold, and feeds the filters."""
+    scene = pv.OpenDataFile(str(folder / "scene/scene.toml"))
+    assert scene.GetXMLName() == "MuscleScene"
+    muscle, bones, attachments = (pv.OutputPort(scene, name) for name in ("Surface", "Bones", "Attachments"))
+    fixed = pv.FixedPointDetector(Muscle=muscle, Bones=bones, Attachments=attachments)
+    moving = pv.BoneMotion(Bones=bones, Motion=str(folder / "scene/scene.toml"))
+    deformed = pv.PBDDeformer(Muscle=fixed, Bones=moving)
+    results = []
+    for last in (deformed, chain["deformed"]):
+        last.UpdatePipeline(TIMES[0])
+        results.append(points(servermanager.Fetch(last)))
+    assert len(results[0]) > 100
+    assert results[0] == results[1]
+
+
 def main(folder):
     check_declarations()
     chain = pipeline(folder)
+    check_scene(folder, chain)
     check_refusal(chain)
     check_abort(chain)
 

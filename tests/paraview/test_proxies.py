@@ -11,9 +11,9 @@ from vtkmuscle.core.rigid import RigidMotion
 from vtkmuscle.filters import Filter, InputPort, OutputPort, Parameter
 from vtkmuscle.paraview.properties import FILES, camel_case, plain, properties_of, spaced
 from vtkmuscle.paraview.proxies import proxy_parts
-from vtkmuscle.paraview.shells import all_filters
+from vtkmuscle.paraview.shells import all_kinds
 
-KINDS = all_filters()
+KINDS = all_kinds()
 PARAMETERS = [
     pytest.param(kind, parameter, id=f"{kind.__name__}-{parameter.name}")
     for kind in KINDS
@@ -31,8 +31,8 @@ def named(elements, name):
     return found
 
 
-def test_all_filters_are_in_the_plugin():
-    assert {"BoneMotion", "PBDDeformer", "FibreTubes"} <= {kind.__name__ for kind in KINDS}
+def test_all_kinds_are_in_the_plugin():
+    assert {"BoneMotion", "PBDDeformer", "FibreTubes", "MuscleScene"} <= {kind.__name__ for kind in KINDS}
     assert Filter not in KINDS
 
 
@@ -74,6 +74,8 @@ def test_nothing_else_is_in_the_proxy(kind):
         optional = parameter.kind in (int, float) and parameter.default is None
         expected += [f"Automatic{camel_case(parameter.name)}"] * optional + [camel_case(parameter.name)]
     expected += ["TimestepValues"] * (kind.time_steps is not Filter.time_steps)
+    if len(kind.output_ports) > 1:
+        expected += [camel_case(port.name) for port in kind.output_ports]
     assert names == expected
     assert len(set(names)) == len(names)
 
@@ -136,7 +138,7 @@ def test_the_package_imports_neither_pyvista_nor_paraview():
     script = (
         "import json, sys, vtkmuscle.paraview.environment, vtkmuscle.scene.reading\n"
         "import vtkmuscle.paraview.shells as s\n"
-        "[s.shell_of(kind, 'm') for kind in s.all_filters()]\n"
+        "[s.shell_of(kind, 'm') for kind in s.all_kinds()]\n"
         "print(json.dumps(sorted({name.partition('.')[0] for name in sys.modules})))"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import numpy as np
@@ -41,10 +42,11 @@ def scene(tmp_path_factory):
     return folder
 
 
-def run(environment, *command):
+def run(environment, *command, cwd=None):
     done = subprocess.run(
         [str(word) for word in command],
         env=environment,
+        cwd=cwd,
         capture_output=True,
         text=True,
         check=False,
@@ -72,18 +74,40 @@ def test_proxies_have_the_declared_properties_abort_and_say_what_is_wrong(enviro
     assert "FibreTubes.radius is -3.0, but must be a finite number > 0" in done.stderr
 
 
-def test_pvbatch_makes_a_picture(environment, scene, tmp_path):
-    if "DISPLAY" in os.environ:
-        display = []
-    elif shutil.which("xvfb-run"):
-        display = ["xvfb-run", "-a"]
-    else:
-        pytest.skip("this ParaView renders on an X display only, and there is neither one nor xvfb-run")
-    picture = tmp_path / "picture.png"
-    run(environment, *display, "pvbatch", HERE / "paraview_screenshot.py", scene, picture)
+def pixels_of(picture):
     from matplotlib.image import imread
 
-    pixels = imread(picture)[..., :3]
+    return imread(picture)[..., :3]
+
+
+@pytest.fixture(scope="module")
+def display():
+    """What stands before a command that renders: Debian's ParaView does so on an X display only."""
+    if "DISPLAY" in os.environ:
+        return []
+    if shutil.which("xvfb-run"):
+        # Without -noreset the server starts anew when its last client goes, deaf to one that comes just then.
+        return ["xvfb-run", "-a", "-s", "-screen 0 1280x1024x24 -noreset"]
+    return pytest.skip("this ParaView renders on an X display only, and there is neither one nor xvfb-run")
+
+
+def test_the_documented_script_runs(environment, display, scene, tmp_path):
+    text = (HERE.parents[1] / "docs/paraview.rst").read_text(encoding="utf-8")
+    _, _, after = text.partition("   from paraview.simple import *\n")
+    block, _, _ = after.partition("\n\nA property is called")
+    assert "SaveScreenshot" in block
+    script = tmp_path / "documented.py"
+    script.write_text("from paraview.simple import *\n" + textwrap.dedent(block), encoding="utf-8")
+    run(environment, *display, "pvbatch", script, cwd=scene / "scene")
+    picture = pixels_of(scene / "scene/muscle.png")
+    background = picture[0, 0]
+    assert 0.02 < (np.abs(picture - background).max(axis=-1) > 0.1).mean() < 0.9
+
+
+def test_pvbatch_makes_a_picture(environment, display, scene, tmp_path):
+    picture = tmp_path / "picture.png"
+    run(environment, *display, "pvbatch", HERE / "paraview_screenshot.py", scene, picture)
+    pixels = pixels_of(picture)
     assert pixels.shape == (600, 600, 3)
     red = (pixels[..., 0] > 2.0 * pixels[..., 1]) & (pixels[..., 0] > 0.2)
     bone = (np.ptp(pixels, axis=-1) < 0.25) & (pixels[..., 0] < 0.95)

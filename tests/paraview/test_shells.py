@@ -2,13 +2,16 @@
 
 import gc
 
+import numpy as np
 import pytest
 from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
 
 from vtkmuscle import Scene
 from vtkmuscle.filters import BoneMotion, FibreTemplateSource, FixedPointDetector, PBDDeformer
+from vtkmuscle.filters.arrays import blocks_of, points_of
+from vtkmuscle.paraview.muscle_scene import MuscleScene
 from vtkmuscle.paraview.properties import properties_of
-from vtkmuscle.paraview.shells import all_filters, shell_of
+from vtkmuscle.paraview.shells import all_kinds, shell_of
 
 
 def shell(kind):
@@ -24,7 +27,7 @@ def messages():
     vtkOutputWindow.SetInstance(before)
 
 
-@pytest.mark.parametrize("kind", all_filters(), ids=lambda kind: kind.__name__)
+@pytest.mark.parametrize("kind", all_kinds(), ids=lambda kind: kind.__name__)
 def test_defaults_from_paraview_change_nothing(kind):
     made = shell(kind)
     before, modified = made.parameters(), made.GetMTime()
@@ -84,6 +87,22 @@ def test_a_refused_value_makes_the_filter_fail_until_it_is_replaced(messages):
     source.SetNFibres(5)
     assert source.GetExecutive().Update()
     assert source.GetOutputDataObject(0).GetNumberOfCells() == 5
+
+
+def test_a_scene_gives_a_muscle_by_name(messages, hip, tmp_path):
+    path = Scene.from_phantom(hip).save(tmp_path)
+    source = shell(MuscleScene)
+    source.SetScene(str(path))
+    first, *_, last = hip.muscles
+    for name, asked in ((first, ""), (last, last), (first, None)):
+        source.SetMuscle(asked)
+        surface, bones, attachments = source.update().output
+        assert np.array_equal(points_of(surface), points_of(hip.muscles[name]))
+        assert list(dict(blocks_of(bones))) == list(dict(blocks_of(hip.bones)))
+        assert attachments.GetNumberOfBlocks() == hip.attachments[name].GetNumberOfBlocks()
+    source.SetMuscle("no such")
+    assert not source.GetExecutive().Update()
+    assert f"there is no muscle 'no such' in the scene; allowed: {first}" in messages()
 
 
 def test_a_file_that_is_not_there_is_named(messages, spindle):

@@ -11,6 +11,8 @@ from xml.etree.ElementTree import Element, SubElement
 
 from vtkmuscle.core.rigid import RigidMotion
 from vtkmuscle.filters.parameters import Parameter
+from vtkmuscle.scene.model import Scene
+from vtkmuscle.scene.reading import read_motion
 
 _VECTORS = {bool: "Int", int: "Int", float: "Double", tuple: "Double", str: "String"}
 _RANGES = {int: "IntRangeDomain", float: "DoubleRangeDomain"}
@@ -25,14 +27,11 @@ class _File:
     description: str
 
 
-def _motion_of_scene(path: Path) -> RigidMotion:
-    from vtkmuscle.scene.reading import read_motion  # noqa: PLC0415 -- not before a file is named
-
-    return read_motion(path)
-
-
 #: Kinds of parameters that are given by a file.
-FILES: dict[type, _File] = {RigidMotion: _File(_motion_of_scene, "toml", "the motion of a scene.toml")}
+FILES: dict[type, _File] = {
+    RigidMotion: _File(read_motion, "toml", "the motion of a scene.toml"),
+    Scene: _File(Scene.load, "toml", "a scene.toml"),
+}
 
 
 @dataclass(frozen=True)
@@ -114,8 +113,9 @@ def _value(parameter: Parameter[Any], values: tuple[Any, ...]) -> Any:
     (value,) = values
     if parameter.kind is bool:
         return bool(value)
-    if parameter.default is None and value == "":
-        return None
+    if parameter.kind is str and not value:
+        # ParaView gives an empty text as None.
+        return None if parameter.default is None else ""
     return value
 
 

@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.docstrings import split_docstring
 from vtkmuscle.filters.parameters import InputPort
-from vtkmuscle.paraview.properties import camel_case, plain, properties_of, spaced
+from vtkmuscle.paraview.properties import FILES, camel_case, plain, properties_of, spaced
 
 #: The menu in which all filters are found.
 CATEGORY = "Muscle"
@@ -39,9 +39,29 @@ def proxy_parts(kind: type[Filter]) -> list[str]:
     return [tostring(part, encoding="unicode") for part in parts]
 
 
-def menu_hint() -> str:
-    """Return the hint that puts a proxy into the menu."""
-    return tostring(Element("ShowInMenu", category=CATEGORY), encoding="unicode")
+def proxy_hints(kind: type[Filter]) -> list[str]:
+    """Return the hints of a filter's proxy: its menu, and for a source of a file's content that it reads it.
+
+    Parameters
+    ----------
+    kind : type
+        A filter class.
+
+    Returns
+    -------
+    list of str
+        XML elements.
+    """
+    hints = [Element("ShowInMenu", category=CATEGORY)]
+    if not kind.input_ports:
+        files = [FILES[p.kind] for p in kind.parameter_declarations.values() if p.kind in FILES]
+        hints += [
+            Element(
+                "ReaderFactory", extensions=file.extensions, file_description=f"Muscle: {file.description}"
+            )
+            for file in files
+        ]
+    return [tostring(hint, encoding="unicode") for hint in hints]
 
 
 def _documentation(kind: type[Filter]) -> Element:

@@ -9,15 +9,15 @@ from vtkmodules.vtkCommonCore import vtkOutputWindow
 
 from vtkmuscle import filters
 from vtkmuscle.filters.base import AbortedError, Filter
+from vtkmuscle.paraview.muscle_scene import MuscleScene
 from vtkmuscle.paraview.properties import Property, properties_of
 
 
-def all_filters() -> list[type[Filter]]:
-    """Return all public filters, in alphabetical order."""
+def all_kinds() -> list[type[Filter]]:
+    """Return what is in the plugin: all public filters, in alphabetical order, and the reader of scenes."""
     public = [getattr(filters, name) for name in sorted(filters.__all__)]
-    return [
-        kind for kind in public if isinstance(kind, type) and issubclass(kind, Filter) and kind is not Filter
-    ]
+    kinds = [kind for kind in public if isinstance(kind, type) and issubclass(kind, Filter)]
+    return [*(kind for kind in kinds if kind is not Filter), MuscleScene]
 
 
 class Shell(Filter):

@@ -10,8 +10,8 @@ from paraview.util.vtkAlgorithm import smhint, smproperty, smproxy
 try:
     from vtkmuscle import __version__
     from vtkmuscle.paraview.properties import spaced
-    from vtkmuscle.paraview.proxies import menu_hint, proxy_parts
-    from vtkmuscle.paraview.shells import all_filters, shell_of
+    from vtkmuscle.paraview.proxies import proxy_hints, proxy_parts
+    from vtkmuscle.paraview.shells import all_kinds, shell_of
 except ImportError as error:
     # Not an ImportError again: ParaView takes that for a Python of old, and says something else.
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
@@ -24,11 +24,13 @@ except ImportError as error:
 paraview_plugin_name = "Muscle"
 paraview_plugin_version = __version__
 
-for _kind in all_filters():
+for _kind in all_kinds():
     _shell = shell_of(_kind, __name__)
     for _part in proxy_parts(_kind):
         _shell = smproperty.xml(_part)(_shell)
+    for _hint in proxy_hints(_kind):
+        _shell = smhint.xml(_hint)(_shell)
     _decorate = smproxy.filter if _kind.input_ports else smproxy.source
     globals()[_kind.__name__] = _decorate(
         name=_kind.__name__, label=spaced(_kind.__name__), support_reload=False
-    )(smhint.xml(menu_hint())(_shell))
+    )(_shell)
