@@ -18,11 +18,13 @@ from vtkmuscle.plotting.figures import (
 )
 from vtkmuscle.plotting.preflight import can_render
 from vtkmuscle.plotting.surfaces import make_plotter
+from vtkmuscle.plotting.times import add_time_slider, show_time
 from vtkmuscle.plotting.views import View, choose_view, framed
 
 __all__ = [
     "RunResult",
     "View",
+    "add_time_slider",
     "can_render",
     "choose_view",
     "export_scene",
@@ -32,5 +34,6 @@ __all__ = [
     "plot_muscle",
     "plot_rest_pose",
     "plot_volume",
+    "show_time",
     "write_figures",
 ]

@@ -27,8 +27,8 @@ def export_scene(
     Parameters
     ----------
     path : path
-        A .gltf file, with all its data in it; replaced where it exists. Viewers such as ``<model-viewer>`` or three.js show
-        it on a web page.
+        A .gltf file, with all its data in it; replaced where it exists. Viewers such as ``<model-viewer>`` or
+        three.js show it on a web page.
     bones : vtkMultiBlockDataSet
         Named blocks of triangles.
     muscles : sequence of vtkPolyData

@@ -1,0 +1,47 @@
+"""The filter of the page "Add a filter"; tests/filters/test_guide_filter.py runs it through the contract."""
+
+from __future__ import annotations
+
+import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.filters import Filter, InputPort, OutputPort, Parameter
+from vtkmuscle.filters.arrays import Polylines, polylines_of, with_polylines
+
+
+class FibreCropper(Filter):
+    """Cut a part from both ends of every fibre.
+
+    Raises
+    ------
+    ValueError
+        If there are no fibres, or a point is not finite.
+
+    Examples
+    --------
+    >>> from fibre_cropper import FibreCropper
+    >>> from vtkmuscle.filters import FibreMetrics, FibreTemplateSource
+    >>> fibres = FibreTemplateSource(n_fibres=3).update().output
+    >>> whole, belly = (FibreMetrics().apply(f)["Length"] for f in (fibres, FibreCropper()(fibres)))
+    >>> bool(abs(belly / whole - 0.5).max() < 1e-9)
+    True
+    """
+
+    part = Parameter(
+        float, default=0.25, minimum=0.0, maximum=0.45, doc="What is cut off at each end, of the length."
+    )
+
+    fibres = InputPort(vtkPolyData, content="fibres", doc="Polylines.")
+    output = OutputPort(vtkPolyData, doc="The polylines with new ends, as many points each as before.")
+
+    def execute(self, fibres: vtkPolyData) -> vtkPolyData:
+        """Return the cut fibres."""
+        lines = polylines_of(fibres, "FibreCropper: fibres")
+        cut = [self._cut(lines.line(i)) for i in range(len(lines))]
+        return with_polylines(fibres, Polylines(np.vstack(cut), lines.offsets))
+
+    def _cut(self, line: np.ndarray) -> np.ndarray:
+        steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+        along = np.concatenate([[0.0], np.cumsum(steps)])
+        wanted = np.linspace(self.part * along[-1], (1.0 - self.part) * along[-1], len(line))
+        return np.column_stack([np.interp(wanted, along, line[:, axis]) for axis in range(3)])

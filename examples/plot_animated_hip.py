@@ -1,0 +1,55 @@
+"""
+A flexing hip as a GIF
+======================
+
+Filters go onto a plotter as they are, and :func:`~vtkmuscle.plotting.show_time` brings all of them to a time
+of the motion. Here the phantom hip flexes, with its fibres coloured by their strain, and each picture becomes
+a frame of ``hip.gif``.
+"""
+
+import numpy as np
+import pyvista as pv
+from PIL import Image
+from vtkmodules.vtkFiltersGeometry import vtkCompositeDataGeometryFilter
+
+from vtkmuscle.filters import BoneMotion, FibreMetrics, FibreTransport, FibreTubes
+from vtkmuscle.phantoms import hip
+from vtkmuscle.pipelines import decompose, deform
+from vtkmuscle.plotting import show_time
+
+phantom = hip()
+plotter = pv.Plotter(window_size=(480, 560), off_screen=True)
+plotter.enable_anti_aliasing("ssaa")
+
+for name, muscle in phantom.muscles.items():
+    attachments = phantom.attachments[name]
+    fibres = decompose(muscle, attachments, template=phantom.templates[name], n_fibres=40)
+    deformer = deform(muscle, phantom.bones, phantom.motion, attachments, fibres=fibres)
+    transport = FibreTransport()
+    transport.connect(1, muscle)
+    transport.connect(2, deformer)
+    tubes = fibres >> transport >> FibreMetrics() >> FibreTubes(radius=0.8)
+    plotter.add_mesh(deformer, color="darkred", opacity=0.3, culling="back")
+    coloured = {"scalars": "Strain", "cmap": "coolwarm", "clim": (-0.3, 0.3), "show_scalar_bar": False}
+    plotter.add_mesh(tubes.last, **coloured)
+
+bones = BoneMotion(motion=phantom.motion)
+bones.connect(0, phantom.bones)
+surface = vtkCompositeDataGeometryFilter()  # PyVista shows algorithms that give one mesh
+surface.SetInputConnection(bones.GetOutputPort())
+plotter.add_mesh(surface, color="ivory", smooth_shading=True)
+plotter.view_vector((-0.6, 1.0, 0.2), viewup=(0, 0, 1))
+plotter.camera.zoom(1.3)
+
+pictures = []
+for angle in np.linspace(0.0, 60.0, 13):
+    show_time(plotter, angle)
+    pictures.append(Image.fromarray(plotter.screenshot(return_img=True)))
+pictures += pictures[-2:0:-1]  # and back
+pictures[0].save("hip.gif", save_all=True, append_images=pictures[1:], duration=100, loop=0)
+print(f"hip.gif: {len(pictures)} frames")
+
+# %%
+# The last pose:
+
+plotter.show()

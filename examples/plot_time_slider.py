@@ -1,0 +1,30 @@
+"""
+A time slider
+=============
+
+Drag the slider, and the muscle follows: :func:`~vtkmuscle.plotting.add_time_slider` asks every filter on the
+plotter for its output at the slider's time, also between two time steps and backwards. Frames that were shown
+before are not computed again.
+"""
+
+import pyvista as pv
+from vtkmodules.vtkFiltersGeometry import vtkCompositeDataGeometryFilter
+
+from vtkmuscle.filters import BoneMotion
+from vtkmuscle.phantoms import spindle_over_hinge
+from vtkmuscle.pipelines import deform
+from vtkmuscle.plotting import add_time_slider
+
+phantom = spindle_over_hinge()
+muscle = deform(phantom.muscles["spindle"], phantom.bones, phantom.motion, phantom.attachments["spindle"])
+bones = BoneMotion(motion=phantom.motion)
+bones.connect(0, phantom.bones)
+surface = vtkCompositeDataGeometryFilter()
+surface.SetInputConnection(bones.GetOutputPort())
+
+plotter = pv.Plotter(window_size=(700, 800))
+plotter.add_mesh(muscle, color="darkred", smooth_shading=True)
+plotter.add_mesh(surface, color="ivory", smooth_shading=True)
+plotter.view_vector((1.0, -0.6, 0.1), viewup=(0, 0, 1))
+slider = add_time_slider(plotter, phantom.motion.times, title="degrees of flexion", value=30.0)
+plotter.show()
