@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from vtkmodules.vtkFiltersCore import vtkTriangleFilter
+from vtkmodules.vtkFiltersCore import vtkCleanPolyData, vtkTriangleFilter
 from vtkmodules.vtkFiltersSources import vtkCubeSource
 
 from vtkmuscle.filters.arrays import (
@@ -108,3 +108,56 @@ def test_degenerate_fibres_get_finite_measures(box):
     tortuosity = cell_array(measured, "Tortuosity", "")
     assert tortuosity[0] == tortuosity[2] == 1.0
     assert tortuosity[1] > 1e12
+
+
+def straight_bundle(n=30, points=9):
+    """Return fibres from the left to the right face of the box."""
+    rng = np.random.default_rng(0)
+    feet = np.column_stack([np.full(n, -50.0), rng.uniform(-28, 28, n), rng.uniform(-9, 9, n)])
+    return fibres_from(*(np.linspace(foot, np.add(foot, [100, 0, 0]), points) for foot in feet))
+
+
+@pytest.fixture
+def closed_box(box):
+    return (box >> vtkCleanPolyData()).update().output
+
+
+def test_the_architecture_of_a_box_of_parallel_fibres(closed_box):
+    measured = FibreMetrics(architecture=True, sections=5)(straight_bundle(), closed_box)
+    assert_allclose(field_array(measured, "MuscleVolume"), 120000, rtol=1e-9)
+    assert_allclose(field_array(measured, "PCSA"), 1200, rtol=1e-9)
+    assert_allclose(field_array(measured, "PCSALine"), 1200, rtol=1e-9)
+    assert_allclose(field_array(measured, "LineOfAction"), [1, 0, 0], atol=1e-12)
+    assert field_array(measured, "CentroidPath").shape == (21, 3)
+    assert_allclose(field_array(measured, "CentroidPath")[:, 0], np.linspace(-50, 50, 21), atol=1e-9)
+    assert_allclose(cell_array(measured, "LineAngle", ""), 0, atol=1e-6)
+    assert_allclose(field_array(measured, "SectionArea"), 1200, rtol=1e-9)
+    assert_array_equal(field_array(measured, "SectionFibres"), 30)
+    assert_allclose(field_array(measured, "SectionDensity"), 30 / 1200, rtol=1e-9)
+
+
+@pytest.mark.parametrize("asked", [{"architecture": True}, {"sections": 3}])
+def test_measures_of_the_muscle_need_a_closed_muscle_and_fibres_with_a_length(box, asked):
+    from vtkmuscle.filters.arrays import surface_from, triangles_of
+
+    with pytest.raises(ValueError, match="needs a muscle"):
+        FibreMetrics(**asked)(straight_bundle())
+    opened = surface_from(points_of(box), triangles_of(box, "")[1:])
+    with pytest.raises(ValueError, match="needs a closed muscle"):
+        FibreMetrics(**asked)(straight_bundle(), opened)
+
+
+def test_penetration_is_that_of_the_deepest_point(box):
+    from vtkmuscle.filters.arrays import multiblock_from
+
+    fibres = fibres_from([[-60, 0, 0], [0, 0, 3.0], [60, 0, 0]], [[-60, 0, 90], [60, 0, 90.0]])
+    measured = FibreMetrics()(fibres, None, multiblock_from({"bone": box}))
+    assert_allclose(cell_array(measured, "Penetration", ""), [7, 0], atol=1e-9)
+
+
+def test_curvature_only_when_asked_for(box):
+    t = np.linspace(0, 2, 50)
+    arc = 20 * np.column_stack([np.cos(t), np.sin(t), 0 * t])
+    measured = FibreMetrics(curvature=True)(fibres_from(arc))
+    assert_allclose(cell_array(measured, "CurvatureMean", ""), 1 / 20, rtol=1e-9)
+    assert measured.GetPointData().HasArray("Curvature")

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from vtkmuscle.filters.fibre_tubes import FibreTubes
     from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
     from vtkmuscle.filters.harmonic_field import HarmonicField
+    from vtkmuscle.filters.linear_blend_fibres import LinearBlendFibres
     from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
     from vtkmuscle.filters.pbd_deformer import PBDDeformer
     from vtkmuscle.filters.provenance import provenance_of
@@ -46,6 +47,7 @@ _SOURCES = {
     "FixedPointDetector": "fixed_point_detector",
     "HarmonicField": "harmonic_field",
     "InputPort": "parameters",
+    "LinearBlendFibres": "linear_blend_fibres",
     "OutputPort": "parameters",
     "PBDDeformer": "pbd_deformer",
     "Parameter": "parameters",
@@ -70,6 +72,7 @@ __all__ = [
     "FixedPointDetector",
     "HarmonicField",
     "InputPort",
+    "LinearBlendFibres",
     "OutputPort",
     "PBDDeformer",
     "Parameter",

@@ -4,41 +4,60 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonCore import mutable
-from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkStaticCellLocator
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.mesh import triangle_normals
+from vtkmuscle.core.fibre_measures import (
+    angles_to,
+    centroid_path,
+    line_of_action,
+    physiological_cross_section,
+    plane_crossings,
+    polyline_curvatures,
+    section_areas,
+)
+from vtkmuscle.core.mesh import signed_volume, triangle_normals
 from vtkmuscle.core.polylines import end_directions, polyline_lengths
+from vtkmuscle.core.triangle_tree import triangle_tree
 from vtkmuscle.filters.arrays import (
     Polylines,
+    blocks_of,
     cell_array,
     checked_surface,
     polylines_of,
     set_cell_array,
     set_field_array,
-    surface_from,
+    set_point_array,
     with_polylines,
 )
 from vtkmuscle.filters.base import Filter
-from vtkmuscle.filters.parameters import InputPort, OutputPort
+from vtkmuscle.filters.muscle_geometry import muscle_geometry
+from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
 
 Floats = NDArray[np.float64]
 
+#: Points of the centroid path.
+PATH_POINTS = 21
+
 
 class FibreMetrics(Filter):
-    """Measure fibres: length, strain, tortuosity, pennation.
+    """Measure fibres: length, strain, tortuosity, pennation, and on request curvature and architecture.
 
     Only what the inputs allow is measured: strain where the fibres carry ``RestLength`` (FibreTransport
-    adds it), pennation where there is a muscle. A pennation angle is the one between a fibre's end segment
-    and the surface of the muscle there, that is 90 degrees less the angle to the normal of the triangle
-    nearest to the fibre's end: 0 for a fibre that runs along the surface, 90 for one at right angles to it.
-    For a fibre that ends on an aponeurosis that is its angle to the aponeurosis.
+    adds it), pennation where there is a muscle, penetration where there are bones. A pennation angle is the
+    one between a fibre's end segment and the surface of the muscle there, that is 90 degrees less the angle
+    to the normal of the triangle nearest to the fibre's end: 0 for a fibre that runs along the surface, 90
+    for one at right angles to it. For a fibre that ends on an aponeurosis that is its angle to the
+    aponeurosis.
+
+    :func:`vtkmuscle.io.write_fibre_table` writes what was measured as a table, and
+    :func:`vtkmuscle.io.fibre_summary` gives mean, standard deviation and range.
 
     Raises
     ------
     ValueError
         If there are no fibres, or a coordinate is not finite; if ``RestLength`` has a negative value or one
-        that is not finite; if the muscle is no triangle mesh.
+        that is not finite; if the muscle is no triangle mesh; if ``architecture`` or ``sections`` is asked
+        for and there is no muscle, or it is not closed, or no fibre has a length.
 
     References
     ----------
@@ -54,21 +73,44 @@ class FibreMetrics(Filter):
     5.0
     """
 
+    curvature = Parameter(bool, default=False, doc="Measure curvature.")
+    architecture = Parameter(
+        bool,
+        default=False,
+        doc="Measure the muscle: volume, line of action, centroid path, physiological cross-sectional area.",
+    )
+    sections = Parameter(
+        int,
+        default=0,
+        minimum=0,
+        doc="Number of cross-sections in which fibres are counted, evenly along the centroid path.",
+    )
+
     fibres = InputPort(
         vtkPolyData, content="fibres", doc="Polylines; the cell array ``RestLength`` [mm] where there is one."
     )
     muscle = InputPort(
         vtkPolyData, content="muscle", optional=True, doc="The surface that the fibres end on."
     )
+    bones = InputPort(
+        vtkMultiBlockDataSet, content="moving bones", optional=True, doc="Bones in the pose of the fibres."
+    )
     output = OutputPort(
         vtkPolyData,
         doc="The fibres with the cell arrays ``Length`` [mm], ``Tortuosity`` (length / distance of ends), "
         "``Strain`` (length / rest length - 1, 0 for rest length 0), ``PennationOrigin`` and "
-        "``PennationInsertion`` [degrees, 0 to 90], and the field arrays ``LengthMean`` and ``LengthSD`` "
-        "(of the population) [mm].",
+        "``PennationInsertion`` [degrees, 0 to 90], ``Penetration`` (of the deepest point into a bone) [mm], "
+        "and the field arrays ``LengthMean`` and ``LengthSD`` (of the population) [mm]. Curvature: the point "
+        "array ``Curvature``, the cell arrays ``CurvatureMean`` and ``CurvatureMax`` [1/mm]. Architecture: "
+        "the cell array ``LineAngle`` [degrees] between a fibre's chord and the line of action, and the "
+        "field arrays ``MuscleVolume`` [mm^3], ``LineOfAction`` (3), ``CentroidPath`` (21, 3) [mm], ``PCSA`` "
+        "(volume / mean length) and ``PCSALine`` (its part along the line of action) [mm^2]. Sections: the "
+        "field arrays ``SectionArea`` [mm^2], ``SectionFibres`` and ``SectionDensity`` [1/mm^2].",
     )
 
-    def execute(self, fibres: vtkPolyData, muscle: vtkPolyData | None) -> vtkPolyData:
+    def execute(
+        self, fibres: vtkPolyData, muscle: vtkPolyData | None, bones: vtkMultiBlockDataSet | None
+    ) -> vtkPolyData:
         """Return the fibres with their measures."""
         lines = polylines_of(fibres, "FibreMetrics: fibres")
         lengths = polyline_lengths(lines.points, lines.offsets)
@@ -81,9 +123,57 @@ class FibreMetrics(Filter):
             origin, insertion = _pennation(lines, muscle)
             set_cell_array(result, "PennationOrigin", origin)
             set_cell_array(result, "PennationInsertion", insertion)
+        if bones is not None:
+            set_cell_array(result, "Penetration", _penetration(lines, bones))
+        if self.curvature:
+            at_points, mean, largest = polyline_curvatures(lines.points, lines.offsets)
+            set_point_array(result, "Curvature", at_points)
+            set_cell_array(result, "CurvatureMean", mean)
+            set_cell_array(result, "CurvatureMax", largest)
+        if self.architecture or self.sections:
+            self._measure_muscle(result, lines, lengths, muscle)
         set_field_array(result, "LengthMean", lengths.mean())
         set_field_array(result, "LengthSD", lengths.std())
         return result
+
+    def _measure_muscle(
+        self, result: vtkPolyData, lines: Polylines, lengths: Floats, muscle: vtkPolyData | None
+    ) -> None:
+        name = "architecture" if self.architecture else "sections"
+        if muscle is None:
+            raise ValueError(f"FibreMetrics.{name} needs a muscle, but the port 'muscle' is not connected")
+        points, triangles = checked_surface(muscle, "FibreMetrics: muscle")
+        open_edges = muscle_geometry(muscle, "FibreMetrics: muscle").n_open_edges
+        if open_edges:
+            raise ValueError(
+                f"FibreMetrics.{name} needs a closed muscle, but the surface has {open_edges} open edge(s); "
+                "close its holes, and merge equal points (vtkCleanPolyData)"
+            )
+        if not lengths.max() > 0.0:
+            raise ValueError(f"FibreMetrics.{name} needs fibres, but none of them has a length")
+        if self.architecture:
+            direction = line_of_action(lines.points, lines.offsets)
+            angles = angles_to(lines.points, lines.offsets, direction)
+            volume = abs(signed_volume(points, triangles))
+            area, along = physiological_cross_section(volume, lengths, angles)
+            set_cell_array(result, "LineAngle", angles)
+            set_field_array(result, "MuscleVolume", volume)
+            set_field_array(result, "LineOfAction", direction)
+            set_field_array(result, "CentroidPath", centroid_path(lines.points, lines.offsets, PATH_POINTS))
+            set_field_array(result, "PCSA", area)
+            set_field_array(result, "PCSALine", along)
+        if self.sections:
+            path = centroid_path(lines.points, lines.offsets, 2 * self.sections + 1)
+            places, normals = path[1::2], path[2::2] - path[:-1:2]
+            lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+            normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
+            areas = section_areas(points, triangles, places, normals)
+            planes = zip(places, normals, strict=True)
+            counts = np.array([plane_crossings(lines.points, lines.offsets, *plane) for plane in planes])
+            density = np.divide(counts, areas, out=np.zeros(len(areas)), where=areas > 0)
+            set_field_array(result, "SectionArea", areas)
+            set_field_array(result, "SectionFibres", counts)
+            set_field_array(result, "SectionDensity", density)
 
 
 def _tortuosity(lines: Polylines, lengths: Floats) -> Floats:
@@ -111,20 +201,25 @@ def _strain(fibres: vtkPolyData, lengths: Floats) -> Floats:
 def _pennation(lines: Polylines, muscle: vtkPolyData) -> tuple[Floats, Floats]:
     points, triangles = checked_surface(muscle, "FibreMetrics: muscle")
     normals = triangle_normals(points, triangles)
-    proper = np.linalg.norm(normals, axis=1) > 0
-    normals = normals[proper]
-    locator = vtkStaticCellLocator()
-    locator.SetDataSet(surface_from(points, triangles[proper]))
-    locator.BuildLocator()
+    sizes = np.linalg.norm(normals, axis=1)
+    proper = sizes > 0
+    if not proper.any():
+        raise ValueError("FibreMetrics: muscle: no triangle has an area, and so a direction")
+    normals = normals[proper] / sizes[proper, None]
+    tree = triangle_tree(points, triangles[proper])
     ends = (lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1])
-    directions = end_directions(lines.points, lines.offsets)
     angles = []
-    found, cell, part, distance = [0.0] * 3, mutable(0), mutable(0), mutable(0.0)
-    for places, runs in zip(ends, directions, strict=True):
-        sines = np.zeros(len(places))
-        for i, (place, run) in enumerate(zip(places, runs, strict=True)):
-            locator.FindClosestPoint(place, found, cell, part, distance)  # type: ignore[call-overload]
-            normal = normals[int(cell)]
-            sines[i] = abs(run @ normal) / np.linalg.norm(normal)
+    for places, runs in zip(ends, end_directions(lines.points, lines.offsets), strict=True):
+        sines = np.abs(np.einsum("ij,ij->i", runs, normals[tree.nearest(places)[0]]))
         angles.append(np.degrees(np.arcsin(np.clip(sines, 0.0, 1.0))))
     return angles[0], angles[1]
+
+
+def _penetration(lines: Polylines, bones: vtkMultiBlockDataSet) -> Floats:
+    """Return how deep the deepest point of each fibre is in a bone, (k,)."""
+    depths = np.zeros(len(lines.points))
+    for name, bone in blocks_of(bones):
+        surface = muscle_geometry(bone, f"FibreMetrics: bones, block {name!r}").distance
+        np.maximum(depths, surface.depth(lines.points), out=depths)
+    deepest: Floats = np.maximum.reduceat(depths, lines.offsets[:-1])
+    return deepest

@@ -2,25 +2,50 @@
 
 from __future__ import annotations
 
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkDataSetAttributes, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 from vtkmodules.vtkFiltersCore import vtkTubeFilter
 
-from vtkmuscle.filters.arrays import polylines_of, with_polylines
+from vtkmuscle.core.mesh import signed_volume
+from vtkmuscle.core.packing import filling_radius, room_between
+from vtkmuscle.core.polylines import polyline_lengths
+from vtkmuscle.filters.arrays import (
+    Polylines,
+    checked_surface,
+    polylines_from,
+    polylines_of,
+    set_cell_array,
+    set_point_array,
+    with_polylines,
+)
 from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
+
+Floats = NDArray[np.float64]
+
+#: Name of the point array of radii.
+RADIUS = "TubeRadius"
 
 
 class FibreTubes(Filter):
     """Make tubes of fibres, with closed ends.
 
     By vtkTubeFilter. Point and cell arrays are passed on, so that tubes can be coloured by whatever the
-    fibres carry. A fibre without length gets no tube.
+    fibres carry; ``colour_by`` makes one of them the active scalars (``Length``, ``Strain`` and
+    ``PennationOrigin`` are FibreMetrics'). A fibre without length gets no tube.
+
+    With ``radius_by="fill"`` tubes have the radius with which they would fill the muscle if they were packed
+    like hexagons, sqrt(volume / (2 sqrt(3) total length)), and where fibres are nearer to each other, half
+    their distance: so they do not overlap.
 
     Raises
     ------
     ValueError
-        If there are no fibres, a point is not finite, or no fibre has a length.
+        If there are no fibres, a point is not finite, or no fibre has a length; if there is no such array,
+        or a radius in it is negative or not finite; if ``radius_by="fill"`` and there is no muscle.
 
     Examples
     --------
@@ -32,25 +57,132 @@ class FibreTubes(Filter):
     """
 
     radius = Parameter(float, default=1.0, above=0.0, units="mm", doc="Radius of the tubes.")
+    radius_by = Parameter(
+        str,
+        default="constant",
+        choices=("constant", "array", "fill"),
+        doc="The radius: ``radius``, ``radius`` times the values of an array, or what fills the muscle.",
+    )
+    radius_array: Parameter[str | None] = Parameter(
+        str, default=None, doc='Point or cell array, with ``radius_by="array"``.'
+    )
+    colour_by: Parameter[str | None] = Parameter(
+        str, default=None, doc="Point or cell array that becomes the active scalars."
+    )
     sides = Parameter(int, default=12, minimum=3, doc="Number of sides of a tube.")
+    max_triangles = Parameter(
+        int,
+        default=0,
+        minimum=0,
+        doc="Level of detail: no more triangles than this, about, by fewer sides and, with three sides, "
+        "fewer fibres (the first ones, which a template spreads evenly); 0: no limit.",
+    )
 
     fibres = InputPort(vtkPolyData, content="fibres", doc="Polylines.")
+    muscle = InputPort(
+        vtkPolyData, content="muscle", optional=True, doc='Its volume is filled with ``radius_by="fill"``.'
+    )
     output = OutputPort(
         vtkPolyData,
         doc="Tubes, triangle strips with normals, with the arrays of the input on points and cells.",
     )
 
-    def execute(self, fibres: vtkPolyData) -> vtkPolyData:
+    def execute(self, fibres: vtkPolyData, muscle: vtkPolyData | None) -> vtkPolyData:
         """Return the tubes."""
-        tubes = vtkTubeFilter()
+        lines = polylines_of(fibres, "FibreTubes: fibres")
         # Each line gets points of its own: VTK blends the tubes of lines that share points.
-        tubes.SetInputData(with_polylines(fibres, polylines_of(fibres, "FibreTubes: fibres")))
+        data = with_polylines(fibres, lines)
+        self._check_arrays(data)
+        tubes = vtkTubeFilter()
+        if self.radius_by != "constant":
+            set_point_array(data, RADIUS, self._radii(data, lines, muscle))
+            data.GetPointData().SetActiveScalars(RADIUS)
+            tubes.SetVaryRadiusToVaryRadiusByAbsoluteScalar()
+        sides, count = self._detail(lines)
+        tubes.SetInputData(_first_lines(data, lines, count))
         tubes.SetRadius(self.radius)
-        tubes.SetNumberOfSides(self.sides)
+        tubes.SetNumberOfSides(sides)
         tubes.CappingOn()
         tubes.SetOutputPointsPrecision(vtkAlgorithm.DOUBLE_PRECISION)
         tubes.Update()
         result: vtkPolyData = tubes.GetOutput()
         if result.GetNumberOfPoints() == 0:
             raise ValueError("FibreTubes: fibres: none of them has a length, and so none gets a tube")
+        if self.colour_by is not None:
+            on_points = result.GetPointData().HasArray(self.colour_by)
+            owner = result.GetPointData() if on_points else result.GetCellData()
+            other = result.GetCellData() if on_points else result.GetPointData()
+            other.SetActiveAttribute(-1, vtkDataSetAttributes.SCALARS)
+            owner.SetActiveScalars(self.colour_by)
         return result
+
+    def _check_arrays(self, data: vtkPolyData) -> None:
+        if self.radius_by == "array" and self.radius_array is None:
+            raise ValueError("FibreTubes.radius_by is 'array', but radius_array names none")
+        wanted = {"colour_by": self.colour_by}
+        if self.radius_by == "array":
+            wanted["radius_array"] = self.radius_array
+        for parameter, name in wanted.items():
+            if name is not None and not _has(data, name):
+                raise ValueError(
+                    f"FibreTubes.{parameter} is {name!r}, but the fibres have the arrays "
+                    f"{', '.join(_names(data)) or '(none)'}"
+                )
+
+    def _radii(self, data: vtkPolyData, lines: Polylines, muscle: vtkPolyData | None) -> Floats:
+        if self.radius_by == "array" and self.radius_array is not None:
+            on_points = data.GetPointData().HasArray(self.radius_array)
+            owner = data.GetPointData() if on_points else data.GetCellData()
+            values = np.array(vtk_to_numpy(owner.GetArray(self.radius_array)), dtype=np.float64)
+            if values.ndim > 1 or not (np.isfinite(values) & (values >= 0)).all():
+                raise ValueError(
+                    f"FibreTubes: fibres: the array {self.radius_array!r} must have one number per point or "
+                    "fibre, finite and not negative, to be a radius"
+                )
+            return self.radius * (values if on_points else np.repeat(values, np.diff(lines.offsets)))
+        if muscle is None:
+            raise ValueError("FibreTubes.radius_by is 'fill', but the port 'muscle' is not connected")
+        volume = abs(signed_volume(*checked_surface(muscle, "FibreTubes: muscle")))
+        total = float(polyline_lengths(lines.points, lines.offsets).sum())
+        if not total > 0.0:
+            raise ValueError("FibreTubes: fibres: none of them has a length, and so none gets a tube")
+        return np.minimum(filling_radius(volume, total), 0.5 * room_between(lines.points, lines.offsets))
+
+    def _detail(self, lines: Polylines) -> tuple[int, int]:
+        """Return the number of sides and of fibres that are within the limit of triangles."""
+        if not self.max_triangles:
+            return self.sides, len(lines)
+        # Two triangles per side and segment, one less than two per side for the caps.
+        per_side = 2 * np.cumsum(np.diff(lines.offsets))
+        sides = int(np.clip(self.max_triangles // per_side[-1], 3, self.sides))
+        count = int(np.searchsorted(per_side * sides, self.max_triangles, side="right"))
+        return sides, min(max(count, 1), len(lines))
+
+
+def _first_lines(data: vtkPolyData, lines: Polylines, count: int) -> vtkPolyData:
+    """Return the first lines with their arrays."""
+    if count == len(lines):
+        return data
+    n_points = int(lines.offsets[count])
+    part = polylines_from(Polylines(lines.points[:n_points], lines.offsets[: count + 1]))
+    part.GetFieldData().ShallowCopy(data.GetFieldData())
+    for source, put, stop in (
+        (data.GetPointData(), set_point_array, n_points),
+        (data.GetCellData(), set_cell_array, count),
+    ):
+        for i in range(source.GetNumberOfArrays()):
+            array = source.GetArray(i)
+            if array is not None:
+                put(part, array.GetName(), vtk_to_numpy(array)[:stop])
+    if data.GetPointData().HasArray(RADIUS):
+        part.GetPointData().SetActiveScalars(RADIUS)
+    return part
+
+
+def _has(data: vtkPolyData, name: str) -> bool:
+    return bool(data.GetPointData().HasArray(name) or data.GetCellData().HasArray(name))
+
+
+def _names(data: vtkPolyData) -> list[str]:
+    both = (data.GetPointData(), data.GetCellData())
+    return [repr(owner.GetArrayName(i)) for owner in both for i in range(owner.GetNumberOfArrays())]

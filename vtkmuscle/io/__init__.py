@@ -6,6 +6,7 @@ keeps VTK's own messages off the terminal.
 
 from __future__ import annotations
 
+from vtkmuscle.io.fibre_table import fibre_summary, write_fibre_table
 from vtkmuscle.io.landmarks import read_landmarks
 from vtkmuscle.io.motion_table import read_motion_table, write_motion_table
 from vtkmuscle.io.series import Collection, Series
@@ -19,11 +20,13 @@ __all__ = [
     "Collection",
     "Series",
     "TimeSeries",
+    "fibre_summary",
     "read_landmarks",
     "read_motion_table",
     "read_polydata",
     "read_series",
     "read_surface",
+    "write_fibre_table",
     "write_motion_table",
     "write_polydata",
     "write_text",

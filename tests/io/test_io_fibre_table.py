@@ -1,0 +1,38 @@
+import csv
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from vtkmuscle.filters.arrays import Polylines, cell_array, polylines_from, set_cell_array
+from vtkmuscle.filters.fibre_metrics import FibreMetrics
+from vtkmuscle.io import fibre_summary, write_fibre_table
+
+
+@pytest.fixture
+def measured():
+    lines = np.array([[[0, 0, 0], [3, 0, 0], [3, 4, 0]], [[0, 0, 0], [0, 6, 0], [0, 11, 0.0]]])
+    fibres = polylines_from(Polylines(lines.reshape(-1, 3), np.array([0, 3, 6])))
+    set_cell_array(fibres, "FibreId", np.array([4, 5]))
+    return FibreMetrics(curvature=True)(fibres)
+
+
+def test_the_table_has_a_row_per_fibre_and_a_column_per_measure(measured, tmp_path):
+    path = write_fibre_table(measured, tmp_path / "fibres.csv")
+    rows = list(csv.DictReader(path.read_text().splitlines()))
+    assert set(rows[0]) == {"FibreId", "Length", "Tortuosity", "CurvatureMean", "CurvatureMax"}
+    assert [row["FibreId"] for row in rows] == ["4", "5"]
+    for name in rows[0]:
+        assert_allclose([float(row[name]) for row in rows], cell_array(measured, name, ""), rtol=1e-9)
+
+
+def test_the_summary_has_mean_sd_and_range(measured):
+    summary = fibre_summary(measured)
+    assert summary["Length"] == {"mean": 9.0, "sd": 2.0, "min": 7.0, "max": 11.0}
+    assert "FibreId" not in summary
+
+
+def test_fibres_without_measures_are_refused(tmp_path):
+    bare = polylines_from(Polylines(np.zeros((2, 3)), np.array([0, 2])))
+    with pytest.raises(ValueError, match="run FibreMetrics"):
+        write_fibre_table(bare, tmp_path / "fibres.csv")

@@ -1,0 +1,100 @@
+"""What was measured of fibres, as a table and in short."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.io.writing import write_text
+
+
+def fibre_columns(fibres: vtkPolyData) -> dict[str, NDArray[np.float64]]:
+    """Return every cell array of numbers, one per fibre, by its name, in alphabetical order.
+
+    Parameters
+    ----------
+    fibres : vtkPolyData
+        From :class:`~vtkmuscle.filters.FibreMetrics`.
+
+    Returns
+    -------
+    dict of str to (n_fibres,) array
+        Columns.
+    """
+    data = fibres.GetCellData()
+    arrays = [data.GetArray(i) for i in range(data.GetNumberOfArrays())]
+    columns = {
+        array.GetName(): np.array(vtk_to_numpy(array), dtype=np.float64)
+        for array in arrays
+        if array is not None and array.GetNumberOfComponents() == 1
+    }
+    return dict(sorted(columns.items()))
+
+
+def fibre_summary(fibres: vtkPolyData) -> dict[str, dict[str, float]]:
+    """Return mean, standard deviation (of the population), least and largest of each measure.
+
+    Parameters
+    ----------
+    fibres : vtkPolyData
+        From :class:`~vtkmuscle.filters.FibreMetrics`.
+
+    Returns
+    -------
+    dict
+        Per cell array ``mean``, ``sd``, ``min`` and ``max``, in its unit.
+
+    Examples
+    --------
+    >>> from vtkmodules.vtkFiltersSources import vtkLineSource
+    >>> from vtkmuscle.filters import FibreMetrics
+    >>> from vtkmuscle.io import fibre_summary
+    >>> fibre = vtkLineSource(point1=(0, 0, 0), point2=(3, 4, 0)).update().output
+    >>> fibre_summary(FibreMetrics()(fibre))["Length"]
+    {'mean': 5.0, 'sd': 0.0, 'min': 5.0, 'max': 5.0}
+    """
+    return {
+        name: {
+            "mean": float(values.mean()),
+            "sd": float(values.std()),
+            "min": float(values.min()),
+            "max": float(values.max()),
+        }
+        for name, values in fibre_columns(fibres).items()
+        if name != "FibreId" and len(values)
+    }
+
+
+def write_fibre_table(fibres: vtkPolyData, path: str | PathLike[str]) -> Path:
+    """Write the measures of fibres as comma-separated values, a row per fibre and a column per cell array.
+
+    Parameters
+    ----------
+    fibres : vtkPolyData
+        From :class:`~vtkmuscle.filters.FibreMetrics`.
+    path : path
+        A file, replaced where it exists.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    ValueError
+        If the fibres have no cell arrays.
+    """
+    columns = fibre_columns(fibres)
+    if not columns:
+        raise ValueError("write_fibre_table: the fibres have no cell arrays; run FibreMetrics on them first")
+    rows = zip(*columns.values(), strict=True)
+    lines = [",".join(columns), *(",".join(f"{value:.10g}" for value in row) for row in rows)]
+    target = Path(path)
+    write_text(target, "\n".join(lines) + "\n")
+    return target
