@@ -1,0 +1,177 @@
+"""Measure fibres on the real hip: time of each stage, lengths, coverage, turns, points outside, transport.
+
+Run as ``python benchmarks/bench_fibres.py [--muscles NAME ...] [--sizes]``. Times are the least of several
+runs with new filters, everything compiled, and what is remembered of a muscle (search tree, attachment
+patches) in place; the first run, which has to find those out, is printed too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from itertools import pairwise
+
+import numpy as np
+from muscle_problem import data_folder
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from vtkmuscle import Scene
+from vtkmuscle.core.mean_value import transport
+from vtkmuscle.core.packing import filling_radius
+from vtkmuscle.core.sparse_weights import sparse_mean_value_coordinates, sparse_transport
+from vtkmuscle.filters import (
+    FibreMetrics,
+    FibreSmoother,
+    FibreTemplateSource,
+    FibreTrimmer,
+    SliceMorpher,
+    TemplateFitter,
+)
+from vtkmuscle.filters.arrays import cell_array, checked_surface, field_array, polylines_of
+from vtkmuscle.filters.muscle_geometry import muscle_geometry
+from vtkmuscle.io import fibre_summary
+
+Floats = NDArray[np.float64]
+
+STAGES = ("template", "fit", "morph", "trim", "smooth")
+#: Random points in a muscle for the coverage.
+SAMPLES = 20_000
+
+
+def staged(muscle: object, attachments: object, n_fibres: int, resolution: int) -> tuple[object, list[float]]:
+    """Return fibres from new filters, and what each stage took [ms]."""
+    times = [time.perf_counter()]
+    template = FibreTemplateSource(n_fibres=n_fibres, resolution=resolution)()
+    times.append(time.perf_counter())
+    fitted = TemplateFitter()(template, muscle, attachments)
+    times.append(time.perf_counter())
+    morphed = SliceMorpher()(fitted, muscle, attachments)
+    times.append(time.perf_counter())
+    trimmed = FibreTrimmer()(morphed, muscle, attachments)
+    times.append(time.perf_counter())
+    smoothed = FibreSmoother()(trimmed, muscle)
+    times.append(time.perf_counter())
+    return smoothed, (1e3 * np.diff(times)).tolist()
+
+
+def coverage(fibres: object, muscle: object) -> tuple[float, float]:
+    """Return the 95th percentile of the distance of points in a muscle from the nearest fibre, and the ideal.
+
+    Ideal are as many parallel fibres of the same mean length in hexagonal packing, as tubes would be that
+    fill the muscle: a random point in a hexagon of inner radius r is nearer than 1.006 r to its centre in
+    95 % of cases (by sampling, below).
+    """
+    lines = polylines_of(fibres, "fibres")
+    points, _ = checked_surface(muscle, "muscle")
+    rng = np.random.default_rng(0)
+    box = rng.uniform(points.min(axis=0), points.max(axis=0), (12 * SAMPLES, 3))
+    inside = box[muscle_geometry(muscle, "muscle").distance.depth(box) > 0][:SAMPLES]
+    dense = []
+    for first, last in pairwise(lines.offsets):
+        line = lines.points[first:last]
+        for a, b in pairwise(line):
+            dense.append(a + np.linspace(0, 1, 12, endpoint=False)[:, None] * (b - a))
+        dense.append(line[-1:])
+    found = np.percentile(cKDTree(np.vstack(dense)).query(inside)[0], 95)
+    measured = FibreMetrics(architecture=True)(fibres, muscle)
+    total = fibre_summary(measured)["Length"]["mean"] * len(lines)
+    volume = field_array(measured, "MuscleVolume")
+    radius = filling_radius(float(volume[0]) if volume is not None else 0.0, total)
+    place = rng.uniform(-1.2, 1.2, (200_000, 2))
+    turned = [np.abs(place @ [np.cos(t), np.sin(t)]) <= 1 for t in np.pi / 3 * np.arange(3)]
+    in_hexagon = np.linalg.norm(place[np.all(turned, axis=0)], axis=1)
+    return float(found), radius * float(np.percentile(in_hexagon, 95))
+
+
+def quality(name: str, fibres: object, muscle: object, bones: object) -> None:
+    """Print lengths, turns, points outside, coverage and penetration of fibres."""
+    measured = FibreMetrics(architecture=True)(fibres, muscle, bones)
+    summary = fibre_summary(measured)
+    lines = polylines_of(fibres, "fibres")
+    steps = np.diff(lines.points.reshape(len(lines), -1, 3), axis=1)
+    steps /= np.linalg.norm(steps, axis=2, keepdims=True)
+    turns = np.degrees(np.arccos(np.clip((steps[:, 1:] * steps[:, :-1]).sum(axis=2), -1, 1)))
+    distance = muscle_geometry(muscle, "muscle").distance
+    outside = np.where(distance.depth(lines.points) > 0, 0.0, distance.unsigned(lines.points))
+    found, ideal = coverage(fibres, muscle)
+    length = summary["Length"]
+    entered = cell_array(measured, "Penetration", name)
+    print(
+        f"{name:16s} length {length['mean']:6.1f} mm, sd {length['sd']:.1f}, {length['min']:.1f} to "
+        f"{length['max']:.1f}; largest turn {turns.max():.0f} deg; {(outside > 0.1).sum()} of {outside.size} "
+        f"points more than 0.1 mm outside; p95 to the nearest fibre {found:.2f} mm = {found / ideal:.2f} x "
+        f"ideal; {int((entered > 0.5).sum())} fibres more than 0.5 mm in bone, deepest "
+        f"{entered.max():.2f} mm; PCSA {field_array(measured, 'PCSA')[0]:.0f} mm^2"
+    )
+
+
+def time_transport(fibres: object, muscle: object) -> None:
+    """Print what weights and a frame take, by which of the weights are dropped, and what that costs."""
+    points, triangles = checked_surface(muscle, "muscle")
+    queries = polylines_of(fibres, "fibres").points
+    centred = points - points.mean(axis=0)
+    size = np.linalg.norm(np.ptp(points, axis=0))
+    bent = centred + centred[:, 2:] ** 2 / (2 * size) * [1.0, 0.5, 0.0]
+    exact = None
+    for prune in (0.0, 0.03, 0.1, 0.3, 1.0, 3.0):
+        started = time.perf_counter(), time.process_time()
+        weights = sparse_mean_value_coordinates(points, triangles, queries, prune=prune)
+        took, cpu = time.perf_counter() - started[0], time.process_time() - started[1]
+        frame = least(lambda weights=weights: sparse_transport(weights, bent))
+        moved = sparse_transport(weights, bent)
+        exact = moved if exact is None else exact
+        error = np.linalg.norm(moved - exact, axis=1)
+        megabytes = (weights.values.nbytes + weights.columns.nbytes) / 1e6
+        print(
+            f"  prune {prune:5.2f}: weights {took:.2f} s ({cpu:.2f} s of processor), {megabytes:6.1f} MB, "
+            f"frame {frame:5.1f} ms; bent by a radian: error {error.mean():.3f} mm, max {error.max():.3f}, "
+            f"reported {weights.error:.3f}"
+        )
+    dense = np.random.default_rng(0).random((len(queries), len(points)))
+    print(
+        f"  dense product, {dense.nbytes / 1e6:.0f} MB: frame {least(lambda: transport(dense, bent)):.1f} ms"
+    )
+
+
+def least(run: object, rounds: int = 7) -> float:
+    """Return the least time of some runs [ms]."""
+    best = np.inf
+    for _ in range(rounds):
+        start = time.perf_counter()
+        run()  # type: ignore[operator]
+        best = min(best, time.perf_counter() - start)
+    return 1e3 * best
+
+
+def main() -> None:
+    """Print all tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--muscles", nargs="*", help="default: all of the scene")
+    parser.add_argument("--sizes", action="store_true", help="up to 10 000 fibres")
+    parser.add_argument("--rounds", type=int, default=7)
+    options = parser.parse_args()
+    scene = Scene.load(data_folder() / "scene.toml")
+    names = options.muscles or list(scene.muscles)
+    bones = scene.bones_data()
+    for name in names:
+        muscle, attachments = scene.muscles[name].surface, scene.attachments_data(name)
+        _, first = staged(muscle, attachments, 100, 15)
+        runs = [staged(muscle, attachments, 100, 15) for _ in range(options.rounds)]
+        fibres = runs[0][0]
+        best = np.min([times for _, times in runs], axis=0)
+        stages = ", ".join(f"{stage} {ms:.1f}" for stage, ms in zip(STAGES, best, strict=True))
+        print(f"{name:16s} 100 x 15: {best.sum():.1f} ms ({stages}); first run {sum(first):.0f} ms")
+        quality(name, fibres, muscle, bones)
+        if name == names[0]:
+            time_transport(fibres, muscle)
+    if options.sizes:
+        muscle, attachments = scene.muscles[names[0]].surface, scene.attachments_data(names[0])
+        for count, resolution in ((1, 15), (50, 14), (100, 1), (100, 1000), (1000, 30), (10_000, 15)):
+            best = np.min([staged(muscle, attachments, count, resolution)[1] for _ in range(3)], axis=0)
+            stages = ", ".join(f"{stage} {ms:.1f}" for stage, ms in zip(STAGES, best, strict=True))
+            print(f"{names[0]} {count} x {resolution}: {best.sum():.1f} ms ({stages})")
+
+
+if __name__ == "__main__":
+    main()
