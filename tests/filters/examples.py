@@ -1,6 +1,7 @@
 """A small example of everything that filters take, for the contract suite: found by a port's ``content``."""
 
 import numpy as np
+from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle.core.rigid import RigidMotion, apply_transform
 from vtkmuscle.filters.arrays import (
@@ -57,6 +58,23 @@ def deformed_muscle():
     return with_points(muscle(), points)
 
 
+def neighbours(time=4.0):
+    """Return a ball that comes nearer to the spindle, and into it."""
+    ball = ball_beside()
+    shift = np.array([0.0, -2.0 * time, 0.0])
+    moved = with_points(ball, points_of(ball) + shift)
+    set_point_array(moved, "Displacement", np.tile(shift, (ball.GetNumberOfPoints(), 1)))
+    return multiblock_from({"ball": moved})
+
+
+def ball_beside():
+    source = vtkSphereSource(center=(0.0, 0.0, 10.0), radius=15.0, theta_resolution=24, phi_resolution=16)
+    source.Update()
+    ball = source.GetOutput()
+    ball.GetPointData().Initialize()
+    return ball
+
+
 def attachments():
     return deep_copy(PHANTOM.attachments["spindle"])
 
@@ -108,13 +126,14 @@ EXAMPLES = {
     "fixed muscle": fixed_muscle,
     "deformed muscle": deformed_muscle,
     "attachments": attachments,
+    "neighbours": neighbours,
     "template": template,
     "fitted template": fitted_template,
     "fibres": fibres,
 }
 
 #: Contents that change with the pipeline's time.
-MOVING = {"moving bones": moving_bones}
+MOVING = {"moving bones": moving_bones, "neighbours": neighbours}
 
 #: Values of parameters that are objects, by their class.
 OBJECTS = {RigidMotion: PHANTOM.motion}

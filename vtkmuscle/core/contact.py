@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.muscle_contact import MuscleContact
 from vtkmuscle.core.obstacles import Obstacle
 from vtkmuscle.core.rigid import apply_transform, inverse
 
@@ -105,10 +106,20 @@ class Contact:
         Transforms of all bones, rest to now and rest to the previous frame, of points about the centre.
     x : (n, 3) array
         Positions of the previous frame, about the centre [mm].
+    muscles : MuscleContact, optional
+        Other muscles to keep out of; where they press a muscle into a bone, the bone wins.
     """
 
-    def __init__(self, barrier: Barrier, now: Floats, before: Floats, x: Floats) -> None:
+    def __init__(
+        self,
+        barrier: Barrier,
+        now: Floats,
+        before: Floats,
+        x: Floats,
+        muscles: MuscleContact | None = None,
+    ) -> None:
         self._barrier = barrier
+        self._muscles = muscles
         if not barrier.obstacles:
             return
         self._now = now[barrier.bones]
@@ -138,6 +149,8 @@ class Contact:
             Points that were moved.
         """
         hit = np.zeros(len(p), dtype=np.bool_)
+        if self._muscles is not None:
+            hit |= self._muscles.keep_out(p)
         near = self._in_reach(p)
         for number in range(len(near)):
             if not (near[number] and self._meets(number, p)):

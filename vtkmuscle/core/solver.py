@@ -16,6 +16,7 @@ from vtkmuscle.core.blending import blend_motions, screw_between
 from vtkmuscle.core.constraints import VOLUME_FLOOR, per_iteration_stiffness, project_volume
 from vtkmuscle.core.contact import Barrier, Contact
 from vtkmuscle.core.harmonic import harmonic_weights
+from vtkmuscle.core.muscle_contact import MuscleContact, Neighbour
 from vtkmuscle.core.obstacles import Obstacle
 from vtkmuscle.core.projection import ColourOrder, Projection, SequentialOrder
 from vtkmuscle.core.rest_shape import RestShape, ShapeReport
@@ -293,6 +294,7 @@ class MuscleSolver:
         state: MuscleState,
         transforms: Floats,
         *,
+        neighbours: Sequence[Neighbour] = (),
         progress: Callable[[float], None] | None = None,
     ) -> MuscleState:
         """Return the state after the bones have moved on.
@@ -303,6 +305,8 @@ class MuscleSolver:
             Where the muscle was; not changed.
         transforms : (b, 4, 4) array
             Where the bones are now, rest to now.
+        neighbours : sequence of Neighbour, optional
+            Other muscles where they are now, to keep the free points out of.
         progress : callable, optional
             Called after each iteration with the part of the step that is done; may raise, to stop.
 
@@ -332,18 +336,23 @@ class MuscleSolver:
                 if progress is not None:
                     progress(done + part / substeps)
 
-            state = self._substep(state, now, report)
+            state = self._substep(state, now, neighbours, report)
             iterations += state.iterations
         return replace(state, iterations=iterations)
 
     def _substep(
-        self, state: MuscleState, transforms: Floats, progress: Callable[[float], None]
+        self,
+        state: MuscleState,
+        transforms: Floats,
+        neighbours: Sequence[Neighbour],
+        progress: Callable[[float], None],
     ) -> MuscleState:
         """P21 Algorithm 2, lines 6 to 37."""
         now, before = self._centred(transforms), self._centred(state.transforms)
         dt = self.parameters.dt / self.parameters.substeps
         x = state.positions
-        contact = Contact(self._barrier, now, before, x)
+        muscles = MuscleContact(neighbours, self._free, self.centre) if neighbours else None
+        contact = Contact(self._barrier, now, before, x, muscles)
         with np.errstate(over="ignore", invalid="ignore"):  # told below, in our words
             p = self._predict(state, now, before, dt)
             _check_finite(p)

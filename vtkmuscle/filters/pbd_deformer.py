@@ -13,6 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, v
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
 from vtkmuscle.core.anisotropy import edge_stiffness, fibre_directions_at, harmonic_directions
+from vtkmuscle.core.muscle_contact import Neighbour
 from vtkmuscle.core.solver import MuscleSolver, MuscleState, SolverParameters
 from vtkmuscle.core.topology import mesh_topology
 from vtkmuscle.core.voxels import DEFAULT_N_MAX
@@ -29,6 +30,7 @@ from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.bone_motion import bones_of
 from vtkmuscle.filters.checkpoints import MEGABYTE, Checkpoints
 from vtkmuscle.filters.moving_bones import RestBones, transforms_of
+from vtkmuscle.filters.neighbours import Neighbours
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
 from vtkmuscle.filters.pipeline_times import times_of
 
@@ -45,6 +47,10 @@ _ONLY_WITH = {
     "bone_push": ("collision", "voxel"),
     "tolerance": ("solver", "anderson"),
 }
+
+
+#: Ports whose data move with time.
+BONES, NEIGHBOURS = 1, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +127,11 @@ class PBDDeformer(Filter):
     that acceleration takes into a voxel stays there. ``bone_push="transform"`` (P21) then lets points in a
     bone's outermost voxels stick to it and be drawn into the joint, ``"off"`` leaves them where the other
     constraints have them.
+
+    Muscles on port 3 stay as they are; this one is kept out of them, except as deep as it is in them at rest.
+    So muscles are put in an order, in which each yields to those before it; ``vtkGroupDataSetsFilter`` makes
+    one input of several. A point stays on the outer side of the plane that touches the neighbour at the
+    place nearest to it; one that a step takes past the middle of a neighbour comes out on the other side.
 
     P21 itself is ``start="inertial"``, ``solver="gauss-seidel"``, ``order="sequential"``,
     ``collision="voxel"``, ``bone_push="transform"``, ``contact_velocity="keep"``.
@@ -300,6 +311,13 @@ class PBDDeformer(Filter):
     fibres = InputPort(
         vtkPolyData, content="fibres", optional=True, doc="Polylines in the rest pose, for the anisotropy."
     )
+    neighbours = InputPort(
+        vtkMultiBlockDataSet,
+        content="neighbours",
+        optional=True,
+        doc="Other muscles at the pipeline's time, out of which this one is kept: outputs of PBDDeformer, "
+        "with the point array ``Displacement``.",
+    )
     output = OutputPort(
         vtkPolyData,
         doc="The muscle at the time asked for, with the arrays of the input and the point arrays "
@@ -319,6 +337,7 @@ class PBDDeformer(Filter):
         self._solver_made_from: tuple[Any, ...] = ()
         self._muscle: _Muscle | None = None
         self._rest_bones = RestBones("PBDDeformer: bones")
+        self._neighbours: Neighbours | None = None
         self._edge_stiffness: tuple[_Muscle, Floats | None] | None = None
         self._rest_from: float | None = None
         self._frames: Checkpoints[_Frame] = Checkpoints()
@@ -345,7 +364,11 @@ class PBDDeformer(Filter):
             self.request_time = _time_of(outInfo.GetInformationObject(0))
             path = self._path()
             missing = path[self._known(path) :]
-            bones.Set(vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP(), (missing or path[-1:])[0])
+            first = (missing or path[-1:])[0]
+            bones.Set(vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP(), first)
+            if self._has_neighbours():
+                muscles = inInfo[NEIGHBOURS].GetInformationObject(0)
+                muscles.Set(vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP(), first)
         return 1
 
     def _path(self) -> list[float | None]:
@@ -359,35 +382,40 @@ class PBDDeformer(Filter):
         """Return how much of a path is done: one more than the index of its last known frame."""
         return max((i + 1 for i, step in enumerate(path) if step in self._frames), default=0)
 
+    def _has_neighbours(self) -> bool:
+        return bool(self.GetNumberOfInputConnections(NEIGHBOURS))
+
     def _bones_at(self, time: float | None) -> vtkMultiBlockDataSet:
-        """Return the bones at a time; what is there already is not computed again."""
-        connection = self.GetInputConnection(1, 0)
+        return self._input_at(BONES, time)
+
+    def _input_at(self, input_port: int, time: float | None) -> vtkMultiBlockDataSet:
+        """Return what moves at a time; what is there already is not computed again."""
+        connection = self.GetInputConnection(input_port, 0)
         producer, port = connection.GetProducer(), connection.GetIndex()
         key = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
         producer.GetOutputInformation(port).Set(key, time)
         done = producer.Update(port)
-        bones: vtkMultiBlockDataSet = producer.GetOutputDataObject(port)
+        data: vtkMultiBlockDataSet = producer.GetOutputDataObject(port)
         # VTK before 9.3 returns None here rather than a success flag.
-        if (done is not None and not done) or not bones.GetNumberOfElements(vtkDataObject.POINT):
-            raise RuntimeError(f"PBDDeformer: the bones at time {time:g} could not be computed")
-        return bones
+        if (done is not None and not done) or not data.GetNumberOfElements(vtkDataObject.POINT):
+            name = "bones" if input_port == BONES else "neighbours"
+            raise RuntimeError(f"PBDDeformer: the {name} at time {time:g} could not be computed")
+        return data
 
     def _forget_if_changed(self) -> None:
         """Drop all frames when a parameter they depend on or anything upstream of the bones has changed."""
-        connection = self.GetInputConnection(1, 0)
-        producer = connection.GetProducer()
         # The pipeline's modification time tells changes upstream, but does not change with time requests;
         # a data set's own would. Two producers behind one source share it, so theirs is in it as well.
-        executive = producer.GetExecutive()
-        made_with = (
-            self._settings_of_frames(),
-            producer.GetMTime(),
-            connection.GetIndex(),
-            executive.GetPipelineMTime(),
-        )
+        made_with: list[Any] = [self._settings_of_frames()]
+        for port in (BONES, NEIGHBOURS) if self._has_neighbours() else (BONES,):
+            connection = self.GetInputConnection(port, 0)
+            producer = connection.GetProducer()
+            executive = producer.GetExecutive()
+            made_with += [producer.GetMTime(), connection.GetIndex(), executive.GetPipelineMTime()]
         if made_with != self._made_with:
             self._frames.clear()
             self._made_with = made_with
+            self._neighbours = None
 
     def _settings_of_frames(self) -> dict[str, Any]:
         """Return the parameters that a frame depends on."""
@@ -403,7 +431,11 @@ class PBDDeformer(Filter):
     # ---------------------------------------------------------------- one frame
 
     def execute(
-        self, muscle: vtkPolyData, bones: vtkMultiBlockDataSet, fibres: vtkPolyData | None
+        self,
+        muscle: vtkPolyData,
+        bones: vtkMultiBlockDataSet,
+        fibres: vtkPolyData | None,
+        neighbours: vtkMultiBlockDataSet | None,
     ) -> vtkPolyData:
         """Compute the frames on the way to the time asked for that are not known, and return the last."""
         self._prepare(muscle, fibres, list(bones_of(bones, "PBDDeformer: bones")))
@@ -416,7 +448,10 @@ class PBDDeformer(Filter):
         for index in range(known, len(path)):
             at = path[index]
             now = bones if at is None or not self._steps else self._bones_at(at)
-            self._advance(path, index, bones_of(now, "PBDDeformer: bones"))
+            beside = neighbours
+            if beside is not None and at is not None and self._steps:
+                beside = self._input_at(NEIGHBOURS, at)
+            self._advance(path, index, bones_of(now, "PBDDeformer: bones"), beside)
         self._thin_out(path)
         return self._result(muscle, self._frames[path[-1]])
 
@@ -437,6 +472,7 @@ class PBDDeformer(Filter):
         if not now.same_as(self._muscle):
             self._frames.clear()
             self._solver = None
+            self._neighbours = None
             self._muscle = now
 
     def _checked_fixed_to(self, array: NDArray[Any], names: list[str]) -> Ints:
@@ -473,7 +509,13 @@ class PBDDeformer(Filter):
                 n_equal=self.n_equal,
             )
 
-    def _advance(self, path: Sequence[float | None], known: int, bones: dict[str, vtkPolyData]) -> None:
+    def _advance(
+        self,
+        path: Sequence[float | None],
+        known: int,
+        bones: dict[str, vtkPolyData],
+        neighbours: vtkMultiBlockDataSet | None,
+    ) -> None:
         """Compute the frame after the known ones of a path."""
         started = time.perf_counter()
         if known == 0:
@@ -483,8 +525,17 @@ class PBDDeformer(Filter):
         if self.collision != "none" or self.penetration:
             self._rest_bones.check(bones, transforms)
         before = self._frames[path[known - 1]].state if known else solver.rest_state(len(bones))
+        beside: Sequence[Neighbour] = ()
+        if neighbours is not None:
+            if self._neighbours is None:
+                rest = solver.points(solver.rest_state(len(bones)))
+                self._neighbours = Neighbours("PBDDeformer: neighbours", rest)
+            beside = self._neighbours.at(neighbours)
         state = solver.step(
-            before, transforms, progress=lambda part: self.report_progress((known + part) / len(path))
+            before,
+            transforms,
+            neighbours=beside,
+            progress=lambda part: self.report_progress((known + part) / len(path)),
         )
         frame = _Frame(state, 1e3 * (time.perf_counter() - started))
         self._frames.keep(path[known], frame)

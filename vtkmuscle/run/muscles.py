@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 
 from vtkmuscle.filters.arrays import cell_array, field_array, points_of
 from vtkmuscle.filters.base import AbortedError, Filter
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-from vtkmuscle.filters.pbd_deformer import PBDDeformer
+from vtkmuscle.filters.pbd_deformer import NEIGHBOURS, PBDDeformer
 from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.pipelines import decompose, deform
 from vtkmuscle.run.folder import RunFolder
@@ -45,6 +46,9 @@ class MuscleRun:
         Set from outside to end the run early.
     progress : callable
         Told the muscle, the stage and the part that is done.
+    others : sequence of MuscleRun, optional
+        Muscles that this one may meet, whose runs are done: overlap with them is measured, and where the
+        scene's ``muscle_contact`` is ``"on"`` this muscle is kept out of them.
     """
 
     def __init__(
@@ -56,10 +60,13 @@ class MuscleRun:
         folder: RunFolder | None,
         stop: threading.Event,
         progress: Progress,
+        others: Sequence[MuscleRun] = (),
     ) -> None:
         self.scene, self.name, self.track = scene, name, track
         self.distances, self.folder = distances, folder
         self.stop, self.progress = stop, progress
+        self.others = others
+        self.deformer: PBDDeformer | None = None
         self.seconds: dict[str, float] = {}
         track.report["seconds"] = self.seconds
 
@@ -94,6 +101,9 @@ class MuscleRun:
         bones = scene.bones_data()
         solver = scene.solver_of(name)
         deformer = deform(detector, bones, scene.motion, fibres=fibres, fixed=None, **solver)
+        self.deformer = deformer
+        if self.others and scene.muscle_contact == "on":
+            deformer.connect(NEIGHBOURS, self._grouped_others())
         track.report["parameters"] = {
             "solver": deformer.parameters(),
             "fixing": detector.parameters(),
@@ -135,6 +145,9 @@ class MuscleRun:
         self._check_finite(points, number)
         with self._timed("measuring"):
             row = {"frame": number, "time": now, **measure.frame(points, self.scene.motion.at(now))}
+        if self.scene.muscle_contact != "off":
+            with self._timed("measuring overlap"):
+                row.update(measure.overlap(points, self._others_at(now)))
         row["iterations"] = _iterations(deformed, deformer)
         row["ms"] = 1000.0 * took
         if self.folder is not None:
@@ -147,6 +160,20 @@ class MuscleRun:
             self.track.lengths.append(np.array(lengths) * self.scene.millimetres)
             self.track.fibres.append(fibres)
         self.track.report["frames"].append(row)
+
+    def _grouped_others(self) -> vtkGroupDataSetsFilter:
+        group = vtkGroupDataSetsFilter()
+        group.SetOutputTypeToMultiBlockDataSet()
+        for number, other in enumerate(self.others):
+            assert other.deformer is not None
+            group.AddInputConnection(other.deformer.GetOutputPort())
+            group.SetInputName(number, other.name)
+        return group
+
+    def _others_at(self, now: float) -> Iterator[Any]:
+        for other in self.others:
+            assert other.deformer is not None
+            yield other.deformer.update(time=now).output
 
     def _check_finite(self, points: Any, number: int) -> None:
         if not np.isfinite(points).all():

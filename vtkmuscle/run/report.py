@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.mesh import edge_lengths, signed_volume, unique_edges
+from vtkmuscle.core.muscle_contact import depth_in
 from vtkmuscle.core.rigid import apply_transform, inverse
-from vtkmuscle.filters.arrays import point_array, points_of, triangles_of
+from vtkmuscle.filters.arrays import checked_surface, point_array, points_of, triangles_of
+from vtkmuscle.filters.neighbours import outward_tree
 from vtkmuscle.filters.surface_distance import SurfaceDistance
 
 Floats = NDArray[np.float64]
@@ -33,6 +35,9 @@ DEFINITIONS = {
     "penetration_p95_mm": "95th percentile of that depth over all free points, 0 outside the bones",
     "penetrating_points": "number of free points inside a bone",
     "fixed_error_max_mm": "largest distance of a fixed point from where its bone carries it",
+    "overlap_max_mm": "how deep the deepest point is inside another muscle that comes before it in the scene",
+    "overlap_p95_mm": "95th percentile of that depth over the points that are inside one",
+    "overlapping_points": "number of points inside another muscle that comes before it in the scene",
     "iterations": "iterations of the solver for the frame",
     "ms": "wall-clock time of the deformation of the frame, milliseconds; muscles run side by side",
     "points_inside": f"points of fibres at rest inside the muscle or within {FIBRE_TOLERANCE:g} mm of it",
@@ -121,6 +126,20 @@ class MuscleMeasure:
             "edge_stretch_max": float(stretch.max()),
             **self._penetration(points, now),
             "fixed_error_max_mm": self._fixed_error(points, now),
+        }
+
+    def overlap(self, points: Floats, others: Iterable[vtkPolyData]) -> dict[str, Any]:
+        """Return how deep the muscle's points (n, 3) are inside other muscles; see :data:`DEFINITIONS`."""
+        depths = np.zeros(len(points))
+        for other in others:
+            tree = outward_tree(*checked_surface(other, "muscle"))
+            np.maximum(depths, depth_in(tree, points), out=depths)
+        depths *= self._millimetres
+        inside = depths[depths > 0.0]
+        return {
+            "overlap_max_mm": float(depths.max()),
+            "overlap_p95_mm": float(np.percentile(inside, 95)) if len(inside) else 0.0,
+            "overlapping_points": len(inside),
         }
 
     def _penetration(self, points: Floats, now: Mapping[str, Floats]) -> dict[str, Any]:

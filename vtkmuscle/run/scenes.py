@@ -97,13 +97,18 @@ def run_scene(
     stop = threading.Event()
     told = _one_at_a_time(progress)
     count = min(workers or cpu_count() or 1, len(scene.muscles))
+    if scene.muscle_contact != "off":
+        count = 1  # each muscle waits for those before it, and shares their filters
     try:
         with ThreadPoolExecutor(count) as pool, _setting_if_interrupted(stop):
             jobs: dict[str, Future[None]] = {}
+            runs: list[MuscleRun] = []
             if folder is not None:
                 folder.begin(report)
             for name, track in tracks.items():
-                run = MuscleRun(scene, name, track, distances, folder, stop, told)
+                others = tuple(runs) if scene.muscle_contact != "off" else ()
+                run = MuscleRun(scene, name, track, distances, folder, stop, told, others)
+                runs.append(run)
                 jobs[f"muscles.{name}"] = pool.submit(run.go, numbers)
             if folder is not None:
                 folder.write_bones(scene, numbers, stop.is_set)

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 _NAME = re.compile(r"\w[\w .+-]*(?<![ .])")
 #: Names that the run writes itself, beside those of the muscles.
 _RESERVED = ("bones", "figures", "scene")
+#: What is done where muscles meet.
+MUSCLE_CONTACTS = ("off", "on", "measure")
 #: What a scene file has in place of a muscle's attachments, to have them estimated.
 ESTIMATE = "estimate"
 #: Landmarks farther from their muscle than this many of its diagonals are another muscle's, or in
@@ -51,6 +53,10 @@ def checked_names(scene: Scene) -> None:
     if scene.units not in MILLIMETRES:
         problem = f"there is no unit {scene.units!r}"
         raise SceneError(problem, key="units", mend=suggestion(str(scene.units), MILLIMETRES), file=file)
+    if scene.muscle_contact not in MUSCLE_CONTACTS:
+        problem = f"{scene.muscle_contact!r} is not allowed"
+        mend = suggestion(str(scene.muscle_contact), MUSCLE_CONTACTS)
+        raise SceneError(problem, key="muscle_contact", mend=mend, file=file)
     mend = "use letters, digits, spaces and _ - + . only, beginning and ending with a letter or digit"
     for key, name in [
         ("name", scene.name),

@@ -99,6 +99,9 @@ class Scene:
         Parameters of PBDDeformer for all muscles.
     fixing : mapping
         Parameters of FixedPointDetector for all muscles.
+    muscle_contact : str
+        ``"off"``; ``"on"``, to keep each muscle out of those before it in the scene; or ``"measure"``, to
+        report how deep it is in them.
     files : mapping of str to Path
         The file that the value of a dotted key was read from; ``""`` is the scene's own file.
 
@@ -123,6 +126,7 @@ class Scene:
     units: str = "mm"
     solver: Mapping[str, Any] = field(default_factory=dict)
     fixing: Mapping[str, Any] = field(default_factory=dict)
+    muscle_contact: str = "off"
     files: Mapping[str, Path] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -4,6 +4,7 @@
 
     name = "hip"                       # optional: the file's name
     units = "mm"                       # "mm", "cm" or "m"; optional: "mm"
+    muscle_contact = "off"             # or "on", "measure": each muscle against those before it; optional
 
     [bones.pelvis]
     surface = "bones/pelvis.vtp"       # .vtp, .vtk, .stl, .obj or .ply, relative to this file
@@ -144,7 +145,7 @@ def read_scene(path: Path) -> Scene:
         path,
         "",
         _parsed(path),
-        ("name", "units", "bones", "motion", "muscles", "solver", "fixing"),
+        ("name", "units", "bones", "motion", "muscles", "solver", "fixing", "muscle_contact"),
     )
     files: dict[str, Path] = {"": path}
     bones = {}
@@ -170,6 +171,7 @@ def read_scene(path: Path) -> Scene:
         units=root.text("units", '"mm"') if "units" in root else "mm",
         solver=root.settings("solver"),
         fixing=root.settings("fixing"),
+        muscle_contact=root.text("muscle_contact", '"on"') if "muscle_contact" in root else "off",
         files=files,
     )
 

@@ -1,0 +1,147 @@
+"""A deformer that keeps its muscle out of its neighbours, and a scene that does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
+
+from examples import ball_beside
+from vtkmuscle import Scene, SceneError
+from vtkmuscle.core.muscle_contact import depth_in
+from vtkmuscle.core.rigid import RigidMotion
+from vtkmuscle.filters.arrays import (
+    checked_surface,
+    multiblock_from,
+    points_of,
+    set_point_array,
+    with_points,
+)
+from vtkmuscle.filters.neighbours import outward_tree
+from vtkmuscle.phantoms import spindle_over_hinge
+from vtkmuscle.pipelines import deform
+from vtkmuscle.scene.model import Muscle
+
+
+def depth(points, other):
+    return depth_in(outward_tree(*checked_surface(other, "test")), points)
+
+
+def pressing(shift=0.0):
+    """Return a ball that has moved into the spindle by 9 mm, from beside it or from a little in it."""
+    moved = np.array([0.0, -10.0, 0.0])
+    ball = with_points(ball_beside(), points_of(ball_beside()) + moved + [0.0, shift, 0.0])
+    set_point_array(ball, "Displacement", np.tile(moved, (ball.GetNumberOfPoints(), 1)))
+    return ball
+
+
+def chain(spindle, neighbours=None, **solver):
+    motion = RigidMotion(np.array([0.0, 1.0]), {"distal": np.array([np.eye(4)] * 2)})
+    deformer = deform(
+        spindle.muscles["spindle"], spindle.bones, motion, spindle.attachments["spindle"], **solver
+    )
+    if neighbours is not None:
+        deformer.connect(3, neighbours)
+    return deformer
+
+
+def test_a_muscle_gives_way_to_its_neighbour_and_keeps_its_volume(spindle):
+    ball = pressing()
+    rest = points_of(spindle.muscles["spindle"])
+    assert depth(rest, ball).max() > 2.0
+    output = chain(spindle, multiblock_from({"ball": ball}), iterations=30).update(time=1.0).output
+    assert depth(points_of(output), ball).max() < 0.05
+    assert output.GetFieldData().GetArray("VolumeRatio").GetValue(0) == pytest.approx(1.0, abs=1e-3)
+    assert np.linalg.norm(points_of(output) - rest, axis=1).max() > 2.0
+
+
+def test_points_stay_as_deep_as_they_are_at_rest(spindle):
+    rest = points_of(spindle.muscles["spindle"])
+    ball = pressing()
+    set_point_array(ball, "Displacement", np.zeros((ball.GetNumberOfPoints(), 3)))
+    output = chain(spindle, multiblock_from({"ball": ball})).update(time=1.0).output
+    np.testing.assert_allclose(points_of(output), rest, atol=1e-6)
+
+
+def test_a_neighbour_that_is_far_away_changes_nothing(spindle):
+    alone = points_of(chain(spindle).update(time=1.0).output)
+    beside = chain(spindle, multiblock_from({"ball": pressing(500.0)})).update(time=1.0).output
+    np.testing.assert_array_equal(points_of(beside), alone)
+
+
+def test_a_neighbour_without_displacement_is_refused(spindle):
+    with pytest.raises(ValueError, match=r"PBDDeformer: neighbours, block 'ball'.*Displacement"):
+        chain(spindle, multiblock_from({"ball": ball_beside()})).update(time=1.0)
+
+
+def two_spindles(contact, *, apart=33.0):
+    """Return a spindle over a hinge and before it a second one, so far off (they are 32 mm thick)."""
+    phantom = Scene.from_phantom(spindle_over_hinge())
+    back = replace(phantom.muscles["spindle"], fibres=None)
+    shift = np.array([0.0, -apart, 0.0])
+    front = Muscle(
+        with_points(back.surface, points_of(back.surface) + shift),
+        tuple(replace(area, landmarks=area.landmarks + shift) for area in back.attachments),
+    )
+    motion = RigidMotion(
+        phantom.motion.times[::6], {bone: table[::6] for bone, table in phantom.motion.transforms.items()}
+    )
+    muscles = {"front": front, "back": back}
+    solver = {"collision": "none"}
+    return Scene("two", phantom.bones, muscles, motion, muscle_contact=contact, solver=solver)
+
+
+def test_frames_do_not_depend_on_the_order_of_requests():
+    scene = two_spindles("on")
+    times = [float(time) for time in scene.motion.times]
+
+    def deformer():
+        made = []
+        for name in scene.muscles:
+            muscle = scene.muscles[name]
+            made.append(
+                deform(muscle.surface, scene.bones_data(), scene.motion, scene.attachments_data(name))
+            )
+        group = vtkGroupDataSetsFilter()
+        group.SetOutputTypeToMultiBlockDataSet()
+        group.AddInputConnection(made[0].GetOutputPort())
+        group.SetInputName(0, "front")
+        made[1].connect(3, group)
+        return made[1], made[0]
+
+    forward, _front = deformer()
+    expected = [points_of(forward.update(time=time).output).copy() for time in times]
+    back, front = deformer()
+    for index in (3, 1, 0, 2):
+        np.testing.assert_array_equal(points_of(back.update(time=times[index]).output), expected[index])
+    front.iterations = 3  # a change of the neighbour makes all frames anew
+    assert not np.array_equal(points_of(back.update(time=times[3]).output), expected[3])
+
+
+@pytest.mark.parametrize(("apart", "at_rest"), [(33.0, 0.0), (31.0, 0.99)])
+def test_a_scene_reports_overlap_and_contact_takes_away_what_is_more_than_at_rest(apart, at_rest):
+    frames = {}
+    for contact in ("measure", "on"):
+        report = two_spindles(contact, apart=apart).run().report["muscles"]
+        assert all(row["overlapping_points"] == 0 for row in report["front"]["frames"])
+        frames[contact] = report["back"]["frames"]
+    before, after = frames["measure"][-1], frames["on"][-1]
+    assert before["overlap_max_mm"] > at_rest + 1.5
+    assert before["overlapping_points"] > 15
+    assert after["overlap_max_mm"] < at_rest + 0.05
+    assert after["overlap_p95_mm"] <= after["overlap_max_mm"]
+    assert after["volume_ratio"] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_without_contact_no_overlap_is_measured():
+    report = replace(two_spindles("off")).run(frames="0:1").report["muscles"]
+    assert "overlap_max_mm" not in report["back"]["frames"][0]
+
+
+def test_the_key_of_a_scene_is_checked_and_written(tmp_path):
+    scene = two_spindles("on")
+    assert Scene.load(scene.save(tmp_path)).muscle_contact == "on"
+    with pytest.raises(SceneError, match=r"muscle_contact: 'yes' is not allowed; .*off, on, measure"):
+        two_spindles("yes")
