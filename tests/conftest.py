@@ -63,3 +63,12 @@ def hip():
     from vtkmuscle.phantoms import hip
 
     return hip()
+
+
+def pytest_collection_modifyitems(config, items):
+    """Leave out long measurements unless they are asked for (-m study)."""
+    if "study" in config.option.markexpr:
+        return
+    for item in items:
+        if item.get_closest_marker("study"):
+            item.add_marker(pytest.mark.skip(reason="a long measurement; run it with -m study"))

@@ -142,3 +142,14 @@ def test_what_cannot_be_exported_is_said(runs, tmp_path):
     with pytest.raises(ValueError, match=r"to a \.gltf file"):
         export_scene(tmp_path / "a.html", read_pose(runs / "pvd").bones, [])
     assert "there is no such file" in call(["export", str(tmp_path), str(tmp_path / "a.gltf")], 2)
+
+
+def test_several_muscles_are_exported_together(runs, tmp_path):
+    reason = can_render()
+    if reason is not None:
+        pytest.skip(reason)
+    pose = read_pose(runs / "pvd", 0.0)
+    export_scene(tmp_path / "one.gltf", pose.bones, pose.muscles)
+    export_scene(tmp_path / "two.gltf", pose.bones, pose.muscles * 2, fibres=pose.fibres * 2)
+    meshes = [len(json.loads((tmp_path / name).read_text())["meshes"]) for name in ("one.gltf", "two.gltf")]
+    assert meshes[1] == meshes[0] + 2

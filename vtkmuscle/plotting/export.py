@@ -46,7 +46,7 @@ def export_scene(
     path = Path(path)
     if path.suffix.lower() != ".gltf":
         raise ValueError(f"{path}: a scene is exported to a .gltf file; give it that suffix")
-    view = choose_view(list(muscles), [bones])
+    view = choose_view(list(muscles), [bones] * len(muscles))
     plotter = make_plotter(bones, muscles, view, fibres=_appended(fibres) if fibres else None)
     try:
         with replacing(path) as beside:
