@@ -39,8 +39,8 @@ Ints = NDArray[np.int64]
 #: iterations that it was taken in.
 DONE, TAKEN = 0, 8
 
-#: How often a thread that has to wait looks before it lets another thread have the processor.
-PATIENCE = 1000
+#: How often a thread that has to wait looks before it does another's task, or lets it have the processor.
+PATIENCE = 20000
 
 
 @kernel
@@ -108,8 +108,12 @@ def work(
             while end < count and tasks[end, AFTER] == tasks[start, AFTER]:
                 end += 1
             _wait_for(counts, iteration * count + tasks[start, AFTER] - tasks[0, AFTER])
+            looks = 0
             for step in range(end - start):
                 task = start + (step + thread * (end - start) // threads) % (end - start)
+                if step >= (end - start) // threads:  # another thread's; it may be about to take it
+                    while looks < PATIENCE and load(counts, TAKEN + task) == iteration:
+                        looks += 1
                 if not exchange(counts, TAKEN + task, iteration, iteration + 1):
                     continue
                 kind, first, last = tasks[task, KIND], tasks[task, FIRST], tasks[task, LAST]

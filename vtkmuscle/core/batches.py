@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from vtkmuscle.core.batched_constraints import CONSTANTS, RECORD, WIDTH, Offsets, Reals
 from vtkmuscle.core.batched_volume import RING_STEP
 from vtkmuscle.core.colouring import greedy_colouring
-from vtkmuscle.core.constraints import VOLUME_FLOOR, dihedral_angle, volume_and_gradient
+from vtkmuscle.core.constraints import VOLUME_FLOOR, volume_and_gradient
 from vtkmuscle.core.domains import LARGE, domains_of_points, groups_of_constraints, order_of_points
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh import edge_lengths
+from vtkmuscle.core.rest_shape import dihedral_angles
 from vtkmuscle.core.topology import MeshTopology
 
 Floats = NDArray[np.float64]
@@ -164,15 +165,14 @@ def pack(
     places[order], places[n] = np.arange(n), n
     k = len(topology.edges)
     lengths = edge_lengths(rest, topology.edges)
-    corners = np.full((k, 4), n, dtype=np.int64)
-    corners[:, :2] = topology.edges
+    corners = np.full((k + 1, 4), n, dtype=np.int64)  # the last row is for empty places
+    corners[:-1, :2] = topology.edges
     corners[topology.quad_edges] = topology.quads
 
-    p1, p2, p3, p4 = (rest[topology.quads[:, i]] for i in range(4))
-    angles, defined = dihedral_angle(p1, p2, p3, p4)
+    angles, defined = dihedral_angles(rest, topology.quads)
     bent = topology.quad_edges[defined]
     corners[topology.quad_edges[~defined], 2:] = n
-    values = np.zeros((k + 1, CONSTANTS))  # the last row is for empty places
+    values = np.zeros((k + 1, CONSTANTS))
     values[:-1, 0] = lengths
     values[:-1, 1] = edge_stiffness
     values[:, 2] = 1.0
@@ -180,8 +180,8 @@ def pack(
     values[bent, 4] = np.broadcast_to(shape_stiffness, k)[bent]
 
     free = np.append(inverse_mass > 0, np.False_)
-    used = free[corners[:, :2]].any(axis=1) & (values[:-1, 1] > 0)
-    used |= free[corners].any(axis=1) & (values[:-1, 4] > 0)
+    used = free[corners[:-1, :2]].any(axis=1) & (values[:-1, 1] > 0)
+    used |= free[corners[:-1]].any(axis=1) & (values[:-1, 4] > 0)
     ids = np.flatnonzero(used)
     corners = places[corners]
     first = corners[ids].min(axis=1)
@@ -196,7 +196,6 @@ def pack(
         for group in groups
     ]
     edges = np.concatenate(batches)
-    corners = np.vstack([corners, np.full(4, n)])
 
     vertex_at, ring_starts, ring_at, vertex_batches = _pack_rings(places[topology.triangles], domains)
     gradient = np.empty_like(rest)
