@@ -57,6 +57,17 @@ FramesOption = Annotated[
     ),
 ]
 
+WorkersOption = Annotated[
+    int | None,
+    typer.Option(
+        "--workers",
+        metavar="N",
+        min=1,
+        help="Muscles that are deformed side by side; the results are the same. Default: one per processor.",
+        show_default=False,
+    ),
+]
+
 
 def main() -> None:
     """Run the command line; the console entry point."""
@@ -86,6 +97,7 @@ def run(
     quiet: QuietOption = False,
     figures: FiguresOption = True,
     series: FormatOption = "pvd",
+    workers: WorkersOption = None,
 ) -> None:
     """Run a scene: deform its muscles, carry their fibres along, measure, and write all of it.
 
@@ -96,7 +108,7 @@ def run(
 
         loaded = Scene.load(scene)
     _run(
-        loaded, out or Path(f"{loaded.name}_out"), frames=frames, quiet=quiet, figures=figures, series=series
+        loaded, out or Path(f"{loaded.name}_out"), frames=frames, quiet=quiet, figures=figures, series=series, workers=workers
     )
 
 
@@ -107,6 +119,7 @@ def demo(
     quiet: QuietOption = False,
     figures: FiguresOption = True,
     series: FormatOption = "pvd",
+    workers: WorkersOption = None,
 ) -> None:
     """Run a phantom hip, and write its scene too, as a model for your own.
 
@@ -122,7 +135,7 @@ def demo(
         loaded = Scene.load(path)
     _say(quiet, f"The scene is {path}: edit it, or put your own surfaces there, and run it with")
     _say(quiet, f"  vtkmuscle run {path}")
-    _run(loaded, folder, frames=frames, quiet=quiet, figures=figures, series=series)
+    _run(loaded, folder, frames=frames, quiet=quiet, figures=figures, series=series, workers=workers)
 
 
 @app.command()
@@ -188,9 +201,20 @@ def paraview_path(
         typer.echo(command)
 
 
-def _run(scene: Scene, out: Path, *, frames: str | None, quiet: bool, figures: bool, series: str) -> None:
+def _run(
+    scene: Scene,
+    out: Path,
+    *,
+    frames: str | None,
+    quiet: bool,
+    figures: bool,
+    series: str,
+    workers: int | None,
+) -> None:
     with _one_clear_error(out), _progress_bars(list(scene.muscles), quiet=quiet) as progress:
-        result = scene.run(out, frames=frames, figures=figures, progress=progress, series=series)
+        result = scene.run(
+            out, frames=frames, figures=figures, progress=progress, workers=workers, series=series
+        )
     rows = result.report["muscles"]
     for name, muscle in rows.items():
         volumes = [row["volume_ratio"] for row in muscle["frames"]]
