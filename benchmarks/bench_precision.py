@@ -1,7 +1,7 @@
 """Measure what single precision changes: error against double, and time per step of the solver.
 
-Run as ``python benchmarks/bench_precision.py``. A muscle of the real hip is turned in steps of 2 degrees, from
-the blended start, without bones.
+Run as ``python benchmarks/bench_precision.py``. A muscle of the real hip is turned in steps of 2 degrees,
+from the blended start, without bones.
 """
 
 from __future__ import annotations

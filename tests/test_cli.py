@@ -48,6 +48,17 @@ def test_a_run_says_what_it_found_and_where_it_is(scene_file, tmp_path):
     assert json.loads((tmp_path / "out/report.json").read_text())["frames"] == [0, 1]
 
 
+def test_workers_change_no_result_and_cannot_be_none(scene_file, tmp_path):
+    tables = []
+    for workers in ("1", "2"):
+        out = tmp_path / workers
+        common = ("--frames", "0:2", "--no-figures", "--quiet")
+        assert vtkmuscle_("run", scene_file, "--out", out, "--workers", workers, *common).exit_code == 0
+        tables.append((out / "lengths.csv").read_bytes())
+    assert tables[0] == tables[1]
+    assert vtkmuscle_("run", scene_file, "--workers", "0").exit_code == 2
+
+
 def test_without_out_the_folder_is_called_after_the_scene(scene_file, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = vtkmuscle_("run", scene_file, "--frames", "0:1", "--no-figures", "--quiet")

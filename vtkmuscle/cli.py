@@ -108,7 +108,13 @@ def run(
 
         loaded = Scene.load(scene)
     _run(
-        loaded, out or Path(f"{loaded.name}_out"), frames=frames, quiet=quiet, figures=figures, series=series, workers=workers
+        loaded,
+        out or Path(f"{loaded.name}_out"),
+        frames=frames,
+        quiet=quiet,
+        figures=figures,
+        series=series,
+        workers=workers,
     )
 
 
