@@ -19,7 +19,7 @@ Bools = NDArray[np.bool_]
 
 
 #: A muscle with more than this part of its free points in a bone is taken to be swallowed by it.
-SWALLOWED = 0.5
+SWALLOWED = 0.9
 
 
 class Barrier:
@@ -44,6 +44,7 @@ class Barrier:
     ) -> None:
         self.obstacles = tuple(obstacles)
         self.free = free
+        self.any_free = bool(free.any())
         self.bone_push = bone_push
         self._rest = rest
         self._about_centre = np.eye(4)
@@ -127,7 +128,7 @@ class Contact:
         self._x = [x for _ in barrier.obstacles]
         #: Where the bones are, and, seen from each, where points come from: as far as it takes them along.
         self._low, self._high = _moved_boxes(self._now, barrier.boxes[:, 0], barrier.boxes[:, 1])
-        if not barrier.free.any():
+        if not barrier.any_free:
             return
         low, high = _box(x, barrier.free)
         self._from_low, self._from_high = _moved_boxes(self._steps, (low + high) / 2, (high - low) / 2)
@@ -151,9 +152,10 @@ class Contact:
         hit = np.zeros(len(p), dtype=np.bool_)
         if self._muscles is not None:
             hit |= self._muscles.keep_out(p)
-        near = self._in_reach(p)
-        for number in range(len(near)):
-            if not (near[number] and self._meets(number, p)):
+        waiting = self._in_reach(p)
+        while waiting:
+            number = waiting.pop(0)
+            if not self._meets(number, p):
                 continue
             obstacle = self._barrier.obstacles[number]
             bone = self._now[number] @ self._barrier.from_axes(number)
@@ -178,7 +180,7 @@ class Contact:
                 self._from_low[number], self._from_high[number] = _box(p, self._barrier.free)
             if moved.any():
                 hit |= moved
-                near = self._in_reach(p)
+                waiting = [other for other in self._in_reach(p) if other > number]
         return hit
 
     def _look_at(self, number: int, bone: Floats, predicted: Floats, moved: Bools) -> None:
@@ -210,16 +212,16 @@ class Contact:
                 "beginning of a step; give the motion more frames, or use more substeps",
             )
 
-    def _in_reach(self, p: Floats) -> Bools:
-        """Return whose boxes, along the axes of the scene, the path of the points may meet, (k,)."""
-        if not (self._barrier.obstacles and self._barrier.free.any()):
-            return np.zeros(0, dtype=np.bool_)
+    def _in_reach(self, p: Floats) -> list[int]:
+        """Return the obstacles whose boxes, along the axes of the scene, the path of the points may meet."""
+        if not (self._barrier.obstacles and self._barrier.any_free):
+            return []
         low, high = _box(p, self._barrier.free)
         apart = (np.maximum(self._from_high, high) < self._low) | (
             np.minimum(self._from_low, low) > self._high
         )
-        near: Bools = np.logical_not(apart.any(axis=1))
-        return near
+        numbers: list[int] = np.flatnonzero(~apart.any(axis=1)).tolist()
+        return numbers
 
     def _meets(self, number: int, p: Floats) -> bool:
         """Return whether the path of the points may meet an obstacle's box along its own axes."""
