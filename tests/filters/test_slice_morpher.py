@@ -106,7 +106,7 @@ def test_a_bent_muscle_is_followed_along_isolines_and_planes_say_that_they_canno
     with pytest.warns(UserWarning, match="bent too much for parallel planes"):
         without_attachments = SliceMorpher()(fitted, muscle)
     assert np.array_equal(points_of(by_planes), points_of(without_attachments))
-    assert field_array(by_planes, "SteepShare") > 0.2
+    assert field_array(by_planes, "SteepShare") > 0.15
     # Planes gather all fibres at the muscle's ends, isolines spread them over the areas.
     starts = [points_of(f)[::16] for f in (followed, by_planes)]
     assert starts[0].std(axis=0).max() > 5 * starts[1].std(axis=0).max()

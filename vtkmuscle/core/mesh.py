@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from vtkmuscle.core.jit import kernel
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -70,9 +72,20 @@ def signed_volume(points: Floats, triangles: Ints) -> float:
     float
         Volume in the cube of the points' unit.
     """
-    centred = points - points.mean(axis=0)
-    a, b, c = (centred[triangles[:, i]] for i in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+    return float(_sixfold_volume(points, triangles, points.mean(axis=0)) / 6.0)
+
+
+@kernel
+def _sixfold_volume(points: Floats, triangles: Ints, centre: Floats) -> float:
+    """Return the sum of a . (b x c) over triangles, about a centre."""
+    total = 0.0
+    for t in range(len(triangles)):
+        i, j, k = triangles[t]
+        ax, ay, az = points[i, 0] - centre[0], points[i, 1] - centre[1], points[i, 2] - centre[2]
+        bx, by, bz = points[j, 0] - centre[0], points[j, 1] - centre[1], points[j, 2] - centre[2]
+        cx, cy, cz = points[k, 0] - centre[0], points[k, 1] - centre[1], points[k, 2] - centre[2]
+        total += ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+    return total
 
 
 def triangle_normals(points: Floats, triangles: Ints) -> Floats:

@@ -27,10 +27,10 @@ END_MARGIN = 1e-6
 #: Heights that differ by no more than this part of the box's length are equal but for rounding.
 SAME_HEIGHT = 1e-9
 #: Slices by which the muscle's course is judged.
-N_COURSE = 33
+N_COURSE = 16
 #: A muscle is bent too much for parallel planes where more than this part of its course runs more steeply
 #: than this angle to the box's axis [degrees], or its main branch holds less than this part of its volume.
-LARGEST_STEEP_SHARE = 0.2
+LARGEST_STEEP_SHARE = 0.15
 STEEP = 45.0
 LEAST_SHARE = 0.8
 
@@ -134,15 +134,15 @@ def morph_by_planes(
     heights = np.clip(inside[:, 2], bottom + margin, top - margin)
     levels, slice_of = shared_levels(heights, tolerance)
     sections, _, loops = cut(levels)
+    # Not by the fibres' heights: the same muscle must be judged the same whatever they are.
+    regular = bottom + (top - bottom) * (np.arange(N_COURSE) + 0.5) / N_COURSE
+    volume_share, steep_share = _course(*cut(regular))
     if loops[0] < 0 or loops[-1] < 0:
         low, high = _branch_ends(sections, loops, surface[:, 2])
         hit = levels[loops >= 0]
         heights = _squeezed(heights, hit[0], hit[-1], low + margin, high - margin)
         levels, slice_of = shared_levels(heights, tolerance)
         sections, _, loops = cut(levels)
-    report_progress(0.25)
-    regular = bottom + (top - bottom) * (np.arange(N_COURSE) + 0.5) / N_COURSE
-    volume_share, steep_share = _course(*cut(regular))
     report_progress(0.35)
 
     hits = np.flatnonzero(loops >= 0)

@@ -48,9 +48,9 @@ class SliceMorpher(Filter):
     ``HarmonicField`` where :class:`HarmonicField` has made it, which also serves a deformed muscle of the
     same points, and computed from the attachments otherwise. The ends of fibres lie on the attachment areas.
 
-    Parallel planes do not follow a muscle that is bent. ``method="auto"`` takes them unless, at 33 heights,
+    Parallel planes do not follow a muscle that is bent. ``method="auto"`` takes them unless, at 16 heights,
     the main branch holds less than 80 % of the muscle's volume, or its centre line runs at more than 45
-    degrees to the box's axis over more than a fifth of its length: then it takes isolines, if it has
+    degrees to the box's axis over more than 15 % of its length: then it takes isolines, if it has
     attachments or the function and the template's areas are its bottom and its top. Which one it took is in
     ``MorphMethod``. Where planes were used on such a muscle there is a warning.
 

@@ -1,0 +1,219 @@
+# ruff: noqa: B023 -- all functions are called in the turn of the loop that makes them
+"""Measure fibres at rest: what each step from the template on takes, what the settings cost, how cost grows.
+
+Run as ``python benchmarks/bench_morphing.py [--no-growth] [--largest TRIANGLES]``. The four muscles of the
+real hip are read from VTKMUSCLE_DATA; without them the first part is left out. Times are the least of several
+rounds, the variants interleaved.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+import warnings
+from collections.abc import Callable
+
+import igl
+import numpy as np
+from muscle_problem import data_folder
+
+from vtkmuscle import Scene
+from vtkmuscle.core.harmonic_morphing import attachment_field, morph_by_isolines
+from vtkmuscle.core.morphing import morph_by_planes
+from vtkmuscle.core.templates import TEMPLATES, sobol_points
+from vtkmuscle.filters import (
+    FibreSmoother,
+    FibreTemplateSource,
+    HarmonicField,
+    SliceMorpher,
+    TemplateFitter,
+    attachments_from,
+)
+from vtkmuscle.filters.arrays import field_array, points_of, triangles_of, with_points
+from vtkmuscle.phantoms import hip
+
+ROUNDS = 7
+#: What planes may take, by the number of fibres [ms].
+BOUND = {100: 10, 1000: 100}
+#: Harmonic morphing of a tube, for the growth of cost: fibres, and triangles.
+FIBRES = (100, 1000, 10_000)
+TRIANGLES = (10_000, 100_000, 1_000_000)
+
+
+def interleaved(variants: dict[str, Callable[[], object]], rounds: int = ROUNDS) -> dict[str, float]:
+    """Return the least time of each variant [ms]; the first round, which compiles, does not count."""
+    best = dict.fromkeys(variants, np.inf)
+    for turn in range(rounds + 1):
+        for name, run in variants.items():
+            start = time.perf_counter()
+            run()
+            if turn:
+                best[name] = min(best[name], time.perf_counter() - start)
+    return {name: 1e3 * seconds for name, seconds in best.items()}
+
+
+def outside(points: np.ndarray, surface: np.ndarray, triangles: np.ndarray) -> tuple[int, float]:
+    """Return how many points are more than 0.1 mm outside of a surface, and the largest distance [mm]."""
+    distances = np.sqrt(igl.point_mesh_squared_distance(points, surface, triangles)[0])
+    out = igl.fast_winding_number(surface, triangles, points) < 0.5
+    return int((out & (distances > 0.1)).sum()), float(distances[out].max(initial=0.0))
+
+
+def largest_turn(points: np.ndarray, n_fibres: int) -> float:
+    """Return the largest angle between successive segments [degrees]."""
+    steps = np.diff(points.reshape(n_fibres, -1, 3), axis=1)
+    steps /= np.maximum(np.linalg.norm(steps, axis=2, keepdims=True), 1e-300)
+    return float(np.degrees(np.arccos((steps[:, 1:] * steps[:, :-1]).sum(axis=2).clip(-1, 1))).max())
+
+
+def real_muscles(n_fibres: int, resolution: int) -> None:
+    """Print what each step takes on the four muscles of the real hip, and what the result is worth."""
+    scene = Scene.load(data_folder() / "scene.toml")
+    print(f"{n_fibres} fibres x {resolution} segments [ms]")
+    for name, muscle in scene.muscles.items():
+        areas = attachments_from(muscle.attachments)
+        surface = muscle.surface
+        template = FibreTemplateSource(n_fibres=n_fibres, resolution=resolution).update().output
+        fitted = TemplateFitter()(template, surface, areas)
+        with_field = HarmonicField()(surface, areas)
+        points, triangles = points_of(surface), triangles_of(surface, "bench")
+        field = np.array(with_field.GetPointData().GetArray("HarmonicField"))
+        origin, insertion = np.flatnonzero(field == 0), np.flatnonzero(field == 1)
+        morphers = {
+            "plane, mean-value": lambda: SliceMorpher(method="plane", mapping="mean-value")(fitted, surface),
+            "plane, bijective": lambda: SliceMorpher(method="plane")(fitted, surface),
+            "harmonic, mean-value": lambda: SliceMorpher(method="harmonic", mapping="mean-value")(
+                fitted, with_field
+            ),
+            "harmonic, bijective": lambda: SliceMorpher(method="harmonic")(fitted, with_field),
+        }
+        fibres = {label: run() for label, run in morphers.items()}
+        times = interleaved(
+            {
+                "template": lambda: FibreTemplateSource(n_fibres=n_fibres, resolution=resolution).update(),
+                "fit, one axis": lambda: TemplateFitter(axis="attachments")(template, surface, areas),
+                "fit, auto": lambda: TemplateFitter()(template, surface, areas),
+                "field of given areas": lambda: attachment_field(points, triangles, origin, insertion),
+                **morphers,
+                "smooth": lambda: FibreSmoother()(fibres["plane, bijective"]),
+            }
+        )
+        print(f"{name}, {len(triangles)} triangles")
+        print("  " + ", ".join(f"{label} {t:.1f}" for label, t in times.items() if label not in morphers))
+        for label, morphed in fibres.items():
+            count, farthest = outside(points_of(morphed), points, triangles)
+            smooth = points_of(FibreSmoother()(morphed))
+            print(
+                f"  {label:21} {times[label]:6.1f} ms; {count:4} points outside by more than 0.1 mm, at most "
+                f"{farthest:.2f}; largest turn {largest_turn(smooth, n_fibres):.0f} degrees after smoothing; "
+                f"split error {float(field_array(morphed, 'SplitError')[0]):.4f}"
+            )
+        base = times["template"] + times["fit, one axis"] + times["smooth"]
+        again = times["harmonic, bijective"]
+        print(
+            f"  template to smoothed fibres: plane, mean-value {base + times['plane, mean-value']:.1f} "
+            f"(bound "
+            f"{BOUND[n_fibres]}), plane, bijective {base + times['plane, bijective']:.1f}, harmonic "
+            f"{base + times['field of given areas'] + again:.1f} (bound 60), again on a deformed mesh "
+            f"{again:.1f} "
+            "(bound 25)"
+        )
+
+
+def tolerances() -> None:
+    """Print what slices that heights share save and cost, on curved fibres of the phantom hip."""
+    muscle = Scene.from_phantom(hip()).muscles["gluteus_maximus"]
+    areas = attachments_from(muscle.attachments)
+    template = FibreTemplateSource(kind="curved", n_fibres=200, resolution=15).update().output
+    # Heights of their own for each fibre, as those of fibres that were trimmed have.
+    points = points_of(template).reshape(200, -1, 3)
+    points[..., 2] = points[..., 2] ** (1.0 + 0.2 * np.linspace(-1, 1, 200)[:, None])
+    fitted = TemplateFitter()(with_points(template, points.reshape(-1, 3)), muscle.surface, areas)
+    exact = points_of(SliceMorpher(method="plane", slice_tolerance=0.0)(fitted, muscle.surface))
+    print(
+        "slice_tolerance [mm]: time [ms], median and largest error [mm], 200 fibres x 15 segments of "
+        "unequal heights"
+    )
+    for tolerance in (0.0, 0.1, 0.3, 1.0, 3.0, 10.0):
+        morpher = SliceMorpher(method="plane", slice_tolerance=tolerance)
+        errors = np.linalg.norm(points_of(morpher(fitted, muscle.surface)) - exact, axis=1)
+
+        def again() -> object:
+            return SliceMorpher(method="plane", slice_tolerance=tolerance)(fitted, muscle.surface)
+
+        spent = interleaved({"": again}, 2)[""]
+        print(f"  {tolerance:5.1f}: {spent:7.1f}, {np.median(errors):.3f}, {errors.max():.3f}")
+
+
+def growth(largest: int) -> None:
+    """Print how the cost of both methods grows with fibres and with triangles."""
+    print("growth on a bent tube: [ms] planes, isolines without field, field")
+    cases = [(n, TRIANGLES[0]) for n in FIBRES] + [(100, n) for n in TRIANGLES[1:] if n <= largest]
+    for n_fibres, n_triangles in cases:
+        sides = round((n_triangles / 8) ** 0.5)
+        points, triangles, origin, insertion = _tube(4 * sides, sides)
+        low, high = points.min(axis=0), points.max(axis=0)
+        box = np.diag([*(high - low), 1.0])
+        box[:3, 3] = low
+        template = (
+            TEMPLATES["parallel"].fibres(*sobol_points(n_fibres).T, np.linspace(0, 1, 16)).reshape(-1, 3)
+        )
+        fitted = template * (high - low) + low
+        field = attachment_field(points, triangles, origin, insertion)
+        shape = (fitted, box, points, triangles)
+        settings = {"slice_tolerance": 0.1, "continuity": 0.2, "mapping": "bijective"}
+        times = interleaved(
+            {
+                "planes": lambda s=shape: morph_by_planes(*s, **settings),
+                "isolines": lambda s=shape, f=field: morph_by_isolines(*s, f, **settings),
+                "field": lambda s=shape, a=(origin, insertion): attachment_field(*s[2:], *a),
+            },
+            1 if n_triangles > 200_000 else 3,
+        )
+        print(
+            f"  {n_fibres:6} fibres, {len(triangles):8} triangles: "
+            + ", ".join(f"{t:.1f}" for t in times.values())
+        )
+
+
+def _tube(n_rings: int, sides: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return a closed round muscle along z that leans aside in its middle, and the rims of its ends."""
+    z = np.linspace(0.0, 150.0, n_rings)
+    turn = 2.0 * np.pi * np.arange(sides) / sides
+    radius = 8.0 + 8.0 * np.sin(np.pi * z / 150.0)
+    x = 20.0 * np.sin(np.pi * z / 150.0)[:, None] + radius[:, None] * np.cos(turn)
+    rings = np.stack([x, radius[:, None] * np.sin(turn), np.repeat(z[:, None], sides, axis=1)], axis=2)
+    ids = np.arange(n_rings * sides).reshape(n_rings, sides)
+    a, b = ids[:-1], np.roll(ids[:-1], -1, axis=1)
+    c, d = ids[1:], np.roll(ids[1:], -1, axis=1)
+    first, last = n_rings * sides, n_rings * sides + 1
+    triangles = np.vstack(
+        [
+            np.stack([a, b, c], axis=2).reshape(-1, 3),
+            np.stack([b, d, c], axis=2).reshape(-1, 3),
+            np.column_stack([np.roll(ids[0], -1), ids[0], np.full(sides, first)]),
+            np.column_stack([ids[-1], np.roll(ids[-1], -1), np.full(sides, last)]),
+        ]
+    )
+    points = np.vstack([rings.reshape(-1, 3), [[0.0, 0.0, 0.0], [0.0, 0.0, 150.0]]])
+    return points, triangles, np.append(ids[0], first), np.append(ids[-1], last)
+
+
+def main() -> None:
+    """Print all measurements."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--no-growth", action="store_true", help="leave out the growth of cost")
+    parser.add_argument("--largest", type=int, default=TRIANGLES[-1], help="triangles of the largest muscle")
+    arguments = parser.parse_args()
+    # The mean value map warns of the points that are counted here.
+    warnings.filterwarnings("ignore", message="SliceMorpher: the mean value map")
+    if (data_folder() / "scene.toml").is_file():
+        real_muscles(100, 15)
+        real_muscles(1000, 30)
+    tolerances()
+    if not arguments.no_growth:
+        growth(arguments.largest)
+
+
+if __name__ == "__main__":
+    main()
