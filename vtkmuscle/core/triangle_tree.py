@@ -68,9 +68,9 @@ class TriangleTree:
         at_corner = np.zeros(len(self.points), dtype=np.bool_)
         at_corner[self.triangles[found]] = True
         around = at_corner[self.triangles].any(axis=1)
-        normals: Floats = pseudonormals(self.points, self.triangles[around])
-        normals = normals[(np.cumsum(around) - 1)[found], regions]
-        return normals
+        normals = pseudonormals(self.points, self.triangles[around])
+        chosen: Floats = normals[(np.cumsum(around) - 1)[found], regions]
+        return chosen
 
     def nearest(self, queries: Floats) -> tuple[Ints, Floats, Floats]:
         """Return what of the surface is nearest to points.
