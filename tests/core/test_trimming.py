@@ -319,3 +319,16 @@ def test_where_the_area_runs_beside_the_fibres_the_nearest_fibre_ends_on_its_nea
     places = np.array([[0, 0, 40.0], [0, 0, 10], [0, 0, 30], [0, 0, 20]])
     taken = assign_places(departures, places)
     assert_array_equal(places[taken, 2], 10 * depth)
+
+
+def test_fibres_that_reach_the_area_by_a_hook_get_another_end():
+    # Up along the rod, back down beside its end and onto the face: on the area, but not as a fibre is.
+    lines = parallel()
+    hooked = lines.copy()
+    hooked[:, -3] = lines[:, -1] - 3 * AXIS
+    hooked[:, -2] = lines[:, -1] - 8 * AXIS + [1.0, 0, 0]
+    result = trimmed(hooked)
+    steps = np.diff(result, axis=1)
+    steps /= np.linalg.norm(steps, axis=2, keepdims=True)
+    assert (steps[:, 1:] * steps[:, :-1]).sum(axis=2).min() > 0.5
+    assert_allclose(distance_to_patch(result[:, -1], area(**TOP)), 0, atol=1e-9)

@@ -140,7 +140,8 @@ def _new_ends(
     """Return how much to cut off the last points of fibres, and where they end instead."""
     lengths = polyline_lengths(points, offsets)
     ends = points[offsets[1:] - 1]
-    there = _already_there(ends, area, tolerance)
+    there = _already_there(ends, area, tolerance) & (_sharpest_turns(points, offsets) <= LARGEST_TURN)
+    there &= there.mean() > 0.5
     extremal = (area.landmarks @ direction).min()
     cuts = np.minimum(beyond_plane(points, offsets, points @ direction - extremal), largest_cut * lengths)
     tried = np.minimum(np.outer(CUTS, cuts), largest_cut * lengths)
@@ -214,6 +215,19 @@ def _already_there(ends: Floats, area: EndArea, tolerance: float) -> NDArray[np.
         apart = cKDTree(ends).query(ends, 2)[0][:, 1] >= LEAST_SPREAD * np.sqrt(size / len(ends))
     there = on_area & apart
     return there if there.mean() > 0.5 else np.zeros(len(ends), dtype=np.bool_)
+
+
+@kernel
+def _sharpest_turns(points: Floats, offsets: Ints) -> Floats:
+    """Return the sharpest turn in the last third of each fibre (k,) [degrees]: one that hooks is not kept."""
+    result = np.zeros(len(offsets) - 1)
+    for line in range(len(result)):
+        first, last = offsets[line], offsets[line + 1]
+        for i in range(max(first + 1, last - 1 - (last - first) // 3), last - 1):
+            a, b = points[i] - points[i - 1], points[i + 1] - points[i]
+            across = np.sqrt((np.cross(a, b) ** 2).sum())
+            result[line] = max(result[line], np.degrees(np.arctan2(across, (a * b).sum())))
+    return result
 
 
 def _places_in_front(
