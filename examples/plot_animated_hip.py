@@ -48,8 +48,4 @@ for angle in np.linspace(0.0, 60.0, 13):
 pictures += pictures[-2:0:-1]  # and back
 pictures[0].save("hip.gif", save_all=True, append_images=pictures[1:], duration=100, loop=0)
 print(f"hip.gif: {len(pictures)} frames")
-
-# %%
-# The last pose:
-
 plotter.show()
