@@ -126,3 +126,19 @@ def test_the_estimate_is_at_most_the_largest_amplification():
     assert estimate_distance(1e-5, 1e-5, 1e9, 3e4) == pytest.approx(0.3)
     assert estimate_distance(1e-5, 1e-5, 0.0, 3e4) == pytest.approx(0.3)
     assert estimate_distance(0.0, 1e-5, 0.1, 3e4) == 0.0
+
+
+def test_jumps_at_a_few_components_that_are_named_do_not_hold_the_others_up():
+    g, solution = contraction()
+    jump = 1.0
+    unsteady = np.zeros(63, dtype=bool)
+
+    def jumping(x):
+        nonlocal jump
+        jump = -jump
+        unsteady[60:] = True
+        return np.append(g(x[:60]), np.full(3, jump))
+
+    told = anderson(jumping, np.zeros(63), max_iterations=150, unsteady=unsteady)
+    untold = anderson(jumping, np.zeros(63), max_iterations=150)
+    assert np.abs(told.x[:60] - solution).max() < 0.1 * np.abs(untold.x[:60] - solution).max()

@@ -244,3 +244,13 @@ def test_a_skin_wider_than_the_grid_allows_is_refused(globe):
 def test_no_points_are_fine(globe):
     _, moved = resolve(globe, np.zeros((0, 3)), np.zeros((0, 3)))
     assert len(moved) == 0
+
+
+def test_the_way_out_has_no_jumps_between_cells(globe):
+    """Points next to each other in a bone come out next to each other, wherever the grid has its cells."""
+    angle = np.linspace(0.0, np.pi, 20_001)
+    inside = 9.3 * np.column_stack([np.cos(angle), 0.6 * np.sin(angle), 0.8 * np.sin(angle)])
+    out, moved = resolve(globe, inside * (12.0 / 9.3), inside)
+    assert moved.all()
+    apart = np.linalg.norm(np.diff(out, axis=0), axis=1)
+    assert apart.max() < 3.0 * np.median(apart)

@@ -19,6 +19,7 @@ from vtkmuscle.core.convergence import (
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
+Bools = NDArray[np.bool_]
 
 #: An accelerated step is taken back where its residual exceeds that of the step before so many times.
 GROWTH = 2.0
@@ -76,6 +77,7 @@ def anderson(
     window: int = 10,
     dimension: int = 3,
     amplification: float | None = None,
+    unsteady: Bools | None = None,
     admissible: Callable[[Floats], bool] | None = None,
     observe: Callable[[int, Floats, float], None] | None = None,
 ) -> AndersonResult:
@@ -104,6 +106,9 @@ def anderson(
         Components of a point; points are consecutive in x.
     amplification : float, optional
         See :func:`~vtkmuscle.core.convergence.estimate_distance`. That of a typical muscle by default.
+    unsteady : (n,) bool array, optional
+        Components by whose residuals no step is chosen or taken back, as g is not smooth there: points on a
+        bone. g may set more of them as it goes.
     admissible : callable, optional
         Says whether g may be applied to an accelerated point (n,); refuses, for example, points in bones.
     observe : callable, optional
@@ -138,12 +143,15 @@ def anderson(
     plain = True
     restarts = refusals = 0
     residuals: list[float] = []
-    last = math.inf
+    last = reached = math.inf
     converged = False
     while len(residuals) < max_iterations and not converged:
         value = fixed_point_map(x)
         residual = root_mean_square_distance(value, x, points)
-        worse = not residual <= GROWTH * last
+        steady = residual
+        if unsteady is not None and unsteady.any():
+            steady = root_mean_square_distance(value, np.where(unsteady, value, x), points)
+        worse = not steady <= GROWTH * last
         if not math.isfinite(residual) and plain:
             raise ValueError("the iteration left the range of floating point numbers")
         if worse and not plain:
@@ -158,11 +166,13 @@ def anderson(
         if observe is not None:
             observe(len(residuals), x, residual)
         residuals.append(residual)
-        last = residual
+        last, reached = steady, residual
         trail.add(len(residuals), x, residual)
         converged = trail.distance <= tolerance and tolerance > 0.0
         if residual == 0.0:
             converged = True
+        if unsteady is not None:
+            x[unsteady] = image[unsteady]
         weights = memory.add(x, image)
         plain = True
         if weights is not None and not converged:
@@ -174,7 +184,7 @@ def anderson(
     return AndersonResult(
         x=image,
         iterations=len(residuals),
-        residual=last,
+        residual=reached,
         distance=trail.finish(),
         converged=converged,
         residuals=np.array(residuals),

@@ -23,6 +23,33 @@ FIRST_CANDIDATES = 8
 LEAST_COSINE = 1e-6
 
 
+#: Part of the stiffness along the fibres that is taken away where the rest lengths follow the fibres: what is
+#: left holds the fibres taut, and lets them be longer where a bone is in the way.
+GIVE = 0.9
+
+
+def following_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
+    """Return k = 1 - 0.9 |u . v| min(1, d / d_mean), for edges whose rest lengths follow the fibres.
+
+    :data:`GIVE` is the 0.9. An edge of length d that is short beside the others (d_mean on average) is
+    stiffer: what moves its ends against each other by chance is as large for it as for them.
+
+    Parameters
+    ----------
+    points, edges, directions
+        As of :func:`edge_stiffness`.
+
+    Returns
+    -------
+    (k,) array
+        In [1 - :data:`GIVE`, 1].
+    """
+    lengths = np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1)
+    part = np.minimum(1.0, lengths / max(lengths.mean(), np.finfo(float).tiny))
+    stiffness: Floats = 1.0 - GIVE * part * (1.0 - edge_stiffness(points, edges, directions))
+    return stiffness
+
+
 def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
     """Return k = 1 - |u . v| for each edge: 1 across the fibres, 0 along them.
 

@@ -107,6 +107,18 @@ class PackedMuscle:
         positions: Floats = records.reshape(-1, RECORD)[self.places, :3].astype(np.float64)
         return positions
 
+    def set_rest(self, lengths: Floats, cosines: Floats, sines: Floats) -> None:
+        """Replace the rest lengths [mm] and the cosines and sines of the rest angles of edges, (k,) each.
+
+        What was dropped, or had no angle, stays so.
+        """
+        table = self.constants.reshape(-1, CONSTANTS, WIDTH)
+        edges = self.edges.reshape(-1, WIDTH)
+        held = edges >= 0
+        bent = held & (table[:, 4] > 0)
+        table[:, 0][held] = lengths[edges[held]]
+        table[:, 2][bent], table[:, 3][bent] = cosines[edges[bent]], sines[edges[bent]]
+
 
 def aligned_zeros(size: int, dtype: np.dtype[np.floating]) -> Reals:
     """Return zeros that start on a cache line (64 bytes), so that no record lies across two."""

@@ -83,50 +83,23 @@ def distance_at(
 
 
 @kernel
-def _gradient_at(
-    values: Singles, table: Table, origin: Floats, cell: float, x: float, y: float, z: float, out: Floats
-) -> None:
-    """Write the gradient of the trilinear value at a position, 0 where the value is constant."""
-    for axis in range(3):
-        out[axis] = 0.0
-    u, v, w = (x - origin[0]) / cell, (y - origin[1]) / cell, (z - origin[2]) / cell
-    within = 0.0 <= u < 8 * table.shape[0] and 0.0 <= v < 8 * table.shape[1] and 0.0 <= w < 8 * table.shape[2]
-    if not within:
-        return
-    i, j, k = np.int64(u), np.int64(v), np.int64(w)
-    block = table[i >> 3, j >> 3, k >> 3]
-    if block == -1:
-        return
-    if block < -1:  # divided into eighths of half the cells
-        cell *= 0.5
-        u, v, w = 2.0 * u, 2.0 * v, 2.0 * w
-        i, j, k = np.int64(u), np.int64(v), np.int64(w)
-        block = -2 - block + ((i >> 3) & 1) * 4 + ((j >> 3) & 1) * 2 + ((k >> 3) & 1)
-    u, v, w = u - i, v - j, w - k
-    i, j, k = i & 7, j & 7, k & 7
-    c = values[block]
-    for a in range(2):
-        for b in range(2):
-            # The four cell edges along each axis, weighted by the other two coordinates.
-            pu, pv = (u if a else 1.0 - u), (v if a else 1.0 - v)
-            qv, qw = (v if b else 1.0 - v), (w if b else 1.0 - w)
-            out[0] += pv * qw * (c[i + 1, j + a, k + b] - c[i, j + a, k + b])
-            out[1] += pu * qw * (c[i + a, j + 1, k + b] - c[i + a, j, k + b])
-            out[2] += pu * qv * (c[i + a, j + b, k + 1] - c[i + a, j + b, k])
-    for axis in range(3):
-        out[axis] /= cell
-
-
-@kernel
 def normal_at(
     values: Singles, table: Table, origin: Floats, cell: float, band: float, at: Floats, out: Floats
 ) -> bool:
     """Write the unit direction in which the distance grows at a position (3,); False where there is none.
 
+    By central differences over a cell: unlike the gradient of the trilinear value, which jumps from cell to
+    cell, they are continuous, so that a point which slides along a bone does not jump.
     On a ridge, halfway through a bone, where the gradient vanishes, the distances one cell onward tell
     (onward only, so that they differ from each other on a plane of symmetry).
     """
-    _gradient_at(values, table, origin, cell, at[0], at[1], at[2], out)
+    h = 0.5 * cell
+    for k in range(3):
+        x, y, z = h * (k == 0), h * (k == 1), h * (k == 2)
+        out[k] = (
+            distance_at(values, table, origin, cell, band, at[0] + x, at[1] + y, at[2] + z)
+            - distance_at(values, table, origin, cell, band, at[0] - x, at[1] - y, at[2] - z)
+        ) / cell
     length = np.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2)
     if not length > _FLAT:
         here = distance_at(values, table, origin, cell, band, at[0], at[1], at[2])

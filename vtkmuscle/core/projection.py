@@ -24,7 +24,7 @@ Bools = NDArray[np.bool_]
 class Projection(Protocol):
     """Projects all constraints of a muscle once."""
 
-    def iterate(self, p: Floats, keep_out: Callable[[Floats], Bools]) -> Bools:
+    def iterate(self, p: Floats, keep_out: Callable[[Floats], Bools], *, bones_last: bool = False) -> Bools:
         """Project all constraints once, in place; return which points met a bone.
 
         The order is distance, shape, collision, volume. Volume comes last, as in the end only what was
@@ -32,13 +32,22 @@ class Projection(Protocol):
         this does not push points back into the bones that they have just been moved out of, those take no
         part in it: the volume goes to where the muscle can give way.
 
+        Acceleration needs a map without jumps. A point that takes part in the projection of the volume or
+        not, as it just touches a bone or just does not, makes one: with ``bones_last`` all take part, and
+        points are moved out of the bones after that.
+
         Parameters
         ----------
         p : (n, 3) array
             Positions [mm], changed in place.
         keep_out : callable
             Moves positions (n, 3) out of the bones, in place, and returns which, (n,).
+        bones_last : bool, optional
+            Whether the volume is projected before the bones.
         """
+
+    def set_rest(self, lengths: Floats, cosines: Floats, sines: Floats) -> None:
+        """Replace the rest lengths [mm] and the cosines and sines of the rest angles of all edges, (k,)."""
 
 
 class ColourOrder:
@@ -57,14 +66,20 @@ class ColourOrder:
         self._places = muscle.places
         self._mass: Floats = muscle.inverse_mass[muscle.places]
         self._records = muscle.records(np.zeros((muscle.n_points, 3)))
+        #: See :meth:`Projection.set_rest`.
+        self.set_rest = muscle.set_rest
 
-    def iterate(self, p: Floats, keep_out: Callable[[Floats], Bools]) -> Bools:
+    def iterate(self, p: Floats, keep_out: Callable[[Floats], Bools], *, bones_last: bool = False) -> Bools:
         """Project all constraints once, in place; see :meth:`Projection.iterate`."""
         records, places = self._records, self._places
         _put(p, self._mass, places, records)
         self._batched.edges(records)
+        if bones_last:
+            self._batched.volume(records)
         _take(records, places, p)
         hit = keep_out(p)
+        if bones_last:
+            return hit
         _put(p, np.where(hit, 0.0, self._mass), places, records)
         self._batched.volume(records)
         _take(records, places, p)
@@ -103,21 +118,30 @@ class SequentialOrder:
     ) -> None:
         self._mass = inverse_mass
         edges, quads = topology.edges, topology.quads
-        used = (inverse_mass[edges] > 0).any(axis=1)
+        self._held = used = (inverse_mass[edges] > 0).any(axis=1)
         self._long = np.ascontiguousarray(edges[used]), shape.lengths[used], edge_stiffness[used]
         used = shape.angle_defined & (inverse_mass[quads] > 0).any(axis=1)
+        self._turned = topology.quad_edges[used]
         angles = shape.angles[used]
         self._bent = np.ascontiguousarray(quads[used]), np.cos(angles), np.sin(angles), shape_stiffness
         gradient = np.empty_like(shape.volume_gradient)
         self._full = topology.triangles, shape.volume, volume_floor, volume_stiffness, gradient
 
-    def iterate(self, p: Floats, keep_out: Callable[[Floats], Bools]) -> Bools:
+    def iterate(self, p: Floats, keep_out: Callable[[Floats], Bools], *, bones_last: bool = False) -> Bools:
         """Project all constraints once, in place; see :meth:`Projection.iterate`."""
         project_distance(p, self._mass, *self._long)
         project_dihedral(p, self._mass, *self._bent)
+        if bones_last:
+            project_volume(p, self._mass, *self._full)
         hit = keep_out(p)
-        project_volume(p, np.where(hit, 0.0, self._mass), *self._full)
+        if not bones_last:
+            project_volume(p, np.where(hit, 0.0, self._mass), *self._full)
         return hit
+
+    def set_rest(self, lengths: Floats, cosines: Floats, sines: Floats) -> None:
+        """See :meth:`Projection.set_rest`."""
+        self._long[1][:] = lengths[self._held]
+        self._bent[1][:], self._bent[2][:] = cosines[self._turned], sines[self._turned]
 
 
 @kernel

@@ -15,6 +15,7 @@ from vtkmuscle.core.batches import pack
 from vtkmuscle.core.blending import blend_motions, screw_between
 from vtkmuscle.core.constraints import VOLUME_FLOOR, per_iteration_stiffness, project_volume
 from vtkmuscle.core.contact import Barrier, Contact
+from vtkmuscle.core.fibre_stretch import THINNING, FibreStretch, stretched_rest
 from vtkmuscle.core.harmonic import harmonic_weights
 from vtkmuscle.core.muscle_contact import MuscleContact, Neighbour
 from vtkmuscle.core.obstacles import Obstacle
@@ -158,6 +159,8 @@ class MuscleSolver:
         Settings.
     edge_stiffness : (k,) array, optional
         Anisotropic stiffness of each edge of ``mesh_topology(n, triangles)``; 1 by default.
+    stretch : FibreStretch, optional
+        What the rest lengths and angles follow; by default they stay as they are.
     obstacles : sequence of Obstacle, optional
         Bones that free points are kept out of.
 
@@ -175,6 +178,7 @@ class MuscleSolver:
         parameters: SolverParameters,
         *,
         edge_stiffness: Floats | None = None,
+        stretch: FibreStretch | None = None,
         obstacles: Sequence[Obstacle] = (),
     ) -> None:
         self.topology: MeshTopology = mesh_topology(len(points), triangles)
@@ -186,13 +190,14 @@ class MuscleSolver:
         self._shape = RestShape(self.rest, self.topology)
         self._barrier = Barrier((), self.rest, self.centre, self._free, bone_push=False)
         self._projection_made_from: tuple[tuple[object, ...], Floats] | None = None
-        self._prepare(parameters, edge_stiffness, obstacles)
+        self._prepare(parameters, edge_stiffness, stretch, obstacles)
 
     def adjusted(
         self,
         parameters: SolverParameters,
         *,
         edge_stiffness: Floats | None = None,
+        stretch: FibreStretch | None = None,
         obstacles: Sequence[Obstacle] = (),
     ) -> MuscleSolver:
         """Return a solver of the same muscle with other settings, as if it were made anew.
@@ -202,15 +207,19 @@ class MuscleSolver:
 
         Parameters
         ----------
-        parameters, edge_stiffness, obstacles
+        parameters, edge_stiffness, stretch, obstacles
             As of the class.
         """
         other = copy(self)
-        other._prepare(parameters, edge_stiffness, obstacles)
+        other._prepare(parameters, edge_stiffness, stretch, obstacles)
         return other
 
     def _prepare(
-        self, parameters: SolverParameters, edge_stiffness: Floats | None, obstacles: Sequence[Obstacle]
+        self,
+        parameters: SolverParameters,
+        edge_stiffness: Floats | None,
+        stretch: FibreStretch | None,
+        obstacles: Sequence[Obstacle],
     ) -> None:
         """Make what depends on the settings."""
         self.parameters = parameters
@@ -218,6 +227,7 @@ class MuscleSolver:
         if push != self._barrier.bone_push or tuple(obstacles) != self._barrier.obstacles:
             self._barrier = Barrier(obstacles, self.rest, self.centre, self._free, bone_push=push)
         self._prepare_volume()
+        self._stretch = stretch
         self._prepare_projection(edge_stiffness)
 
     def _prepare_volume(self) -> None:
@@ -231,7 +241,14 @@ class MuscleSolver:
         stiffness = np.ones(len(self.topology.edges)) if edge_stiffness is None else edge_stiffness
         stiffness = self._per_iteration(settings.stiffness * stiffness)
         shape_stiffness = float(self._per_iteration(settings.shape_stiffness))
-        made_from = settings.order, settings.dtype, settings.threads, shape_stiffness, self._volume_stiffness
+        made_from = (
+            self._stretch,
+            settings.order,
+            settings.dtype,
+            settings.threads,
+            shape_stiffness,
+            self._volume_stiffness,
+        )
         before = self._projection_made_from
         if before is not None and before[0] == made_from and np.array_equal(before[1], stiffness):
             return
@@ -257,6 +274,17 @@ class MuscleSolver:
             volume_stiffness=self._volume_stiffness,
             volume_floor=self._volume_floor,
         )
+
+    def _follow_fibres(self, transforms: Floats) -> None:
+        """Stretch the rest lengths and angles as the bones have drawn the fibres' ends apart."""
+        if self._stretch is None:
+            return
+        topology = self.topology
+        edges, quads, quad_edges = topology.edges, topology.quads, topology.quad_edges
+        rest = np.empty(len(edges)), np.ones(len(edges)), np.zeros(len(edges))
+        directions, stretch = self._stretch.directions, self._stretch.at(transforms)
+        stretched_rest(self.rest, edges, quads, quad_edges, directions, stretch, THINNING, *rest)
+        self._projection.set_rest(*rest)
 
     def _per_iteration(self, stiffness: Floats | float) -> Floats:
         """Return a stiffness per iteration.
@@ -348,6 +376,7 @@ class MuscleSolver:
         progress: Callable[[float], None],
     ) -> MuscleState:
         """P21 Algorithm 2, lines 6 to 37."""
+        self._follow_fibres(transforms)
         now, before = self._centred(transforms), self._centred(state.transforms)
         dt = self.parameters.dt / self.parameters.substeps
         x = state.positions
@@ -383,12 +412,14 @@ class MuscleSolver:
         n = self.parameters.iterations
         collided = np.zeros(len(p), dtype=np.bool_)
         image = np.empty_like(p)
+        unsteady = np.zeros(p.shape, dtype=np.bool_)
         done = 0
 
         def iterate(flat: Floats) -> Floats:
             nonlocal done
             image[:] = flat.reshape(-1, 3)
-            collided[:] = self._projection.iterate(image, contact.keep_out)
+            collided[:] = self._projection.iterate(image, contact.keep_out, bones_last=True)
+            unsteady[self._with_neighbours(collided)] = True
             done += 1
             progress(done / n)
             return image.reshape(-1)
@@ -398,6 +429,7 @@ class MuscleSolver:
             p.reshape(-1),
             max_iterations=n,
             tolerance=self.parameters.tolerance,
+            unsteady=unsteady.reshape(-1),
         )
         if done < n:
             progress(1.0)
@@ -421,6 +453,11 @@ class MuscleSolver:
             fixed = self.fixed_to == bone
             p[fixed] = apply_transform(now[bone], self.rest[fixed])
         return p
+
+    def _with_neighbours(self, points: Bools) -> Ints:
+        """Return the ids of points and of those that share an edge with them."""
+        edges = self.topology.edges
+        return np.unique(edges[points[edges].any(axis=1)]) if points.any() else np.empty(0, dtype=np.int64)
 
     def _settle(self, p: Floats, contact: Contact) -> Bools:
         """Take out of the bones what the last projection of the volume pushed in; return which points.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 if TYPE_CHECKING:
@@ -28,6 +28,8 @@ class Parameter(Generic[T]):
         A bound that the number must exceed.
     choices : sequence of str, optional
         The allowed strings.
+    aliases : mapping of bool to str, optional
+        Which of them True and False stand for.
     length : int, optional
         Number of components of a vector.
     units : str, optional
@@ -54,6 +56,7 @@ class Parameter(Generic[T]):
         maximum: float | None = None,
         above: float | None = None,
         choices: Sequence[str] = (),
+        aliases: Mapping[bool, str] | None = None,
         length: int | None = None,
         units: str = "",
         doc: str,
@@ -64,6 +67,7 @@ class Parameter(Generic[T]):
         self.maximum = maximum
         self.above = above
         self.choices = tuple(choices)
+        self.aliases = dict(aliases or {})
         self.length = length
         self.units = units
         self.doc = doc
@@ -133,6 +137,8 @@ class Parameter(Generic[T]):
     def _converted(self, value: Any) -> Any:
         if value is None:
             return None if self.default is None else _REFUSED
+        if isinstance(value, bool):
+            value = self.aliases.get(value, value)
         convert = _CONVERTERS.get(self.kind)
         if convert is None:
             return value if isinstance(value, self.kind) else _REFUSED

@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
-from vtkmuscle.core.anisotropy import edge_stiffness, fibre_directions_at, harmonic_directions
+from vtkmuscle.core.anisotropy import (
+    edge_stiffness,
+    fibre_directions_at,
+    following_stiffness,
+    harmonic_directions,
+)
+from vtkmuscle.core.fibre_stretch import FibreStretch, stretch_of_fibres, stretch_of_harmonic
 from vtkmuscle.core.muscle_contact import Neighbour
 from vtkmuscle.core.solver import MuscleSolver, MuscleState, SolverParameters
 from vtkmuscle.core.topology import mesh_topology
@@ -89,6 +95,14 @@ class _Frame:
         return state.positions.nbytes + state.velocities.nbytes + state.transforms.nbytes
 
 
+@dataclass(frozen=True, eq=False)
+class _Elasticity:
+    """How stiff edges are by their direction to the fibres, and what their rest lengths follow."""
+
+    stiffness: Floats | None
+    stretch: FibreStretch | None
+
+
 class PBDDeformer(Filter):
     """Deform a muscle with the bones it is fixed to, by position based dynamics.
 
@@ -108,6 +122,11 @@ class PBDDeformer(Filter):
     Frames are kept to go back to, in memory of ``checkpoint_memory``; one takes 48 bytes per point. Where it
     is used up, every second frame is dropped, then every second of those; a frame that was dropped is
     computed from the nearest kept one before it. Any setting gives the same frames.
+
+    ``anisotropy="stretch"`` lengthens or shortens the muscle's rest shape along its fibres as the bones move
+    the fibres' ends apart or together, and makes it thinner or thicker across: a muscle that shortens gets
+    thicker and does not buckle, and the solve converges soon. ``"stiffness"`` (P21) makes edges the less
+    stiff the more they run along the fibres, k = 1 - abs(u . v), and leaves the rest shape as it is.
 
     Each step starts from ``"blend"``, where the bones' motions, blended by harmonic weights, take the free
     points (they have no momentum then), or from ``"inertial"``, where their velocity takes them (P21). From
@@ -132,8 +151,8 @@ class PBDDeformer(Filter):
     one input of several. A point stays on the outer side of the plane that touches the neighbour at the
     place nearest to it; one that a step takes past the middle of a neighbour comes out on the other side.
 
-    P21 itself is ``start="inertial"``, ``solver="gauss-seidel"``, ``order="sequential"``,
-    ``collision="voxel"``, ``bone_push="transform"``, ``contact_velocity="keep"``.
+    P21 itself is ``anisotropy="stiffness"``, ``start="inertial"``, ``solver="gauss-seidel"``,
+    ``order="sequential"``, ``collision="voxel"``, ``bone_push="transform"``, ``contact_velocity="keep"``.
 
     Raises
     ------
@@ -186,7 +205,14 @@ class PBDDeformer(Filter):
     volume_stiffness = Parameter(
         float, default=1.0, minimum=0.0, maximum=1.0, doc="Of the muscle's volume, likewise."
     )
-    anisotropy = Parameter(bool, default=True, doc="Let edges give way along the fibres.")
+    anisotropy = Parameter(
+        str,
+        default="stretch",
+        choices=("stretch", "stiffness", "off"),
+        aliases={True: "stiffness", False: "off"},
+        doc="How edges give way along the fibres: their rest lengths follow the distance of the fibres' "
+        "ends, or they are less stiff (P21; also True), or not at all (also False).",
+    )
     external_force = Parameter(
         tuple, default=(0.0, 0.0, 0.0), length=3, units="mm/s^2", doc="Force per mass on all free points."
     )
@@ -337,7 +363,7 @@ class PBDDeformer(Filter):
         self._muscle: _Muscle | None = None
         self._rest_bones = RestBones("PBDDeformer: bones")
         self._neighbours: Neighbours | None = None
-        self._edge_stiffness: tuple[_Muscle, Floats | None] | None = None
+        self._elasticity: tuple[_Muscle, str, _Elasticity] | None = None
         self._rest_from: float | None = None
         self._frames: Checkpoints[_Frame] = Checkpoints()
         self._made_with: object = None
@@ -465,7 +491,7 @@ class PBDDeformer(Filter):
         points, triangles = checked_surface(muscle, where)
         fixed_to = self._checked_fixed_to(point_array(muscle, "FixedTo", where), bones)
         lines = None
-        if fibres is not None and self.anisotropy:
+        if fibres is not None and self.anisotropy != "off":
             lines = polylines_of(fibres, "PBDDeformer: fibres")
         now = _Muscle(points, triangles, fixed_to, lines)
         if not now.same_as(self._muscle):
@@ -548,7 +574,7 @@ class PBDDeformer(Filter):
         parameters = SolverParameters(
             **{name: settings[name] for name in SolverParameters.__dataclass_fields__}
         )
-        stiffness = self._stiffness_of_edges(muscle) if self.anisotropy else None
+        elasticity = self._elasticity_of_edges(muscle)
         obstacles = self._rest_bones.obstacles if self.collision != "none" else ()
         made_from = (parameters, obstacles)
         if self._solver is None:
@@ -558,21 +584,29 @@ class PBDDeformer(Filter):
                     muscle.triangles,
                     muscle.fixed_to,
                     parameters,
-                    edge_stiffness=stiffness,
+                    edge_stiffness=elasticity.stiffness,
+                    stretch=elasticity.stretch,
                     obstacles=obstacles,
                 )
             except ValueError as error:
                 raise ValueError(f"PBDDeformer: muscle: {error}") from error
-        elif made_from != self._solver_made_from[:2] or stiffness is not self._solver_made_from[2]:
-            self._solver = self._solver.adjusted(parameters, edge_stiffness=stiffness, obstacles=obstacles)
-        self._solver_made_from = (*made_from, stiffness)
+        elif made_from != self._solver_made_from[:2] or elasticity is not self._solver_made_from[2]:
+            self._solver = self._solver.adjusted(
+                parameters,
+                edge_stiffness=elasticity.stiffness,
+                stretch=elasticity.stretch,
+                obstacles=obstacles,
+            )
+        self._solver_made_from = (*made_from, elasticity)
         return self._solver
 
-    def _stiffness_of_edges(self, muscle: _Muscle) -> Floats | None:
-        """Return the anisotropic stiffness of each edge; it depends on the muscle and its fibres alone."""
-        if self._edge_stiffness is None or self._edge_stiffness[0] is not muscle:
-            self._edge_stiffness = muscle, _anisotropic_stiffness(muscle)
-        return self._edge_stiffness[1]
+    def _elasticity_of_edges(self, muscle: _Muscle) -> _Elasticity:
+        """Return the anisotropy of the edges; it depends on the muscle and its fibres alone."""
+        kept = self._elasticity
+        if kept is None or kept[0] is not muscle or kept[1] != self.anisotropy:
+            kept = muscle, self.anisotropy, _elasticity(muscle, self.anisotropy)
+            self._elasticity = kept
+        return kept[2]
 
     # ---------------------------------------------------------------- the result
 
@@ -603,16 +637,27 @@ class PBDDeformer(Filter):
         return result
 
 
-def _anisotropic_stiffness(muscle: _Muscle) -> Floats | None:
-    topology = mesh_topology(len(muscle.points), muscle.triangles)
+def _elasticity(muscle: _Muscle, anisotropy: str) -> _Elasticity:
+    points, fixed_to, fibres = muscle.points, muscle.fixed_to, muscle.fibres
+    if anisotropy == "off":
+        return _Elasticity(None, None)
+    topology = mesh_topology(len(points), muscle.triangles)
     edges = topology.edges
+    if anisotropy == "stretch":
+        if fibres is not None:
+            stretch = stretch_of_fibres(points, topology, fixed_to, fibres.points, fibres.offsets)
+        else:
+            stretch = stretch_of_harmonic(points, topology, fixed_to)
+        if stretch is None:
+            return _Elasticity(None, None)
+        return _Elasticity(following_stiffness(points, edges, stretch.directions), stretch)
     directions: Floats | None
-    if muscle.fibres is not None:
-        middles = muscle.points[edges].mean(axis=1)
-        directions = fibre_directions_at(middles, muscle.fibres.points, muscle.fibres.offsets)
+    if fibres is not None:
+        directions = fibre_directions_at(points[edges].mean(axis=1), fibres.points, fibres.offsets)
     else:
-        directions = harmonic_directions(muscle.points, topology, muscle.fixed_to)
-    return None if directions is None else edge_stiffness(muscle.points, edges, directions)
+        directions = harmonic_directions(points, topology, fixed_to)
+    stiffness = None if directions is None else edge_stiffness(points, edges, directions)
+    return _Elasticity(stiffness, None)
 
 
 def _time_of(info: Any) -> float | None:
