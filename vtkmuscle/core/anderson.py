@@ -107,7 +107,7 @@ def anderson(
     amplification : float, optional
         See :func:`~vtkmuscle.core.convergence.estimate_distance`. That of a typical muscle by default.
     unsteady : (n,) bool array, optional
-        Components by whose residuals no step is chosen or taken back, as g is not smooth there: points on a
+        Components by whose residuals the combination is not chosen, as g is not smooth there: points on a
         bone. g may set more of them as it goes.
     admissible : callable, optional
         Says whether g may be applied to an accelerated point (n,); refuses, for example, points in bones.
@@ -143,15 +143,12 @@ def anderson(
     plain = True
     restarts = refusals = 0
     residuals: list[float] = []
-    last = reached = math.inf
+    last = math.inf
     converged = False
     while len(residuals) < max_iterations and not converged:
         value = fixed_point_map(x)
         residual = root_mean_square_distance(value, x, points)
-        steady = residual
-        if unsteady is not None and unsteady.any():
-            steady = root_mean_square_distance(value, np.where(unsteady, value, x), points)
-        worse = not steady <= GROWTH * last
+        worse = not residual <= GROWTH * last
         if not math.isfinite(residual) and plain:
             raise ValueError("the iteration left the range of floating point numbers")
         if worse and not plain:
@@ -166,7 +163,7 @@ def anderson(
         if observe is not None:
             observe(len(residuals), x, residual)
         residuals.append(residual)
-        last, reached = steady, residual
+        last = residual
         trail.add(len(residuals), x, residual)
         converged = trail.distance <= tolerance and tolerance > 0.0
         if residual == 0.0:
@@ -184,7 +181,7 @@ def anderson(
     return AndersonResult(
         x=image,
         iterations=len(residuals),
-        residual=reached,
+        residual=last,
         distance=trail.finish(),
         converged=converged,
         residuals=np.array(residuals),

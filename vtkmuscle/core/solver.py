@@ -413,13 +413,16 @@ class MuscleSolver:
         collided = np.zeros(len(p), dtype=np.bool_)
         image = np.empty_like(p)
         unsteady = np.zeros(p.shape, dtype=np.bool_)
+        # A muscle that momentum throws at a bone may touch it with all its points.
+        follows = self.parameters.start != "inertial"
         done = 0
 
         def iterate(flat: Floats) -> Floats:
             nonlocal done
             image[:] = flat.reshape(-1, 3)
-            collided[:] = self._projection.iterate(image, contact.keep_out, bones_last=True)
-            unsteady[self._with_neighbours(collided)] = True
+            collided[:] = self._projection.iterate(image, contact.keep_out, bones_last=follows)
+            if follows:
+                unsteady[self._with_neighbours(collided)] = True
             done += 1
             progress(done / n)
             return image.reshape(-1)
