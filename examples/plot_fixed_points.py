@@ -1,0 +1,49 @@
+"""
+Bones as voxels, and points that are fixed to bones
+====================================================
+
+Figures 3 to 5 of Kohout and Cervenka 2021, on the phantom hip. A bone can be cut into voxels for collisions
+(:class:`~vtkmuscle.filters.PBDDeformer` with ``collision="voxel"``): here as many as in the paper.
+"""
+
+import numpy as np
+import pyvista as pv
+
+from vtkmuscle import phantoms
+from vtkmuscle.core.voxels import build_voxel_grid
+from vtkmuscle.filters import FixedPointDetector
+from vtkmuscle.filters.arrays import blocks_of, checked_surface
+
+hip = phantoms.hip()
+plotter = pv.Plotter(shape=(1, 3))
+for column, settings in enumerate(({"n_equal": 64}, {"n_max": 64**3}, {"n_max": 8 * 64**3})):
+    plotter.subplot(0, column)
+    for _, block in blocks_of(hip.bones):
+        grid = build_voxel_grid(*checked_surface(block, "bone"), **settings)
+        image = pv.ImageData(
+            dimensions=np.array(grid.cells.shape) + 1, spacing=grid.spacing, origin=grid.origin
+        )
+        image.cell_data["state"] = grid.cells.ravel(order="F")
+        plotter.add_mesh(image.threshold(0.5, scalars="state"), color="#efe6d0")
+    plotter.add_text(", ".join(f"{name} = {value}" for name, value in settings.items()), font_size=8)
+    plotter.camera_position = [(900, -900, 250), (30, 50, 0), (0, 0, 1)]
+plotter.show()
+
+# %%
+# A muscle's points are fixed where they are in a bone's voxels, where they are near a bone, or where
+# landmarks say that the muscle is attached. The first two also fix points that should slide along the bone:
+# those of the iliacus between its origin and the pelvic brim.
+
+iliacus, areas = hip.muscles["iliacus"], hip.attachments["iliacus"]
+methods = ({"method": "collision"}, {"method": "proximity"}, {"method": "attachment"})
+plotter = pv.Plotter(shape=(1, 3))
+for column, settings in enumerate(methods):
+    plotter.subplot(0, column)
+    muscle = FixedPointDetector(n_max=64**3, **settings).apply(iliacus, hip.bones, areas)
+    fixed = np.array(muscle["FixedTo"]) >= 0
+    print(f"{settings['method']}: {fixed.sum()} of {len(fixed)} points are fixed")
+    plotter.add_mesh(muscle, color="#b06060", scalars=None)
+    plotter.add_points(muscle.points[fixed], color="#0072b2", point_size=6, render_points_as_spheres=True)
+    plotter.add_text(settings["method"], font_size=8)
+    plotter.camera_position = [(-500, 400, 60), (-10, 0, 20), (0, 0, 1)]
+plotter.show()
