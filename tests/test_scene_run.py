@@ -16,6 +16,7 @@ from vtkmuscle import Scene, SceneError
 from vtkmuscle.core.mesh import edge_lengths, signed_volume, unique_edges
 from vtkmuscle.core.polylines import polyline_lengths
 from vtkmuscle.core.rigid import RigidMotion, apply_transform
+from vtkmuscle.core.stages import STAGES
 from vtkmuscle.filters.arrays import (
     cell_array,
     point_array,
@@ -130,6 +131,10 @@ def test_the_report_says_what_the_geometry_says(result, scene):
         assert row["fixed_error_max_mm"] < 1e-6
         assert row["iterations"] == 5
         assert 0 <= row["penetration_p95_mm"] <= row["penetration_max_mm"] < 5
+        assert 0 <= row["residual_mm"] <= row["estimated_distance_mm"]
+        assert row["across_fibres_p5"] <= row["across_fibres_p50"] <= row["across_fibres_p95"]
+        assert 0 <= row["dihedral_error_p50_deg"] <= row["dihedral_error_p95_deg"] <= 180
+        assert sum(row[f"ms_{stage}"] for stage in STAGES) <= row["ms"]
     parameters = result.report["muscles"]["spindle"]["parameters"]
     assert parameters["solver"]["iterations"] == 3
     assert parameters["fixing"]["method"] == "attachment"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -67,6 +67,13 @@ WorkersOption = Annotated[
         show_default=False,
     ),
 ]
+VerboseOption = Annotated[
+    bool,
+    typer.Option(
+        "--verbose",
+        help="Print figures of each frame as it is done: how far the solve got, how the shape was kept.",
+    ),
+]
 
 
 def main() -> None:
@@ -98,6 +105,7 @@ def run(
     figures: FiguresOption = True,
     series: FormatOption = "pvd",
     workers: WorkersOption = None,
+    verbose: VerboseOption = False,
 ) -> None:
     """Run a scene: deform its muscles, carry their fibres along, measure, and write all of it.
 
@@ -115,6 +123,7 @@ def run(
         figures=figures,
         series=series,
         workers=workers,
+        verbose=verbose,
     )
 
 
@@ -126,6 +135,7 @@ def demo(
     figures: FiguresOption = True,
     series: FormatOption = "pvd",
     workers: WorkersOption = None,
+    verbose: VerboseOption = False,
 ) -> None:
     """Run a phantom hip, and write its scene too, as a model for your own.
 
@@ -141,7 +151,16 @@ def demo(
         loaded = Scene.load(path)
     _say(quiet, f"The scene is {path}: edit it, or put your own surfaces there, and run it with")
     _say(quiet, f"  vtkmuscle run {path}")
-    _run(loaded, folder, frames=frames, quiet=quiet, figures=figures, series=series, workers=workers)
+    _run(
+        loaded,
+        folder,
+        frames=frames,
+        quiet=quiet,
+        figures=figures,
+        series=series,
+        workers=workers,
+        verbose=verbose,
+    )
 
 
 @app.command()
@@ -216,10 +235,18 @@ def _run(
     figures: bool,
     series: str,
     workers: int | None,
+    verbose: bool,
 ) -> None:
-    with _one_clear_error(out), _progress_bars(list(scene.muscles), quiet=quiet) as progress:
+    console = Console(stderr=True)
+    with _one_clear_error(out), _progress_bars(list(scene.muscles), console, quiet=quiet) as progress:
         result = scene.run(
-            out, frames=frames, figures=figures, progress=progress, workers=workers, series=series
+            out,
+            frames=frames,
+            figures=figures,
+            progress=progress,
+            workers=workers,
+            series=series,
+            observe=_table(list(scene.muscles), console) if verbose else None,
         )
     rows = result.report["muscles"]
     for name, muscle in rows.items():
@@ -233,8 +260,19 @@ def _run(
     _say(quiet, f"  report.json, lengths.csv, figures/, and {files} for ParaView")
 
 
+def _table(muscles: list[str], console: Console) -> Callable[[str, Mapping[str, Any]], None]:
+    """Return what prints a row of figures of each frame, above the progress bars."""
+    from vtkmuscle.filters.convergence_table import ConvergenceTable
+
+    width = max(map(len, muscles))
+    table = ConvergenceTable(console, label_width=width + 8)
+    return lambda muscle, row: table.add(f"{muscle:<{width}} {row['time']:g}", row)
+
+
 @contextmanager
-def _progress_bars(muscles: list[str], *, quiet: bool) -> Iterator[Callable[[str, str, float], None] | None]:
+def _progress_bars(
+    muscles: list[str], console: Console, *, quiet: bool
+) -> Iterator[Callable[[str, str, float], None] | None]:
     if quiet:
         yield None
         return
@@ -247,7 +285,7 @@ def _progress_bars(muscles: list[str], *, quiet: bool) -> Iterator[Callable[[str
         TextColumn("{task.fields[stage]}", markup=False),
         TimeRemainingColumn(elapsed_when_finished=True),
     )
-    with Progress(*columns, console=Console(stderr=True)) as bars:
+    with Progress(*columns, console=console) as bars:
         tasks = {name: bars.add_task(name, total=1.0, stage="waiting", start=False) for name in muscles}
 
         def show(muscle: str, stage: str, fraction: float) -> None:

@@ -28,6 +28,7 @@ from vtkmuscle.filters.arrays import (
 )
 from vtkmuscle.filters.base import AbortedError
 from vtkmuscle.filters.bone_motion import BoneMotion
+from vtkmuscle.filters.convergence_report import read_convergence
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 
 ANGLES = [0.0, 5.0, 10.0, 20.0, 30.0]
@@ -549,6 +550,55 @@ def test_a_free_body_falls_if_there_is_a_force():
     muscle = marked(np.full(N, -1, dtype=np.int32))
     deformer = deformer_of(muscle, external_force=(0, 0, -1.0), damping=1.0, collision="none")
     assert np.allclose(frame(deformer, 10.0) - points_of(muscle), [0, 0, -6.0], atol=1e-9)
+
+
+# ---------------------------------------------------------------- the convergence report
+
+
+@pytest.mark.parametrize("anisotropy", ["stretch", "stiffness", "off"])
+def test_edges_along_and_across_the_fibres_are_in_the_report(anisotropy):
+    deformer = deformer_of(anisotropy=anisotropy, penetration=True)
+    out = deformer.update(30.0).output
+    row = read_convergence(out)
+    for way in ("along", "across"):
+        spread = [row.get(f"{way}_fibres_{part}") for part in ("p5", "p50", "p95")]
+        if anisotropy == "off":
+            assert spread == [None] * 3
+        else:
+            assert spread == sorted(spread)
+            assert 0.2 < spread[0] < spread[2] < 4.0
+    stages = [value for key, value in row.items() if key.startswith("ms_")]
+    assert len(stages) == 5
+    assert 0.0 < sum(stages) <= row["ms"]
+    assert set(row) >= {
+        "residual_mm",
+        "estimated_distance_mm",
+        "dihedral_error_p50_deg",
+        "penetration_max_mm",
+    }
+    assert np.isfinite(list(row.values())).all()
+
+
+def test_lengths_of_the_report_are_in_millimetres():
+    out = deformer_of().update(10.0).output
+    metres = read_convergence(out, 1000.0)
+    for key, value in read_convergence(out).items():
+        assert metres[key] == pytest.approx(value * (1000.0 if key.endswith("_mm") else 1.0))
+
+
+def test_verbose_prints_each_frame_once_and_computes_none_again(capfd, counted_steps):
+    quiet, telling = deformer_of(), deformer_of(verbose=True)
+    expected = frame(quiet, 30.0)
+    assert capfd.readouterr() == ("", "")
+    assert np.array_equal(frame(telling, 30.0), expected)
+    heading, *rows = capfd.readouterr().err.splitlines()
+    assert "V/V0" in heading
+    assert [float(row.split()[0]) for row in rows] == ANGLES
+    assert [row.split()[1] for row in rows] == ["4"] * len(ANGLES)
+    counted_steps.clear()
+    telling.verbose = False
+    frame(telling, 20.0)
+    assert counted_steps == []
 
 
 # ---------------------------------------------------------------- being a good filter

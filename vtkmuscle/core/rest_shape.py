@@ -16,6 +16,11 @@ from vtkmuscle.core.topology import MeshTopology
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+_Spread = tuple[float, float, float]
+
+#: Edges run along the fibres where |u . v| is more than the cosine of 18 degrees, across them where it is
+#: less than that of 72 degrees.
+ALONG, ACROSS = math.cos(math.radians(18.0)), math.cos(math.radians(72.0))
 
 #: A surface of less volume than this part of its box's diagonal cubed encloses nothing.
 LEAST_VOLUME = 1e-9
@@ -37,6 +42,9 @@ class ShapeReport:
     degenerate_edges : int
         Edges that had an angle between their triangles at rest and have none now, for a triangle beside them
         has collapsed.
+    along, across : (3,) tuple or None
+        5th percentile, median and 95th percentile of l / l0 of the edges within 18 degrees of the fibres, and
+        of those over 72 degrees from them; None where no directions were given or no such edges exist.
     """
 
     volume_ratio: float
@@ -46,6 +54,8 @@ class ShapeReport:
     dihedral_error_p50: float
     dihedral_error_p95: float
     degenerate_edges: int
+    along: tuple[float, float, float] | None = None
+    across: tuple[float, float, float] | None = None
 
 
 class RestShape:
@@ -82,6 +92,7 @@ class RestShape:
                 "close it (vtkFillHolesFilter), for an open surface has no volume to keep"
             )
         self._topology = topology
+        self._rest = points
         self.lengths: Floats = edge_lengths(points, topology.edges)
         self._long = self.lengths > 0
         self._long_edges = np.ascontiguousarray(topology.edges[self._long])
@@ -95,8 +106,16 @@ class RestShape:
                 f"{diagonal:.3g}); it must be a closed surface with all triangles facing outward"
             )
 
-    def compare(self, positions: Floats) -> ShapeReport:
-        """Return how far a deformed surface, (n, 3) positions [mm], is from rest."""
+    def compare(self, positions: Floats, directions: Floats | None = None) -> ShapeReport:
+        """Return how far a deformed surface is from rest.
+
+        Parameters
+        ----------
+        positions : (n, 3) array
+            Now [mm].
+        directions : (k, 3) array, optional
+            Unit direction of the fibres at each edge at rest, 0 where there is none.
+        """
         volume = volume_and_gradient(positions, self._topology.triangles, np.empty_like(positions))
         stretch = _lengths(positions, self._long_edges) / self.lengths[self._long]
         median, high = np.percentile(stretch, [50.0, 95.0])
@@ -112,7 +131,28 @@ class RestShape:
             dihedral_error_p50=float(errors[0]),
             dihedral_error_p95=float(errors[1]),
             degenerate_edges=int((self.angle_defined & ~defined).sum()),
+            **self._by_direction(stretch, directions),
         )
+
+    def _by_direction(self, stretch: Floats, directions: Floats | None) -> dict[str, _Spread | None]:
+        """Return the spread of the stretches of edges along and across the fibres."""
+        if directions is None:
+            return {}
+        edges, v = self._long_edges, directions[self._long]
+        u = (self._rest[edges[:, 1]] - self._rest[edges[:, 0]]) / self.lengths[self._long][:, None]
+        cosines = np.abs(np.einsum("ij,ij->i", u, v))
+        known = (v != 0.0).any(axis=1)
+        return {
+            "along": _spread(stretch[known & (cosines > ALONG)]),
+            "across": _spread(stretch[known & (cosines < ACROSS)]),
+        }
+
+
+def _spread(values: Floats) -> _Spread | None:
+    if not len(values):
+        return None
+    low, median, high = np.percentile(values, [5.0, 50.0, 95.0])
+    return float(low), float(median), float(high)
 
 
 def dihedral_angles(points: Floats, quads: Ints) -> tuple[Floats, Bools]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,7 @@ from vtkmuscle.core.obstacles import Obstacle
 from vtkmuscle.core.projection import ColourOrder, Projection, SequentialOrder
 from vtkmuscle.core.rest_shape import RestShape, ShapeReport
 from vtkmuscle.core.rigid import apply_transform, inverse
+from vtkmuscle.core.stages import StageClock, add_stages
 from vtkmuscle.core.topology import MeshTopology, mesh_topology
 
 Floats = NDArray[np.float64]
@@ -30,6 +31,7 @@ Bools = NDArray[np.bool_]
 
 #: Positions, points that met a bone, and (iterations, residual, distance) as of :class:`MuscleState`.
 _Solved = tuple[Floats, Bools, tuple[int, float, float | None]]
+_KeepOut = Callable[[Floats], Bools]
 
 #: After the iterations, volume and bones are attended to alternately, this often at most.
 SETTLING_PASSES = 6
@@ -129,6 +131,8 @@ class MuscleState:
         Root mean square over the points of what the last iteration moved them by [mm].
     distance : float or None
         Estimated root mean square distance to the converged shape [mm], where the solver knows it.
+    milliseconds : mapping of str to float
+        Time of each of :data:`~vtkmuscle.core.stages.STAGES` in that step [ms].
     """
 
     positions: Floats
@@ -138,6 +142,7 @@ class MuscleState:
     iterations: int = 0
     residual: float = 0.0
     distance: float | None = None
+    milliseconds: Mapping[str, float] = field(default_factory=dict)
 
 
 class MuscleSolver:
@@ -311,9 +316,18 @@ class MuscleSolver:
         """Return the positions of a state in the scene's coordinates, (n, 3) [mm]."""
         return state.positions + self.centre
 
-    def report(self, state: MuscleState) -> ShapeReport:
-        """Return how well a state keeps volume, edge lengths and angles."""
-        return self._shape.compare(state.positions)
+    def report(self, state: MuscleState, directions: Floats | None = None) -> ShapeReport:
+        """Return how well a state keeps volume, edge lengths and angles.
+
+        Parameters
+        ----------
+        state : MuscleState
+            What to look at.
+        directions : (k, 3) array, optional
+            Unit direction of the fibres at each edge, 0 where there is none: edges along and across them are
+            looked at apart.
+        """
+        return self._shape.compare(state.positions, directions)
 
     # ---------------------------------------------------------------- a step
 
@@ -352,6 +366,7 @@ class MuscleSolver:
         transforms = np.array(transforms, dtype=np.float64)
         before = state.transforms
         iterations = 0
+        milliseconds: Mapping[str, float] = {}
         for number in range(1, substeps + 1):
             now = transforms
             if number < substeps:
@@ -366,7 +381,8 @@ class MuscleSolver:
 
             state = self._substep(state, now, neighbours, report)
             iterations += state.iterations
-        return replace(state, iterations=iterations)
+            milliseconds = add_stages(milliseconds, state.milliseconds)
+        return replace(state, iterations=iterations, milliseconds=milliseconds)
 
     def _substep(
         self,
@@ -376,38 +392,52 @@ class MuscleSolver:
         progress: Callable[[float], None],
     ) -> MuscleState:
         """P21 Algorithm 2, lines 6 to 37."""
+        clock = StageClock("prediction")
         self._follow_fibres(transforms)
         now, before = self._centred(transforms), self._centred(state.transforms)
         dt = self.parameters.dt / self.parameters.substeps
         x = state.positions
         muscles = MuscleContact(neighbours, self._free, self.centre) if neighbours else None
         contact = Contact(self._barrier, now, before, x, muscles)
+
+        def keep_out(p: Floats) -> Bools:
+            stage = clock.switch("collision")
+            hit = contact.keep_out(p)
+            clock.switch(stage)
+            return hit
+
         with np.errstate(over="ignore", invalid="ignore"):  # told below, in our words
             p = self._predict(state, now, before, dt)
             _check_finite(p)
             solve = self._accelerated if self.parameters.solver == "anderson" else self._plain
-            p, collided, convergence = solve(p, contact, progress)
-            collided |= self._settle(p, contact)
+            clock.switch("constraints")
+            p, collided, convergence = solve(p, keep_out, clock, progress)
+            clock.switch("settling")
+            collided |= self._settle(p, keep_out)
             velocities = (p - x) / dt
         _check_finite(p, velocities)
         if self.parameters.contact_velocity == "zero":
             # P21 section 5: a colliding point's velocity would make spikes.
             velocities[collided] = 0.0
-        return MuscleState(p, velocities, transforms, int(collided.sum()), *convergence)
+        return MuscleState(p, velocities, transforms, int(collided.sum()), *convergence, clock.stop())
 
-    def _plain(self, p: Floats, contact: Contact, progress: Callable[[float], None]) -> _Solved:
+    def _plain(
+        self, p: Floats, keep_out: _KeepOut, clock: StageClock, progress: Callable[[float], None]
+    ) -> _Solved:
         """Project all constraints as often as asked for."""
         n = self.parameters.iterations
         collided = np.zeros(len(p), dtype=np.bool_)
         before = p
         for iteration in range(n):
             before = p.copy()
-            collided |= self._projection.iterate(p, contact.keep_out)
+            collided |= self._projection.iterate(p, keep_out)
             progress((iteration + 1) / n)
         moved = float(np.sqrt(np.mean(np.sum((p - before) ** 2, axis=1))))
         return p, collided, (n, moved, None)
 
-    def _accelerated(self, p: Floats, contact: Contact, progress: Callable[[float], None]) -> _Solved:
+    def _accelerated(
+        self, p: Floats, keep_out: _KeepOut, clock: StageClock, progress: Callable[[float], None]
+    ) -> _Solved:
         """Project all constraints, the iteration accelerated, until the shape is near its end."""
         n = self.parameters.iterations
         collided = np.zeros(len(p), dtype=np.bool_)
@@ -419,12 +449,14 @@ class MuscleSolver:
 
         def iterate(flat: Floats) -> Floats:
             nonlocal done
+            clock.switch("constraints")
             image[:] = flat.reshape(-1, 3)
-            collided[:] = self._projection.iterate(image, contact.keep_out, bones_last=follows)
+            collided[:] = self._projection.iterate(image, keep_out, bones_last=follows)
             if follows:
                 unsteady[self._with_neighbours(collided)] = True
             done += 1
             progress(done / n)
+            clock.switch("acceleration")
             return image.reshape(-1)
 
         result = anderson(
@@ -462,7 +494,7 @@ class MuscleSolver:
         edges = self.topology.edges
         return np.unique(edges[points[edges].any(axis=1)]) if points.any() else np.empty(0, dtype=np.int64)
 
-    def _settle(self, p: Floats, contact: Contact) -> Bools:
+    def _settle(self, p: Floats, keep_out: _KeepOut) -> Bools:
         """Take out of the bones what the last projection of the volume pushed in; return which points.
 
         A point left inside would be taken for one that the bone has moved over in the next step. What this
@@ -471,7 +503,7 @@ class MuscleSolver:
         hit = np.zeros(len(p), dtype=np.bool_)
         exact = self.parameters.volume_stiffness == 1.0
         for _ in range(SETTLING_PASSES):
-            new = contact.keep_out(p) & ~hit
+            new = keep_out(p) & ~hit
             hit |= new
             volume = self._keep_volume(p, hit, 1.0 if exact else 0.0)
             off = abs(volume - self._shape.volume) > VOLUME_TOLERANCE * abs(self._shape.volume)

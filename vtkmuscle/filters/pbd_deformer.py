@@ -35,6 +35,8 @@ from vtkmuscle.filters.arrays import (
 from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.bone_motion import bones_of
 from vtkmuscle.filters.checkpoints import MEGABYTE, Checkpoints
+from vtkmuscle.filters.convergence_report import convergence_fields, convergence_row
+from vtkmuscle.filters.convergence_table import ConvergenceTable
 from vtkmuscle.filters.moving_bones import RestBones, transforms_of
 from vtkmuscle.filters.neighbours import Neighbours
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
@@ -97,8 +99,9 @@ class _Frame:
 
 @dataclass(frozen=True, eq=False)
 class _Elasticity:
-    """How stiff edges are by their direction to the fibres, and what their rest lengths follow."""
+    """Direction of the fibres at edges, how stiff they are by it, and what their rest lengths follow."""
 
+    directions: Floats | None
     stiffness: Floats | None
     stretch: FibreStretch | None
 
@@ -306,6 +309,11 @@ class PBDDeformer(Filter):
         doc="Memory for frames kept to go back in time; the last two are kept even with 0.",
     )
 
+    verbose = Parameter(
+        bool,
+        default=False,
+        doc="Print the convergence report of each frame, a row as it is done, on standard error.",
+    )
     dtype = Parameter(
         str,
         default="float64",
@@ -348,11 +356,16 @@ class PBDDeformer(Filter):
         doc="The muscle at the time asked for, with the arrays of the input and the point arrays "
         "``Displacement`` (3) from rest [mm] and ``Velocity`` (3) [mm/s], and the field arrays "
         "``VolumeRatio`` (V / V0), ``EdgeStretchP50``, ``EdgeStretchP95`` and ``EdgeStretchMax`` (l / l0 of "
-        "all edges), ``DihedralErrorP50`` and ``DihedralErrorP95`` [degrees], ``DegenerateEdges`` (whose "
-        "angle was lost as a triangle collapsed), ``Iterations``, ``Residual`` (root mean square of what the "
+        "all edges), ``AlongFibresP5``, ``AlongFibresP50`` and ``AlongFibresP95`` (within 18 degrees "
+        "of the fibres), ``AcrossFibresP5``, ``AcrossFibresP50`` and ``AcrossFibresP95`` (over 72 degrees; "
+        "both where ``anisotropy`` is not 'off'), ``DihedralErrorP50`` and ``DihedralErrorP95`` [degrees], "
+        "``DegenerateEdges`` (whose angle was lost as a triangle collapsed), ``Iterations``, "
+        "``Residual`` (root mean square of what the "
         "last iteration moved points by) [mm], ``EstimatedDistance`` to the converged shape, with solver "
         "'anderson' [mm] (within a factor of 2 in two cases of three where no bone is met; unknown where one "
-        "is), ``CollidingPoints`` and ``Milliseconds`` (of the last step); with ``penetration`` "
+        "is), ``CollidingPoints``, ``Milliseconds`` (of the last step) and, within it, "
+        "``MillisecondsPrediction``, ``MillisecondsConstraints``, ``MillisecondsCollision``, "
+        "``MillisecondsAcceleration`` and ``MillisecondsSettling``; with ``penetration`` "
         "``PenetrationMax`` and ``PenetrationP95`` [mm], how deep the free points are in the closed bones (0 "
         "outside), and ``PenetratingPoints``, how many are inside.",
     )
@@ -368,6 +381,7 @@ class PBDDeformer(Filter):
         self._frames: Checkpoints[_Frame] = Checkpoints()
         self._made_with: object = None
         self._steps: tuple[float, ...] = ()
+        self._table: ConvergenceTable | None = None
         super().__init__(**parameters)
 
     # ---------------------------------------------------------------- time
@@ -445,7 +459,7 @@ class PBDDeformer(Filter):
     def _settings_of_frames(self) -> dict[str, Any]:
         """Return the parameters that a frame depends on."""
         settings = self.parameters()
-        del settings["checkpoint_memory"]
+        del settings["checkpoint_memory"], settings["verbose"]
         if self.collision != "none":  # the bones at rest are known then
             del settings["penetration"]
         for name, (other, value) in _ONLY_WITH.items():
@@ -564,7 +578,15 @@ class PBDDeformer(Filter):
         )
         frame = _Frame(state, 1e3 * (time.perf_counter() - started))
         self._frames.keep(path[known], frame)
+        if self.verbose:
+            self._tell(path[known], frame)
         self._thin_out(path[: known + 1])
+
+    def _tell(self, at: float | None, frame: _Frame) -> None:
+        """Print a row of figures."""
+        if self._table is None:
+            self._table = ConvergenceTable()
+        self._table.add("" if at is None else f"{at:g}", convergence_row(self._convergence(frame)))
 
     def _made_solver(self) -> MuscleSolver:
         """Return the solver, made anew as far as the muscle, the bones or the parameters have changed."""
@@ -612,35 +634,32 @@ class PBDDeformer(Filter):
 
     def _result(self, muscle: vtkPolyData, frame: _Frame) -> vtkPolyData:
         solver, state = self._made_solver(), frame.state
-        report = solver.report(state)
         result: vtkPolyData = with_points(muscle, solver.points(state))
         set_point_array(result, "Displacement", state.positions - solver.rest)
         set_point_array(result, "Velocity", state.velocities)
-        set_field_array(result, "VolumeRatio", report.volume_ratio)
-        set_field_array(result, "EdgeStretchP50", report.edge_stretch_p50)
-        set_field_array(result, "EdgeStretchP95", report.edge_stretch_p95)
-        set_field_array(result, "EdgeStretchMax", report.edge_stretch_max)
-        set_field_array(result, "DihedralErrorP50", report.dihedral_error_p50)
-        set_field_array(result, "DegenerateEdges", report.degenerate_edges)
-        set_field_array(result, "DihedralErrorP95", report.dihedral_error_p95)
-        set_field_array(result, "Iterations", state.iterations)
-        set_field_array(result, "Residual", state.residual)
-        if state.distance is not None:
-            set_field_array(result, "EstimatedDistance", state.distance)
-        set_field_array(result, "CollidingPoints", state.colliding)
+        for name, value in self._convergence(frame).items():
+            set_field_array(result, name, value)
+        return result
+
+    def _convergence(self, frame: _Frame) -> dict[str, float]:
+        """Return the field arrays of a frame's convergence report."""
+        solver, state = self._made_solver(), frame.state
+        depths = None
         if self.penetration:
             depths = self._rest_bones.depths(solver.points(state)[solver.fixed_to < 0], state.transforms)
-            set_field_array(result, "PenetrationMax", depths.max(initial=0.0))
-            set_field_array(result, "PenetrationP95", np.percentile(depths, 95) if len(depths) else 0.0)
-            set_field_array(result, "PenetratingPoints", int((depths > 0.0).sum()))
-        set_field_array(result, "Milliseconds", frame.milliseconds)
-        return result
+        return convergence_fields(
+            solver,
+            state,
+            directions=None if self._muscle is None else self._elasticity_of_edges(self._muscle).directions,
+            depths=depths,
+            milliseconds=frame.milliseconds,
+        )
 
 
 def _elasticity(muscle: _Muscle, anisotropy: str) -> _Elasticity:
     points, fixed_to, fibres = muscle.points, muscle.fixed_to, muscle.fibres
     if anisotropy == "off":
-        return _Elasticity(None, None)
+        return _Elasticity(None, None, None)
     topology = mesh_topology(len(points), muscle.triangles)
     edges = topology.edges
     if anisotropy == "stretch":
@@ -649,15 +668,17 @@ def _elasticity(muscle: _Muscle, anisotropy: str) -> _Elasticity:
         else:
             stretch = stretch_of_harmonic(points, topology, fixed_to)
         if stretch is None:
-            return _Elasticity(None, None)
-        return _Elasticity(following_stiffness(points, edges, stretch.directions), stretch)
+            return _Elasticity(None, None, None)
+        stiffness = following_stiffness(points, edges, stretch.directions)
+        return _Elasticity(stretch.directions, stiffness, stretch)
     directions: Floats | None
     if fibres is not None:
         directions = fibre_directions_at(points[edges].mean(axis=1), fibres.points, fibres.offsets)
     else:
         directions = harmonic_directions(points, topology, fixed_to)
-    stiffness = None if directions is None else edge_stiffness(points, edges, directions)
-    return _Elasticity(stiffness, None)
+    if directions is None:
+        return _Elasticity(None, None, None)
+    return _Elasticity(directions, edge_stiffness(points, edges, directions), None)
 
 
 def _time_of(info: Any) -> float | None:

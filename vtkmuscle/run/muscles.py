@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 
-from vtkmuscle.filters.arrays import cell_array, field_array, points_of
+from vtkmuscle.filters.arrays import cell_array, points_of
 from vtkmuscle.filters.base import AbortedError, Filter
+from vtkmuscle.filters.convergence_report import read_convergence
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
@@ -25,6 +26,7 @@ from vtkmuscle.run.result import MuscleTrack
 from vtkmuscle.scene.model import Scene
 
 Progress = Callable[[str, str, float], None]
+Observe = Callable[[str, Mapping[str, Any]], None]
 
 
 class MuscleRun:
@@ -46,6 +48,8 @@ class MuscleRun:
         Set from outside to end the run early.
     progress : callable
         Told the muscle, the stage and the part that is done.
+    observe : callable
+        Told the muscle and the figures of each frame that is done.
     others : sequence of MuscleRun, optional
         Muscles that this one may meet, whose runs are done: overlap with them is measured, and where the
         scene's ``muscle_contact`` is ``"on"`` this muscle is kept out of them.
@@ -60,8 +64,10 @@ class MuscleRun:
         folder: RunFolder | None,
         stop: threading.Event,
         progress: Progress,
+        observe: Observe,
         others: Sequence[MuscleRun] = (),
     ) -> None:
+        self.observe = observe
         self.scene, self.name, self.track = scene, name, track
         self.distances, self.folder = distances, folder
         self.stop, self.progress = stop, progress
@@ -144,11 +150,15 @@ class MuscleRun:
                 fibres = _copy(metrics.update(time=now).output)
         self._check_finite(points, number)
         with self._timed("measuring"):
-            row = {"frame": number, "time": now, **measure.frame(points, self.scene.motion.at(now))}
+            row = {
+                "frame": number,
+                "time": now,
+                **read_convergence(deformed, self.scene.millimetres),
+                **measure.frame(points, self.scene.motion.at(now)),
+            }
         if self.scene.muscle_contact != "off":
             with self._timed("measuring overlap"):
                 row.update(measure.overlap(points, self._others_at(now)))
-        row["iterations"] = _iterations(deformed, deformer)
         row["ms"] = 1000.0 * took
         if self.folder is not None:
             with self._timed("writing"):
@@ -160,6 +170,7 @@ class MuscleRun:
             self.track.lengths.append(np.array(lengths) * self.scene.millimetres)
             self.track.fibres.append(fibres)
         self.track.report["frames"].append(row)
+        self.observe(self.name, row)
 
     def _grouped_others(self) -> vtkGroupDataSetsFilter:
         group = vtkGroupDataSetsFilter()
@@ -241,8 +252,3 @@ def _copy(data: Any) -> Any:
     copy = data.NewInstance()
     copy.ShallowCopy(data)
     return copy
-
-
-def _iterations(deformed: Any, deformer: PBDDeformer) -> int:
-    reported = field_array(deformed, "Iterations")
-    return int(deformer.iterations if reported is None else reported[-1])

@@ -28,8 +28,19 @@ FIBRE_TOLERANCE = 0.5
 DEFINITIONS = {
     "estimated_attachments": "attachment areas that were made from where the muscle touches bones",
     "volume_ratio": "volume / volume at rest",
-    "edge_stretch_p95": "95th percentile, over the edges of the muscle, of length / length at rest",
+    "edge_stretch_p95": "95th percentile, over the edges of the muscle, of length / length at rest; _p50 is "
+    "the median",
     "edge_stretch_max": "the largest of them",
+    "along_fibres_p5": "5th percentile of length / length at rest over the edges within 18 degrees of the "
+    "fibres at rest; likewise _p50 and _p95; where the direction of the fibres is known",
+    "across_fibres_p5": "the same for edges over 72 degrees from the fibres",
+    "dihedral_error_p50_deg": "median of how much the angles between neighbouring triangles have changed, "
+    "degrees; likewise _p95",
+    "degenerate_edges": "edges whose angle was lost as a triangle beside them collapsed",
+    "residual_mm": "root mean square of what the last iteration moved the points by",
+    "estimated_distance_mm": "estimated distance to the converged shape (root mean square), where the solver "
+    "knows one",
+    "colliding_points": "points that met a bone in the last step",
     "penetration_max_mm": "how deep the deepest free point is inside the exact surface of a bone; null where "
     "no bone is closed",
     "penetration_p95_mm": "95th percentile of that depth over all free points, 0 outside the bones",
@@ -39,6 +50,8 @@ DEFINITIONS = {
     "overlap_p95_mm": "95th percentile of that depth over the points that are inside one",
     "overlapping_points": "number of points inside another muscle that comes before it in the scene",
     "iterations": "iterations of the solver for the frame",
+    "ms_constraints": "part of the time of the last step spent on edges and volume, milliseconds; likewise "
+    "ms_prediction, ms_collision, ms_acceleration and ms_settling",
     "ms": "wall-clock time of the deformation of the frame, milliseconds; muscles run side by side",
     "points_inside": f"points of fibres at rest inside the muscle or within {FIBRE_TOLERANCE:g} mm of it",
     "seconds": "wall-clock time per stage; muscles run side by side",

@@ -17,7 +17,7 @@ from vtkmuscle.filters.arrays import checked_surface, points_of
 from vtkmuscle.filters.base import AbortedError
 from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.run.folder import RunFolder
-from vtkmuscle.run.muscles import MuscleRun, Progress
+from vtkmuscle.run.muscles import MuscleRun, Observe, Progress
 from vtkmuscle.run.report import DEFINITIONS, versions
 from vtkmuscle.run.result import MuscleTrack, Result
 from vtkmuscle.scene.model import Scene, SceneError
@@ -84,6 +84,7 @@ def run_scene(
     progress: Progress | None,
     workers: int | None,
     series: str = "pvd",
+    observe: Observe | None = None,
 ) -> Result:
     """Run a scene; see :meth:`vtkmuscle.Scene.run`."""
     began = time.perf_counter()
@@ -96,6 +97,7 @@ def run_scene(
     report = _first_report(scene, numbers, tracks)
     stop = threading.Event()
     told = _one_at_a_time(progress)
+    seen = observe or (lambda muscle, row: None)
     count = min(workers or cpu_count() or 1, len(scene.muscles))
     if scene.muscle_contact != "off":
         count = 1  # each muscle waits for those before it, and shares their filters
@@ -107,7 +109,7 @@ def run_scene(
                 folder.begin(report)
             for name, track in tracks.items():
                 others = tuple(runs) if scene.muscle_contact != "off" else ()
-                run = MuscleRun(scene, name, track, distances, folder, stop, told, others)
+                run = MuscleRun(scene, name, track, distances, folder, stop, told, seen, others)
                 runs.append(run)
                 jobs[f"muscles.{name}"] = pool.submit(run.go, numbers)
             if folder is not None:

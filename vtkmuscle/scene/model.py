@@ -209,6 +209,7 @@ class Scene:
         progress: Callable[[str, str, float], None] | None = None,
         workers: int | None = None,
         series: str = "pvd",
+        observe: Callable[[str, Mapping[str, Any]], None] | None = None,
     ) -> Result:
         """Deform all muscles over the motion, carry their fibres along, and measure.
 
@@ -233,6 +234,9 @@ class Scene:
         series : str, optional
             How frames are written: ``"pvd"`` (a .vtp file per frame) or ``"vtkhdf"`` (one file per muscle,
             for its fibres and for the bones).
+        observe : callable, optional
+            Called with the muscle's name and the figures of each frame that is done, as they are in the
+            report; from several threads.
 
         Returns
         -------
@@ -252,7 +256,14 @@ class Scene:
 
         target = None if out is None else Path(out)
         return run_scene(
-            self, target, frames=frames, figures=figures, progress=progress, workers=workers, series=series
+            self,
+            target,
+            frames=frames,
+            figures=figures,
+            progress=progress,
+            workers=workers,
+            series=series,
+            observe=observe,
         )
 
     @property
