@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from vtkmuscle.core.mesh import (
     edge_lengths,
     half_edges,
+    numbered_edges,
     point_components,
     signed_volume,
     survey,
@@ -45,6 +46,16 @@ def test_unique_edges_agree_with_igl(vase):
     ours = unique_edges(vase[1])
     theirs = np.sort(np.asarray(igl.edges(vase[1])), axis=1)
     np.testing.assert_array_equal(ours, theirs[np.lexsort((theirs[:, 1], theirs[:, 0]))])
+
+
+@pytest.mark.parametrize("n", [5, 100])
+def test_edges_are_numbered_however_many_meet_in_a_point(n):
+    rim = np.random.default_rng(n).permutation(np.arange(1, n + 1))
+    triangles = np.column_stack([np.zeros(n, dtype=int), rim, np.roll(rim, -1)])
+    edges, edge_of = numbered_edges(triangles)
+    theirs, number = np.unique(np.sort(half_edges(triangles), axis=1), axis=0, return_inverse=True)
+    np.testing.assert_array_equal(edges, theirs)
+    np.testing.assert_array_equal(edge_of, number.reshape(-1))
 
 
 def test_edge_lengths():

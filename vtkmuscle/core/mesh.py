@@ -14,6 +14,9 @@ from vtkmuscle.core.jit import kernel
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+#: Edges of a point, above this many, are sorted by a better way than insertion.
+MOST_TO_INSERT = 32
+
 
 def half_edges(triangles: Ints) -> Ints:
     """Return the directed edges of all triangles.
@@ -44,8 +47,59 @@ def unique_edges(triangles: Ints) -> Ints:
     (k, 2) int array
         Point ids.
     """
-    edges: Ints = np.unique(np.sort(half_edges(triangles), axis=1), axis=0)
-    return edges
+    return numbered_edges(triangles)[0]
+
+
+def numbered_edges(triangles: Ints) -> tuple[Ints, Ints]:
+    """Return each undirected edge once, and the number of the edge that each half-edge runs along.
+
+    Parameters
+    ----------
+    triangles : (m, 3) int array
+        Point ids.
+
+    Returns
+    -------
+    edges : (k, 2) int array
+        Sorted, the smaller point id first.
+    edge_of : (3 m,) int array
+        In the order of :func:`half_edges`.
+    """
+    return _numbered_edges(np.ascontiguousarray(half_edges(triangles)), int(triangles.max(initial=-1)) + 1)
+
+
+@kernel
+def _numbered_edges(directed: Ints, n_points: int) -> tuple[Ints, Ints]:
+    """Sort half-edges into a bucket for each lower end, and each bucket, of few, by the upper end."""
+    starts = np.zeros(n_points + 1, dtype=np.int64)
+    for i in range(len(directed)):
+        starts[min(directed[i, 0], directed[i, 1]) + 1] += 1
+    starts = np.cumsum(starts)
+    filled = starts.copy()
+    bucket, upper = np.empty(len(directed), dtype=np.int64), np.empty(len(directed), dtype=np.int64)
+    for i in range(len(directed)):
+        low = min(directed[i, 0], directed[i, 1])
+        bucket[filled[low]], upper[filled[low]] = i, max(directed[i, 0], directed[i, 1])
+        filled[low] += 1
+    edges, edge_of = np.empty_like(directed), np.empty(len(directed), dtype=np.int64)
+    n_edges = 0
+    for low in range(n_points):
+        first, last = starts[low], starts[low + 1]
+        if last - first > MOST_TO_INSERT:
+            order = np.argsort(upper[first:last], kind="mergesort")
+            upper[first:last], bucket[first:last] = upper[first:last][order], bucket[first:last][order]
+        for k in range(first + 1, last):
+            end, half_edge, place = upper[k], bucket[k], k
+            while place > first and upper[place - 1] > end:
+                upper[place], bucket[place] = upper[place - 1], bucket[place - 1]
+                place -= 1
+            upper[place], bucket[place] = end, half_edge
+        for k in range(first, last):
+            if k == first or upper[k] != upper[k - 1]:
+                edges[n_edges, 0], edges[n_edges, 1] = low, upper[k]
+                n_edges += 1
+            edge_of[bucket[k]] = n_edges - 1
+    return edges[:n_edges].copy(), edge_of
 
 
 def edge_lengths(points: Floats, edges: Ints) -> Floats:

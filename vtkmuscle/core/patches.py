@@ -13,12 +13,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from vtkmuscle.core.geodesics import geodesic_curve
 from vtkmuscle.core.mesh import (
     edge_lengths,
-    half_edges,
+    numbered_edges,
     signed_volume,
     triangle_normals,
     unique_edges,
@@ -37,10 +38,6 @@ CLEAR_SHARE = 0.2
 
 #: Landmarks whose width is below this part of their length lie on a line and enclose nothing.
 _FLATNESS = 1e-3
-
-#: How much longer an edge counts that is one chord aside of the chord. On a sphere of like triangles paths
-#: stray 6 % of the chord from the great circle with 10, 16 % (at most 38 %) with 0, and are as long.
-_STRAIGHTNESS = 10.0
 
 #: A way along the normal of a point that faces the bone nears it by this part of the way, at least; along
 #: that of a point that looks away it leaves the bone by as much. Between them is the rim of a muscle.
@@ -93,11 +90,10 @@ def attachment_patch(
         of the muscle that are not connected.
     """
     edges = unique_edges(triangles)
-    lengths = edge_lengths(points, edges)
-    within = float(lengths.mean()) if tolerance is None else tolerance
+    within = float(edge_lengths(points, edges).mean()) if tolerance is None else tolerance
     vertices = _nearest_vertices(points, triangles, landmarks, within, bone_distance)
     ring = closed and not _on_a_line(landmarks)
-    curve = _geodesic_curve(points, edges, lengths, vertices, closed=ring)
+    curve = geodesic_curve(points, triangles, vertices, closed=ring)
     if ring:
         patch = _enclosed(points, triangles, curve, bone_distance)
         if len(patch):
@@ -119,7 +115,7 @@ def _nearest_vertices(
     """
     if not len(landmarks):
         raise ValueError("the attachment has no landmarks")
-    used = np.unique(triangles)
+    used = np.flatnonzero(np.bincount(triangles.reshape(-1), minlength=len(points)))
     tree = cKDTree(points[used])
     offsets, nearest = tree.query(landmarks)
     diagonal = float(np.linalg.norm(np.ptp(points[used], axis=0)))
@@ -204,47 +200,6 @@ def _on_a_line(landmarks: Floats) -> bool:
     return len(landmarks) < 3 or bool(spread[1] <= _FLATNESS * spread[0])
 
 
-def _geodesic_curve(points: Floats, edges: Ints, lengths: Floats, vertices: Ints, *, closed: bool) -> Ints:
-    """Return point ids along the shortest paths from each vertex to the next, (k,), joints once."""
-    ends = np.append(vertices[1:], vertices[:1]) if closed else vertices[1:]
-    curve = [int(vertices[0])]
-    for start, end in zip(vertices[: len(ends)], ends, strict=True):
-        curve += _shortest_path(points, edges, lengths, int(start), int(end))
-    return np.array(curve, dtype=np.int64)
-
-
-def _shortest_path(points: Floats, edges: Ints, lengths: Floats, start: int, end: int) -> list[int]:
-    """Return the points of the shortest path along edges, without its start.
-
-    On a mesh of like triangles many paths are nearly as short as the shortest, and that one may bulge
-    by a third of its chord. Edges count as longer the farther they are from the chord, so that the path
-    keeps near to the straight line between the landmarks.
-    """
-    chord = points[end] - points[start]
-    size = float(np.linalg.norm(chord))
-    if start == end:
-        return []
-    middles = 0.5 * (points[edges[:, 0]] + points[edges[:, 1]]) - points[start]
-    from_middle = np.linalg.norm(middles - 0.5 * chord, axis=1)
-    # Nearly all paths stay near: search there first, then everywhere.
-    for reach in (2.0 * size, np.inf):
-        near = from_middle <= reach
-        aside = np.linalg.norm(np.cross(middles[near], chord), axis=1) / max(size**2, 1e-300)  # in chords
-        costs = lengths[near] * (1.0 + _STRAIGHTNESS * aside**2)
-        graph = coo_array((costs, tuple(edges[near].T)), shape=(len(points), len(points))).tocsr()
-        distances, before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
-        if np.isfinite(distances[end]):
-            path = []
-            while end != start:
-                path.append(end)
-                end = int(before[end])
-            return path[::-1]
-    raise ValueError(
-        f"two neighbouring landmarks are nearest to the muscle points {start} and {end}, which no edges "
-        "connect: the muscle is in several pieces; split the attachment, or join the pieces"
-    )
-
-
 def _enclosed(
     points: Floats, triangles: Ints, loop: Ints, bone_distance: Callable[[Floats], Floats] | None
 ) -> Ints:
@@ -275,15 +230,16 @@ def _enclosed(
 
 def _parts_cut_by(triangles: Ints, loop: Ints, n_points: int) -> tuple[Ints, Ints]:
     """Return the part of each triangle, (m,), where the loop's edges separate, and the parts at the loop."""
-    keys = _edge_keys(half_edges(triangles), n_points)
-    cut = _edge_keys(np.column_stack([loop[:-1], loop[1:]]), n_points)
-    order = np.argsort(keys, kind="stable")
-    owners = order // 3  # the triangle of each half edge
-    joined = (keys[order][1:] == keys[order][:-1]) & ~np.isin(keys[order][1:], cut)
+    edges, edge_of = numbered_edges(triangles)
+    cut = np.isin(_edge_keys(edges, n_points), _edge_keys(np.column_stack([loop[:-1], loop[1:]]), n_points))
+    order = np.argsort(edge_of, kind="stable")
+    owners = order // 3  # the triangle of each half-edge
+    number = edge_of[order]
+    joined = (number[1:] == number[:-1]) & ~cut[number[1:]]
     links = (owners[:-1][joined], owners[1:][joined])
     dual = coo_array((np.ones(len(links[0])), links), shape=(len(triangles), len(triangles)))
     labels: Ints = connected_components(dual, directed=False)[1].astype(np.int64)
-    return labels, np.unique(labels[owners[np.isin(keys[order], cut)]])
+    return labels, np.unique(labels[owners[cut[number]]])
 
 
 def _edge_keys(edges: Ints, n_points: int) -> Ints:

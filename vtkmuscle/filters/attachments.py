@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.patches import attachment_patch
 from vtkmuscle.filters.arrays import (
     Polylines,
     blocks_of,
@@ -128,28 +127,3 @@ def landmarks_of(data: vtkPolyData, where: str) -> tuple[NDArray[np.float64], bo
     landmarks = points[vtk_to_numpy(lines.GetConnectivityArray())]
     closed = len(landmarks) > 3 and bool(np.array_equal(landmarks[0], landmarks[-1]))
     return (landmarks[:-1] if closed else landmarks), closed
-
-
-def attached_points(
-    areas: Sequence[AttachmentArea],
-    role: str,
-    points: NDArray[np.float64],
-    triangles: NDArray[np.int64],
-    where: str,
-) -> NDArray[np.int64]:
-    """Return the ids of a muscle's points that all areas of a role cover together, ascending.
-
-    Raises
-    ------
-    ValueError
-        If there is no such area, or the landmarks of one cannot be on this muscle.
-    """
-    patches = []
-    for number, area in enumerate(area for area in areas if area.role == role):
-        try:
-            patches.append(attachment_patch(points, triangles, area.landmarks, area.closed))
-        except ValueError as error:
-            raise ValueError(f"{where}: {role} area {number}: {error}") from error
-    if not patches:
-        raise ValueError(f"{where}: there is no area with the role {role!r}")
-    return np.unique(np.concatenate(patches))

@@ -110,17 +110,8 @@ class FibreTrimmer(Filter):
 
 
 def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> EndArea:
-    mine = [area for area in areas if area.role == role]
-    if not mine:
-        raise ValueError(f"FibreTrimmer: attachments: there is no area with the role {role!r}")
-    patches = []
-    for number, area in enumerate(mine):
-        try:
-            patches.append(geometry.patch(area))
-        except ValueError as error:
-            raise ValueError(f"FibreTrimmer: attachments: {role} area {number}: {error}") from error
-    landmarks = np.vstack([area.landmarks for area in mine])
-    covered = np.unique(np.concatenate(patches))
+    covered = geometry.attached(areas, role, "FibreTrimmer: attachments")
+    landmarks = np.vstack([area.landmarks for area in areas if area.role == role])
     return EndArea(landmarks, geometry.points, geometry.triangles, covered)
 
 

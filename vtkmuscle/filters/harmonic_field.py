@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.harmonic_morphing import attachment_field
-from vtkmuscle.filters.arrays import checked_surface, point_array, set_point_array
-from vtkmuscle.filters.attachments import attached_points, attachments_of
+from vtkmuscle.filters.arrays import point_array, set_point_array
+from vtkmuscle.filters.attachments import attachments_of
 from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.muscle_geometry import muscle_geometry
 from vtkmuscle.filters.parameters import InputPort, OutputPort
 
 Floats = NDArray[np.float64]
@@ -95,13 +96,12 @@ def field_of(muscle: vtkPolyData, attachments: vtkMultiBlockDataSet | None, wher
 
 
 def _computed(muscle: vtkPolyData, attachments: vtkMultiBlockDataSet, where: str) -> Floats:
-    points, triangles = checked_surface(muscle, f"{where}: muscle")
+    geometry = muscle_geometry(muscle, f"{where}: muscle")
     areas = attachments_of(attachments, f"{where}: attachments")
     origin, insertion = (
-        attached_points(areas, role, points, triangles, f"{where}: attachments")
-        for role in ("origin", "insertion")
+        geometry.attached(areas, role, f"{where}: attachments") for role in ("origin", "insertion")
     )
     try:
-        return attachment_field(points, triangles, origin, insertion)
+        return attachment_field(geometry.points, geometry.triangles, origin, insertion)
     except ValueError as error:
         raise ValueError(f"{where}: {error}") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import OrderedDict
+from collections.abc import Sequence
 from functools import cached_property
 from threading import Lock
 
@@ -71,6 +72,24 @@ class MuscleGeometry:
         if key not in self._patches:
             self._patches[key] = attachment_patch(self.points, self.triangles, area.landmarks, area.closed)
         return self._patches[key]
+
+    def attached(self, areas: Sequence[AttachmentArea], role: str, where: str) -> Ints:
+        """Return the ids of the points that all areas of a role cover together, ascending.
+
+        Raises
+        ------
+        ValueError
+            If there is no such area, or the landmarks of one cannot be on this muscle.
+        """
+        patches = []
+        for number, area in enumerate(area for area in areas if area.role == role):
+            try:
+                patches.append(self.patch(area))
+            except ValueError as error:
+                raise ValueError(f"{where}: {role} area {number}: {error}") from error
+        if not patches:
+            raise ValueError(f"{where}: there is no area with the role {role!r}")
+        return np.unique(np.concatenate(patches))
 
 
 def muscle_geometry(surface: vtkPolyData, where: str) -> MuscleGeometry:
