@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from test_distance_grid import distance_to_box, sphere, union
 from test_voxels import box
 
-from vtkmuscle.core.distance_collision import resolve_distance_collisions
+from vtkmuscle.core.distance_collision import Clearance, resolve_distance_collisions
 from vtkmuscle.core.distance_grid import build_distance_grid
 from vtkmuscle.core.distance_lookup import rest_allowance, signed_distance
 from vtkmuscle.core.rigid import apply_transform, inverse
@@ -254,3 +254,24 @@ def test_the_way_out_has_no_jumps_between_cells(globe):
     assert moved.all()
     apart = np.linalg.norm(np.diff(out, axis=0), axis=1)
     assert apart.max() < 3.0 * np.median(apart)
+
+
+@pytest.mark.parametrize("pace", [0.05, 0.2, 0.6])
+def test_points_passed_over_as_they_are_clear_are_those_that_are_not_moved(globe, rng, pace):
+    """Whatever way points take around a bone, knowing their clearance changes nothing but the time."""
+    known = Clearance(500)
+    x = rng.normal(size=(500, 3))
+    x *= rng.uniform(10.1, 12.0, (500, 1)) / np.linalg.norm(x, axis=1, keepdims=True)
+    passed_over = touched = 0
+    for _ in range(12):
+        p = x + rng.normal(scale=pace, size=x.shape)
+        way = p - known.seen_at
+        passed_over += int(((way**2).sum(axis=1) < known.squares).sum())
+        expected, expected_moved = resolve(globe, x, p)
+        p, moved = resolve(globe, x, p, clearance=known)
+        assert np.array_equal(moved, expected_moved)
+        assert np.array_equal(p, expected)
+        touched += int(moved.sum())
+        x = p
+    assert touched > 10
+    assert passed_over > 100

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from vtkmuscle.core.distance_collision import Clearance
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.muscle_contact import MuscleContact
 from vtkmuscle.core.obstacles import Obstacle
@@ -132,9 +133,7 @@ class Contact:
             return
         low, high = _box(x, barrier.free)
         self._from_low, self._from_high = _moved_boxes(self._steps, (low + high) / 2, (high - low) / 2)
-        #: Where points were when their distance was found, and its square (0 inside).
-        self._clear: dict[int, tuple[Floats, Floats]] = {}
-        self._tested: set[int] = set()
+        self._followed: dict[int, _Followed] = {}
 
     def keep_out(self, p: Floats) -> Bools:
         """Move predicted positions out of the bones that they can have met.
@@ -150,42 +149,52 @@ class Contact:
             Points that were moved.
         """
         hit = np.zeros(len(p), dtype=np.bool_)
+        barrier = self._barrier
         if self._muscles is not None:
             hit |= self._muscles.keep_out(p)
-        waiting = self._in_reach(p)
+        if not (barrier.obstacles and barrier.any_free):
+            return hit
+        box = _box(p, barrier.free)
+        waiting = self._in_reach(*box)
         while waiting:
             number = waiting.pop(0)
-            if not self._meets(number, p):
-                continue
-            obstacle = self._barrier.obstacles[number]
-            bone = self._now[number] @ self._barrier.from_axes(number)
-            predicted = None if number in self._tested else p.copy()
+            obstacle = barrier.obstacles[number]
+            met = self._followed.get(number)
+            if met is None:
+                bone = self._now[number] @ barrier.from_axes(number)
+                if not self._meets(number, inverse(bone), p):
+                    continue
+                met = self._followed[number] = _Followed(bone, len(p))
+            predicted = None if met.tested else p.copy()
             moved = obstacle.keep_out(
-                bone,
+                met.bone,
                 self._steps[number],
                 self._x[number],
                 p,
-                self._concerned(number, p),
-                allowance=self._barrier.allowance(number),
-                bone_push=self._barrier.bone_push,
+                barrier.free,
+                allowance=barrier.allowance(number),
+                bone_push=barrier.bone_push,
+                clearance=met.clearance,
             )
             if predicted is not None:
-                self._tested.add(number)
-                self._look_at(number, bone, predicted, moved)
-            if obstacle.slides:
-                if number not in self._clear:
-                    distance = np.maximum(obstacle.distance(apply_transform(inverse(bone), p)), 0.0)
-                    self._clear[number] = p.copy(), distance**2
-                self._x[number], self._steps[number] = p.copy(), np.eye(4)
-                self._from_low[number], self._from_high[number] = _box(p, self._barrier.free)
-            if moved.any():
+                met.tested = True
+                self._look_at(number, met.bone, predicted, moved)
+            any_moved = moved.any()
+            if any_moved:
                 hit |= moved
-                waiting = [other for other in self._in_reach(p) if other > number]
+                box = _box(p, barrier.free)
+                waiting = [other for other in self._in_reach(*box) if other > number]
+            if obstacle.slides:
+                met.last[:] = p
+                self._x[number], self._steps[number] = met.last, np.eye(4)
+                self._from_low[number], self._from_high[number] = box
         return hit
 
     def _look_at(self, number: int, bone: Floats, predicted: Floats, moved: Bools) -> None:
         """Warn where a step began with more in a bone, or farther through it, than can come out well."""
         barrier, obstacle = self._barrier, self._barrier.obstacles[number]
+        if obstacle.slides and not moved.any():
+            return
         to_axes = inverse(bone)
         start = apply_transform(to_axes @ self._steps[number], self._x[number])
         end = apply_transform(to_axes, predicted)
@@ -212,23 +221,17 @@ class Contact:
                 "beginning of a step; give the motion more frames, or use more substeps",
             )
 
-    def _in_reach(self, p: Floats) -> list[int]:
-        """Return the obstacles whose boxes, along the axes of the scene, the path of the points may meet."""
-        if not (self._barrier.obstacles and self._barrier.any_free):
-            return []
-        low, high = _box(p, self._barrier.free)
+    def _in_reach(self, low: Floats, high: Floats) -> list[int]:
+        """Return the obstacles whose boxes, along the axes of the scene, the path to a box may meet."""
         apart = (np.maximum(self._from_high, high) < self._low) | (
             np.minimum(self._from_low, low) > self._high
         )
         numbers: list[int] = np.flatnonzero(~apart.any(axis=1)).tolist()
         return numbers
 
-    def _meets(self, number: int, p: Floats) -> bool:
+    def _meets(self, number: int, to_axes: Floats, p: Floats) -> bool:
         """Return whether the path of the points may meet an obstacle's box along its own axes."""
-        if number in self._clear:
-            return True  # its grid is there
         obstacle, free = self._barrier.obstacles[number], self._barrier.free
-        to_axes = inverse(self._now[number] @ self._barrier.from_axes(number))
         starts = _box(apply_transform(to_axes @ self._steps[number], self._x[number]), free)
         ends = _box(apply_transform(to_axes, p), free)
         low, high = obstacle.box_along_axes
@@ -237,14 +240,18 @@ class Contact:
             and (np.minimum(starts[0], ends[0]) <= high + obstacle.margin).all()
         )
 
-    def _concerned(self, number: int, p: Floats) -> Bools:
-        """Return the free points that may have met a bone."""
-        if number not in self._clear:
-            return self._barrier.free
-        there, squares = self._clear[number]
-        moved = p - there
-        concerned: Bools = self._barrier.free & (np.einsum("ij,ij->i", moved, moved) >= squares)
-        return concerned
+
+class _Followed:
+    """What is known of the points of a muscle and a bone that they have come near to."""
+
+    def __init__(self, bone: Floats, n_points: int) -> None:
+        #: From the bone's axes to where it is.
+        self.bone = bone
+        #: Whether the first test is done.
+        self.tested = False
+        #: Positions after the last test.
+        self.last: Floats = np.empty((n_points, 3))
+        self.clearance = Clearance(n_points)
 
 
 def _meet(start: Floats, end: Floats, low: Floats, high: Floats) -> Bools:
@@ -278,9 +285,13 @@ def _moved_boxes(transforms: Floats, middles: Floats, halves: Floats) -> tuple[F
 def _box(points: Floats, free: Bools) -> tuple[Floats, Floats]:
     """Return the lowest and highest coordinates of the free points, infinite where there is none."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for i in range(len(points)):
-        if free[i]:
-            for k in range(3):
-                low[k] = min(low[k], points[i, k])
-                high[k] = max(high[k], points[i, k])
+    for k in range(3):
+        least, greatest = np.inf, -np.inf
+        for i in range(len(points)):
+            if free[i]:
+                # Unlike min() and max() this is one instruction: it need not care about NaN.
+                c = points[i, k]
+                least = c if c < least else least
+                greatest = c if c > greatest else greatest
+        low[k], high[k] = least, greatest
     return low, high

@@ -47,6 +47,7 @@ def resolve_distance_collisions(
     friction: float = 0.0,
     allowance: Floats | None = None,
     exempt: Bools | None = None,
+    clearance: Clearance | None = None,
 ) -> Bools:
     """Move the predicted positions that are in a bone, or came through it, out of it.
 
@@ -79,6 +80,9 @@ def resolve_distance_collisions(
         rest, :func:`~vtkmuscle.core.distance_lookup.rest_allowance`.
     exempt : (n,) bool array, optional
         Points that the bone does not concern.
+    clearance : Clearance, optional
+        Points that it knows to be away from the bone are passed over, and it learns from those that are not.
+        The bone must stand still from one call to the next.
 
     Returns
     -------
@@ -103,7 +107,7 @@ def resolve_distance_collisions(
             f">= 0, got skin={skin:g} mm, friction={friction:g}; build the grid with a wider band"
         )
     movable = free if exempt is None else free & ~exempt
-    levels = np.full(len(p), skin) if allowance is None else skin - allowance
+    known = Clearance(len(p)) if clearance is None else clearance
     moved = np.zeros(len(p), dtype=np.bool_)
     to_rest = inverse(now)
     _resolve(
@@ -118,11 +122,35 @@ def resolve_distance_collisions(
         x,
         p,
         movable,
-        levels,
+        float(skin),
+        np.zeros(len(p)) if allowance is None else allowance,
         float(friction),
+        known.seen_at,
+        known.squares,
         moved,
     )
     return moved
+
+
+class Clearance:
+    """How far points were from a bone when they were last looked at.
+
+    Parameters
+    ----------
+    n_points : int
+        How many there are. None of them has been looked at yet.
+
+    Attributes
+    ----------
+    seen_at : (n, 3) array
+        Where each point was [mm].
+    squares : (n,) array
+        Square of the way that it can go from there without meeting the bone's skin [mm^2].
+    """
+
+    def __init__(self, n_points: int) -> None:
+        self.seen_at: Floats = np.zeros((n_points, 3))
+        self.squares: Floats = np.zeros(n_points)
 
 
 @kernel
@@ -138,15 +166,20 @@ def _resolve(
     x: Floats,
     p: Floats,
     movable: Bools,
-    levels: Floats,
+    skin: float,
+    allowance: Floats,
     friction: float,
+    seen_at: Floats,
+    squares: Floats,
     moved: Bools,
 ) -> None:
-    """Do what :func:`resolve_distance_collisions` says; moved : (n,), changed in place."""
+    """Do what :func:`resolve_distance_collisions` says; seen_at, squares, moved : changed in place."""
     start, end, wanted = np.empty(3), np.empty(3), np.empty(3)
     work = np.empty((9, 3))
+    zone = _ZONE * cell
     for i in range(len(p)):
-        if not movable[i]:
+        way = (p[i, 0] - seen_at[i, 0]) ** 2 + (p[i, 1] - seen_at[i, 1]) ** 2 + (p[i, 2] - seen_at[i, 2]) ** 2
+        if way < squares[i] or not movable[i]:
             continue
         apart, finite = False, True
         for k in range(3):
@@ -162,15 +195,24 @@ def _resolve(
             high = origin[k] + cell * 8 * table.shape[k]
             apart = apart or max(start[k], end[k]) < origin[k] or min(start[k], end[k]) > high
             finite = finite and np.isfinite(start[k]) and np.isfinite(end[k])
-        if apart or not finite:
+        if not finite:
             continue
+        distance = distance_at(values, table, origin, cell, band, end[0], end[1], end[2])
+        # A cell, for what the interpolation between nodes can be wrong by.
+        clear = max(distance - (cell + skin), 0.0)
+        seen_at[i], squares[i] = p[i], clear * clear
+        length = np.sqrt((end[0] - start[0]) ** 2 + (end[1] - start[1]) ** 2 + (end[2] - start[2]) ** 2)
+        height = distance - (skin - allowance[i])
+        if apart or (height >= 0.0 and height - zone >= length):
+            continue  # too short a way to meet the bone
         for k in range(3):
             wanted[k] = end[k]
-        _respond(values, table, origin, cell, band, start, end, levels[i], friction, work)
+        _respond(values, table, origin, cell, band, start, end, skin - allowance[i], friction, work)
         if end[0] != wanted[0] or end[1] != wanted[1] or end[2] != wanted[2]:
             for k in range(3):
                 p[i, k] = now[k, 0] * end[0] + now[k, 1] * end[1] + now[k, 2] * end[2] + now[k, 3]
             moved[i] = True
+            squares[i] = 0.0
 
 
 @kernel

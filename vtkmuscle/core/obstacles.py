@@ -13,9 +13,9 @@ from weakref import WeakValueDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.distance_collision import SKIN_CELLS, resolve_distance_collisions
+from vtkmuscle.core.distance_collision import SKIN_CELLS, Clearance, resolve_distance_collisions
 from vtkmuscle.core.distance_grid import BAND_CELLS, DistanceGrid
-from vtkmuscle.core.distance_lookup import rest_allowance, signed_distance
+from vtkmuscle.core.distance_lookup import rest_allowance
 from vtkmuscle.core.grid_cache import cached_distance_grid
 from vtkmuscle.core.rigid import apply_transform
 from vtkmuscle.core.voxels import VoxelGrid, build_voxel_grid, resolve_collisions
@@ -96,10 +96,6 @@ class Obstacle(ABC):
     def allowance(self, points: Floats) -> Floats | None:
         """Return how deep points (n, 3) [mm], at rest and in the bone's axes, may be in the bone, (n,)."""
 
-    def distance(self, points: Floats) -> Floats:
-        """Return at most the distance of points (n, 3) [mm], in the bone's axes, from the bone, (n,)."""
-        return np.zeros(len(points))
-
     @abstractmethod
     def entered(self, points: Floats, moved: Bools) -> Bools:
         """Return which of the points (n, 3) [mm], in the bone's axes, were in it: it moved some, (n,)."""
@@ -115,6 +111,7 @@ class Obstacle(ABC):
         *,
         allowance: Floats | None,
         bone_push: bool,
+        clearance: Clearance | None = None,
     ) -> Bools:
         """Move predicted positions out of the bone; return which.
 
@@ -132,6 +129,8 @@ class Obstacle(ABC):
             From :meth:`allowance`.
         bone_push : bool
             Whether the bone takes points along that it moved over, where the method leaves the choice.
+        clearance : Clearance, optional
+            Which points are known to be away from the bone; brought up to date where the method knows.
 
         Returns
         -------
@@ -206,6 +205,7 @@ class VoxelObstacle(Obstacle):
         *,
         allowance: Floats | None,
         bone_push: bool,
+        clearance: Clearance | None = None,
     ) -> Bools:
         """Move points back the way they came, to the first voxel outside."""
         return resolve_collisions(self.grid, now, step, x, p, free, bone_push=bone_push)
@@ -293,10 +293,6 @@ class DistanceObstacle(Obstacle):
         """Return how deep points are in the bone, or its skin, at rest."""
         return rest_allowance(self.grid, points, skin=self.skin)
 
-    def distance(self, points: Floats) -> Floats:
-        """Return the distance from the skin, less what the interpolation between nodes can be wrong by."""
-        return signed_distance(self.grid, points) - (self.cell + self.skin)
-
     def entered(self, points: Floats, moved: Bools) -> Bools:
         """Return the points that were moved: all that were in the bone."""
         return moved
@@ -311,6 +307,7 @@ class DistanceObstacle(Obstacle):
         *,
         allowance: Floats | None,
         bone_push: bool,
+        clearance: Clearance | None = None,
     ) -> Bools:
         """Move points to the bone's surface; the bone pushes those that it moved over."""
         return resolve_distance_collisions(
@@ -323,6 +320,7 @@ class DistanceObstacle(Obstacle):
             skin=self.skin,
             friction=self.friction,
             allowance=allowance,
+            clearance=clearance,
         )
 
 
