@@ -146,7 +146,10 @@ def test_a_muscle_that_shortens_gets_thicker_and_stays_straight(made, order):
     points, topology, _ = muscle()
     solver, state = solved(made, drawn_apart(-20.0), order=order)
     p = state.positions + solver.centre
-    assert signed_volume(p, topology.triangles) == pytest.approx(signed_volume(points, topology.triangles))
+    # In the order of P21 the volume is not what is projected last.
+    rel = 1e-6 if order == "colour" else 1e-3
+    expected = signed_volume(points, topology.triangles)
+    assert signed_volume(p, topology.triangles) == pytest.approx(expected, rel=rel)
     belly = np.abs(points[:, 2]) < 10.0
     radius = np.linalg.norm(p[belly, :2], axis=1) / np.linalg.norm(points[belly, :2], axis=1)
     assert radius.min() > 1.05

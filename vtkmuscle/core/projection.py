@@ -22,7 +22,15 @@ Bools = NDArray[np.bool_]
 
 
 class Projection(Protocol):
-    """Projects all constraints of a muscle once."""
+    """Projects all constraints of a muscle once.
+
+    Attributes
+    ----------
+    settles : bool
+        Whether volume and bones are attended to once more after the iterations.
+    """
+
+    settles: bool
 
     def iterate(self, p: Floats, keep_out: Callable[[Floats], Bools], *, bones_last: bool = False) -> Bools:
         """Project all constraints once, in place; return which points met a bone.
@@ -61,6 +69,8 @@ class ColourOrder:
         As of :class:`~vtkmuscle.core.batched_iteration.BatchedIteration`.
     """
 
+    settles = True
+
     def __init__(self, muscle: PackedMuscle, *, threads: int) -> None:
         self._batched = BatchedIteration(muscle, threads=threads)
         self._places = muscle.places
@@ -87,7 +97,10 @@ class ColourOrder:
 
 
 class SequentialOrder:
-    """Edges one by one, all distances before all dihedral angles, in the order of the mesh: as P21.
+    """The order of P21 Algorithm 2: all distances, the volume, all dihedral angles, the bones.
+
+    Edges come one by one, in the order of the mesh. The volume is not what was projected last, so that it is
+    kept less well.
 
     Parameters
     ----------
@@ -104,6 +117,8 @@ class SequentialOrder:
     volume_floor : float
         Least denominator of the volume's projection [mm^4].
     """
+
+    settles = False
 
     def __init__(
         self,
@@ -128,15 +143,11 @@ class SequentialOrder:
         self._full = topology.triangles, shape.volume, volume_floor, volume_stiffness, gradient
 
     def iterate(self, p: Floats, keep_out: Callable[[Floats], Bools], *, bones_last: bool = False) -> Bools:
-        """Project all constraints once, in place; see :meth:`Projection.iterate`."""
+        """Project all constraints once, in place, the bones always last; see :meth:`Projection.iterate`."""
         project_distance(p, self._mass, *self._long)
+        project_volume(p, self._mass, *self._full)
         project_dihedral(p, self._mass, *self._bent)
-        if bones_last:
-            project_volume(p, self._mass, *self._full)
-        hit = keep_out(p)
-        if not bones_last:
-            project_volume(p, np.where(hit, 0.0, self._mass), *self._full)
-        return hit
+        return keep_out(p)
 
     def set_rest(self, lengths: Floats, cosines: Floats, sines: Floats) -> None:
         """See :meth:`Projection.set_rest`."""

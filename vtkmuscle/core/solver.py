@@ -66,7 +66,7 @@ class SolverParameters:
     tolerance : float
         With ``"anderson"``: stop at this estimated distance to the converged shape [mm]; 0 never stops.
     order : str
-        ``"colour"`` or ``"sequential"``: in which order edges are projected.
+        ``"colour"`` or ``"sequential"``: many edges at once and the volume last, or P21's order.
     dtype : str
         ``"float64"`` or ``"float32"``: the numbers that the iteration computes with. The latter only with
         ``"gauss-seidel"`` and ``"colour"``: acceleration lives on differences that single precision loses.
@@ -413,7 +413,8 @@ class MuscleSolver:
             clock.switch("constraints")
             p, collided, convergence = solve(p, keep_out, clock, progress)
             clock.switch("settling")
-            collided |= self._settle(p, keep_out)
+            if self._projection.settles:
+                collided |= self._settle(p, keep_out)
             velocities = (p - x) / dt
         _check_finite(p, velocities)
         if self.parameters.contact_velocity == "zero":
