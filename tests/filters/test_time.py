@@ -135,7 +135,7 @@ def work(monkeypatch):
     count(solver, "RestShape", "rest shape")
     count(solver, "harmonic_weights", "blend weights")
     count(solver, "pack", "constraints")
-    count(pbd_deformer, "_anisotropic_stiffness", "fibre directions")
+    count(pbd_deformer, "harmonic_directions", "fibre directions")
     monkeypatch.setattr(obstacles, "_shared", WeakValueDictionary())
     count(obstacles, "cached_distance_grid", "distance grids")
     count(obstacles, "build_voxel_grid", "voxels")
@@ -150,7 +150,7 @@ def work(monkeypatch):
         ("damping", 0.5, {"steps"}),
         ("dt", 0.5, {"steps"}),
         ("external_force", (0.01, 0.0, 0.0), {"steps"}),
-        ("volume_stiffness", 0.5, {"steps"}),
+        ("volume_stiffness", 0.5, {"steps", "constraints"}),
         ("tolerance", 0.1, {"steps"}),
         ("start", "inertial", {"steps"}),
         ("stiffness", 0.5, {"steps", "constraints"}),
