@@ -65,6 +65,28 @@ def test_normals_turn_with_the_bone_and_other_arrays_pass(bones):
     assert moved.GetFieldData().GetAbstractArray("Side").GetValue(0) == "right"
 
 
+def test_what_is_done_to_the_output_is_gone_at_the_next_time(bones):
+    motion = BoneMotion(motion=KNEE)
+    first = at(motion, bones, 0.0)
+    for _, block in blocks_of(first):
+        block.GetFieldData().Initialize()
+        block.GetPointData().Initialize()
+    for _, block in blocks_of(motion.update(30.0).output):
+        assert field_array(block, "Transform") is not None
+        assert len(point_array(block, "Density", "test"))
+
+
+def test_bones_that_change_are_taken_anew(bones):
+    motion = BoneMotion(motion=KNEE)
+    at(motion, bones, 30.0)
+    set_point_array(bones.GetBlock(0), "Density", np.full(24, 7.0))
+    bones.SetBlock(2, bone((9.0, 0.0, 5.0)))
+    bones.Modified()
+    changed = motion.update(60.0).output
+    assert (point_array(changed.GetBlock(0), "Density", "test") == 7.0).all()
+    assert points_of(changed.GetBlock(2)).mean(axis=0) == pytest.approx([9.0, 0.0, 5.0])
+
+
 def test_other_bones_stay_and_share_their_geometry(bones):
     result = at(BoneMotion(motion=KNEE), bones, 60.0)
     for block in (0, 2):

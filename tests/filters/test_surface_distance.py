@@ -172,6 +172,14 @@ def test_a_shell_with_a_hole_has_no_inside_and_says_so():
     assert depth[1] == pytest.approx(10.0, abs=0.1)
 
 
+def test_nothing_is_built_of_a_surface_that_no_point_is_near():
+    surface = SurfaceDistance(surface_from(*ball()))
+    before = set(vars(surface))
+    assert surface.depth([[0.0, 0.0, 10.5], [30.0, 0.0, 0.0]]).tolist() == [0.0, 0.0]
+    assert set(vars(surface)) == before
+    assert surface.depth([[0.0, 0.0, 9.0]])[0] == pytest.approx(1.0, abs=0.1)
+
+
 def test_rigid_motion_and_units_carry_over():
     points, triangles = torus()
     positions = near_points(points, triangles)

@@ -223,9 +223,8 @@ def blocks_of(data: vtkMultiBlockDataSet) -> list[tuple[str, Any]]:
     """Return (name, data set) of each block; a block without a name is called by its number."""
     blocks = []
     for i in range(data.GetNumberOfBlocks()):
-        has_name = data.HasMetaData(i) and data.GetMetaData(i).Has(vtkCompositeDataSet.NAME())
-        name = data.GetMetaData(i).Get(vtkCompositeDataSet.NAME()) if has_name else str(i)
-        blocks.append((name, data.GetBlock(i)))
+        name = data.GetMetaData(i).Get(vtkCompositeDataSet.NAME()) if data.HasMetaData(i) else None
+        blocks.append((str(i) if name is None else name, data.GetBlock(i)))
     return blocks
 
 

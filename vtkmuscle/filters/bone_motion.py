@@ -51,13 +51,25 @@ class BoneMotion(Filter):
         "``Transform`` (16, row major): rest to now.",
     )
 
+    def __init__(self, **parameters: Any) -> None:
+        #: The state of the input's blocks, the bones by name, and the output with all of them at rest.
+        self._at_rest: tuple[list[Any], dict[str, vtkPolyData], vtkMultiBlockDataSet] | None = None
+        super().__init__(**parameters)
+
     def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
         """Return the times of the motion."""
         return None if self.motion is None else [float(time) for time in self.motion.times]
 
     def execute(self, bones: vtkMultiBlockDataSet) -> vtkMultiBlockDataSet:
         """Return the moved bones."""
-        blocks = bones_of(bones, "BoneMotion: bones")
+        state = [(name, block, block and block.GetMTime()) for name, block in blocks_of(bones)]
+        if self._at_rest is None or self._at_rest[0] != state:
+            self._at_rest = None
+            blocks = bones_of(bones, "BoneMotion: bones")
+            # To ask VTK to move a block modifies it: the copies are asked for that.
+            blocks = {name: _moved(bone, None) for name, bone in blocks.items()}
+            self._at_rest = state, blocks, multiblock_from(blocks)
+        _, blocks, still = self._at_rest
         transforms = self._transforms()
         unknown = sorted(set(transforms) - set(blocks))
         if unknown:
@@ -65,7 +77,13 @@ class BoneMotion(Filter):
                 f"BoneMotion: the motion moves {', '.join(map(repr, unknown))}, but the bones are "
                 f"{', '.join(map(repr, blocks))}; rename the block or the motion's bone"
             )
-        return multiblock_from({name: _moved(bone, transforms.get(name)) for name, bone in blocks.items()})
+        # Bones that stay are not looked at again, however many there are.
+        result = vtkMultiBlockDataSet()
+        result.CompositeShallowCopy(still)
+        for number, (name, bone) in enumerate(blocks.items()):
+            if name in transforms:
+                result.SetBlock(number, _moved(bone, transforms[name]))
+        return result
 
     def _transforms(self) -> dict[str, Floats]:
         if self.motion is None:

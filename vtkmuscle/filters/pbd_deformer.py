@@ -25,6 +25,7 @@ from vtkmuscle.core.topology import mesh_topology
 from vtkmuscle.core.voxels import DEFAULT_N_MAX
 from vtkmuscle.filters.arrays import (
     Polylines,
+    blocks_of,
     checked_surface,
     point_array,
     polylines_of,
@@ -478,7 +479,7 @@ class PBDDeformer(Filter):
         neighbours: vtkMultiBlockDataSet | None,
     ) -> vtkPolyData:
         """Compute the frames on the way to the time asked for that are not known, and return the last."""
-        self._prepare(muscle, fibres, list(bones_of(bones, "PBDDeformer: bones")))
+        self._prepare(muscle, fibres, [name for name, _ in blocks_of(bones)])
         if not self._steps:
             self._frames.clear()
         path = self._path()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
+from threading import Lock
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,7 +29,7 @@ class SurfaceDistance:
     Each connected shell has an inside of its own, whether its triangles face outward or inward: where
     shells overlap, as the bones of a pelvis do, and for a hollow in a bone, which counts as filled. The
     sign is that of the angle-weighted normal at the closest point, exact for closed manifold shells of any
-    genus.
+    genus. What that takes is built when it is first needed: a surface that no point comes near costs nothing.
 
     Parameters
     ----------
@@ -57,9 +58,15 @@ class SurfaceDistance:
 
     def __init__(self, surface: vtkPolyData) -> None:
         points, triangles = checked_surface(surface, "SurfaceDistance")
-        if not _is_closed(triangles, len(points)):
+        #: Whether no edge is that of one triangle alone.
+        self.closed = _is_closed(triangles, len(points))
+        if not self.closed:
             points, triangles = _merged(points, triangles)
+            self.closed = _is_closed(triangles, len(points))
         self._points, self._triangles = points, triangles
+        #: Lowest and highest corner of the surface's box.
+        self.box: tuple[Floats, Floats] = points.min(axis=0), points.max(axis=0)
+        self._building = Lock()
 
     def unsigned(self, points: ArrayLike) -> Floats:
         """Return the distance of each point (n, 3) from the nearest triangle, (n,)."""
@@ -95,8 +102,13 @@ class SurfaceDistance:
         """
         positions = _checked(points)
         result = np.zeros(len(positions))
-        for shell in self._shells:
-            in_reach = np.flatnonzero(shell.sieve.contains(positions))
+        low, high = self.box
+        if not ((positions >= low) & (positions <= high)).all(axis=1).any():
+            return result  # without building anything: most bones of a scene are far from most muscles
+        with self._building:
+            sieves = [(shell, shell.sieve) for shell in self._shells]
+        for shell, sieve in sieves:
+            in_reach = np.flatnonzero(sieve.contains(positions))
             depths = -shell.tree.signed(positions[in_reach])[0]
             result[in_reach] = np.maximum(result[in_reach], depths)
         return result

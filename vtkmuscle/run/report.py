@@ -160,8 +160,13 @@ class MuscleMeasure:
         if not self._distances or not len(free):
             return {"penetration_max_mm": None, "penetration_p95_mm": None, "penetrating_points": None}
         depths = np.zeros(len(free))
+        middle, half = (free.max(axis=0) + free.min(axis=0)) / 2, (free.max(axis=0) - free.min(axis=0)) / 2
         for bone, distance in self._distances.items():
-            np.maximum(depths, distance.depth(apply_transform(inverse(now[bone]), free)), out=depths)
+            to_rest = inverse(now[bone])
+            there, reach = apply_transform(to_rest, middle[None])[0], np.abs(to_rest[:3, :3]) @ half
+            low, high = distance.box
+            if ((there + reach >= low) & (there - reach <= high)).all():
+                np.maximum(depths, distance.depth(apply_transform(to_rest, free)), out=depths)
         depths *= self._millimetres
         return {
             "penetration_max_mm": float(depths.max()),

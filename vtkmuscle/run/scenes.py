@@ -12,8 +12,6 @@ from os import cpu_count
 from pathlib import Path
 from typing import Any
 
-from vtkmuscle.core.mesh import survey
-from vtkmuscle.filters.arrays import checked_surface, points_of
 from vtkmuscle.filters.base import AbortedError
 from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.run.folder import RunFolder
@@ -137,14 +135,9 @@ def run_scene(
 
 
 def _bone_distances(scene: Scene) -> dict[str, SurfaceDistance]:
-    """Return the exact distance of each closed bone, built here once for all threads."""
-    distances = {}
-    for name, bone in scene.bones.items():
-        if survey(*checked_surface(bone, f"bones.{name}")).closed:
-            distance = SurfaceDistance(bone)
-            distance.depth(points_of(bone)[:1])  # builds what it keeps
-            distances[name] = distance
-    return distances
+    """Return the exact distance of each closed bone, for all threads; it is built when a muscle comes near."""
+    distances = {name: SurfaceDistance(bone) for name, bone in scene.bones.items()}
+    return {name: distance for name, distance in distances.items() if distance.closed}
 
 
 def _first_report(scene: Scene, numbers: range, tracks: dict[str, MuscleTrack]) -> dict[str, Any]:
