@@ -40,6 +40,7 @@ MODES = {
         "order": "sequential",
         "bone_push": "transform",
         "contact_velocity": "keep",
+        "anisotropy": "stiffness",
     },
     "none": {"collision": "none"},
 }

@@ -22,6 +22,7 @@ paper = {
     "order": "sequential",
     "collision": "voxel",
     "contact_velocity": "keep",
+    "anisotropy": "stiffness",
 }
 hip = phantoms.hip()
 motion = RigidMotion(hip.motion.times[:21], {"femur": hip.motion.transforms["femur"][:21]})
