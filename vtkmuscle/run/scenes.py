@@ -135,7 +135,7 @@ def run_scene(
 
 
 def _bone_distances(scene: Scene) -> dict[str, SurfaceDistance]:
-    """Return the exact distance of each closed bone, for all threads; it is built when a muscle comes near."""
+    """Return the exact distances of the closed bones; each is built when a muscle comes near."""
     distances = {name: SurfaceDistance(bone) for name, bone in scene.bones.items()}
     return {name: distance for name, distance in distances.items() if distance.closed}
 
