@@ -46,11 +46,13 @@ def test_setters_set():
     deformer = shell(PBDDeformer)
     deformer.SetIterations(7)
     deformer.SetExternalForce(0.0, 1.0, 2.0)
-    deformer.SetAnisotropy(0)
+    deformer.SetPenetration(1)
+    deformer.SetAnisotropy("stiffness")
     deformer.SetSolver("gauss-seidel")
     assert deformer.iterations == 7
     assert deformer.external_force == (0.0, 1.0, 2.0)
-    assert deformer.anisotropy is False
+    assert deformer.penetration is True
+    assert deformer.anisotropy == "stiffness"
     assert deformer.solver == "gauss-seidel"
 
 
