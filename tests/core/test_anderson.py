@@ -113,7 +113,7 @@ def test_the_same_input_gives_the_same_bits():
 
 
 def test_a_map_that_leaves_the_numbers_is_an_error():
-    with pytest.raises(ValueError, match="floating point"):
+    with pytest.raises(FloatingPointError, match="floating point"):
         anderson(lambda x: x * np.nan, np.ones(3), max_iterations=3)
 
 

@@ -7,15 +7,11 @@ from spindle import spindle
 
 from vtkmuscle.core.anisotropy import edge_stiffness, following_stiffness
 from vtkmuscle.core.constraints import dihedral_angle
-from vtkmuscle.core.fibre_stretch import (
-    FibreStretch,
-    stretch_of_fibres,
-    stretch_of_harmonic,
-    stretched_rest,
-)
+from vtkmuscle.core.fibre_stretch import FibreStretch, stretch_of_fibres, stretch_of_harmonic
 from vtkmuscle.core.mesh import edge_lengths, signed_volume
 from vtkmuscle.core.rigid import apply_transform, rotation_about
 from vtkmuscle.core.solver import MuscleSolver, SolverParameters
+from vtkmuscle.core.stretched_shape import StretchedShape
 from vtkmuscle.core.topology import mesh_topology
 
 LENGTH = 100.0
@@ -95,19 +91,8 @@ def test_the_rest_shape_is_that_of_the_quadruple_stretched():
     v /= np.linalg.norm(v)
     k = len(topology.edges)
     for stretch, thinning in ((0.7, 1.0), (1.4, 0.5), (1.3, 0.0), (1.0, 1.0)):
-        lengths, cosines, sines = np.empty(k), np.ones(k), np.zeros(k)
-        stretched_rest(
-            points,
-            topology.edges,
-            topology.quads,
-            topology.quad_edges,
-            np.tile(v, (k, 1)),
-            np.full(k, stretch),
-            thinning,
-            lengths,
-            cosines,
-            sines,
-        )
+        shape = StretchedShape(points, topology, np.tile(v, (k, 1)), thinning=thinning)
+        lengths, cosines, sines = shape.at(np.full(k, stretch))
         across = stretch ** (-thinning / 2)
         moved = points @ (across * np.eye(3) + (stretch - across) * np.outer(v, v))
         np.testing.assert_allclose(lengths, edge_lengths(moved, topology.edges), rtol=1e-12)
@@ -117,6 +102,31 @@ def test_the_rest_shape_is_that_of_the_quadruple_stretched():
         np.testing.assert_allclose(sines[topology.quad_edges], np.sin(angles), atol=1e-12)
         if thinning == 1.0:
             assert signed_volume(moved, triangles) == pytest.approx(signed_volume(points, triangles))
+
+
+def test_each_edge_has_a_stretch_of_its_own(rng):
+    """Edge by edge, against the vectors of its two triangles, stretched; also where no direction is known."""
+    points, triangles, _ = spindle(seed=2)
+    points[7] = points[8]  # triangles that have collapsed
+    topology = mesh_topology(len(points), triangles)
+    k = len(topology.edges)
+    v = rng.normal(size=(k, 3))
+    v /= np.linalg.norm(v, axis=1, keepdims=True)
+    v[::5] = 0.0
+    stretch = rng.uniform(0.25, 4.0, k)
+    lengths, cosines, sines = StretchedShape(points, topology, v, thinning=0.5).at(stretch)
+    across = stretch**-0.25
+    outer = np.einsum("ki,kj->kij", v, v)
+    f = across[:, None, None] * np.eye(3) + (stretch - across)[:, None, None] * outer
+    e = np.einsum("kij,kj->ki", f, points[topology.edges[:, 1]] - points[topology.edges[:, 0]])
+    np.testing.assert_allclose(lengths, np.linalg.norm(e, axis=1), rtol=1e-12)
+    quads, at = topology.quads, topology.quad_edges
+    corners = [np.einsum("kij,kj->ki", f[at], points[quads[:, c]] - points[quads[:, 0]]) for c in range(4)]
+    angles, defined = dihedral_angle(*corners)
+    assert not defined.all()
+    np.testing.assert_allclose(cosines[at[defined]], np.cos(angles[defined]), atol=1e-12)
+    np.testing.assert_allclose(sines[at[defined]], np.sin(angles[defined]), atol=1e-12)
+    np.testing.assert_allclose(cosines[at[~defined]], 1.0)
 
 
 def test_edges_give_way_along_the_fibres_and_short_ones_less():

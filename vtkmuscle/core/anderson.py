@@ -16,6 +16,7 @@ from vtkmuscle.core.convergence import (
     reduction,
     root_mean_square_distance,
 )
+from vtkmuscle.core.jit import kernel
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -121,7 +122,7 @@ def anderson(
 
     Raises
     ------
-    ValueError
+    FloatingPointError
         If g gives anything not finite for the start or for a plain step.
 
     Examples
@@ -137,6 +138,7 @@ def anderson(
         reference, typical = TYPICAL_AMPLIFICATION
         amplification = typical * (points / reference) ** AMPLIFICATION_GROWTH
     memory = _Memory(n, window)
+    unsteady = np.zeros(n, dtype=np.bool_) if unsteady is None else unsteady
     trail = Trail(points, amplification)
     x = np.array(start, dtype=np.float64)
     image = np.empty(n)
@@ -150,7 +152,7 @@ def anderson(
         residual = root_mean_square_distance(value, x, points)
         worse = not residual <= GROWTH * last
         if not math.isfinite(residual) and plain:
-            raise ValueError("the iteration left the range of floating point numbers")
+            raise FloatingPointError("the iteration left the range of floating point numbers")
         if worse and not plain:
             # Take the accelerated step back: `image` still is g of the iterate before.
             residuals.append(residual)
@@ -168,9 +170,7 @@ def anderson(
         converged = trail.distance <= tolerance and tolerance > 0.0
         if residual == 0.0:
             converged = True
-        if unsteady is not None:
-            x[unsteady] = image[unsteady]
-        weights = memory.add(x, image)
+        weights = memory.add(x, image, unsteady)
         plain = True
         if weights is not None and not converged:
             memory.combine(image, weights, x)
@@ -208,23 +208,20 @@ class _Memory:
     def clear(self) -> None:
         self._count = -1
 
-    def add(self, x: Floats, image: Floats) -> Floats | None:
-        """Add a step; return the weights of the differences that reduce its residual most."""
+    def add(self, x: Floats, image: Floats, unsteady: Bools) -> Floats | None:
+        """Add a step; return the weights of the differences that reduce its steady residuals most."""
         if self._window == 0:
             return None
         self._count += 1
         row = (self._count - 1) % self._window
         used = min(self._count, self._window)
         dots = np.zeros((2, self._window))
-        _add_step(x, image, self._residual, self._image, self._residuals, self._images, row, used, dots)
+        differences, now = (self._residuals, self._images), (self._residual, self._image)
+        _add_step(x, image, unsteady, *now, *differences, row, used, dots)
         if used == 0:
             return None
-        products = self._products
-        products[row, :used] = products[:used, row] = dots[0, :used]
-        scale = np.sqrt(np.diag(products)[:used])
-        scale[scale == 0.0] = 1.0
-        scaled = products[:used, :used] / np.outer(scale, scale) + REGULARISATION * np.eye(used)
-        weights: Floats = np.linalg.solve(scaled, dots[1, :used] / scale) / scale
+        self._products[row, :used] = self._products[:used, row] = dots[0, :used]
+        weights = _least_squares(self._products[:used, :used], dots[1, :used])
         return weights if np.isfinite(weights).all() else None
 
     def combine(self, image: Floats, weights: Floats, x: Floats) -> None:
@@ -236,6 +233,7 @@ class _Memory:
 def _add_step(
     x: Floats,
     image: Floats,
+    unsteady: Bools,
     residual: Floats,
     last_image: Floats,
     residuals: Singles,
@@ -251,12 +249,12 @@ def _add_step(
         now = residual[first:last]
         if used == 0:
             for i in range(last - first):
-                now[i] = image[first + i] - x[first + i]
+                now[i] = 0.0 if unsteady[first + i] else image[first + i] - x[first + i]
                 last_image[first + i] = image[first + i]
             continue
         newest, newest_image = residuals[row, first:last], images[row, first:last]
         for i in range(last - first):
-            r = image[first + i] - x[first + i]
+            r = 0.0 if unsteady[first + i] else image[first + i] - x[first + i]
             newest[i] = r - now[i]
             newest_image[i] = image[first + i] - last_image[first + i]
             now[i] = r
@@ -269,6 +267,34 @@ def _add_step(
                 b += np.float64(other[i]) * now[i]
             dots[0, j] += a
             dots[1, j] += b
+
+
+@kernel
+def _least_squares(products: Floats, dots: Floats) -> Floats:
+    """Return the weights w with products w = dots, by elimination; not finite where there are none.
+
+    The matrix is scaled to a diagonal of 1, to which :data:`REGULARISATION` is added.
+    """
+    n = len(dots)
+    scale, a, w = np.empty(n), np.empty((n, n)), np.empty(n)
+    for i in range(n):
+        scale[i] = 1.0 / np.sqrt(products[i, i]) if products[i, i] != 0.0 else 1.0
+    for i in range(n):
+        w[i] = dots[i] * scale[i]
+        for j in range(n):
+            a[i, j] = products[i, j] * scale[i] * scale[j]
+        a[i, i] += REGULARISATION
+    for k in range(n):  # positive definite: no pivoting
+        for i in range(k + 1, n):
+            part = a[i, k] / a[k, k]
+            w[i] -= part * w[k]
+            for j in range(k, n):
+                a[i, j] -= part * a[k, j]
+    for k in range(n - 1, -1, -1):
+        for j in range(k + 1, n):
+            w[k] -= a[k, j] * w[j]
+        w[k] /= a[k, k]
+    return w * scale
 
 
 @reduction

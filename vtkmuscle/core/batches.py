@@ -113,11 +113,19 @@ class PackedMuscle:
         What was dropped, or had no angle, stays so.
         """
         table = self.constants.reshape(-1, CONSTANTS, WIDTH)
-        edges = self.edges.reshape(-1, WIDTH)
-        held = edges >= 0
-        bent = held & (table[:, 4] > 0)
-        table[:, 0][held] = lengths[edges[held]]
-        table[:, 2][bent], table[:, 3][bent] = cosines[edges[bent]], sines[edges[bent]]
+        _set_rest(table, self.edges.reshape(-1, WIDTH), lengths, cosines, sines)
+
+
+@kernel
+def _set_rest(table: Reals, edges: Ints, lengths: Floats, cosines: Floats, sines: Floats) -> None:
+    """Do what :meth:`PackedMuscle.set_rest` says; edges (b, width) are those of the table, -1 for none."""
+    for b in range(len(edges)):
+        for lane in range(edges.shape[1]):
+            edge = edges[b, lane]
+            if edge >= 0:
+                table[b, 0, lane] = lengths[edge]
+                if table[b, 4, lane] > 0:
+                    table[b, 2, lane], table[b, 3, lane] = cosines[edge], sines[edge]
 
 
 def aligned_zeros(size: int, dtype: np.dtype[np.floating]) -> Reals:

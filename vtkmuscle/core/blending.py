@@ -48,16 +48,29 @@ def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats
     dual[:, 3] = -0.5 * np.einsum("ij,ij->i", shift, real[:, :3])
 
     moved = np.empty_like(points)
-    _move(weights @ real, weights @ dual, points, moved)
+    _move(np.ascontiguousarray(weights), real, dual, np.ascontiguousarray(points), moved)
     return moved
 
 
 @kernel
-def _move(real: Floats, dual: Floats, points: Floats, moved: Floats) -> None:
-    """Move points (n, 3) by dual quaternions, (n, 4) each, (x, y, z, w), which need not be of norm 1."""
+def _move(weights: Floats, real: Floats, dual: Floats, points: Floats, moved: Floats) -> None:
+    """Move points (n, 3) by dual quaternions (x, y, z, w), (b, 4) each, blended by weights (n, b)."""
     for i in range(len(points)):
-        x, y, z, w = real[i, 0], real[i, 1], real[i, 2], real[i, 3]
-        dx, dy, dz, dw = dual[i, 0], dual[i, 1], dual[i, 2], dual[i, 3]
+        x, y, z, w, dx, dy, dz, dw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for b in range(len(real)):
+            part = weights[i, b]
+            x, y, z, w = (
+                x + part * real[b, 0],
+                y + part * real[b, 1],
+                z + part * real[b, 2],
+                w + part * real[b, 3],
+            )
+            dx, dy, dz, dw = (
+                dx + part * dual[b, 0],
+                dy + part * dual[b, 1],
+                dz + part * dual[b, 2],
+                dw + part * dual[b, 3],
+            )
         norm = max(math.sqrt(x * x + y * y + z * z + w * w), EPSILON)
         x, y, z, w = x / norm, y / norm, z / norm, w / norm
         dx, dy, dz, dw = dx / norm, dy / norm, dz / norm, dw / norm

@@ -68,7 +68,8 @@ def resolve_distance_collisions(
     x : (n, 3) array
         Positions of the previous frame [mm].
     p : (n, 3) array
-        Predicted positions [mm], changed in place; those that are not finite are left alone.
+        Predicted positions [mm], changed in place; those that are not finite, or so far away that their
+        distance is not, are left alone.
     free : (n,) bool array
         Points that may be moved.
     skin : float, optional
@@ -195,13 +196,13 @@ def _resolve(
             high = origin[k] + cell * 8 * table.shape[k]
             apart = apart or max(start[k], end[k]) < origin[k] or min(start[k], end[k]) > high
             finite = finite and np.isfinite(start[k]) and np.isfinite(end[k])
-        if not finite:
-            continue
+        length = np.sqrt((end[0] - start[0]) ** 2 + (end[1] - start[1]) ** 2 + (end[2] - start[2]) ** 2)
+        if not (finite and np.isfinite(length)):
+            continue  # a path without a direction has no end either
         distance = distance_at(values, table, origin, cell, band, end[0], end[1], end[2])
         # A cell, for what the interpolation between nodes can be wrong by.
         clear = max(distance - (cell + skin), 0.0)
         seen_at[i], squares[i] = p[i], clear * clear
-        length = np.sqrt((end[0] - start[0]) ** 2 + (end[1] - start[1]) ** 2 + (end[2] - start[2]) ** 2)
         height = distance - (skin - allowance[i])
         if apart or (height >= 0.0 and height - zone >= length):
             continue  # too short a way to meet the bone

@@ -12,7 +12,6 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.anisotropy import fibre_directions_at, harmonic_directions
 from vtkmuscle.core.harmonic import harmonic_field
-from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh import signed_volume
 from vtkmuscle.core.polylines import polyline_lengths
 from vtkmuscle.core.topology import MeshTopology
@@ -203,72 +202,3 @@ def _steepest(points: Floats, edges: Ints, height: Floats, fixed_to: Ints) -> In
     while (onward[onward] != onward).any():
         onward = onward[onward]
     return onward
-
-
-@kernel
-def stretched_rest(
-    rest: Floats,
-    edges: Ints,
-    quads: Ints,
-    quad_edges: Ints,
-    directions: Floats,
-    stretch: Floats,
-    thinning: float,
-    lengths: Floats,
-    cosines: Floats,
-    sines: Floats,
-) -> None:
-    """Write the lengths and dihedral angles of a rest shape that is stretched along the fibres.
-
-    Around each edge the rest shape is stretched by F = g I + (l - g) v v^T, with l the stretch along the
-    fibres' direction v and g = l^(-thinning / 2) across. So an edge at the angle a to the fibres has
-    d' = d sqrt(l^2 cos^2 a + g^2 sin^2 a).
-
-    Parameters
-    ----------
-    rest : (n, 3) array
-        Positions at rest [mm].
-    edges : (k, 2) int array
-        Point ids.
-    quads, quad_edges : (q, 4), (q,) int arrays
-        As of :class:`~vtkmuscle.core.topology.MeshTopology`.
-    directions, stretch : (k, 3), (k,) arrays
-        v and l at each edge.
-    thinning : float
-        In [0, 1]; 1 is a constant volume.
-    lengths : (k,) array
-        Overwritten [mm].
-    cosines, sines : (k,) arrays
-        Of the dihedral angles, overwritten where there is one that is defined.
-    """
-    e, a, b = np.empty(3), np.empty(3), np.empty(3)
-    for i in range(len(edges)):
-        _stretch_vector(rest, edges[i, 0], edges[i, 1], directions[i], stretch[i], thinning, e)
-        lengths[i] = math.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
-    for q in range(len(quads)):
-        i = quad_edges[q]
-        _stretch_vector(rest, quads[q, 0], quads[q, 1], directions[i], stretch[i], thinning, e)
-        _stretch_vector(rest, quads[q, 0], quads[q, 2], directions[i], stretch[i], thinning, a)
-        _stretch_vector(rest, quads[q, 0], quads[q, 3], directions[i], stretch[i], thinning, b)
-        n1x, n1y, n1z = e[1] * a[2] - e[2] * a[1], e[2] * a[0] - e[0] * a[2], e[0] * a[1] - e[1] * a[0]
-        n2x, n2y, n2z = b[1] * e[2] - b[2] * e[1], b[2] * e[0] - b[0] * e[2], b[0] * e[1] - b[1] * e[0]
-        sine = -math.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2]) * (n1x * b[0] + n1y * b[1] + n1z * b[2])
-        cosine = n1x * n2x + n1y * n2y + n1z * n2z
-        size = math.sqrt(sine * sine + cosine * cosine)
-        if size > 0.0:
-            sines[i], cosines[i] = sine / size, cosine / size
-
-
-@kernel
-def _stretch_vector(
-    rest: Floats, start: int, end: int, v: Floats, stretch: float, thinning: float, out: Floats
-) -> None:
-    """Write F (p_end - p_start)."""
-    across = stretch ** (-0.5 * thinning)
-    along = 0.0
-    for k in range(3):
-        out[k] = rest[end, k] - rest[start, k]
-        along += v[k] * out[k]
-    if v[0] != 0.0 or v[1] != 0.0 or v[2] != 0.0:
-        for k in range(3):
-            out[k] = across * out[k] + (stretch - across) * along * v[k]

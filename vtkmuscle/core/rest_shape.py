@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.constraints import DEGENERATE_SINE, volume_and_gradient
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh import edge_lengths
+from vtkmuscle.core.mesh import edge_lengths, signed_volume
+from vtkmuscle.core.percentiles import percentiles
 from vtkmuscle.core.topology import MeshTopology
 
 Floats = NDArray[np.float64]
@@ -96,7 +97,11 @@ class RestShape:
         self.lengths: Floats = edge_lengths(points, topology.edges)
         self._long = self.lengths > 0
         self._long_edges = np.ascontiguousarray(topology.edges[self._long])
+        self._long_lengths: Floats = self.lengths[self._long]
         self.angles, self.angle_defined = dihedral_angles(points, topology.quads)
+        self._cosines, self._sines = np.cos(self.angles), np.sin(self.angles)
+        #: Directions of fibres, and which of the long edges are along and across them.
+        self._directed: tuple[Floats | None, Ints, Ints] = None, np.empty(0, np.int64), np.empty(0, np.int64)
         self.volume_gradient: Floats = np.empty_like(points)
         self.volume: float = volume_and_gradient(points, topology.triangles, self.volume_gradient)
         diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
@@ -116,21 +121,20 @@ class RestShape:
         directions : (k, 3) array, optional
             Unit direction of the fibres at each edge at rest, 0 where there is none.
         """
-        volume = volume_and_gradient(positions, self._topology.triangles, np.empty_like(positions))
-        stretch = _lengths(positions, self._long_edges) / self.lengths[self._long]
-        median, high = np.percentile(stretch, [50.0, 95.0])
-        angles, defined = dihedral_angles(positions, self._topology.quads)
-        change = np.abs(angles - self.angles)[defined & self.angle_defined]
-        change = np.degrees(np.minimum(change, 2.0 * math.pi - change))
-        errors = np.percentile(change, [50.0, 95.0]) if len(change) else np.zeros(2)
+        stretch = _stretches(positions, self._long_edges, self._long_lengths)
+        median, high = percentiles(stretch, [50.0, 95.0])
+        changes, lost = _angle_changes(
+            positions, self._topology.quads, self._cosines, self._sines, self.angle_defined
+        )
+        errors = percentiles(changes, [50.0, 95.0], of=_degrees) if len(changes) else [0.0, 0.0]
         return ShapeReport(
-            volume_ratio=volume / self.volume,
-            edge_stretch_p50=float(median),
-            edge_stretch_p95=float(high),
+            volume_ratio=signed_volume(positions, self._topology.triangles) / self.volume,
+            edge_stretch_p50=median,
+            edge_stretch_p95=high,
             edge_stretch_max=float(stretch.max()),
-            dihedral_error_p50=float(errors[0]),
-            dihedral_error_p95=float(errors[1]),
-            degenerate_edges=int((self.angle_defined & ~defined).sum()),
+            dihedral_error_p50=errors[0],
+            dihedral_error_p95=errors[1],
+            degenerate_edges=lost,
             **self._by_direction(stretch, directions),
         )
 
@@ -138,21 +142,28 @@ class RestShape:
         """Return the spread of the stretches of edges along and across the fibres."""
         if directions is None:
             return {}
-        edges, v = self._long_edges, directions[self._long]
-        u = (self._rest[edges[:, 1]] - self._rest[edges[:, 0]]) / self.lengths[self._long][:, None]
-        cosines = np.abs(np.einsum("ij,ij->i", u, v))
-        known = (v != 0.0).any(axis=1)
-        return {
-            "along": _spread(stretch[known & (cosines > ALONG)]),
-            "across": _spread(stretch[known & (cosines < ACROSS)]),
-        }
+        if directions is not self._directed[0]:
+            edges, v = self._long_edges, directions[self._long]
+            u = (self._rest[edges[:, 1]] - self._rest[edges[:, 0]]) / self._long_lengths[:, None]
+            cosines = np.abs(np.einsum("ij,ij->i", u, v))
+            known = (v != 0.0).any(axis=1)
+            along, across = known & (cosines > ALONG), known & (cosines < ACROSS)
+            self._directed = directions, np.flatnonzero(along), np.flatnonzero(across)
+        _, along, across = self._directed
+        return {"along": _spread(stretch[along]), "across": _spread(stretch[across])}
 
 
 def _spread(values: Floats) -> _Spread | None:
     if not len(values):
         return None
-    low, median, high = np.percentile(values, [5.0, 50.0, 95.0])
-    return float(low), float(median), float(high)
+    low, median, high = percentiles(values, [5.0, 50.0, 95.0])
+    return low, median, high
+
+
+def _degrees(squared_chords: Floats) -> Floats:
+    """Return the angles [degrees] of chords of the unit circle, given squared."""
+    angles: Floats = np.degrees(2.0 * np.arcsin(np.minimum(0.5 * np.sqrt(squared_chords), 1.0)))
+    return angles
 
 
 def dihedral_angles(points: Floats, quads: Ints) -> tuple[Floats, Bools]:
@@ -199,11 +210,49 @@ def _measure_angles(p: Floats, quads: Ints, angles: Floats, defined: Bools) -> N
 
 
 @kernel
-def _lengths(p: Floats, edges: Ints) -> Floats:
-    """Return the lengths of edges (k, 2)."""
-    lengths = np.empty(len(edges))
+def _angle_changes(
+    p: Floats, quads: Ints, cosines: Floats, sines: Floats, defined: Bools
+) -> tuple[Floats, int]:
+    """Return by how much angles have changed, and how many are not defined any more.
+
+    A change is given as the square of its chord, 2 - 2 cos: that takes no arc tangent, and unlike the cosine
+    it tells small angles apart.
+    """
+    changes = np.empty(len(quads))
+    count, lost = 0, 0
+    for q in range(len(quads)):
+        if not defined[q]:
+            continue
+        i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
+        ex, ey, ez = p[j, 0] - p[i, 0], p[j, 1] - p[i, 1], p[j, 2] - p[i, 2]
+        ax, ay, az = p[k, 0] - p[i, 0], p[k, 1] - p[i, 1], p[k, 2] - p[i, 2]
+        bx, by, bz = p[m, 0] - p[i, 0], p[m, 1] - p[i, 1], p[m, 2] - p[i, 2]
+        n1x, n1y, n1z = ey * az - ez * ay, ez * ax - ex * az, ex * ay - ey * ax
+        n2x, n2y, n2z = by * ez - bz * ey, bz * ex - bx * ez, bx * ey - by * ex
+        length = ex * ex + ey * ey + ez * ez
+        n1, n2 = n1x * n1x + n1y * n1y + n1z * n1z, n2x * n2x + n2y * n2y + n2z * n2z
+        least = DEGENERATE_SINE * DEGENERATE_SINE * length
+        if (
+            length > 0.0
+            and n1 > least * (ax * ax + ay * ay + az * az)
+            and n2 > least * (bx * bx + by * by + bz * bz)
+        ):
+            sine = -math.sqrt(length) * (n1x * bx + n1y * by + n1z * bz)
+            cosine = n1x * n2x + n1y * n2y + n1z * n2z
+            size = 1.0 / math.sqrt(sine * sine + cosine * cosine)
+            changes[count] = (cosine * size - cosines[q]) ** 2 + (sine * size - sines[q]) ** 2
+            count += 1
+        else:
+            lost += 1
+    return changes[:count], lost
+
+
+@kernel
+def _stretches(p: Floats, edges: Ints, lengths: Floats) -> Floats:
+    """Return the lengths of edges (k, 2), each divided by its length at rest."""
+    stretch = np.empty(len(edges))
     for e in range(len(edges)):
         i, j = edges[e, 0], edges[e, 1]
         x, y, z = p[i, 0] - p[j, 0], p[i, 1] - p[j, 1], p[i, 2] - p[j, 2]
-        lengths[e] = math.sqrt(x * x + y * y + z * z)
-    return lengths
+        stretch[e] = math.sqrt(x * x + y * y + z * z) / lengths[e]
+    return stretch

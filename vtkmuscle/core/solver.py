@@ -15,7 +15,7 @@ from vtkmuscle.core.batches import pack
 from vtkmuscle.core.blending import blend_motions, screw_between
 from vtkmuscle.core.constraints import VOLUME_FLOOR, per_iteration_stiffness, project_volume
 from vtkmuscle.core.contact import Barrier, Contact
-from vtkmuscle.core.fibre_stretch import THINNING, FibreStretch, stretched_rest
+from vtkmuscle.core.fibre_stretch import THINNING, FibreStretch
 from vtkmuscle.core.harmonic import harmonic_weights
 from vtkmuscle.core.muscle_contact import MuscleContact, Neighbour
 from vtkmuscle.core.obstacles import Obstacle
@@ -23,6 +23,7 @@ from vtkmuscle.core.projection import ColourOrder, Projection, SequentialOrder
 from vtkmuscle.core.rest_shape import RestShape, ShapeReport
 from vtkmuscle.core.rigid import apply_transform, inverse
 from vtkmuscle.core.stages import StageClock, add_stages
+from vtkmuscle.core.stretched_shape import StretchedShape
 from vtkmuscle.core.topology import MeshTopology, mesh_topology
 
 Floats = NDArray[np.float64]
@@ -35,6 +36,11 @@ _KeepOut = Callable[[Floats], Bools]
 
 #: After the iterations, volume and bones are attended to alternately, this often at most.
 SETTLING_PASSES = 6
+
+#: What is said of a state that is not finite.
+OUT_OF_RANGE = (
+    "the muscle left the range of floating point numbers; use a smaller external_force or another dt"
+)
 
 #: Relative error of the volume that is as good as none.
 VOLUME_TOLERANCE = 1e-6
@@ -192,8 +198,13 @@ class MuscleSolver:
         self.rest: Floats = points - self.centre
         self._free: Bools = fixed_to < 0
         self._inverse_mass = self._free.astype(np.float64)
+        #: Points that are fixed, bone by bone.
+        self._fixed = [
+            (int(bone), np.flatnonzero(fixed_to == bone)) for bone in np.unique(fixed_to[fixed_to >= 0])
+        ]
         self._shape = RestShape(self.rest, self.topology)
         self._barrier = Barrier((), self.rest, self.centre, self._free, bone_push=False)
+        self._stretched: tuple[Floats, StretchedShape] | None = None
         self._projection_made_from: tuple[tuple[object, ...], Floats] | None = None
         self._prepare(parameters, edge_stiffness, stretch, obstacles)
 
@@ -284,12 +295,11 @@ class MuscleSolver:
         """Stretch the rest lengths and angles as the bones have drawn the fibres' ends apart."""
         if self._stretch is None:
             return
-        topology = self.topology
-        edges, quads, quad_edges = topology.edges, topology.quads, topology.quad_edges
-        rest = np.empty(len(edges)), np.ones(len(edges)), np.zeros(len(edges))
-        directions, stretch = self._stretch.directions, self._stretch.at(transforms)
-        stretched_rest(self.rest, edges, quads, quad_edges, directions, stretch, THINNING, *rest)
-        self._projection.set_rest(*rest)
+        directions = self._stretch.directions
+        if self._stretched is None or self._stretched[0] is not directions:
+            shape = StretchedShape(self.rest, self.topology, directions, thinning=THINNING)
+            self._stretched = directions, shape
+        self._projection.set_rest(*self._stretched[1].at(self._stretch.at(transforms)))
 
     def _per_iteration(self, stiffness: Floats | float) -> Floats:
         """Return a stiffness per iteration.
@@ -474,19 +484,18 @@ class MuscleSolver:
     def _predict(self, state: MuscleState, now: Floats, before: Floats, dt: float) -> Floats:
         """P21 Algorithm 2, lines 6 to 15."""
         settings = self.parameters
-        p = np.empty_like(state.positions)
         free = self._free
         push = dt * np.asarray(settings.external_force, dtype=np.float64)
         if settings.start == "blend" and not free.all():
             # The muscle follows the bones: it keeps no momentum of its own.
             bones, weights = self._blend_weights
             motions = np.array([now[bone] @ inverse(before[bone]) for bone in bones])
-            p[free] = blend_motions(motions, weights[free], state.positions[free])
-            p[free] += dt * (settings.damping * push)
+            p = blend_motions(motions, weights, state.positions)
+            if push.any():
+                p += dt * (settings.damping * push)
         else:
-            p[free] = state.positions[free] + dt * (settings.damping * (state.velocities[free] + push))
-        for bone in np.unique(self.fixed_to[~free]):
-            fixed = self.fixed_to == bone
+            p = state.positions + dt * (settings.damping * (state.velocities + push))
+        for bone, fixed in self._fixed:
             p[fixed] = apply_transform(now[bone], self.rest[fixed])
         return p
 
@@ -532,6 +541,4 @@ class MuscleSolver:
 
 def _check_finite(*arrays: Floats) -> None:
     if not all(np.isfinite(array).all() for array in arrays):
-        raise ValueError(
-            "the muscle left the range of floating point numbers; use a smaller external_force or another dt"
-        )
+        raise ValueError(OUT_OF_RANGE)
