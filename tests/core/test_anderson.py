@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.anderson import anderson
+from vtkmuscle.core.anderson import Workspace, anderson
 from vtkmuscle.core.convergence import estimate_distance
 
 
@@ -147,3 +147,17 @@ def test_components_that_are_named_unsteady_do_not_choose_the_combination():
     quiet = anderson(g, np.zeros(60), max_iterations=20).x
     np.testing.assert_allclose(steady_part(named, 1e-3), quiet, rtol=0, atol=1e-6)
     assert np.abs(steady_part(None, 1e-3) - quiet).max() > 1e-4
+
+
+def test_memory_that_served_before_changes_nothing(rng):
+    matrix = rng.normal(size=(30, 30))
+    matrix *= 0.9 / np.abs(np.linalg.eigvals(matrix)).max()
+    workspace = Workspace(30)
+    for offset in rng.normal(size=(3, 30)):
+        runs = [
+            anderson(lambda x, b=offset: matrix @ x + b, np.zeros(30), max_iterations=25, workspace=memory)
+            for memory in (None, workspace)
+        ]
+        np.testing.assert_array_equal(runs[0].x, runs[1].x)
+        np.testing.assert_array_equal(runs[0].estimates, runs[1].estimates)
+    assert runs[1].x is not workspace.x

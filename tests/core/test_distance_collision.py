@@ -275,3 +275,10 @@ def test_points_passed_over_as_they_are_clear_are_those_that_are_not_moved(globe
         x = p
     assert touched > 10
     assert passed_over > 100
+
+
+@pytest.mark.parametrize("far", [1e17, 1e150, 1e300])
+def test_paths_so_long_that_steps_are_lost_in_rounding_come_to_an_end(globe, far):
+    x = np.array([[0.0, 0, far], [0, 0, 12], [far, far, far]])
+    p, _ = resolve(globe, x, [[0.0, 0, -far], [0, far, 0], [0, 0, 1.0]])
+    assert np.isfinite(p).all()

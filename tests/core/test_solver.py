@@ -167,7 +167,8 @@ def test_a_quarter_turn_in_one_step_is_finite(start, dt, k):
         state = solver.step(state, bent(angle))
         assert np.isfinite(state.positions).all()
         assert np.isfinite(state.velocities).all()
-        assert np.isfinite(list(vars(solver.report(state)).values())).all()
+        said = [value for value in vars(solver.report(state)).values() if value is not None]
+        assert np.isfinite(said).all()
 
 
 def test_a_force_beyond_all_numbers_is_an_error():

@@ -666,3 +666,14 @@ def test_real_adductor_brevis_keeps_its_volume_and_its_bones(lhdl_hip):
         assert field_array(out, "EdgeStretchP95")[0] < 2.5
         expected = apply_transform(motion.at(time)["femur_r"], points[marks == 1])
         assert np.abs(points_of(out)[marks == 1] - expected).max() <= 1e-6
+
+
+@pytest.mark.filterwarnings("ignore:.*it moved .* in one step")
+@pytest.mark.parametrize("collision", ["sdf", "voxel", "none"])
+@pytest.mark.parametrize("solver", ["anderson", "gauss-seidel"])
+def test_a_force_that_takes_the_muscle_far_away_is_survived_or_refused(collision, solver):
+    deformer = deformer_of(external_force=(1e30, 0.0, 0.0), collision=collision, solver=solver)
+    assert np.isfinite(frame(deformer, ANGLES[1])).all()
+    deformer.external_force = (1e300, 0.0, 0.0)
+    with pytest.raises(ValueError, match="use a smaller external_force"):
+        frame(deformer, ANGLES[1])

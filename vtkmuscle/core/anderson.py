@@ -81,6 +81,7 @@ def anderson(
     unsteady: Bools | None = None,
     admissible: Callable[[Floats], bool] | None = None,
     observe: Callable[[int, Floats, float], None] | None = None,
+    workspace: Workspace | None = None,
 ) -> AndersonResult:
     """Find x = g(x), faster than by x <- g(x).
 
@@ -114,6 +115,8 @@ def anderson(
         Says whether g may be applied to an accelerated point (n,); refuses, for example, points in bones.
     observe : callable, optional
         Called with the number of evaluations before, the iterate and its residual [mm], at each; may raise.
+    workspace : Workspace, optional
+        Memory to work in, of a call before with as many components and the same window.
 
     Returns
     -------
@@ -137,11 +140,12 @@ def anderson(
     if amplification is None:
         reference, typical = TYPICAL_AMPLIFICATION
         amplification = typical * (points / reference) ** AMPLIFICATION_GROWTH
-    memory = _Memory(n, window)
+    memory = Workspace(n, window) if workspace is None else workspace
+    memory.clear()
     unsteady = np.zeros(n, dtype=np.bool_) if unsteady is None else unsteady
-    trail = Trail(points, amplification)
-    x = np.array(start, dtype=np.float64)
-    image = np.empty(n)
+    trail = Trail(points, amplification, memory.spare)
+    x, image = memory.x, np.empty(n)
+    x[:] = start
     plain = True
     restarts = refusals = 0
     residuals: list[float] = []
@@ -191,21 +195,37 @@ def anderson(
     )
 
 
-class _Memory:
-    """The last differences of residuals and images, and the products of the former."""
+class Workspace:
+    """Memory of :func:`anderson`: the last differences of residuals and images, products of the former.
 
-    def __init__(self, n: int, window: int) -> None:
+    One may serve many calls, one after the other: memory that is new to the process takes as long to come by
+    as a call of ten iterations takes to compute.
+
+    Parameters
+    ----------
+    n : int
+        Components of the iterates.
+    window : int
+        Differences of past steps that are combined, >= 0.
+    """
+
+    def __init__(self, n: int, window: int = 10) -> None:
         # Single precision halves the traffic, which is what acceleration costs, and only bends the search
         # directions a little: residuals are computed in double precision from the iterates themselves.
-        self._residuals = np.zeros((window, n), dtype=np.float32)
-        self._images = np.zeros((window, n), dtype=np.float32)
+        self._residuals = np.empty((window, n), dtype=np.float32)
+        self._images = np.empty((window, n), dtype=np.float32)
         self._products = np.zeros((window, window))
         self._residual = np.empty(n)
         self._image = np.empty(n)
         self._window = window
         self._count = -1
+        #: The iterate.
+        self.x: Floats = np.empty(n)
+        #: Of :class:`~vtkmuscle.core.convergence.Trail`.
+        self.spare: list[Floats] = []
 
     def clear(self) -> None:
+        """Forget all steps."""
         self._count = -1
 
     def add(self, x: Floats, image: Floats, unsteady: Bools) -> Floats | None:

@@ -60,6 +60,7 @@ class Barrier:
         self.boxes: Floats = np.array([((low + high) / 2, (high - low) / 2) for low, high in boxes])
         self._from_axes: dict[int, Floats] = {}
         self._allowances: dict[int, Floats | None] = {}
+        self._memory: dict[int, tuple[Floats, Clearance]] = {}
         self._told: set[tuple[int, str]] = set()
 
     def from_axes(self, number: int) -> Floats:
@@ -84,6 +85,12 @@ class Barrier:
                         "stay as deep; check that bone and muscle are in the same frame and unit",
                     )
         return self._allowances[number]
+
+    def memory(self, number: int) -> tuple[Floats, Clearance]:
+        """Return positions (n, 3) and clearances to work with at an obstacle, the same each time."""
+        if number not in self._memory:
+            self._memory[number] = np.empty_like(self._rest), Clearance(len(self._rest))
+        return self._memory[number]
 
     def tell(self, number: int, kind: str, what: str) -> None:
         """Warn of what was seen at an obstacle, once for each kind."""
@@ -164,8 +171,10 @@ class Contact:
                 bone = self._now[number] @ barrier.from_axes(number)
                 if not self._meets(number, inverse(bone), p):
                     continue
-                met = self._followed[number] = _Followed(bone, len(p))
-            predicted = None if met.tested else p.copy()
+                met = self._followed[number] = _Followed(bone, barrier.memory(number))
+            first = not met.tested
+            if first:
+                met.last[:] = p
             moved = obstacle.keep_out(
                 met.bone,
                 self._steps[number],
@@ -176,9 +185,9 @@ class Contact:
                 bone_push=barrier.bone_push,
                 clearance=met.clearance,
             )
-            if predicted is not None:
+            if first:
                 met.tested = True
-                self._look_at(number, met.bone, predicted, moved)
+                self._look_at(number, met.bone, met.last, moved)
             any_moved = moved.any()
             if any_moved:
                 hit |= moved
@@ -244,14 +253,14 @@ class Contact:
 class _Followed:
     """What is known of the points of a muscle and a bone that they have come near to."""
 
-    def __init__(self, bone: Floats, n_points: int) -> None:
+    def __init__(self, bone: Floats, memory: tuple[Floats, Clearance]) -> None:
         #: From the bone's axes to where it is.
         self.bone = bone
         #: Whether the first test is done.
         self.tested = False
-        #: Positions after the last test.
-        self.last: Floats = np.empty((n_points, 3))
-        self.clearance = Clearance(n_points)
+        #: Positions after the last test, and how far they may go from there.
+        self.last, self.clearance = memory
+        self.clearance.forget()
 
 
 def _meet(start: Floats, end: Floats, low: Floats, high: Floats) -> Bools:

@@ -83,6 +83,8 @@ class Trail:
         Number of points.
     amplification : float
         See :func:`estimate_distance`.
+    spare : list of (n,) arrays, optional
+        Memory of another trail that is not needed any more; what this one takes in addition is added.
 
     Attributes
     ----------
@@ -92,9 +94,11 @@ class Trail:
         Iterations done, and the distance estimated then [mm].
     """
 
-    def __init__(self, points: float, amplification: float) -> None:
+    def __init__(self, points: float, amplification: float, spare: list[Floats] | None = None) -> None:
         self._points = points
         self._amplification = amplification
+        self._spare = [] if spare is None else spare
+        self._taken = 0
         self._kept: list[tuple[int, Floats, float]] = []
         self._x: Floats = np.empty(0)
         self._residual = math.inf
@@ -110,9 +114,15 @@ class Trail:
         if not self._kept or count >= 1.1 * self._kept[-1][0]:
             stale = [k for k in self._kept if k[0] < 0.5 * LOOK_BACK * count]
             # Reuse the memory of the oldest, if it is too old.
-            memory = self._kept.pop(0)[1] if stale else np.empty_like(x)
+            memory = self._kept.pop(0)[1] if stale else self._memory(x)
             memory[:] = x
             self._kept.append((count, memory, residual))
+
+    def _memory(self, x: Floats) -> Floats:
+        if self._taken == len(self._spare):
+            self._spare.append(np.empty_like(x))
+        self._taken += 1
+        return self._spare[self._taken - 1]
 
     def _estimate(self) -> None:
         earlier = [k for k in self._kept if k[0] < self._count]

@@ -153,6 +153,10 @@ class Clearance:
         self.seen_at: Floats = np.zeros((n_points, 3))
         self.squares: Floats = np.zeros(n_points)
 
+    def forget(self) -> None:
+        """Begin anew, at another place of the bone."""
+        self.squares[:] = 0.0
+
 
 @kernel
 def _resolve(
@@ -344,9 +348,10 @@ def _crosses(  # noqa: PLR0912 -- one walk along a path
                     return True
         if height >= zone:
             going_down = going_up = False
-        if t >= t_end:
+        onward = min(t_end, t + max(_LEAST_STEP * cell, abs(height - zone)))
+        if not onward > t:  # the end, or so far away that a step is lost in rounding
             break
-        t = min(t_end, t + max(_LEAST_STEP * cell, abs(height - zone)))
+        t = onward
     if not (going_down and last < 0.0 and normal_at(values, table, origin, cell, band, landing, normal)):
         return False
     if _dot(normal, down) >= 0.0:

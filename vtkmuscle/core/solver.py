@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.anderson import anderson
+from vtkmuscle.core.anderson import Workspace, anderson
 from vtkmuscle.core.batches import pack
 from vtkmuscle.core.blending import blend_motions, screw_between
 from vtkmuscle.core.constraints import VOLUME_FLOOR, per_iteration_stiffness, project_volume
@@ -312,6 +312,10 @@ class MuscleSolver:
         return per_iteration_stiffness(stiffness, self.parameters.iterations)
 
     @cached_property
+    def _workspace(self) -> Workspace:
+        return Workspace(self.rest.size)
+
+    @cached_property
     def _blend_weights(self) -> tuple[Ints, Floats]:
         return harmonic_weights(self.rest, self.topology.triangles, self.fixed_to)
 
@@ -421,7 +425,10 @@ class MuscleSolver:
             _check_finite(p)
             solve = self._accelerated if self.parameters.solver == "anderson" else self._plain
             clock.switch("constraints")
-            p, collided, convergence = solve(p, keep_out, clock, progress)
+            try:
+                p, collided, convergence = solve(p, keep_out, clock, progress)
+            except FloatingPointError as error:
+                raise ValueError(OUT_OF_RANGE) from error
             clock.switch("settling")
             if self._projection.settles:
                 collided |= self._settle(p, keep_out)
@@ -476,6 +483,7 @@ class MuscleSolver:
             max_iterations=n,
             tolerance=self.parameters.tolerance,
             unsteady=unsteady.reshape(-1),
+            workspace=self._workspace,
         )
         if done < n:
             progress(1.0)
