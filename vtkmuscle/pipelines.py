@@ -22,6 +22,7 @@ FIBRE_SETTINGS: dict[str, tuple[type[Filter], str]] = {
     "template_file": (FibreTemplateSource, "file"),
     "n_fibres": (FibreTemplateSource, "n_fibres"),
     "resolution": (FibreTemplateSource, "resolution"),
+    "relaxation": (FibreTemplateSource, "relaxation"),
     "axis": (TemplateFitter, "axis"),
     "angle_step": (TemplateFitter, "angle_step"),
     "refine": (TemplateFitter, "refine"),
@@ -29,6 +30,7 @@ FIBRE_SETTINGS: dict[str, tuple[type[Filter], str]] = {
     "mirror": (TemplateFitter, "mirror"),
     "method": (SliceMorpher, "method"),
     "mapping": (SliceMorpher, "mapping"),
+    "spread": (SliceMorpher, "spread"),
     "slice_tolerance": (SliceMorpher, "slice_tolerance"),
     "continuity": (SliceMorpher, "continuity"),
     "largest_cut": (FibreTrimmer, "largest_cut"),
@@ -45,6 +47,7 @@ def decompose(
     template_file: str | None = None,
     n_fibres: int = 100,
     resolution: int = 15,
+    relaxation: int = 0,
     axis: str = "auto",
     angle_step: float = 5.0,
     refine: bool = False,
@@ -52,6 +55,7 @@ def decompose(
     mirror: bool = False,
     method: str = "auto",
     mapping: str = "bijective",
+    spread: str = "map",
     slice_tolerance: float | None = None,
     continuity: float = 0.2,
     largest_cut: float = 0.5,
@@ -69,12 +73,12 @@ def decompose(
         Closed surface of triangles, in the rest pose.
     attachments : vtkMultiBlockDataSet or algorithm
         Where it is attached, at least one origin and one insertion.
-    template, template_file, n_fibres, resolution
-        Kind, file with a template of your own, number of fibres and segments per fibre of
-        FibreTemplateSource.
+    template, template_file, n_fibres, resolution, relaxation
+        Kind, file with a template of your own, number of fibres, segments per fibre and steps of relaxation
+        of FibreTemplateSource.
     axis, angle_step, refine, cube, mirror
         Of TemplateFitter.
-    method, mapping, slice_tolerance, continuity
+    method, mapping, spread, slice_tolerance, continuity
         Of SliceMorpher.
     largest_cut
         Of FibreTrimmer.
@@ -101,7 +105,9 @@ def decompose(
     >>> fibres.GetNumberOfCells()
     10
     """
-    source = FibreTemplateSource(kind=template, file=template_file, n_fibres=n_fibres, resolution=resolution)
+    source = FibreTemplateSource(
+        kind=template, file=template_file, n_fibres=n_fibres, resolution=resolution, relaxation=relaxation
+    )
     fitter = _connected(
         TemplateFitter(axis=axis, angle_step=angle_step, refine=refine, cube=cube, mirror=mirror),
         source,
@@ -109,7 +115,13 @@ def decompose(
         attachments,
     )
     morpher = _connected(
-        SliceMorpher(method=method, mapping=mapping, slice_tolerance=slice_tolerance, continuity=continuity),
+        SliceMorpher(
+            method=method,
+            mapping=mapping,
+            spread=spread,
+            slice_tolerance=slice_tolerance,
+            continuity=continuity,
+        ),
         fitter,
         muscle,
         attachments,

@@ -3,8 +3,10 @@ import tomllib
 import igl
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
+from vtkmuscle.core.inside import points_inside
 from vtkmuscle.core.polylines import polyline_lengths
 from vtkmuscle.filters.arrays import (
     cell_array,
@@ -107,9 +109,36 @@ def test_a_bent_muscle_is_followed_along_isolines_and_planes_say_that_they_canno
         without_attachments = SliceMorpher()(fitted, muscle)
     assert np.array_equal(points_of(by_planes), points_of(without_attachments))
     assert field_array(by_planes, "SteepShare") > 0.15
+    assert field_array(followed, "SteepShare") == field_array(by_planes, "SteepShare")
     # Planes gather all fibres at the muscle's ends, isolines spread them over the areas.
     starts = [points_of(f)[::16] for f in (followed, by_planes)]
     assert starts[0].std(axis=0).max() > 5 * starts[1].std(axis=0).max()
+
+
+def test_points_between_isolines_that_are_outside_are_counted(hip):
+    muscle, areas = hip.muscles["iliacus"], hip.attachments["iliacus"]
+    fibres = SliceMorpher(method="harmonic")(fitted_to(muscle, areas, n_fibres=200), muscle, areas)
+    count = int(field_array(fibres, "PointsOutside")[0])
+    inner = points_of(fibres).reshape(200, -1, 3)[:, 1:-1].reshape(-1, 3)
+    assert count == round(len(inner) * (1 - share_inside(inner, muscle, 0.0)))
+
+
+@pytest.mark.parametrize(("method", "share"), [("plane", 0.98), ("harmonic", 0.95)])
+def test_an_even_spread_fills_a_concave_section_better(hip, method, share):
+    muscle, areas = hip.muscles["gluteus_maximus"], hip.attachments["gluteus_maximus"]
+    fitted = fitted_to(muscle, areas, n_fibres=200)
+    points, triangles = points_of(muscle), triangles_of(muscle, "test")
+    rng = np.random.default_rng(0)
+    samples = rng.uniform(points.min(axis=0), points.max(axis=0), (20_000, 3))
+    samples = samples[points_inside(samples, points, triangles)]
+    farthest = {}
+    for spread in ("map", "even"):
+        lines = points_of(SliceMorpher(method=method, spread=spread)(fitted, muscle, areas))
+        lines = lines.reshape(200, -1, 3)
+        dense = np.concatenate([(1 - t) * lines[:, :-1] + t * lines[:, 1:] for t in np.arange(8) / 8])
+        distances = cKDTree(dense.reshape(-1, 3)).query(samples)[0]
+        farthest[spread] = np.percentile(distances, 95)
+    assert farthest["even"] < share * farthest["map"]
 
 
 def test_the_mean_value_map_says_how_many_points_it_put_outside(hip):

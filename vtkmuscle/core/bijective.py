@@ -16,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from vtkmuscle.core.even_spread import spread_evenly
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.triangulation import triangulate
 
@@ -33,7 +34,7 @@ PRECISION = 1e-11
 
 
 @kernel
-def from_rectangle(contour: Floats, image: Floats, points: Floats) -> tuple[Floats, bool]:
+def from_rectangle(contour: Floats, image: Floats, points: Floats, even: bool) -> tuple[Floats, bool]:
     """Return the places in a section that a harmonic map takes to points of a convex region.
 
     Parameters
@@ -45,6 +46,8 @@ def from_rectangle(contour: Floats, image: Floats, points: Floats) -> tuple[Floa
         Where its vertices go: on the boundary of a convex region, counterclockwise.
     points : (m, 2) array
         Points of the region.
+    even : bool
+        True to move them first, such that the map spreads them evenly; then the region must be a rectangle.
 
     Returns
     -------
@@ -65,7 +68,24 @@ def from_rectangle(contour: Floats, image: Floats, points: Floats) -> tuple[Floa
     values = _harmonic(len(nodes), edges, weights, known)
     lifted = values.copy()
     lifted[:, :2] = nodes
+    if even:
+        areas = np.empty(len(triangles))
+        for t in range(len(triangles)):
+            areas[t] = _area(lifted, triangles[t, 0], triangles[t, 1], triangles[t, 2])
+        points = spread_evenly(np.ascontiguousarray(values[:, :2]), triangles, areas, points)
     return _interpolated(np.ascontiguousarray(values[:, :2]), triangles, lifted, points), True
+
+
+@kernel
+def _area(nodes: Floats, a: int, b: int, c: int) -> float:
+    """Return the area of a triangle, in the plane or in space."""
+    uu, uv, vv = 0.0, 0.0, 0.0
+    for axis in range(nodes.shape[1]):
+        u, v = nodes[b, axis] - nodes[a, axis], nodes[c, axis] - nodes[a, axis]
+        uu += u * u
+        uv += u * v
+        vv += v * v
+    return float(0.5 * np.sqrt(max(uu * vv - uv * uv, 0.0)))
 
 
 @kernel

@@ -20,6 +20,7 @@ from vtkmuscle.core.correspondence import (
     starting_points,
 )
 from vtkmuscle.core.harmonic import harmonic_extension
+from vtkmuscle.core.inside import points_inside
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.loop_chains import loop_areas, main_loops
 from vtkmuscle.core.morphing import (
@@ -106,6 +107,7 @@ def morph_by_isolines(
     slice_tolerance: float,
     continuity: float,
     mapping: str,
+    spread: str = "map",
     report_progress: Callable[[float], None] = lambda fraction: None,
 ) -> Morph:
     """Return fibre points moved from the fitted template into the muscle.
@@ -135,6 +137,8 @@ def morph_by_isolines(
         Part of the muscle's length over which neighbouring isolines resist twisting.
     mapping : str
         One of :data:`vtkmuscle.core.section_maps.MAPPINGS`.
+    spread : str, optional
+        One of :data:`vtkmuscle.core.section_maps.SPREADS`.
     report_progress : callable, optional
         Told the part of the work that is done.
 
@@ -187,14 +191,16 @@ def morph_by_isolines(
         number = nearest_hit(hits, level)
         view = _view_along(areas[number])
         ring, start = rings[number] @ view.T, view @ starts[number]
-        section = map_section(ring, start, box.sides, inside[mine, :2], mapping=mapping)
+        section = map_section(ring, start, box.sides, inside[mine, :2], mapping=mapping, spread=spread)
         result[mine] = section.places @ view
         split_error = max(split_error, section.split_error)
         n_unmapped += not section.one_to_one and mapping == "bijective"
         report_progress(0.5 + 0.5 * (level + 1) / len(levels))
-    for value, ends in ((0.0, fractions <= SAME_HEIGHT), (1.0, fractions >= 1.0 - SAME_HEIGHT)):
+    at_origin, at_insertion = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
+    n_outside = int((~points_inside(result[~(at_origin | at_insertion)], surface, triangles)).sum())
+    for value, ends in ((0.0, at_origin), (1.0, at_insertion)):
         result[ends] = _on_area(result[ends], surface, triangles, np.flatnonzero(field == value))
-    return Morph(box.positions(result), 0, n_unmapped, split_error, share, 0.0)
+    return Morph(box.positions(result), n_outside, n_unmapped, split_error, share, 0.0)
 
 
 def way_of_values(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:

@@ -44,7 +44,8 @@ class Morph:
     points : (n, 3) float array
         Points of the fibres [mm].
     n_outside : int
-        Points that the mean value map put outside of their section.
+        By planes, points that the mean value map put outside of their section; along isolines, which are not
+        flat, points outside of the muscle but for ends on the attachment areas.
     n_unmapped : int
         Sections that cross themselves and so have no one-to-one map, where one was asked for.
     split_error : float
@@ -77,6 +78,7 @@ def morph_by_planes(
     slice_tolerance: float,
     continuity: float,
     mapping: str,
+    spread: str = "map",
     report_progress: Callable[[float], None] = lambda fraction: None,
 ) -> Morph:
     """Return fibre points moved from the fitted template into the muscle.
@@ -104,6 +106,8 @@ def morph_by_planes(
         Part of the box's length over which neighbouring slices resist twisting; 0 is the paper's rule.
     mapping : str
         One of :data:`vtkmuscle.core.section_maps.MAPPINGS`.
+    spread : str, optional
+        One of :data:`vtkmuscle.core.section_maps.SPREADS`.
     report_progress : callable, optional
         Told the part of the work that is done.
 
@@ -156,7 +160,9 @@ def morph_by_planes(
     for level, mine in enumerate(members(slice_of, len(levels))):
         number = nearest_hit(hits, level)
         points_in = inside[mine, :2]
-        section = map_section(slices[number], starts[number], box.sides, points_in, mapping=mapping)
+        section = map_section(
+            slices[number], starts[number], box.sides, points_in, mapping=mapping, spread=spread
+        )
         result[mine, :2] = section.places
         split_error = max(split_error, section.split_error)
         n_unmapped += not section.one_to_one and mapping == "bijective"

@@ -12,7 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.fitting import lie_opposite
 from vtkmuscle.core.harmonic_morphing import morph_by_isolines
 from vtkmuscle.core.morphing import Box, Morph, morph_by_planes
-from vtkmuscle.core.section_maps import MAPPINGS
+from vtkmuscle.core.section_maps import MAPPINGS, SPREADS
 from vtkmuscle.filters.arrays import (
     Polylines,
     checked_surface,
@@ -55,10 +55,13 @@ class SliceMorpher(Filter):
     ``MorphMethod``. Where planes were used on such a muscle there is a warning.
 
     ``mapping="bijective"`` inverts a harmonic map of the section onto the rectangle, which is one to one and
-    never leaves a flat section. ``mapping="mean-value"`` is the papers': a fibre point's mean value
-    coordinates in the rectangle, applied to the contour; they may leave a concave section. Points that do
-    are counted, with a warning. Isolines are not flat: between them the surface may be on either side of a
-    fibre point.
+    never leaves a flat section. Narrow parts of a section get next to none of the rectangle, and so next to
+    no fibres; with ``spread="even"`` points are first moved in the rectangle, in their order, such that equal
+    areas of it go to equal areas of the section. ``mapping="mean-value"`` is the papers': a fibre point's
+    mean value coordinates in the rectangle, applied to the contour; they may leave a concave section. Points
+    that do are counted, with a warning. Isolines are not flat:
+    between them the surface may be on either side of a fibre point; these points are counted too, and
+    :class:`FibreSmoother` with the muscle connected puts them in.
 
     The contour's point that goes with the rectangle's first corner is, in the paper, the vertex nearest to it
     in each slice. By default it is chosen for all slices together, so that neighbouring contours are not
@@ -103,6 +106,12 @@ class SliceMorpher(Filter):
         choices=MAPPINGS,
         doc="How a rectangle is mapped to a section of the muscle.",
     )
+    spread = Parameter(
+        str,
+        default="map",
+        choices=SPREADS,
+        doc="How the one-to-one map spreads fibres over a section: as it comes, or evenly.",
+    )
     slice_tolerance: Parameter[float | None] = Parameter(
         float,
         default=None,
@@ -138,12 +147,13 @@ class SliceMorpher(Filter):
     output = OutputPort(
         vtkPolyData,
         doc="The fibres in the muscle, with the arrays of the template and the field arrays ``MorphMethod`` "
-        "(``plane`` or ``harmonic``), ``PointsOutside`` (points that the mean value map put outside of their "
-        "plane section), ``SectionsUnmapped`` (sections that cross themselves and got the mean value map), "
-        "``SplitError`` (largest deviation of a section's four parts from the rectangle's sides, as a "
-        "part of "
-        "its perimeter), ``VolumeShare`` (part of the muscle in the branch that the fibres fill) and "
-        "``SteepShare`` (part of its course at more than 45 degrees to the planes' axis).",
+        "(``plane`` or ``harmonic``), ``PointsOutside`` (by planes: points that the mean value map put "
+        "outside of their section; along isolines: outside of the muscle; FibreSmoother puts these in), "
+        "``SectionsUnmapped`` (sections that cross themselves and got the mean value map), ``SplitError`` "
+        "(largest deviation of a section's four parts from the rectangle's sides, as a part of its "
+        "perimeter), ``VolumeShare`` (part of the muscle in the branch that the fibres fill) and "
+        "``SteepShare`` (part of the planes' branch at more than 45 degrees to their axis, also where it is "
+        "why isolines were taken; 0 where planes were not tried).",
     )
 
     def execute(
@@ -163,6 +173,7 @@ class SliceMorpher(Filter):
                 "slice_tolerance": tolerance,
                 "continuity": self.continuity,
                 "mapping": self.mapping,
+                "spread": self.spread,
                 "report_progress": self.report_progress,
             }
             if method == "plane":
@@ -179,6 +190,7 @@ class SliceMorpher(Filter):
         try:
             result = morph(method)
             known = attachments is not None or has_field(muscle)
+            steep_share = result.steep_share
             if self.method == "auto" and not result.suits and upright and known:
                 method, result = "harmonic", morph("harmonic")
         except ValueError as error:
@@ -192,7 +204,7 @@ class SliceMorpher(Filter):
             ("SectionsUnmapped", result.n_unmapped),
             ("SplitError", result.split_error),
             ("VolumeShare", result.volume_share),
-            ("SteepShare", result.steep_share),
+            ("SteepShare", steep_share),
         ):
             set_field_array(moved, name, value)
         return moved
@@ -207,7 +219,7 @@ def _warn(result: Morph, method: str) -> None:
             f"{100 * result.volume_share:.0f} % of it, and {100 * result.steep_share:.0f} % of its course "
             "run at more than 45 degrees to the box's axis; use method='harmonic'"
         )
-    if result.n_outside:
+    if result.n_outside and method == "plane":
         remarks.append(
             f"the mean value map put {result.n_outside} of {len(result.points)} points outside of their "
             "section; mapping='bijective' does not"

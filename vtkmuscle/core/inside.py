@@ -1,0 +1,100 @@
+"""Which points are inside of a closed surface, for few points and a surface that is new each time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.jit import kernel
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+#: Triangles per cell of the grid, about as many.
+PER_CELL = 4.0
+
+
+@kernel
+def points_inside(queries: Floats, points: Floats, triangles: Ints) -> Bools:
+    """Return which points are inside of a closed surface, by the number of triangles above them.
+
+    Points are sorted into a grid across z, and each triangle is tried on those in the cells that it is in.
+    Seen along z, of two triangles that share an edge exactly one has a place on it: no ray slips through.
+
+    Parameters
+    ----------
+    queries : (k, 3) array
+        Points.
+    points : (n, 3) array
+        Points of the surface.
+    triangles : (m, 3) int array
+        Its triangles; closed, whichever way they face.
+
+    Returns
+    -------
+    (k,) bool array
+        True inside; on the surface either.
+    """
+    n = len(queries)
+    above = np.zeros(n, dtype=np.bool_)
+    if n == 0:
+        return above
+    side = max(int(np.sqrt(len(triangles) / PER_CELL)), 1)
+    low_x, low_y = queries[:, 0].min(), queries[:, 1].min()
+    wide = max(queries[:, 0].max() - low_x, 1e-300) * (1.0 + 1e-9)
+    deep = max(queries[:, 1].max() - low_y, 1e-300) * (1.0 + 1e-9)
+    starts = np.zeros(side * side + 1, dtype=np.int64)
+    cells = np.empty(n, dtype=np.int64)
+    for q in range(n):
+        column = min(int((queries[q, 0] - low_x) / wide * side), side - 1)
+        cells[q] = min(int((queries[q, 1] - low_y) / deep * side), side - 1) * side + column
+        starts[cells[q] + 1] += 1
+    starts = np.cumsum(starts)
+    filled = starts.copy()
+    order = np.empty(n, dtype=np.int64)
+    for q in range(n):
+        order[filled[cells[q]]] = q
+        filled[cells[q]] += 1
+    for t in range(len(triangles)):
+        a, b, c = points[triangles[t, 0]], points[triangles[t, 1]], points[triangles[t, 2]]
+        first = (min(a[0], b[0], c[0]) - low_x) / wide * side
+        last = (max(a[0], b[0], c[0]) - low_x) / wide * side
+        bottom = (min(a[1], b[1], c[1]) - low_y) / deep * side
+        top = (max(a[1], b[1], c[1]) - low_y) / deep * side
+        if last < 0.0 or first > side or top < 0.0 or bottom > side:
+            continue
+        from_cell, to_cell = int(max(first, 0.0)), int(min(last, side - 1.0))
+        for line in range(int(max(bottom, 0.0)), int(min(top, side - 1.0)) + 1):
+            for i in range(starts[line * side + from_cell], starts[line * side + to_cell + 1]):
+                q = order[i]
+                if _is_below(queries[q], a, b, c):
+                    above[q] = not above[q]
+    return above
+
+
+@kernel
+def _is_below(query: Floats, a: Floats, b: Floats, c: Floats) -> bool:
+    """Return True where a triangle is above a point, seen along z; an edge belongs to one of its sides."""
+    x, y = query[0], query[1]
+    within = _crosses(x, y, a, b) != _crosses(x, y, b, c)
+    if within == _crosses(x, y, c, a):
+        return False
+    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    area = ux * vy - uy * vx
+    if area == 0.0:
+        return False
+    one = ((x - a[0]) * vy - (y - a[1]) * vx) / area
+    other = (ux * (y - a[1]) - uy * (x - a[0])) / area
+    return bool(a[2] + one * uz + other * vz > query[2])
+
+
+@kernel
+def _crosses(x: float, y: float, a: Floats, b: Floats) -> bool:
+    """Return True where an edge crosses the ray from a place towards greater x, whichever way it runs."""
+    if (a[1] > y) == (b[1] > y):
+        return False
+    # From the lower end on, so that the edge's other triangle gets the same answer to the last digit.
+    low, high = (b, a) if a[1] > b[1] else (a, b)
+    return bool(low[0] + (y - low[1]) / (high[1] - low[1]) * (high[0] - low[0]) > x)
