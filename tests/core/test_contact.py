@@ -133,3 +133,44 @@ def test_points_nearer_than_the_skin_at_rest_may_stay_as_near():
     p = with_far_ones([0.0, 0.0, 20.1])
     assert contact_of([bone], x).keep_out(p)[0]
     assert p[0, 2] == pytest.approx(20.5, abs=1e-2)
+
+
+def shaft(**settings):
+    return obstacle("sdf", [-8, -8, -150], [8, 8, 150], **settings)
+
+
+def pressed_in(rng, at):
+    """Return points beside a shaft at a height, and where two thirds of them are pressed to."""
+    x = np.array([12.0, 0.0, at]) + rng.uniform(-1, 1, (30, 3)) * [1, 6, 10]
+    return x, x - np.where(np.arange(30) < 20, 7.0, 0.0)[:, None] * [1.0, 0.0, 0.0]
+
+
+#: A box beside the lower end of the shaft, by its corners.
+BESIDE = np.array([[x, y, z] for x in (4.0, 20.0) for y in (-12.0, 12.0) for z in (-140.0, -80.0)])
+
+
+def test_a_grid_covers_the_part_of_a_bone_that_is_in_reach(rng):
+    whole, part = shaft(), shaft(reach=BESIDE)
+    x, p = pressed_in(rng, -110.0)
+    q = p.copy()
+    assert contact_of([whole], x).keep_out(p)[:20].all()
+    assert contact_of([part], x).keep_out(q)[:20].all()
+    np.testing.assert_allclose(q, p, atol=1e-9)
+    assert part.grid.nbytes < 0.5 * whole.grid.nbytes
+
+
+def test_a_muscle_that_leaves_its_reach_is_kept_out_all_the_same(rng):
+    whole, part = shaft(), shaft(reach=BESIDE)
+    x, p = pressed_in(rng, 60.0)
+    q = p.copy()
+    contact_of([whole], x).keep_out(p)
+    with pytest.warns(UserWarning, match="bone: the muscle came farther along it"):
+        assert contact_of([part], x).keep_out(q)[:20].all()
+    np.testing.assert_array_equal(q, p)
+    assert part.region is None
+
+
+def test_a_reach_that_holds_the_whole_bone_is_none():
+    assert shaft(reach=10.0 * BESIDE - [100.0, 0.0, -1000.0]).region is None
+    assert not shaft().same_as(shaft(reach=BESIDE))
+    assert shaft(reach=BESIDE).same_as(shaft(reach=BESIDE.copy()))

@@ -244,10 +244,17 @@ class Contact:
         starts = _box(apply_transform(to_axes @ self._steps[number], self._x[number]), free)
         ends = _box(apply_transform(to_axes, p), free)
         low, high = obstacle.box_along_axes
-        return bool(
-            (np.maximum(starts[1], ends[1]) >= low - obstacle.margin).all()
-            and (np.minimum(starts[0], ends[0]) <= high + obstacle.margin).all()
-        )
+        lowest, highest = np.minimum(starts[0], ends[0]), np.maximum(starts[1], ends[1])
+        if (highest < low - obstacle.margin).any() or (lowest > high + obstacle.margin).any():
+            return False
+        if obstacle.cover(lowest, highest):
+            self._barrier.tell(
+                number,
+                "unforeseen",
+                "the muscle came farther along it than its bones would take it, so the distances from all of "
+                "the bone are needed, which are made now",
+            )
+        return True
 
 
 class _Followed:

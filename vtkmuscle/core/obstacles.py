@@ -32,6 +32,9 @@ UNEVENNESS = 1e-3
 #: with cells of 1 mm, and 0.2 mm with 2 mm.
 CELLS_PER_DIAGONAL = 400.0
 
+#: By how much a grid goes beyond where muscles are foreseen, as a part of the diagonal of that: they bulge.
+BULGE = 0.05
+
 
 class Obstacle(ABC):
     """A bone that points are kept out of; what that takes is built when a muscle first comes near.
@@ -66,6 +69,10 @@ class Obstacle(ABC):
     @abstractmethod
     def margin(self) -> float:
         """How far around the bone's box a point may be that it concerns [mm]."""
+
+    def cover(self, low: Floats, high: Floats) -> bool:
+        """Return whether the grid had to be made anew for points in a box along the bone's axes [mm]."""
+        return False
 
     @cached_property
     def axes(self) -> Floats:
@@ -227,6 +234,9 @@ class DistanceObstacle(Obstacle):
         Distance that points keep from the bone [mm].
     friction : float
         Coulomb's coefficient [1].
+    reach : (k, 3) array, optional
+        Points in the scene at rest, in whose convex hull, seen from the bone, muscles are foreseen [mm]: the
+        grid covers no more of the bone than that takes. By default it covers all.
     """
 
     slides = True
@@ -240,15 +250,62 @@ class DistanceObstacle(Obstacle):
         cell: float | None = None,
         skin: float = 0.0,
         friction: float = 0.0,
+        reach: Floats | None = None,
         name: str = "bone",
     ) -> None:
         super().__init__(bone, points, triangles, name)
         self._cell, self.skin, self.friction = cell, skin, friction
+        self._reach = reach
+        self._foreseen = True
 
     @property
     def settings(self) -> tuple[float | None, ...]:
         """Distance of the grid's nodes, skin and friction."""
         return self._cell, self.skin, self.friction
+
+    def same_as(self, other: Obstacle) -> bool:
+        """Return whether another obstacle is the same bone, on the same grid."""
+        return (
+            super().same_as(other)
+            and isinstance(other, DistanceObstacle)
+            and self._foreseen == other._foreseen
+            and _equal(self._reach, other._reach)
+        )
+
+    @cached_property
+    def region(self) -> tuple[Floats, Floats] | None:
+        """Lowest and highest corner of the box along the axes that the grid covers [mm], None for all."""
+        if self._reach is None or not self._foreseen:
+            return None
+        along = apply_transform(self.axes, self._reach)
+        low, high = along.min(axis=0), along.max(axis=0)
+        bulge = BULGE * float(np.linalg.norm(high - low))
+        low, high = low - bulge, high + bulge
+        return None if _within(*self.box_along_axes, low, high) else (low, high)
+
+    def cover(self, low: Floats, high: Floats) -> bool:
+        """Make the grid anew, for all of the bone, where a box that may meet it is not well in the region.
+
+        Near the surface the distances stay the same; deep inside and near the border of the region they
+        may not.
+        """
+        if self.region is None:
+            return False
+        from_low, to_high = self.region
+        # Half of what the grid has more is for what the points do until they are looked at again.
+        spare = 0.5 * BULGE / (1.0 + 2.0 * BULGE) * float(np.linalg.norm(to_high - from_low))
+        bone_low, bone_high = self.box_along_axes
+        low = np.maximum(low, bone_low - self.margin)
+        high = np.minimum(high, bone_high + self.margin)
+        # Beyond the bone's own box there is nothing to be missed.
+        from_low = np.where(from_low < bone_low - self.margin, -np.inf, from_low + spare)
+        to_high = np.where(to_high > bone_high + self.margin, np.inf, to_high - spare)
+        if (low > high).any() or _within(low, high, from_low, to_high):
+            return False
+        self._foreseen = False
+        for made in ("region", "grid"):
+            vars(self).pop(made, None)
+        return True
 
     @cached_property
     def cell(self) -> float:
@@ -276,7 +333,7 @@ class DistanceObstacle(Obstacle):
         """Distances from the bone, in its own axes."""
         along = apply_transform(self.axes, self.points)
         with _named(self.name):
-            return _shared_grid(along, self.triangles, self.cell, self.band, self.name)
+            return _shared_grid(along, self.triangles, self.cell, self.band, self.region, self.name)
 
     def take_over(self, earlier: Obstacle | None) -> None:
         """Take the grid of an obstacle that was there before, where it is the same."""
@@ -284,6 +341,8 @@ class DistanceObstacle(Obstacle):
             isinstance(earlier, DistanceObstacle)
             and "grid" in vars(earlier)
             and (earlier.cell, earlier.band) == (self.cell, self.band)
+            and (earlier._foreseen, self._foreseen) == (True, True)
+            and _equal(earlier._reach, self._reach)
             and np.array_equal(earlier.points, self.points)
             and np.array_equal(earlier.triangles, self.triangles)
         ):
@@ -345,16 +404,32 @@ class _Lock:
         self.lock = Lock()
 
 
-def _shared_grid(points: Floats, triangles: Ints, cell: float, band: float, name: str) -> DistanceGrid:
+def _equal(one: Floats | None, other: Floats | None) -> bool:
+    return one is other or (one is not None and other is not None and np.array_equal(one, other))
+
+
+def _within(low: Floats, high: Floats, outer_low: Floats, outer_high: Floats) -> bool:
+    """Return whether a box is within another."""
+    return bool((low >= outer_low).all() and (high <= outer_high).all())
+
+
+def _shared_grid(
+    points: Floats,
+    triangles: Ints,
+    cell: float,
+    band: float,
+    region: tuple[Floats, Floats] | None,
+    name: str,
+) -> DistanceGrid:
     """Return the distances of a bone; muscles that are deformed side by side share one grid."""
-    settings = np.array([cell, band])
+    settings = np.concatenate([[cell, band], *(region or ())])
     key = sha256(points.tobytes() + triangles.tobytes() + settings.tobytes()).digest()
     with _looking:
         building = _locks.setdefault(key, _Lock())
     with building.lock:  # other bones are built meanwhile
         grid = _shared.get(key)
         if grid is None:
-            grid = cached_distance_grid(points, triangles, cell=cell, band=band, what=name)
+            grid = cached_distance_grid(points, triangles, cell=cell, band=band, region=region, what=name)
             _shared[key] = grid
     return grid
 

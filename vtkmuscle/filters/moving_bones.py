@@ -53,6 +53,16 @@ def transforms_of(bones: dict[str, vtkPolyData], where: str) -> Floats:
     return transforms
 
 
+def _reach_of(bone: vtkPolyData, where: str) -> Floats | None:
+    """Return between which points, at rest, muscles are foreseen by a bone, None where nobody says."""
+    reach = field_array(bone, "Reach")
+    if reach is None:
+        return None
+    if reach.ndim != 2 or reach.shape[1] != 3 or not len(reach) or not np.isfinite(reach).all():
+        raise ValueError(f"{where}: the field array 'Reach' must be points, three finite numbers each")
+    return np.array(reach, dtype=np.float64)
+
+
 class RestBones:
     """Bones in the rest pose as obstacles, found by taking back the motion of moving bones.
 
@@ -110,7 +120,7 @@ class RestBones:
         Raises
         ------
         ValueError
-            If a bone is not made of triangles, or a coordinate is not finite.
+            If a bone is not made of triangles, or a coordinate is not finite, also of ``Reach``.
         """
         kept, self._obstacles = self._obstacles, {}
         exact, self._exact = self._exact, {}
@@ -124,8 +134,9 @@ class RestBones:
             if collision == "voxel":
                 new = VoxelObstacle(index, rest, triangles, n_max=n_max, n_equal=n_equal, name=where)
             else:
+                reach = _reach_of(bone, where)
                 new = DistanceObstacle(
-                    index, rest, triangles, cell=cell, skin=skin, friction=friction, name=where
+                    index, rest, triangles, cell=cell, skin=skin, friction=friction, reach=reach, name=where
                 )
                 new.take_over(old)
             same = old is not None and new.same_as(old)

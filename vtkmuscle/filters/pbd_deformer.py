@@ -341,7 +341,8 @@ class PBDDeformer(Filter):
         vtkMultiBlockDataSet,
         content="moving bones",
         doc="Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to "
-        "now.",
+        "now. Where one has the field array ``Reach``, points (n, 3) in the rest pose, its signed distance "
+        "grid covers the part between them; a muscle that leaves it gets the whole bone, with a warning.",
     )
     fibres = InputPort(
         vtkPolyData, content="fibres", optional=True, doc="Polylines in the rest pose, for the anisotropy."

@@ -9,9 +9,10 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 
-from vtkmuscle.filters.arrays import cell_array, points_of
+from vtkmuscle.filters.arrays import cell_array, multiblock_from, points_of
 from vtkmuscle.filters.base import AbortedError, Filter
 from vtkmuscle.filters.convergence_report import read_convergence
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
@@ -40,6 +41,8 @@ class MuscleRun:
         Which muscle.
     track : MuscleTrack
         Where finished frames go.
+    bones : dict of str to vtkPolyData
+        Of the scene, at rest, with what :func:`~vtkmuscle.run.reach.bones_with_reach` adds.
     distances : dict of str to SurfaceDistance
         Of the closed bones.
     folder : RunFolder or None
@@ -60,6 +63,7 @@ class MuscleRun:
         scene: Scene,
         name: str,
         track: MuscleTrack,
+        bones: dict[str, vtkPolyData],
         distances: dict[str, SurfaceDistance],
         folder: RunFolder | None,
         stop: threading.Event,
@@ -69,7 +73,7 @@ class MuscleRun:
     ) -> None:
         self.observe = observe
         self.scene, self.name, self.track = scene, name, track
-        self.distances, self.folder = distances, folder
+        self.bones, self.distances, self.folder = bones, distances, folder
         self.stop, self.progress = stop, progress
         self.others = others
         self.deformer: PBDDeformer | None = None
@@ -104,7 +108,7 @@ class MuscleRun:
             with self._timed("measuring"):
                 inside = fibres_at_rest(track.rest_fibres, track.rest, scene.millimetres)
                 track.report["fibres"] = inside
-        bones = scene.bones_data()
+        bones = multiblock_from(self.bones)  # of its own: threads must not share what VTK writes to
         solver = scene.solver_of(name)
         deformer = deform(detector, bones, scene.motion, fibres=fibres, fixed=None, **solver)
         self.deformer = deformer

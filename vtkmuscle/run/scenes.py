@@ -16,6 +16,7 @@ from vtkmuscle.filters.base import AbortedError
 from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.muscles import MuscleRun, Observe, Progress
+from vtkmuscle.run.reach import bones_with_reach
 from vtkmuscle.run.report import DEFINITIONS, versions
 from vtkmuscle.run.result import MuscleTrack, Result
 from vtkmuscle.scene.model import Scene, SceneError
@@ -90,7 +91,7 @@ def run_scene(
     if workers is not None and workers < 1:
         raise ValueError(f"workers is {workers}, but must be an integer >= 1")
     folder = None if out is None else RunFolder(out, series=series)
-    distances = _bone_distances(scene)
+    bones, distances = bones_with_reach(scene), _bone_distances(scene)
     tracks = {name: MuscleTrack() for name in scene.muscles}
     report = _first_report(scene, numbers, tracks)
     stop = threading.Event()
@@ -107,7 +108,7 @@ def run_scene(
                 folder.begin(report)
             for name, track in tracks.items():
                 others = tuple(runs) if scene.muscle_contact != "off" else ()
-                run = MuscleRun(scene, name, track, distances, folder, stop, told, seen, others)
+                run = MuscleRun(scene, name, track, bones, distances, folder, stop, told, seen, others)
                 runs.append(run)
                 jobs[f"muscles.{name}"] = pool.submit(run.go, numbers)
             if folder is not None:

@@ -1,0 +1,48 @@
+"""Where the muscles of a scene may meet its bones: the part of each bone whose distances are needed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.core.rigid import apply_transform, inverse
+from vtkmuscle.filters.arrays import points_of, set_field_array
+from vtkmuscle.scene.model import Scene
+
+Floats = NDArray[np.float64]
+
+
+def bones_with_reach(scene: Scene) -> dict[str, vtkPolyData]:
+    """Return the bones of a scene, each with the field array ``Reach`` for PBDDeformer.
+
+    It has the corners of the convex hull, seen from the bone, of all muscles where the bones that they are
+    attached to take them, at all times of the motion: not only at those that are asked for, and of all
+    muscles together, so that one grid does for all of them, and in later runs.
+    """
+    frames = [scene.motion.at(float(time)) for time in scene.motion.times]
+    muscles = [
+        (_corners(points_of(muscle.surface)), {area.bone for area in muscle.attachments} or set(scene.bones))
+        for muscle in scene.muscles.values()
+    ]
+    blocks = {}
+    for name, bone in scene.bones.items():
+        swept = []
+        for frame in frames:
+            to_bone = inverse(frame.get(name, np.eye(4)))
+            for points, carriers in muscles:
+                swept += [apply_transform(to_bone @ frame.get(by, np.eye(4)), points) for by in carriers]
+        blocks[name] = vtkPolyData()
+        blocks[name].ShallowCopy(bone)
+        set_field_array(blocks[name], "Reach", _corners(np.concatenate(swept)))
+    return blocks
+
+
+def _corners(points: Floats) -> Floats:
+    """Return the corners of the convex hull of points (n, 3), or the points where they are in one plane."""
+    try:
+        corners: Floats = points[ConvexHull(points).vertices]
+    except QhullError:
+        return points
+    return corners
