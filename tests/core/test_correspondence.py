@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 from vtkmuscle.core.correspondence import (
     _cheapest_chain,
     boundary_centroid,
+    cornered_loop,
     loop_lengths,
     refined_loop,
     sampled_loop,
     split_chain,
-    started_loop,
     starting_points,
     subdivided_rectangle,
 )
@@ -113,8 +113,39 @@ def test_without_continuity_every_loop_starts_nearest_to_the_corner():
     starts = starting_points([ellipse(), ellipse(turn=1.0)], np.array([0.0, 5.0]), 0.0, Q0)
     assert np.array_equal(starts, np.zeros((2, 2)))
     loop = ellipse(first=20)
-    started = started_loop(loop, Q0)
-    assert np.array_equal(started, np.roll(loop, -np.linalg.norm(loop, axis=1).argmin(), axis=0))
+    start = cornered_loop(loop, Q0, 3.0, 2.0)[0]
+    assert np.linalg.norm(start) == pytest.approx(polygon_distance(loop, Q0), rel=1e-12)
+
+
+def polygon_distance(loop, point):
+    """Return the distance of a point from a closed loop."""
+    step = np.roll(loop, -1, axis=0) - loop
+    share = np.clip(((point - loop) * step).sum(axis=1) / (step**2).sum(axis=1), 0.0, 1.0)
+    return np.linalg.norm(loop + share[:, None] * step - point, axis=1).min()
+
+
+@pytest.mark.parametrize("sides", [(3.0, 2.0), (40.0, 1.0), (1.0, 1.0)])
+@pytest.mark.parametrize("n", [3, 4, 7, 90, 5000])
+def test_a_loop_has_vertices_where_the_sides_of_the_rectangle_end(n, sides):
+    angle = 2 * np.pi * np.arange(n) / n
+    loop = np.column_stack([20 + 15 * np.cos(angle), 12 + 4 * np.sin(angle)])
+    chain = cornered_loop(loop, Q0, *sides)
+    assert n <= len(chain) <= n + 4
+    lengths = loop_lengths(chain)
+    assert (np.diff(lengths) > 0).all()
+    assert lengths[-1] == pytest.approx(loop_lengths(loop)[-1], rel=1e-5)
+    splits, error = split_chain(lengths, *sides)
+    assert error < 1e-20 * sum(sides) ** 2
+    assert np.allclose(
+        lengths[splits] / lengths[-1] * 2 * sum(sides),
+        np.cumsum([0.0, sides[0], sides[1], sides[0], sides[1]]),
+    )
+
+
+def test_where_a_loop_starts_depends_continuously_on_it():
+    steps = np.linspace(0.0, 1.0, 200)
+    chains = [cornered_loop(ellipse(turn=0.3 * step), Q0, 3.0, 2.0)[0] for step in steps]
+    assert np.linalg.norm(np.diff(chains, axis=0), axis=1).max() < 0.1
 
 
 @pytest.mark.parametrize("n_levels", [1, 2, 16, 500])
@@ -141,7 +172,7 @@ def test_a_section_that_leans_to_the_other_side_does_not_make_the_start_jump(n_l
     for continuity in (0.0, 20.0):
         targets = starting_points(loops, levels, continuity, Q0)
         starts = np.array(
-            [started_loop(loop, target)[0] for loop, target in zip(loops, targets, strict=True)]
+            [cornered_loop(loop, target, 3.0, 2.0)[0] for loop, target in zip(loops, targets, strict=True)]
         )
         jumps[continuity] = np.linalg.norm(np.diff(starts, axis=0), axis=1).max()
     assert jumps[0.0] > 20.0

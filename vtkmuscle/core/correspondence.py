@@ -26,6 +26,8 @@ N_PLACES = 128
 N_KEYS = 64
 #: A segment shorter than this part of its loop's perimeter is rounding.
 SHORTEST = 1e-9
+#: A vertex nearer than this part of the perimeter to the place of a corner is left out for it.
+CLOSEST = 1e-6
 
 
 def starting_points(
@@ -164,22 +166,7 @@ def sampled_loop(loop: Floats, corner: Floats, count: int) -> Floats:
     That point need not be a vertex: where neighbouring loops hardly differ their samples hardly do either.
     """
     lengths = loop_lengths(loop)
-    n, first, least = len(loop), 0.0, np.inf
-    for i in range(n):
-        after = i + 1 if i + 1 < n else 0
-        along, square = 0.0, 0.0
-        for axis in range(loop.shape[1]):
-            step = loop[after, axis] - loop[i, axis]
-            along += (corner[axis] - loop[i, axis]) * step
-            square += step * step
-        share = min(max(along / square, 0.0), 1.0)
-        distance = 0.0
-        for axis in range(loop.shape[1]):
-            place = loop[i, axis] + share * (loop[after, axis] - loop[i, axis])
-            distance += (place - corner[axis]) ** 2
-        if distance < least:
-            least = distance
-            first = lengths[i] + share * (lengths[i + 1] - lengths[i])
+    n, first = len(loop), nearest_place(loop, lengths, corner)
     result = np.empty((count, loop.shape[1]))
     for j in range(count):
         length = (first + lengths[-1] * j / count) % lengths[-1]
@@ -189,6 +176,28 @@ def sampled_loop(loop: Floats, corner: Floats, count: int) -> Floats:
         for axis in range(loop.shape[1]):
             result[j, axis] = (1.0 - share) * loop[i, axis] + share * loop[after, axis]
     return result
+
+
+@kernel
+def nearest_place(loop: Floats, lengths: Floats, target: Floats) -> float:
+    """Return the length along a loop (n, k) at which it is nearest to a point (k,)."""
+    n, first, least = len(loop), 0.0, np.inf
+    for i in range(n):
+        after = i + 1 if i + 1 < n else 0
+        along, square = 0.0, 0.0
+        for axis in range(loop.shape[1]):
+            step = loop[after, axis] - loop[i, axis]
+            along += (target[axis] - loop[i, axis]) * step
+            square += step * step
+        share = min(max(along / square, 0.0), 1.0)
+        distance = 0.0
+        for axis in range(loop.shape[1]):
+            place = loop[i, axis] + share * (loop[after, axis] - loop[i, axis])
+            distance += (place - target[axis]) ** 2
+        if distance < least:
+            least = distance
+            first = lengths[i] + share * (lengths[i + 1] - lengths[i])
+    return first
 
 
 @kernel
@@ -217,18 +226,38 @@ def refined_loop(loop: Floats, count: int) -> Floats:
 
 
 @kernel
-def started_loop(loop: Floats, target: Floats) -> Floats:
-    """Return a loop (n, k) that starts at the vertex nearest to a point (k,), the first of several."""
-    start, least = 0, np.inf
-    for i in range(len(loop)):
-        square = 0.0
+def cornered_loop(loop: Floats, target: Floats, width: float, depth: float) -> Floats:
+    """Return a loop (n, k) that starts where it is nearest to a point (k,), with vertices for all corners.
+
+    From the start on, vertices are added where the loop has run through as much of its length as the
+    rectangle's sides are of its perimeter. With the next vertices in their place, neighbouring slices would
+    differ by up to half a segment. Vertices right beside these make way for them.
+    """
+    lengths = loop_lengths(loop)
+    n, perimeter = len(loop), lengths[-1]
+    first = nearest_place(loop, lengths, target)
+    corners = np.array([0.0, width, width + depth, 2.0 * width + depth]) / (2.0 * (width + depth))
+    places = np.empty(n + 4)
+    places[:4] = perimeter * corners
+    count = 4
+    for i in range(n):
+        place = (lengths[i] - first) % perimeter
+        free = True
+        for corner in range(4):
+            apart = abs(place - places[corner])
+            free = free and min(apart, perimeter - apart) > CLOSEST * perimeter
+        if free:
+            places[count] = place
+            count += 1
+    places = np.sort(places[:count])
+    result = np.empty((count, loop.shape[1]))
+    for j in range(count):
+        length = (first + places[j]) % perimeter
+        i = min(np.searchsorted(lengths, length, side="right") - 1, n - 1)
+        after = i + 1 if i + 1 < n else 0
+        share = (length - lengths[i]) / (lengths[i + 1] - lengths[i])
         for axis in range(loop.shape[1]):
-            square += (loop[i, axis] - target[axis]) ** 2
-        if square < least:
-            start, least = i, square
-    result = np.empty_like(loop)
-    for i in range(len(loop)):
-        result[i] = loop[(start + i) % len(loop)]
+            result[j, axis] = (1.0 - share) * loop[i, axis] + share * loop[after, axis]
     return result
 
 

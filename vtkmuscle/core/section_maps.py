@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from vtkmuscle.core.bijective import from_rectangle
 from vtkmuscle.core.correspondence import (
     N_PLACES,
+    cornered_loop,
     loop_lengths,
     refined_loop,
     split_chain,
-    started_loop,
     subdivided_rectangle,
 )
 from vtkmuscle.core.jit import kernel
@@ -59,7 +59,7 @@ def map_section(
         The section's boundary, counterclockwise, n >= 3; k is 2, or 3 for a loop in space, of which x and y
         are a view [mm].
     target : (k,) array
-        The correspondence starts at the vertex nearest to this [mm].
+        The correspondence starts where the section is nearest to this [mm].
     sides : (2,) array or longer
         Sides of the rectangle [mm].
     points : (m, 2) array
@@ -89,7 +89,7 @@ def map_section(
 @kernel
 def _matched(loop: Floats, target: Floats, width: float, depth: float) -> tuple[Floats, Floats, float]:
     """Return the refined loop, the point of the rectangle for each of its vertices, and the split's error."""
-    ring = started_loop(refined_loop(loop, N_PLACES), target)
+    ring = cornered_loop(refined_loop(loop, N_PLACES), target, width, depth)
     lengths = loop_lengths(ring)
     splits, error = split_chain(lengths, width, depth)
     rectangle = subdivided_rectangle(lengths, splits, width, depth)
