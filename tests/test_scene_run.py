@@ -153,6 +153,8 @@ def test_penetration_is_measured_in_the_bone_where_it_is_now(scene):
     rest = scene.run(frames=0, figures=False).rest_muscle("plain")
 
     class HalfSpace:
+        box = np.full(3, -np.inf), np.array([np.inf, np.inf, 0.0])
+
         def depth(self, points):
             return np.maximum(-points[:, 2], 0.0)
 

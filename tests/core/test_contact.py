@@ -90,6 +90,16 @@ def test_a_bone_that_is_far_before_and_after_its_jump_but_not_between_takes_the_
     assert p[0, 0] == pytest.approx(105.0, abs=1e-2)
 
 
+def test_a_point_that_flies_through_a_bone_is_told_from_a_bone_that_jumps():
+    x = with_far_ones([-15.0, 0.0, 0.0])
+    bone = obstacle("sdf", [-5, -5, -5], [5, 5, 5])
+    p = x.copy()
+    p[0, 0] = 15.0
+    with pytest.warns(UserWarning, match="bone: a point of the muscle moved 30 mm .* by its own velocity"):
+        assert contact_of([bone], x).keep_out(p)[0]
+    assert p[0, 0] < 0.0
+
+
 def test_a_point_pushed_out_of_one_bone_into_the_reach_of_the_next_is_tested_there():
     x = with_far_ones([-6.0, 0.0, 0.0], [-6.0, 1.0, 0.0])
     one = obstacle("sdf", [-5, -5, -5], [5, 5, 5])

@@ -213,15 +213,27 @@ class Contact:
         met = inside if obstacle.slides else barrier.free & _meet(start, end, low, high)
         if not met.any():
             return
-        way = float(np.linalg.norm(end[met] - start[met], axis=1).max())
+        ways = np.linalg.norm(end[met] - start[met], axis=1)
+        farthest, way = np.flatnonzero(met)[ways.argmax()], float(ways.max())
         thickness = float((high - low).min())
         if way > thickness:
-            barrier.tell(
-                number,
-                "jumped",
-                f"it moved {way:.4g} mm against the muscle in one step, but is {thickness:.4g} mm thick; "
-                "give the motion more frames, or use more substeps",
-            )
+            came_from = self._x[number][[farthest]]
+            carried = float(np.linalg.norm(apply_transform(self._steps[number], came_from) - came_from))
+            if carried > 0.5 * way:
+                barrier.tell(
+                    number,
+                    "jumped",
+                    f"it moved {way:.4g} mm against the muscle in one step, but is {thickness:.4g} mm thick; "
+                    "give the motion more frames, or use more substeps",
+                )
+            else:
+                barrier.tell(
+                    number,
+                    "flung",
+                    f"a point of the muscle moved {way:.4g} mm against it in one step by its own velocity, "
+                    f"but it is {thickness:.4g} mm thick; use start 'blend', in which points have no velocity, "
+                    "or more iterations",
+                )
         if inside.sum() > SWALLOWED * barrier.free.sum():
             barrier.tell(
                 number,
