@@ -231,8 +231,8 @@ class Contact:
                     number,
                     "flung",
                     f"a point of the muscle moved {way:.4g} mm against it in one step by its own velocity, "
-                    f"but it is {thickness:.4g} mm thick; use start 'blend', in which points have no velocity, "
-                    "or more iterations",
+                    f"but it is {thickness:.4g} mm thick; use start 'blend', in which points have no "
+                    "velocity, or more iterations",
                 )
         if inside.sum() > SWALLOWED * barrier.free.sum():
             barrier.tell(

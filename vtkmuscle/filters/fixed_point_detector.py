@@ -31,6 +31,10 @@ class FixedPointDetector(Filter):
     should slide along the bone; they are for muscles without landmarks. A point that two bones claim goes to
     the nearer one (by attachment: to the bone with the nearest landmark).
 
+    Landmarks go to the nearest place that faces the bone. Where they lie 10 mm within the muscle, that may be
+    another place: large rings keep theirs, but curves and areas of little more than that size lose it.
+    Look at the points that are fixed where the landmarks do not come from the muscle's own images.
+
     Raises
     ------
     ValueError
