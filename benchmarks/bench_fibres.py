@@ -1,8 +1,8 @@
 """Measure fibres on the real hip: time of each stage, lengths, coverage, turns, points outside, transport.
 
-Run as ``python benchmarks/bench_fibres.py [--muscles NAME ...] [--sizes] [--even]``. Times are the least of
-several runs with new filters, everything compiled, and what is remembered of a muscle (search tree,
-attachment patches) in place; the first run, which has to find those out, is printed too.
+Run as ``python benchmarks/bench_fibres.py [--muscles NAME ...] [--sizes] [--even] [--transport]``. Times
+are the least of several runs with new filters, everything compiled, and what is remembered of a muscle
+(search tree, attachment patches) in place; the first run, which has to find those out, is printed too.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle import Scene
 from vtkmuscle.core.mean_value import transport
+from vtkmuscle.core.mesh import signed_volume
 from vtkmuscle.core.packing import filling_radius
+from vtkmuscle.core.polylines import polyline_lengths
 from vtkmuscle.core.sparse_weights import sparse_mean_value_coordinates, sparse_transport
 from vtkmuscle.filters import (
     FibreMetrics,
@@ -37,43 +39,51 @@ Floats = NDArray[np.float64]
 STAGES = ("template", "fit", "morph", "trim", "smooth")
 #: Random points in a muscle for the coverage.
 SAMPLES = 20_000
+#: Sections of a muscle for the same.
+SECTIONS = 30
 
 
 def staged(
-    muscle: object, attachments: object, n_fibres: int, resolution: int, even: bool = False
+    muscle: object,
+    attachments: object,
+    n_fibres: int,
+    resolution: int,
+    even: bool = False,
+    filling: float | None = None,
 ) -> tuple[object, list[float]]:
     """Return fibres from new filters, and what each stage took [ms].
 
     `even` takes the settings that fill a muscle best.
     """
     spacing = {"relaxation": 5} if even else {}
-    filling = {"method": "harmonic", "spread": "even"} if even else {}
+    mapped = {"method": "harmonic", "spread": "even"} if even else {}
     times = [time.perf_counter()]
     template = FibreTemplateSource(n_fibres=n_fibres, resolution=resolution, **spacing)()
     times.append(time.perf_counter())
     fitted = TemplateFitter()(template, muscle, attachments)
     times.append(time.perf_counter())
-    morphed = SliceMorpher(**filling)(fitted, muscle, attachments)
+    morphed = SliceMorpher(**mapped)(fitted, muscle, attachments)
     times.append(time.perf_counter())
     trimmed = FibreTrimmer()(morphed, muscle, attachments)
     times.append(time.perf_counter())
-    smoothed = FibreSmoother()(trimmed, muscle)
+    smoothed = FibreSmoother(filling=filling)(trimmed, muscle, attachments)
     times.append(time.perf_counter())
     return smoothed, (1e3 * np.diff(times)).tolist()
 
 
-def coverage(fibres: object, muscle: object) -> tuple[float, float]:
-    """Return the 95th percentile of the distance of points in a muscle from the nearest fibre, and the ideal.
+def coverage(fibres: object, muscle: object) -> tuple[float, float, float]:
+    """Return the 95th percentile of the distance of points in a muscle from a fibre, and two ideals.
 
-    Ideal are as many parallel fibres of the same mean length in hexagonal packing, as tubes would be that
-    fill the muscle: a random point in a hexagon of inner radius r is nearer than 1.006 r to its centre in
-    95 % of cases (by sampling, below).
+    The first ideal is as many fibres evenly spaced in each section of the muscle from end to end, in
+    hexagonal packing: a random point in a hexagon of inner radius r is nearer than 1.006 r to its centre in
+    95 % of cases (by sampling, below), and r follows the area of the sections across the muscle's course
+    (by the sections across its longest side, times the cosine of the course's angle to that side). The second
+    has the same spacing everywhere, and fibres of the same total length: a lower bound of what any
+    fibres can do, for it has fibres begin and end within the muscle wherever it widens or tapers.
     """
     lines = polylines_of(fibres, "fibres")
-    points, _ = checked_surface(muscle, "muscle")
-    rng = np.random.default_rng(0)
-    box = rng.uniform(points.min(axis=0), points.max(axis=0), (12 * SAMPLES, 3))
-    inside = box[muscle_geometry(muscle, "muscle").distance.depth(box) > 0][:SAMPLES]
+    geometry = muscle_geometry(muscle, "muscle")
+    inside = geometry.samples(SAMPLES)
     dense = []
     for first, last in pairwise(lines.offsets):
         line = lines.points[first:last]
@@ -81,14 +91,24 @@ def coverage(fibres: object, muscle: object) -> tuple[float, float]:
             dense.append(a + np.linspace(0, 1, 12, endpoint=False)[:, None] * (b - a))
         dense.append(line[-1:])
     found = np.percentile(cKDTree(np.vstack(dense)).query(inside)[0], 95)
-    measured = FibreMetrics(architecture=True)(fibres, muscle)
-    total = fibre_summary(measured)["Length"]["mean"] * len(lines)
-    volume = field_array(measured, "MuscleVolume")
-    radius = filling_radius(float(volume[0]) if volume is not None else 0.0, total)
-    place = rng.uniform(-1.2, 1.2, (200_000, 2))
+    volume = abs(signed_volume(geometry.points, geometry.triangles))
+    rng = np.random.default_rng(0)
+    place = rng.uniform(-1.2, 1.2, (4 * SAMPLES, 2))
     turned = [np.abs(place @ [np.cos(t), np.sin(t)]) <= 1 for t in np.pi / 3 * np.arange(3)]
     in_hexagon = np.linalg.norm(place[np.all(turned, axis=0)], axis=1)
-    return float(found), radius * float(np.percentile(in_hexagon, 95))
+    even = filling_radius(volume, polyline_lengths(lines.points, lines.offsets).sum())
+    side = np.linalg.svd(inside - inside.mean(axis=0), full_matrices=False)[2][0]
+    heights = inside @ side
+    edges = np.linspace(heights.min(), heights.max(), SECTIONS + 1)
+    section = np.clip(np.searchsorted(edges, heights) - 1, 0, SECTIONS - 1)
+    counts = np.bincount(section, minlength=SECTIONS)
+    sums = np.column_stack([np.bincount(section, x, SECTIONS) for x in inside.T])
+    course = np.gradient(sums / np.maximum(counts, 1)[:, None], axis=0)
+    cosines = np.abs(course @ side) / np.maximum(np.linalg.norm(course, axis=1), 1e-12)
+    area = volume * counts / len(inside) / (edges[1] - edges[0]) * cosines
+    radii = np.sqrt(area / (2 * np.sqrt(3) * len(lines)))
+    ideal = np.percentile(radii[section] * rng.choice(in_hexagon, len(inside)), 95)
+    return float(found), float(ideal), float(even * np.percentile(in_hexagon, 95))
 
 
 def quality(name: str, fibres: object, muscle: object, bones: object) -> None:
@@ -101,14 +121,15 @@ def quality(name: str, fibres: object, muscle: object, bones: object) -> None:
     turns = np.degrees(np.arccos(np.clip((steps[:, 1:] * steps[:, :-1]).sum(axis=2), -1, 1)))
     distance = muscle_geometry(muscle, "muscle").distance
     outside = np.where(distance.depth(lines.points) > 0, 0.0, distance.unsigned(lines.points))
-    found, ideal = coverage(fibres, muscle)
+    found, ideal, even = coverage(fibres, muscle)
     length = summary["Length"]
     entered = cell_array(measured, "Penetration", name)
     print(
         f"{name:16s} length {length['mean']:6.1f} mm, sd {length['sd']:.1f}, {length['min']:.1f} to "
         f"{length['max']:.1f}; largest turn {turns.max():.0f} deg; {(outside > 0.1).sum()} of {outside.size} "
         f"points more than 0.1 mm outside; p95 to the nearest fibre {found:.2f} mm = {found / ideal:.2f} x "
-        f"ideal; {int((entered > 0.5).sum())} fibres more than 0.5 mm in bone, deepest "
+        f"ideal ({found / even:.2f} x if spacing were the same in all sections); "
+        f"{int((entered > 0.5).sum())} fibres more than 0.5 mm in bone, deepest "
         f"{entered.max():.2f} mm; PCSA {field_array(measured, 'PCSA')[0]:.0f} mm^2"
     )
 
@@ -157,6 +178,7 @@ def main() -> None:
     parser.add_argument("--muscles", nargs="*", help="default: all of the scene")
     parser.add_argument("--sizes", action="store_true", help="up to 10 000 fibres")
     parser.add_argument("--even", action="store_true", help="fibres spread evenly, along isolines")
+    parser.add_argument("--transport", action="store_true", help="weights and frames, on the first muscle")
     parser.add_argument("--rounds", type=int, default=7)
     options = parser.parse_args()
     scene = Scene.load(data_folder() / "scene.toml")
@@ -171,7 +193,7 @@ def main() -> None:
         stages = ", ".join(f"{stage} {ms:.1f}" for stage, ms in zip(STAGES, best, strict=True))
         print(f"{name:16s} 100 x 15: {best.sum():.1f} ms ({stages}); first run {sum(first):.0f} ms")
         quality(name, fibres, muscle, bones)
-        if name == names[0] and not options.even:
+        if name == names[0] and options.transport:
             time_transport(fibres, muscle)
     if options.sizes:
         muscle, attachments = scene.muscles[names[0]].surface, scene.attachments_data(names[0])

@@ -36,6 +36,7 @@ FIBRE_SETTINGS: dict[str, tuple[type[Filter], str]] = {
     "largest_cut": (FibreTrimmer, "largest_cut"),
     "smoothing": (FibreSmoother, "iterations"),
     "smoothing_weight": (FibreSmoother, "k"),
+    "filling": (FibreSmoother, "filling"),
 }
 
 
@@ -61,6 +62,7 @@ def decompose(
     largest_cut: float = 0.5,
     smoothing: int = 5,
     smoothing_weight: float = 4.0,
+    filling: float | None = None,
 ) -> FibreSmoother:
     """Return the chain of filters that fills a muscle with fibres.
 
@@ -82,8 +84,9 @@ def decompose(
         Of SliceMorpher.
     largest_cut
         Of FibreTrimmer.
-    smoothing, smoothing_weight
-        Passes and weight ``k`` of FibreSmoother, which keeps the fibres in the muscle.
+    smoothing, smoothing_weight, filling
+        Passes, weight ``k`` and ``filling`` of FibreSmoother, which keeps the fibres in the muscle and
+        spreads parallel ones evenly through it.
 
     Returns
     -------
@@ -127,9 +130,8 @@ def decompose(
         attachments,
     )
     trimmer = _connected(FibreTrimmer(largest_cut=largest_cut), morpher, muscle, attachments)
-    smoother = FibreSmoother(iterations=smoothing, k=smoothing_weight)
-    smoother.connect(0, trimmer)
-    smoother.connect(1, muscle)
+    smoother = FibreSmoother(iterations=smoothing, k=smoothing_weight, filling=filling)
+    _connected(smoother, trimmer, muscle, attachments)
     return smoother
 
 

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
@@ -10,8 +11,12 @@ from vtkmuscle.filters.arrays import (
     set_field_array,
     set_point_array,
 )
+from vtkmuscle.filters.attachments import attachments_of
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
+from vtkmuscle.filters.muscle_geometry import muscle_geometry
 from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.phantoms import spindle_over_hinge
+from vtkmuscle.pipelines import decompose
 
 
 def noisy_fibres():
@@ -68,3 +73,35 @@ def test_points_stay_in_the_muscle_where_it_is_connected():
     assert_allclose(kept[~outside], alone[~outside], atol=0)
     assert_allclose(surface.unsigned(kept[outside]), 0.0, atol=1e-9)
     assert_array_equal(kept[[0, -1]], arch[[0, -1]])
+
+
+def test_with_filling_a_fibre_in_a_ball_runs_through_its_middle():
+    ball = vtkSphereSource(radius=10.0, theta_resolution=40, phi_resolution=40).update().output
+    t = np.linspace(-1, 1, 16)
+    fibre = polylines_from(Polylines(np.column_stack([9 * t, 3 + 0 * t, 0 * t]), np.array([0, 16])))
+    smoothed = points_of(FibreSmoother(filling=1.0)(fibre, ball))
+    assert np.abs(smoothed[3:-3, 1:]).max() < 0.8
+    assert_array_equal(smoothed[[0, -1]], points_of(fibre)[[0, -1]])
+
+
+def test_with_filling_ends_move_on_their_areas():
+    phantom = spindle_over_hinge()
+    ((name, muscle),) = phantom.muscles.items()
+    attachments = phantom.attachments[name]
+    rest = decompose(muscle, attachments, n_fibres=30, filling=0.0).update().output
+    held = points_of(FibreSmoother(filling=1.5)(rest, muscle)).reshape(30, -1, 3)
+    moved = points_of(FibreSmoother(filling=1.5)(rest, muscle, attachments)).reshape(30, -1, 3)
+    assert_array_equal(held[:, [0, -1]], points_of(rest).reshape(30, -1, 3)[:, [0, -1]])
+    assert np.linalg.norm(moved - held, axis=2)[:, [0, -1]].max() > 0.3
+    geometry = muscle_geometry(muscle, "muscle")
+    for end, role in ((0, "origin"), (-1, "insertion")):
+        patch = np.concatenate([geometry.patch(a) for a in attachments_of(attachments, "") if a.role == role])
+        on_area = geometry.patch_tree(patch).nearest(moved[:, end])[2]
+        assert_allclose(on_area, 0.0, atol=1e-9)
+
+
+def test_attachments_without_the_muscle_are_refused():
+    phantom = spindle_over_hinge()
+    (attachments,) = phantom.attachments.values()
+    with pytest.raises(ValueError, match="the port 'muscle' is not connected"):
+        FibreSmoother()(polylines_from(noisy_fibres()), None, attachments)

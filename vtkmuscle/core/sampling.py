@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -12,6 +14,10 @@ from vtkmuscle.core.mesh import triangle_normals, unique_edges
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+#: Blocks of eight times as many positions as wanted that are looked through: bodies fill most of a tenth of
+#: their boxes.
+MOST_BLOCKS = 64
 
 
 def even_samples(candidates: Floats, count: int) -> Floats:
@@ -115,6 +121,42 @@ def dense_samples(points: Floats, triangles: Ints, patch: Ints, count: int, *, s
         on_edges: Floats = (1.0 - u[:, 1:2]) * a + u[:, 1:2] * b
         return on_edges
     return points[patch]
+
+
+def samples_inside(depth: Callable[[Floats], Floats], points: Floats, count: int) -> Floats:
+    """Return positions of even density in a body; where the body moves they move with it.
+
+    Parameters
+    ----------
+    depth : callable
+        From positions (n, 3) to how deep they are in the body (n,), 0 outside.
+    points : (m, 3) array
+        Of its surface [mm].
+    count : int
+        Number of positions, >= 1.
+
+    Returns
+    -------
+    (k, 3) array
+        From a low-discrepancy sequence [mm]; fewer than `count` where the body has next to no volume.
+    """
+    centre = points.mean(axis=0)
+    axes = np.linalg.svd(points - centre, full_matrices=False)[2]
+    along = (points - centre) @ axes.T
+    # An axis may as well point the other way: the order of the points decides, in symmetric bodies too.
+    later = np.arange(len(points)) @ along
+    axes *= np.where(later < 0.0, -1.0, 1.0)[:, None]
+    along = (points - centre) @ axes.T
+    low, high = along.min(axis=0), along.max(axis=0)
+    sequence = qmc.Sobol(3, scramble=False)
+    block = 2 ** int(np.ceil(np.log2(8 * count)))
+    found = np.empty((0, 3))
+    for _ in range(MOST_BLOCKS):
+        places = centre + (low + sequence.random(block) * (high - low)) @ axes
+        found = np.vstack([found, places[depth(places) > 0.0]])
+        if len(found) >= count:
+            break
+    return found[:count]
 
 
 def _shares(sizes: Floats, u: Floats) -> Ints:

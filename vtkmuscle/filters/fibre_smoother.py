@@ -2,36 +2,55 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.polylines import polyline_lengths, smooth_polylines
-from vtkmuscle.filters.arrays import Polylines, polylines_of, set_cell_array, with_polylines
+from vtkmuscle.core.spreading import steps_to_centres
+from vtkmuscle.core.triangle_tree import TriangleTree
+from vtkmuscle.filters.arrays import Polylines, field_string, polylines_of, set_cell_array, with_polylines
+from vtkmuscle.filters.attachments import attachments_of
 from vtkmuscle.filters.base import Filter
-from vtkmuscle.filters.muscle_geometry import muscle_geometry
+from vtkmuscle.filters.muscle_geometry import MuscleGeometry, muscle_geometry
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
-from vtkmuscle.filters.surface_distance import SurfaceDistance
 
 Floats = NDArray[np.float64]
 
 
+#: Positions in the muscle by which fibres are spread: for each fibre, and at least.
+SAMPLES, LEAST_SAMPLES = 32, 2048
+#: How far parallel fibres are moved by each pass.
+FILLING = 1.5
+
+
 class FibreSmoother(Filter):
-    """Smooth fibres by a three-point weighted mean that keeps their end points.
+    """Smooth fibres by a three-point weighted mean that keeps their end points, and spread them if asked.
 
     Each pass moves the inner points to (p_{i-1} + k p_i + p_{i+1}) / (k + 2). Passes straighten fibres, and
     so draw them out of a curved muscle on its hollow side. Where the muscle is connected, points that leave
-    it are put back on its surface after each pass.
+    it are put back on its surface.
+
+    The map from the template crowds fibres in the middle of a muscle, and straight ends leave its flanks
+    bare. So where the muscle is connected, each pass also moves every fibre towards the middle of the part
+    of the muscle that is nearest to it (Lloyd's relaxation), ``filling`` times the way. The ends of
+    fibres stay where they are, but where attachments are connected they move along on the areas. That is
+    for fibres of which nothing is known but that they fill the muscle, and so is done by default to those
+    of the parallel template only: pennate ones would be drawn into corners that they leave free.
 
     Raises
     ------
     ValueError
-        If there are no polylines, or a point is not finite.
+        If there are no polylines, or a point is not finite; if attachments are connected without the
+        muscle, or an area is not on it.
 
     References
     ----------
     Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.4,
-    extended in doi:10.1007/978-3-642-38241-3_3.
+    extended in doi:10.1007/978-3-642-38241-3_3; Lloyd 1982, *Least squares quantization in PCM*,
+    doi:10.1109/TIT.1982.1056489.
 
     Examples
     --------
@@ -43,10 +62,25 @@ class FibreSmoother(Filter):
 
     iterations = Parameter(int, default=5, minimum=0, doc="Number of smoothing passes.")
     k = Parameter(float, default=4.0, minimum=0.0, doc="Weight of the middle point.")
+    filling: Parameter[float | None] = Parameter(
+        float,
+        default=None,
+        minimum=0.0,
+        maximum=2.0,
+        doc="How far each pass moves a fibre towards the middle of its part of the muscle: 1 is all the way, "
+        "1.5 gets there with the fewest passes, 0: fibres are smoothed only. None: 1.5 where the fibres' "
+        "field array ``Template`` says that they are parallel, else 0.",
+    )
 
     fibres = InputPort(vtkPolyData, content="fibres", doc="Polylines, any number of points each.")
     muscle = InputPort(
         vtkPolyData, content="muscle", optional=True, doc="Closed triangles that the fibres stay in."
+    )
+    attachments = InputPort(
+        vtkMultiBlockDataSet,
+        content="attachments",
+        optional=True,
+        doc="Areas on which the fibres' ends may move as fibres are spread.",
     )
     output = OutputPort(
         vtkPolyData,
@@ -54,25 +88,59 @@ class FibreSmoother(Filter):
         "(n_fibres,): length after less length before [mm].",
     )
 
-    def execute(self, fibres: vtkPolyData, muscle: vtkPolyData | None) -> vtkPolyData:
+    def execute(
+        self, fibres: vtkPolyData, muscle: vtkPolyData | None, attachments: vtkMultiBlockDataSet | None
+    ) -> vtkPolyData:
         """Return the smoothed fibres."""
         lines = polylines_of(fibres, "FibreSmoother: fibres")
-        if muscle is None:
-            points = smooth_polylines(lines.points, lines.offsets, self.k, self.iterations)
+        if muscle is not None:
+            geometry = muscle_geometry(muscle, "FibreSmoother: muscle")
+            filling = self.filling
+            if filling is None:
+                filling = FILLING if field_string(fibres, "Template") == "parallel" else 0.0
+            points = self._in_muscle(lines, filling, geometry, _areas(attachments, geometry))
+        elif attachments is not None:
+            raise ValueError(
+                "FibreSmoother: attachments are areas on the muscle, but the port 'muscle' is not connected"
+            )
         else:
-            points = self._in_muscle(lines, muscle_geometry(muscle, "FibreSmoother: muscle").distance)
+            points = smooth_polylines(lines.points, lines.offsets, self.k, self.iterations)
         result = with_polylines(fibres, Polylines(points, lines.offsets))
         before = polyline_lengths(lines.points, lines.offsets)
         set_cell_array(result, "LengthChange", polyline_lengths(points, lines.offsets) - before)
         return result
 
-    def _in_muscle(self, lines: Polylines, surface: SurfaceDistance) -> Floats:
-        """Return smoothed points of which the inner ones are put back into the muscle after each pass."""
+    def _in_muscle(
+        self, lines: Polylines, filling: float, geometry: MuscleGeometry, areas: Sequence[TriangleTree | None]
+    ) -> Floats:
+        """Return points smoothed and spread, of which the inner ones are put back into the muscle."""
+        ends = lines.offsets[:-1], lines.offsets[1:] - 1
         inner = np.ones(len(lines.points), dtype=np.bool_)
-        inner[lines.offsets[:-1]] = inner[lines.offsets[1:] - 1] = False
+        inner[ends[0]] = inner[ends[1]] = False
+        n_samples = max(SAMPLES * len(lines), LEAST_SAMPLES) if filling and self.iterations else 0
+        samples = geometry.samples(n_samples)
         points = lines.points
         for done in range(self.iterations):
             points = smooth_polylines(points, lines.offsets, self.k, 1)
-            points[inner] = surface.into(points[inner])
+            if len(samples):
+                steps = filling * steps_to_centres(points, lines.offsets, samples)
+                goals = points + steps
+                for end, area in zip(ends, areas, strict=True):
+                    goals[end] = points[end] if area is None else area.nearest(goals[end])[1]
+                points = goals
+            points[inner] = geometry.distance.into(points[inner])
             self.report_progress((done + 1) / self.iterations)
         return points
+
+
+def _areas(
+    attachments: vtkMultiBlockDataSet | None, geometry: MuscleGeometry
+) -> Sequence[TriangleTree | None]:
+    """Return the origin's and the insertion's triangles, None where fibre ends stay where they are."""
+    if attachments is None:
+        return None, None
+    areas = attachments_of(attachments, "FibreSmoother: attachments")
+    return [
+        geometry.patch_tree(geometry.attached(areas, role, "FibreSmoother: attachments"))
+        for role in ("origin", "insertion")
+    ]

@@ -64,7 +64,8 @@ class FibreTemplateSource(Filter):
         vtkPolyData,
         doc="Polylines from origin to insertion, with the point array ``t`` (0 at the origin, 1 at the "
         "insertion), the cell arrays ``r``, ``s`` and ``FibreId``, and the field arrays ``OriginArea`` and "
-        "``InsertionArea``: corners (3 components) of the template's areas, four per area.",
+        "``InsertionArea``: corners (3 components) of the template's areas, four per area, and ``Template``: "
+        "the kind, or ``file``.",
     )
 
     def execute(self) -> vtkPolyData:
@@ -84,6 +85,7 @@ class FibreTemplateSource(Filter):
         set_cell_array(fibres, "r", r)
         set_cell_array(fibres, "s", s)
         set_cell_array(fibres, "FibreId", np.arange(self.n_fibres))
+        set_field_array(fibres, "Template", self.kind if self.file is None else "file")
         set_field_array(fibres, "OriginArea", template.origin_areas.reshape(-1, 3))
         set_field_array(fibres, "InsertionArea", template.insertion_areas.reshape(-1, 3))
         return fibres

@@ -14,6 +14,8 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.mesh import half_edges
 from vtkmuscle.core.patches import attachment_patch
+from vtkmuscle.core.sampling import samples_inside
+from vtkmuscle.core.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.filters.arrays import checked_surface
 from vtkmuscle.filters.attachments import AttachmentArea
 from vtkmuscle.filters.surface_distance import SurfaceDistance
@@ -46,6 +48,8 @@ class MuscleGeometry:
         self._surface = vtkPolyData()
         self._surface.DeepCopy(surface)  # the caller's may change
         self._patches: dict[bytes, Ints] = {}
+        self._patch_trees: dict[bytes, TriangleTree | None] = {}
+        self._samples = np.empty((0, 3))
 
     @cached_property
     def n_open_edges(self) -> int:
@@ -90,6 +94,22 @@ class MuscleGeometry:
         if not patches:
             raise ValueError(f"{where}: there is no area with the role {role!r}")
         return np.unique(np.concatenate(patches))
+
+    def patch_tree(self, patch: Ints) -> TriangleTree | None:
+        """Return the triangles between points (j,) of the surface, None if there are none."""
+        key = patch.tobytes()
+        if key not in self._patch_trees:
+            member = np.zeros(len(self.points), dtype=np.bool_)
+            member[patch] = True
+            faces = self.triangles[member[self.triangles].all(axis=1)]
+            self._patch_trees[key] = triangle_tree(self.points, faces) if len(faces) else None
+        return self._patch_trees[key]
+
+    def samples(self, count: int) -> Floats:
+        """Return positions (k, 3) of even density in it, `count` but where it has next to no volume [mm]."""
+        if len(self._samples) < count:
+            self._samples = samples_inside(self.distance.depth, self.points, count)
+        return self._samples[:count]
 
 
 def muscle_geometry(surface: vtkPolyData, where: str) -> MuscleGeometry:
