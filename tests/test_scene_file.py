@@ -1,6 +1,9 @@
 """Every fault in a scene gives one error that names the file, the key and the mend."""
 
+import json
+import re
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from vtkmuscle import Scene, SceneError
 from vtkmuscle.core.mesh import signed_volume
 from vtkmuscle.core.rigid import RigidMotion, rotation_about
 from vtkmuscle.filters.arrays import points_of, surface_from, triangles_of, with_points
+from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.io import read_surface, write_polydata
 from vtkmuscle.scene.writing import to_toml
 
@@ -157,6 +161,42 @@ def test_a_muscle_that_touches_no_bone_has_no_estimate(scene_file):
     edit(scene_file, LIST, 'attachments = "estimate"')
     with pytest.raises(SceneError, match=r"muscles\.spindle\.attachments: .* touches no bone.*landmarks"):
         Scene.load(scene_file)
+
+
+SHEETS = [[[0, 0, z], [1, 0, z], [1, 1, z], [0, 1, z]] for z in (0, 0.5, 1)]
+
+
+def test_a_template_of_ones_own_is_beside_the_scene(scene_file, tmp_path, monkeypatch):
+    (scene_file.parent / "own.json").write_text(json.dumps({"sheets": SHEETS}))
+    with_template(scene_file, '"own.json"')
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    scene = Scene.load(scene_file)
+    named = scene.muscles["spindle"].fibres["template_file"]
+    assert Path(named) == (scene_file.parent / "own.json").resolve()
+    again = Scene.load(scene.save(elsewhere / "saved"))
+    assert again.muscles["spindle"].fibres["template_file"] == named
+    source = FibreTemplateSource(file=named, n_fibres=3).update().output
+    assert source.GetNumberOfCells() == 3
+
+
+@pytest.mark.parametrize("content", [None, '{"sheets": 3}'])
+def test_a_template_that_cannot_be_read_is_named_with_its_key(scene_file, content):
+    if content:
+        (scene_file.parent / "own.json").write_text(content)
+    with_template(scene_file, '"own.json"')
+    message = str(failure(scene_file))
+    assert "muscles.spindle.fibres.template_file" in message
+    assert "own.json" in message
+
+
+def with_template(scene_file, name):
+    """Let a scene's fibres have a template from a file."""
+    text = scene_file.read_text()
+    changed = re.sub(r"fibres = \{\s*", f"fibres = {{ template_file = {name}, ", text)
+    assert changed != text
+    scene_file.write_text(changed)
 
 
 def test_a_muscle_without_fibres_needs_no_insertion(scene_file):

@@ -153,9 +153,9 @@ def fit_box(
         """Return the frames, (k, 3, 3), and the lowest and highest corners, (k, 3), of turned boxes."""
         turn = start + np.radians(degrees)
         c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
-        along = outline @ np.stack([c, -s, s, c], axis=-1).reshape(-1, 2, 2)
-        low = np.column_stack([along.min(axis=1), np.full(len(turn), bottom)])
-        high = np.column_stack([along.max(axis=1), np.full(len(turn), top)])
+        sides = [outline[:, :1] * c.T + outline[:, 1:] * s.T, outline[:, 1:] * c.T - outline[:, :1] * s.T]
+        low = np.column_stack([*(side.min(axis=0) for side in sides), np.full(len(turn), bottom)])
+        high = np.column_stack([*(side.max(axis=0) for side in sides), np.full(len(turn), top)])
         third = np.broadcast_to(axis, (len(turn), 3))
         return np.stack([c * first + s * second, c * second - s * first, third], axis=2), low, high
 

@@ -303,13 +303,19 @@ def _distances_from_rectangle(sides: Floats, areas: Floats) -> Callable[[Floats,
     return costs
 
 
+@kernel
 def _view_along(area: Floats) -> Floats:
     """Return the rows of a rotation whose third one is the direction of a vector (3,)."""
-    length = float(np.linalg.norm(area))
+    length = np.sqrt((area**2).sum())
     third = area / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
-    first = np.cross(np.eye(3)[int(np.abs(third).argmin())], third)
-    first /= np.linalg.norm(first)
-    return np.array([first, np.cross(third, first), third])
+    axis = np.zeros(3)
+    axis[np.abs(third).argmin()] = 1.0
+    first = np.cross(axis, third)
+    rows = np.empty((3, 3))
+    rows[0] = first / np.sqrt((first**2).sum())
+    rows[1] = np.cross(third, rows[0])
+    rows[2] = third
+    return rows
 
 
 def _on_area(ends: Floats, points: Floats, triangles: Ints, area: Ints) -> Floats:

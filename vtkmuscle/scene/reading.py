@@ -56,6 +56,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.rigid import RigidMotion, hinge
+from vtkmuscle.core.template_files import read_template
 from vtkmuscle.filters.arrays import multiblock_from
 from vtkmuscle.filters.attachments import AttachmentArea, attachments_of
 from vtkmuscle.io import read_landmarks, read_motion_table, read_surface
@@ -159,7 +160,7 @@ def read_scene(path: Path) -> Scene:
         muscles[name] = Muscle(
             surface,
             _attachments(table, files, surface, bones, motion),
-            table.settings("fibres") if "fibres" in table else None,
+            _fibres(table, files) if "fibres" in table else None,
             table.settings("solver"),
             table.settings("fixing"),
         )
@@ -174,6 +175,18 @@ def read_scene(path: Path) -> Scene:
         muscle_contact=root.text("muscle_contact", '"on"') if "muscle_contact" in root else "off",
         files=files,
     )
+
+
+def _fibres(table: _Table, files: dict[str, Path]) -> dict[str, Any]:
+    """Return the settings of a muscle's fibres, a template's file as one that any folder can name."""
+    settings = table.settings("fibres")
+    word = "template_file"
+    if word in settings:
+        mine = _Table(table.file, table.path_to("fibres"), settings, ())
+        _, path = mine.read(word, '"FILE.toml"', read_template)
+        files[mine.path_to(word)] = path
+        settings = {**settings, word: str(path.resolve())}
+    return settings
 
 
 def read_motion(path: Path) -> RigidMotion:
