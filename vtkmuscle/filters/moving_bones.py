@@ -34,7 +34,8 @@ def transforms_of(bones: dict[str, vtkPolyData], where: str) -> Floats:
     ValueError
         If a bone has no field array ``Transform``, or one that is not rigid.
     """
-    transforms = np.empty((len(bones), 4, 4))
+    transforms = np.zeros((len(bones), 4, 4))
+    transforms[:, range(4), range(4)] = 1.0
     for index, (name, bone) in enumerate(bones.items()):
         values = field_array(bone, "Transform")
         if values is None:
@@ -42,7 +43,6 @@ def transforms_of(bones: dict[str, vtkPolyData], where: str) -> Floats:
                 f"{where}, block {name!r}: the field array 'Transform' is missing; BoneMotion adds it"
             )
         if values.tobytes() == _AT_REST:  # as most bones are, most of the time
-            transforms[index] = np.eye(4)
             continue
         if values.size != transforms[index].size or not is_rigid(values.reshape(4, 4)):
             raise ValueError(
