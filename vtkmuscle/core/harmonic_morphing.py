@@ -324,7 +324,8 @@ def _on_area(ends: Floats, points: Floats, triangles: Ints, area: Ints) -> Float
         return ends
     member = np.zeros(len(points), dtype=np.bool_)
     member[area] = True
-    faces = triangles[member[triangles].all(axis=1)]
+    first, second, third = triangles.T
+    faces = triangles[member[first] & member[second] & member[third]]
     if not len(faces):
         on_points: Floats = points[area[cKDTree(points[area]).query(ends)[1]]]
         return on_points

@@ -21,11 +21,13 @@ def loop_areas(points: Floats, loop_offsets: Ints) -> Floats:
     result = np.zeros((len(loop_offsets) - 1, 3))
     for loop in range(len(result)):
         first, last = loop_offsets[loop], loop_offsets[loop + 1] - 1
-        for i in range(first, last):
-            a, b = points[i] - points[last], points[i + 1] - points[last]
-            result[loop, 0] += 0.5 * (a[1] * b[2] - a[2] * b[1])
-            result[loop, 1] += 0.5 * (a[2] * b[0] - a[0] * b[2])
-            result[loop, 2] += 0.5 * (a[0] * b[1] - a[1] * b[0])
+        x, y, z = points[last]
+        for i in range(first, last - 1):
+            ax, ay, az = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
+            bx, by, bz = points[i + 1, 0] - x, points[i + 1, 1] - y, points[i + 1, 2] - z
+            result[loop, 0] += 0.5 * (ay * bz - az * by)
+            result[loop, 1] += 0.5 * (az * bx - ax * bz)
+            result[loop, 2] += 0.5 * (ax * by - ay * bx)
     return result
 
 
