@@ -1,9 +1,9 @@
 """Measure a whole step of a muscle of the real hip: bare iterations, solve, collision, report, fibres.
 
-Run as ``python benchmarks/bench_step.py [--muscle NAME] [--iterations N] [--frames N]``. A step is a frame of
-hip flexion (2 degrees), both bones are there, fibres are given and transported. The bare iterations are
-measured beside each step, so that both see the same machine; medians over the frames are printed, and their
-ratio.
+Run as ``python benchmarks/bench_step.py [--muscle NAME] [--iterations N] [--frames N] [--prune P]``. A step
+is a frame of hip flexion (2 degrees), both bones are there, fibres are given and transported. The bare
+iterations are measured beside each step, so that both see the same machine; medians over the frames are
+printed, and their ratio.
 """
 
 from __future__ import annotations
@@ -82,6 +82,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=46)
     parser.add_argument("--solver", default="anderson", choices=("anderson", "gauss-seidel"))
     parser.add_argument("--collision", default="sdf", choices=("sdf", "voxel", "none"))
+    parser.add_argument("--prune", type=float, default=0.0, help="of FibreTransport: 0 keeps all weights")
     parser.add_argument("--profile", action="store_true", help="print what the steps are spent in")
     arguments = parser.parse_args()
 
@@ -92,10 +93,9 @@ def main() -> None:
     for port, value in enumerate((muscle.surface, scene.bones_data(), attachments)):
         detector.connect(port, value)
     fibres = decompose(detector, attachments, **(muscle.fibres or {}))
-    settings = {"iterations": arguments.iterations, "solver": arguments.solver}
-    settings["collision"] = arguments.collision
+    settings = {name: getattr(arguments, name) for name in ("iterations", "solver", "collision")}
     deformer = deform(detector, scene.bones_data(), scene.motion, fibres=fibres, fixed=None, **settings)
-    transport = FibreTransport()
+    transport = FibreTransport(prune=arguments.prune)
     for port, value in enumerate((fibres, detector, deformer)):
         transport.connect(port, value)
     times = scene.motion.times[: arguments.frames]

@@ -19,6 +19,8 @@ Ints = NDArray[np.int64]
 _RIDGE = 1e-12
 #: Weights are changed by no more than this part of their sum; a row that would be keeps more of them.
 LARGEST_CHANGE = 1.0
+#: Weights that a thread of its own pays for: it takes as long to start as half a million take to apply.
+WORTH_A_THREAD = 4_000_000
 #: Thresholds below this keep all [1].
 _LEAST = 1e-15
 
@@ -93,12 +95,13 @@ def sparse_mean_value_coordinates(
 def sparse_transport(weights: SparseWeights, points: Floats, *, threads: int = 0) -> Floats:
     """Return the points (q, 3) that sparse weights make of vertices (n, 3), v_i = sum_j w_ij p_j.
 
-    Each point is summed up by itself, so that the result does not depend on the number of threads.
+    Each point is summed up by itself, so that the result does not depend on the number of threads; few
+    weights are left to one.
     """
     centre = points.mean(axis=0)
     centred = np.ascontiguousarray(points - centre)
     moved = np.empty((len(weights.starts) - 1, 3))
-    count = threads or os.cpu_count() or 1
+    count = min(threads or os.cpu_count() or 1, 1 + len(weights.values) // WORTH_A_THREAD)
     bounds = np.linspace(0, len(moved), count + 1).astype(np.int64)
 
     def work(part: int) -> None:

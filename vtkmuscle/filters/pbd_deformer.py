@@ -12,19 +12,10 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
-from vtkmuscle.core.anisotropy import (
-    edge_stiffness,
-    fibre_directions_at,
-    following_stiffness,
-    harmonic_directions,
-)
-from vtkmuscle.core.fibre_stretch import FibreStretch, stretch_of_fibres, stretch_of_harmonic
 from vtkmuscle.core.muscle_contact import Neighbour
-from vtkmuscle.core.solver import MuscleSolver, MuscleState, SolverParameters
-from vtkmuscle.core.topology import mesh_topology
+from vtkmuscle.core.solver import MuscleSolver, MuscleState
 from vtkmuscle.core.voxels import DEFAULT_N_MAX
 from vtkmuscle.filters.arrays import (
-    Polylines,
     blocks_of,
     checked_surface,
     point_array,
@@ -38,6 +29,7 @@ from vtkmuscle.filters.bone_motion import bones_of
 from vtkmuscle.filters.checkpoints import MEGABYTE, Checkpoints
 from vtkmuscle.filters.convergence_report import convergence_fields, convergence_row
 from vtkmuscle.filters.convergence_table import ConvergenceTable
+from vtkmuscle.filters.kept_solver import FixedMuscle, KeptSolver
 from vtkmuscle.filters.moving_bones import RestBones, transforms_of
 from vtkmuscle.filters.neighbours import Neighbours
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
@@ -63,28 +55,6 @@ BONES, NEIGHBOURS = 1, 3
 
 
 @dataclass(frozen=True, eq=False)
-class _Muscle:
-    """What the solver is made from, to tell whether it is still the same."""
-
-    points: Floats
-    triangles: Ints
-    fixed_to: Ints
-    fibres: Polylines | None
-
-    def same_as(self, other: _Muscle | None) -> bool:
-        if other is None or (self.fibres is None) != (other.fibres is None):
-            return False
-        pairs = [
-            (self.points, other.points),
-            (self.triangles, other.triangles),
-            (self.fixed_to, other.fixed_to),
-        ]
-        if self.fibres is not None and other.fibres is not None:
-            pairs += [(self.fibres.points, other.fibres.points), (self.fibres.offsets, other.fibres.offsets)]
-        return all(np.array_equal(mine, yours) for mine, yours in pairs)
-
-
-@dataclass(frozen=True, eq=False)
 class _Frame:
     """A state that was computed, and how long that took [ms]."""
 
@@ -96,15 +66,6 @@ class _Frame:
         """Memory that it takes [bytes]."""
         state = self.state
         return state.positions.nbytes + state.velocities.nbytes + state.transforms.nbytes
-
-
-@dataclass(frozen=True, eq=False)
-class _Elasticity:
-    """Direction of the fibres at edges, how stiff they are by it, and what their rest lengths follow."""
-
-    directions: Floats | None
-    stiffness: Floats | None
-    stretch: FibreStretch | None
 
 
 class PBDDeformer(Filter):
@@ -374,12 +335,9 @@ class PBDDeformer(Filter):
     )
 
     def __init__(self, **parameters: Any) -> None:
-        self._solver: MuscleSolver | None = None
-        self._solver_made_from: tuple[Any, ...] = ()
-        self._muscle: _Muscle | None = None
+        self._kept = KeptSolver("PBDDeformer: muscle")
         self._rest_bones = RestBones("PBDDeformer: bones")
         self._neighbours: Neighbours | None = None
-        self._elasticity: tuple[_Muscle, str, _Elasticity] | None = None
         self._rest_from: float | None = None
         self._frames: Checkpoints[_Frame] = Checkpoints()
         self._made_with: object = None
@@ -510,12 +468,9 @@ class PBDDeformer(Filter):
         lines = None
         if fibres is not None and self.anisotropy != "off":
             lines = polylines_of(fibres, "PBDDeformer: fibres")
-        now = _Muscle(points, triangles, fixed_to, lines)
-        if not now.same_as(self._muscle):
+        if self._kept.take(FixedMuscle(points, triangles, fixed_to, lines)):
             self._frames.clear()
-            self._solver = None
             self._neighbours = None
-            self._muscle = now
 
     def _checked_fixed_to(self, array: NDArray[Any], names: list[str]) -> Ints:
         where = "PBDDeformer: muscle, point array 'FixedTo'"
@@ -592,46 +547,9 @@ class PBDDeformer(Filter):
         self._table.add("" if at is None else f"{at:g}", convergence_row(self._convergence(frame)))
 
     def _made_solver(self) -> MuscleSolver:
-        """Return the solver, made anew as far as the muscle, the bones or the parameters have changed."""
-        muscle = self._muscle
-        assert muscle is not None
-        settings = self.parameters()
-        parameters = SolverParameters(
-            **{name: settings[name] for name in SolverParameters.__dataclass_fields__}
-        )
-        elasticity = self._elasticity_of_edges(muscle)
+        """Return the solver for the present parameters."""
         obstacles = self._rest_bones.obstacles if self.collision != "none" else ()
-        made_from = (parameters, obstacles)
-        if self._solver is None:
-            try:
-                self._solver = MuscleSolver(
-                    muscle.points,
-                    muscle.triangles,
-                    muscle.fixed_to,
-                    parameters,
-                    edge_stiffness=elasticity.stiffness,
-                    stretch=elasticity.stretch,
-                    obstacles=obstacles,
-                )
-            except ValueError as error:
-                raise ValueError(f"PBDDeformer: muscle: {error}") from error
-        elif made_from != self._solver_made_from[:2] or elasticity is not self._solver_made_from[2]:
-            self._solver = self._solver.adjusted(
-                parameters,
-                edge_stiffness=elasticity.stiffness,
-                stretch=elasticity.stretch,
-                obstacles=obstacles,
-            )
-        self._solver_made_from = (*made_from, elasticity)
-        return self._solver
-
-    def _elasticity_of_edges(self, muscle: _Muscle) -> _Elasticity:
-        """Return the anisotropy of the edges; it depends on the muscle and its fibres alone."""
-        kept = self._elasticity
-        if kept is None or kept[0] is not muscle or kept[1] != self.anisotropy:
-            kept = muscle, self.anisotropy, _elasticity(muscle, self.anisotropy)
-            self._elasticity = kept
-        return kept[2]
+        return self._kept.solver(self.parameters(), obstacles)
 
     # ---------------------------------------------------------------- the result
 
@@ -653,35 +571,10 @@ class PBDDeformer(Filter):
         return convergence_fields(
             solver,
             state,
-            directions=None if self._muscle is None else self._elasticity_of_edges(self._muscle).directions,
+            directions=self._kept.elasticity(self.anisotropy).directions,
             depths=depths,
             milliseconds=frame.milliseconds,
         )
-
-
-def _elasticity(muscle: _Muscle, anisotropy: str) -> _Elasticity:
-    points, fixed_to, fibres = muscle.points, muscle.fixed_to, muscle.fibres
-    if anisotropy == "off":
-        return _Elasticity(None, None, None)
-    topology = mesh_topology(len(points), muscle.triangles)
-    edges = topology.edges
-    if anisotropy == "stretch":
-        if fibres is not None:
-            stretch = stretch_of_fibres(points, topology, fixed_to, fibres.points, fibres.offsets)
-        else:
-            stretch = stretch_of_harmonic(points, topology, fixed_to)
-        if stretch is None:
-            return _Elasticity(None, None, None)
-        stiffness = following_stiffness(points, edges, stretch.directions)
-        return _Elasticity(stretch.directions, stiffness, stretch)
-    directions: Floats | None
-    if fibres is not None:
-        directions = fibre_directions_at(points[edges].mean(axis=1), fibres.points, fibres.offsets)
-    else:
-        directions = harmonic_directions(points, topology, fixed_to)
-    if directions is None:
-        return _Elasticity(None, None, None)
-    return _Elasticity(directions, edge_stiffness(points, edges, directions), None)
 
 
 def _time_of(info: Any) -> float | None:

@@ -1,0 +1,165 @@
+"""The solver of a muscle, kept for as long as what it is made from stays the same."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.anisotropy import (
+    edge_stiffness,
+    fibre_directions_at,
+    following_stiffness,
+    harmonic_directions,
+)
+from vtkmuscle.core.fibre_stretch import FibreStretch, stretch_of_fibres, stretch_of_harmonic
+from vtkmuscle.core.obstacles import Obstacle
+from vtkmuscle.core.solver import MuscleSolver, SolverParameters
+from vtkmuscle.core.topology import mesh_topology
+from vtkmuscle.filters.arrays import Polylines
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class FixedMuscle:
+    """What the solver is made from, to tell whether it is still the same."""
+
+    points: Floats
+    triangles: Ints
+    fixed_to: Ints
+    fibres: Polylines | None
+
+    def same_as(self, other: FixedMuscle | None) -> bool:
+        """Return whether another muscle has the same content."""
+        if other is None or (self.fibres is None) != (other.fibres is None):
+            return False
+        pairs = [
+            (self.points, other.points),
+            (self.triangles, other.triangles),
+            (self.fixed_to, other.fixed_to),
+        ]
+        if self.fibres is not None and other.fibres is not None:
+            pairs += [(self.fibres.points, other.fibres.points), (self.fibres.offsets, other.fibres.offsets)]
+        return all(np.array_equal(mine, yours) for mine, yours in pairs)
+
+
+@dataclass(frozen=True, eq=False)
+class Elasticity:
+    """Direction of the fibres at edges, how stiff they are by it, and what their rest lengths follow."""
+
+    directions: Floats | None
+    stiffness: Floats | None
+    stretch: FibreStretch | None
+
+
+class KeptSolver:
+    """Makes the solver of a muscle, anew as far as the muscle, the bones or the parameters have changed.
+
+    Parameters
+    ----------
+    where : str
+        Named in errors, e.g. ``"PBDDeformer: muscle"``.
+    """
+
+    def __init__(self, where: str) -> None:
+        self._where = where
+        self._muscle: FixedMuscle | None = None
+        self._solver: MuscleSolver | None = None
+        self._made_from: tuple[Any, ...] = ()
+        self._elasticity: tuple[str, Elasticity] | None = None
+
+    def take(self, muscle: FixedMuscle) -> bool:
+        """Work with this muscle from now on; return whether it is another than before."""
+        if muscle.same_as(self._muscle):
+            return False
+        self._muscle, self._solver, self._elasticity = muscle, None, None
+        return True
+
+    def elasticity(self, anisotropy: str) -> Elasticity:
+        """Return the elasticity of the edges; it depends on the muscle and its fibres alone.
+
+        Parameters
+        ----------
+        anisotropy : str
+            ``"stretch"``, ``"stiffness"`` or ``"off"``.
+        """
+        assert self._muscle is not None
+        kept = self._elasticity
+        if kept is None or kept[0] != anisotropy:
+            kept = self._elasticity = anisotropy, _elasticity(self._muscle, anisotropy)
+        return kept[1]
+
+    def solver(self, settings: Mapping[str, Any], obstacles: tuple[Obstacle, ...]) -> MuscleSolver:
+        """Return the solver.
+
+        Parameters
+        ----------
+        settings : mapping
+            Of PBDDeformer; those of the solver are taken from them.
+        obstacles : tuple of Obstacle
+            Bones that the muscle is kept out of.
+
+        Raises
+        ------
+        ValueError
+            If the surface is open or encloses no volume.
+        """
+        muscle = self._muscle
+        assert muscle is not None
+        parameters = SolverParameters(
+            **{name: settings[name] for name in SolverParameters.__dataclass_fields__}
+        )
+        elasticity = self.elasticity(settings["anisotropy"])
+        made_from = (parameters, obstacles)
+        if self._solver is None:
+            try:
+                self._solver = MuscleSolver(
+                    muscle.points,
+                    muscle.triangles,
+                    muscle.fixed_to,
+                    parameters,
+                    edge_stiffness=elasticity.stiffness,
+                    stretch=elasticity.stretch,
+                    obstacles=obstacles,
+                )
+            except ValueError as error:
+                raise ValueError(f"{self._where}: {error}") from error
+        elif made_from != self._made_from[:2] or elasticity is not self._made_from[2]:
+            self._solver = self._solver.adjusted(
+                parameters,
+                edge_stiffness=elasticity.stiffness,
+                stretch=elasticity.stretch,
+                obstacles=obstacles,
+            )
+        self._made_from = (*made_from, elasticity)
+        return self._solver
+
+
+def _elasticity(muscle: FixedMuscle, anisotropy: str) -> Elasticity:
+    points, fixed_to, fibres = muscle.points, muscle.fixed_to, muscle.fibres
+    if anisotropy == "off":
+        return Elasticity(None, None, None)
+    topology = mesh_topology(len(points), muscle.triangles)
+    edges = topology.edges
+    if anisotropy == "stretch":
+        if fibres is not None:
+            stretch = stretch_of_fibres(points, topology, fixed_to, fibres.points, fibres.offsets)
+        else:
+            stretch = stretch_of_harmonic(points, topology, fixed_to)
+        if stretch is None:
+            return Elasticity(None, None, None)
+        stiffness = following_stiffness(points, edges, stretch.directions)
+        return Elasticity(stretch.directions, stiffness, stretch)
+    directions: Floats | None
+    if fibres is not None:
+        directions = fibre_directions_at(points[edges].mean(axis=1), fibres.points, fibres.offsets)
+    else:
+        directions = harmonic_directions(points, topology, fixed_to)
+    if directions is None:
+        return Elasticity(None, None, None)
+    return Elasticity(directions, edge_stiffness(points, edges, directions), None)
