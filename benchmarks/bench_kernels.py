@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from muscle_problem import turned_muscle
 from naive_kernels import naive_dihedral, naive_distance
+from timing import interleaved
 
 from vtkmuscle.core import constraints
 from vtkmuscle.core.batched_iteration import BatchedIteration, available_threads
@@ -27,17 +28,6 @@ from vtkmuscle.core.mesh import edge_lengths
 from vtkmuscle.core.topology import mesh_topology
 
 SHAPE_STIFFNESS = 0.9
-
-
-def interleaved(variants: dict[str, Callable[[], object]], *, rounds: int = 60) -> dict[str, float]:
-    """Return the least time of each variant [ms]."""
-    best = dict.fromkeys(variants, np.inf)
-    for _ in range(rounds):
-        for name, run in variants.items():
-            start = time.perf_counter()
-            run()
-            best[name] = min(best[name], time.perf_counter() - start)
-    return {name: 1e3 * seconds for name, seconds in best.items()}
 
 
 def compare(pypbd: str | None) -> None:
@@ -91,9 +81,7 @@ def compare(pypbd: str | None) -> None:
         "batches, whole iteration": lambda: iteration.run(records, 1),
         "batches in float32, whole iteration": lambda: single.run(short, 1),
     }
-    for run in variants.values():
-        run()
-    times = interleaved(variants)
+    times = interleaved(variants, rounds=60)
     naive_time = times["naive scalar, whole iteration"]
     print(f"\nadductor brevis, {len(triangles)} triangles, {len(edges)} edges, one core")
     for name, ms in times.items():

@@ -9,13 +9,12 @@ rounds, the variants interleaved.
 from __future__ import annotations
 
 import argparse
-import time
 import warnings
-from collections.abc import Callable
 
 import igl
 import numpy as np
 from muscle_problem import data_folder
+from timing import interleaved
 
 from vtkmuscle import Scene
 from vtkmuscle.core.harmonic_morphing import attachment_field, morph_by_isolines
@@ -38,18 +37,6 @@ BOUND = {100: 10, 1000: 100}
 #: Harmonic morphing of a tube, for the growth of cost: fibres, and triangles.
 FIBRES = (100, 1000, 10_000)
 TRIANGLES = (10_000, 100_000, 1_000_000)
-
-
-def interleaved(variants: dict[str, Callable[[], object]], rounds: int = ROUNDS) -> dict[str, float]:
-    """Return the least time of each variant [ms]; the first round, which compiles, does not count."""
-    best = dict.fromkeys(variants, np.inf)
-    for turn in range(rounds + 1):
-        for name, run in variants.items():
-            start = time.perf_counter()
-            run()
-            if turn:
-                best[name] = min(best[name], time.perf_counter() - start)
-    return {name: 1e3 * seconds for name, seconds in best.items()}
 
 
 def outside(points: np.ndarray, surface: np.ndarray, triangles: np.ndarray) -> tuple[int, float]:
@@ -96,7 +83,8 @@ def real_muscles(n_fibres: int, resolution: int) -> None:
                 "field of given areas": lambda: attachment_field(points, triangles, origin, insertion),
                 **morphers,
                 "smooth": lambda: FibreSmoother()(fibres["plane, bijective"]),
-            }
+            },
+            rounds=ROUNDS,
         )
         print(f"{name}, {len(triangles)} triangles")
         print("  " + ", ".join(f"{label} {t:.1f}" for label, t in times.items() if label not in morphers))
@@ -141,7 +129,7 @@ def tolerances() -> None:
         def again() -> object:
             return SliceMorpher(method="plane", slice_tolerance=tolerance)(fitted, muscle.surface)
 
-        spent = interleaved({"": again}, 2)[""]
+        spent = interleaved({"": again}, rounds=2)[""]
         print(f"  {tolerance:5.1f}: {spent:7.1f}, {np.median(errors):.3f}, {errors.max():.3f}")
 
 
@@ -168,7 +156,7 @@ def growth(largest: int) -> None:
                 "isolines": lambda s=shape, f=field: morph_by_isolines(*s, f, **settings),
                 "field": lambda s=shape, a=(origin, insertion): attachment_field(*s[2:], *a),
             },
-            1 if n_triangles > 200_000 else 3,
+            rounds=1 if n_triangles > 200_000 else 3,
         )
         print(
             f"  {n_fibres:6} fibres, {len(triangles):8} triangles: "

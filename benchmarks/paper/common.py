@@ -1,0 +1,306 @@
+"""What the scripts of the papers' experiments share: the scene, P21's settings, steps, tables and pictures.
+
+Each script has a function ``tables(case)`` and takes ``[--data real|phantom] [--out FOLDER] [--short]``.
+Without ``--data`` the right hip of the LHDL data set is taken where it is (VTKMUSCLE_DATA), else the phantom
+hip. Pictures are drawn only where a folder is given for them. ``--short`` leaves out what takes long.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from vtkmuscle import RigidMotion, Scene, phantoms
+from vtkmuscle.core.mesh import edge_lengths
+from vtkmuscle.core.topology import mesh_topology
+from vtkmuscle.filters import FibreTransport, FixedPointDetector
+from vtkmuscle.filters.arrays import checked_surface, field_array, points_of
+from vtkmuscle.pipelines import decompose, deform
+from vtkmuscle.plotting import can_render, choose_view, make_plotter
+from vtkmuscle.plotting.views import View
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from muscle_problem import data_folder
+
+Floats = NDArray[np.float64]
+
+#: The settings of P21; its number of iterations differs between experiments.
+P21: dict[str, Any] = {
+    "anisotropy": "stiffness",
+    "start": "inertial",
+    "solver": "gauss-seidel",
+    "order": "sequential",
+    "collision": "voxel",
+    "bone_push": "transform",
+    "contact_velocity": "keep",
+}
+#: The muscles of P21, in the order of its Table 2.
+MUSCLES = ("gluteus_maximus", "adductor_brevis", "iliacus", "gluteus_medius")
+#: Cells of P21's voxels: as many as 64 along each axis, and its default.
+EQUAL, FINE = 64**3, 8 * 64**3
+#: A frame of hip flexion, in P21 and here [degrees].
+STEP = 2.0
+
+
+@dataclass
+class Table:
+    """Numbers with a heading; columns of the papers' values are called ``published``."""
+
+    title: str
+    columns: Sequence[str]
+    rows: list[Sequence[object]] = field(default_factory=list)
+
+    def add(self, *cells: object) -> None:
+        """Add a row."""
+        assert len(cells) == len(self.columns)
+        self.rows.append(cells)
+
+    def text(self) -> str:
+        """Return it in columns of equal width."""
+        lines = [[str(cell) for cell in row] for row in [self.columns, *self.rows]]
+        widths = [max(len(line[i]) for line in lines) for i in range(len(self.columns))]
+        body = ["  " + "  ".join(c.ljust(w) for c, w in zip(x, widths, strict=True)).rstrip() for x in lines]
+        return "\n".join([self.title, *body])
+
+    def rst(self) -> str:
+        """Return it as a table for the documentation."""
+        lines = [f".. list-table:: {self.title}", "   :header-rows: 1", ""]
+        for row in [self.columns, *self.rows]:
+            lines += [f"   {'  -' if i else '* -'} {cell}".rstrip() for i, cell in enumerate(row)]
+        return "\n".join([*lines, ""])
+
+
+class Chain:
+    """A muscle that follows its bones, with what it is made of.
+
+    Attributes
+    ----------
+    marked, fibres, deformer, transport
+        The muscle with its fixed points, its fibres at rest, and the filters that move the two.
+    """
+
+    def __init__(self, case: Case, name: str, surface: Any, fixing: dict[str, Any], solver: dict[str, Any]):
+        scene = case.scene
+        areas = scene.attachments_data(name)
+        self.marked = FixedPointDetector(**fixing).apply(surface, scene.bones_data(), areas)
+        self.fibres = case.fibres(name)
+        self.deformer = deform(
+            self.marked, scene.bones_data(), case.motion, fibres=self.fibres, fixed=None, **solver
+        )
+        self.transport = FibreTransport()
+        for port, value in enumerate((self.fibres, self.marked, self.deformer)):
+            self.transport.connect(port, value)
+        self._times = case.motion.times
+
+    def at(self, degrees: float) -> Any:
+        """Return the muscle so many degrees from rest; it changes with the next call."""
+        return self.deformer.update(time=float(self._times[round(degrees / STEP)])).output
+
+    def fibres_at(self, degrees: float) -> Any:
+        """Return the fibres so many degrees from rest; they change with the next call."""
+        return self.transport.update(time=float(self._times[round(degrees / STEP)])).output
+
+    def pose(self, degrees: float) -> tuple[Any, Any]:
+        """Return bones and muscle so many degrees from rest, to be kept."""
+        muscle = pv.wrap(self.at(degrees)).copy()
+        return pv.wrap(self.deformer.GetInputDataObject(1, 0)).copy(), muscle
+
+    def step_times(self, degrees: Sequence[float]) -> Floats:
+        """Return how long each of some steps takes [ms]; call it once.
+
+        A step is all of P21's Algorithm 2, bones and fibres with it. What is prepared once is left out: the
+        first step is made before the clock runs. The clock is that of the processor, all threads together:
+        other work on the machine would count as ours otherwise, and the paper's code has one thread.
+        """
+        self.fibres_at(degrees[0])
+        taken = []
+        for angle in degrees[1:]:
+            before = time.process_time()
+            self.fibres_at(angle)
+            taken.append(1e3 * (time.process_time() - before))
+        return np.array(taken)
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """What an experiment is made on."""
+
+    real: bool
+    short: bool = False
+    out: Path | None = None
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The hip."""
+        if self.real:
+            return Scene.load(data_folder() / "scene.toml")
+        return Scene.from_phantom(phantoms.hip(), n_fibres=20 if self.short else 100)
+
+    @cached_property
+    def motion(self) -> RigidMotion:
+        """Flexion from rest on, a frame every 2 degrees."""
+        return self.scene.motion
+
+    @cached_property
+    def muscles(self) -> list[str]:
+        """The muscles of P21 that the scene has."""
+        return [name for name in MUSCLES if name in self.scene.muscles]
+
+    @cached_property
+    def adductor(self) -> str:
+        """The adductor brevis; on the phantom, which has none, the gluteus medius."""
+        return "adductor_brevis" if "adductor_brevis" in self.scene.muscles else "gluteus_medius"
+
+    @cached_property
+    def _fibres(self) -> dict[str, Any]:
+        return {}
+
+    def fibres(self, name: str) -> Any:
+        """Return the fibres of a muscle at rest: 100 of 15 segments, as in P21."""
+        if name not in self._fibres:
+            muscle = self.scene.muscles[name]
+            chain = decompose(muscle.surface, self.scene.attachments_data(name), **(muscle.fibres or {}))
+            self._fibres[name] = pv.wrap(chain.update().output).copy()
+        return self._fibres[name]
+
+    def chain(
+        self,
+        name: str,
+        *,
+        surface: Any = None,
+        fixing: dict[str, Any] | None = None,
+        **solver: Any,
+    ) -> Chain:
+        """Return a muscle that follows its bones, with other settings than the filters' own."""
+        surface = self.scene.muscles[name].surface if surface is None else surface
+        return Chain(self, name, surface, fixing or {}, solver)
+
+    def draw(self, name: str, rows: Sequence[Sequence[tuple[str, NDArray[Any]]]]) -> None:
+        """Write rows of titled pictures to the user's folder."""
+        height = 3.4 * len(rows)
+        figure = Figure(figsize=(3.2 * len(rows[0]), height), dpi=120, facecolor="white")
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(len(rows), len(rows[0]), squeeze=False)
+        for line, row in zip(axes, rows, strict=True):
+            for axis, (title, pixels) in zip(line, row, strict=True):
+                axis.imshow(pixels)
+                axis.set_title(title, fontsize=8)
+                axis.axis("off")
+        figure.tight_layout()
+        self.save(figure, name)
+
+    def save(self, figure: Figure, name: str) -> None:
+        """Write a figure to the user's folder."""
+        assert self.out is not None
+        self.out.mkdir(parents=True, exist_ok=True)
+        figure.savefig(self.out / name)
+        print(self.out / name)
+
+    @property
+    def draws(self) -> bool:
+        """Whether pictures are wanted and can be made."""
+        if self.out is None:
+            return False
+        reason = can_render()
+        if reason is not None:
+            print(f"no pictures: {reason}")
+        return reason is None
+
+
+def value(muscle: Any, name: str) -> float:
+    """Return a number that the deformer reports, e.g. ``VolumeRatio``."""
+    found = field_array(muscle, name)
+    assert found is not None, name
+    return float(found[-1])
+
+
+def picture(bones: Any, muscles: Sequence[Any], view: View | None = None, **options: Any) -> NDArray[Any]:
+    """Return the pixels of a picture, if no view is given from where the bones hide least of the muscles."""
+    if view is None:
+        view = choose_view(list(muscles), [bones] * len(muscles))
+    plotter = make_plotter(bones, muscles, view, **options)
+    pixels = plotter.screenshot(return_img=True)
+    plotter.close()
+    return np.asarray(pixels)
+
+
+def seen_alike(rows: Sequence[Sequence[tuple[str, tuple[Any, Any]]]]) -> list[list[tuple[str, Any]]]:
+    """Return titled pictures of bones and muscles, all from where the last shows most."""
+    bones, muscle = rows[-1][-1][1]
+    view = choose_view([muscle, rows[0][0][1][1]], [bones, bones])
+    return [[(title, picture(pose[0], [pose[1]], view)) for title, pose in row] for row in rows]
+
+
+def rms(a: Any, b: Any) -> float:
+    """Return the root mean square distance between the points of two surfaces [mm]."""
+    return float(np.sqrt(np.mean(np.sum((points_of(a) - points_of(b)) ** 2, axis=1))))
+
+
+def roughness(muscle: Any) -> float:
+    """Return the 95th percentile of the angles between triangles [degrees]: how crumpled a surface is."""
+    points, triangles = checked_surface(muscle, "muscle")
+    quads = mesh_topology(len(points), triangles).quads
+    edge = points[quads[:, 1]] - points[quads[:, 0]]
+    first = np.cross(edge, points[quads[:, 2]] - points[quads[:, 0]])
+    second = np.cross(points[quads[:, 3]] - points[quads[:, 0]], edge)
+    lengths = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
+    flat = lengths > 0.0
+    cosines = np.einsum("ij,ij->i", first, second)[flat] / lengths[flat]
+    return float(np.degrees(np.percentile(np.arccos(np.clip(cosines, -1.0, 1.0)), 95)))
+
+
+def mean_edge(surface: Any) -> float:
+    """Return the mean length of a surface's edges."""
+    points, triangles = checked_surface(surface, "surface")
+    return float(edge_lengths(points, mesh_topology(len(points), triangles).edges).mean())
+
+
+def quietly(algorithm: Any, *inputs: Any) -> Any:
+    """Return what a filter makes, without its warnings: what they tell is what an experiment counts."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return pv.wrap(algorithm(*inputs)).copy()
+
+
+def angles_up_to(degrees: float) -> list[float]:
+    """Return the flexions of the frames, 0 to some angle."""
+    return list(np.arange(0.0, degrees + STEP / 2.0, STEP))
+
+
+def main(doc: str, tables: Callable[[Case], Iterator[Table] | list[Table]]) -> None:
+    """Run an experiment as the command line asks for, and print its tables."""
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    asked = case_options(parser).parse_args()
+    for table in tables(case_of(asked)):
+        print(table.text(), end="\n\n", flush=True)
+
+
+def case_options(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """Add the options that all experiments have."""
+    parser.add_argument("--data", choices=("real", "phantom"), help="default: real where it is")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="draw pictures there")
+    parser.add_argument("--short", action="store_true", help="leave out what takes long")
+    return parser
+
+
+def case_of(asked: argparse.Namespace) -> Case:
+    """Return what the options ask for."""
+    there = (data_folder() / "scene.toml").is_file()
+    if asked.data == "real" and not there:
+        raise SystemExit(
+            f"{data_folder()} is not there; set VTKMUSCLE_DATA to the folder that holds lhdl_hip"
+        )
+    return Case(real=there and asked.data != "phantom", short=asked.short, out=asked.out)

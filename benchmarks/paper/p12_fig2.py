@@ -1,0 +1,43 @@
+"""P12, Fig. 2: parallel fibres mapped into a muscle. ``python benchmarks/paper/p12_fig2.py``."""
+
+from __future__ import annotations
+
+import numpy as np
+from common import Case, Table, main, picture, quietly
+
+from vtkmuscle.filters import FibreTemplateSource, SliceMorpher, TemplateFitter
+from vtkmuscle.filters.arrays import multiblock_from, polylines_of
+from vtkmuscle.filters.surface_distance import SurfaceDistance
+
+#: Nearer to the surface than this is not outside of it [mm].
+TOLERANCE = 0.1
+
+
+def tables(case: Case) -> list[Table]:
+    """Return how many points of the mapped fibres leave the muscle."""
+    columns = ("muscle", "published", "fibre points outside, mean value", "outside, one to one", "method")
+    table = Table(f"Fig. 2: 50 fibres of 19 segments; outside is more than {TOLERANCE:g} mm", columns)
+    row = []
+    template = FibreTemplateSource(n_fibres=50, resolution=19)()
+    for name in case.muscles:
+        muscle, areas = case.scene.muscles[name].surface, case.scene.attachments_data(name)
+        fitted = TemplateFitter()(template, muscle, areas)
+        distance, outside = SurfaceDistance(muscle), []
+        for mapping in ("mean-value", "bijective"):
+            # The mean value map warns of points that it puts outside; they are counted here.
+            morpher = SliceMorpher(method="plane", mapping=mapping)
+            points = polylines_of(quietly(morpher, fitted, muscle, areas), name).points
+            far = np.where(distance.depth(points) > 0.0, 0.0, distance.unsigned(points))
+            outside.append(f"{int((far * case.scene.millimetres > TOLERANCE).sum())} of {len(points)}")
+        table.add(name, "in the muscle", *outside, "plane")
+        if case.draws:
+            fibres = quietly(SliceMorpher(method="plane"), fitted, muscle, areas)
+            row += [(f"{name}, template", picture(multiblock_from({}), [muscle], fibres=fitted))]
+            row += [(f"{name}, mapped", picture(multiblock_from({}), [muscle], fibres=fibres))]
+    if case.draws:
+        case.draw("p12_fig2.png", [row])
+    return [table]
+
+
+if __name__ == "__main__":
+    main(__doc__, tables)

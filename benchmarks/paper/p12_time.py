@@ -1,0 +1,69 @@
+"""P12's time to fill a muscle with fibres and show them: ``python benchmarks/paper/p12_time.py``.
+
+Published: about 1000 ms for a muscle of about 15 000 vertices, 20 points per fibre. Here 100 fibres of 19
+segments, tubes of 12 sides, and a picture of 800 x 650 pixels off-screen, drawn by software.
+"""
+
+from __future__ import annotations
+
+import time
+
+import pyvista as pv
+from common import Case, Table, main
+
+from vtkmuscle.filters import FibreTubes
+from vtkmuscle.pipelines import decompose
+from vtkmuscle.plotting import can_render, choose_view, make_plotter
+
+ROUNDS = 3
+
+
+def tables(case: Case) -> list[Table]:
+    """Return the times of decomposition, tubes and picture."""
+    columns = ("muscle", "vertices", "published [ms]", "first run: fibres [ms]", "again [ms]", "tubes [ms]")
+    table = Table(
+        "Decomposition and picture of a muscle", (*columns, "picture [ms]", "sum of the first [ms]")
+    )
+    decompose_once(case, case.muscles[-1])  # compiles
+    draws = can_render() is None
+    for name in case.muscles:
+        muscle = case.scene.muscles[name].surface
+        fresh = pv.wrap(muscle).copy()
+        fresh.points = fresh.points + 0.0  # nothing is remembered of it
+        first, fibres = decompose_once(case, name, fresh)
+        again = min(decompose_once(case, name, fresh)[0] for _ in range(ROUNDS))
+        begin = time.perf_counter()
+        FibreTubes(radius=1.0 / case.scene.millimetres)(fibres)
+        tubes = 1e3 * (time.perf_counter() - begin)
+        drawn = 0.0
+        if draws:
+            bones = case.scene.bones_data()
+            view = choose_view([muscle], [bones])
+            begin = time.perf_counter()
+            plotter = make_plotter(bones, [muscle], view, fibres=fibres)
+            plotter.screenshot(return_img=True)
+            plotter.close()
+            drawn = 1e3 * (time.perf_counter() - begin)
+        cells = [f"{ms:.0f}" for ms in (first, again, tubes)]
+        table.add(
+            name,
+            muscle.GetNumberOfPoints(),
+            "about 1000",
+            *cells,
+            f"{drawn:.0f}" if draws else "",
+            f"{first + tubes + drawn:.0f}",
+        )
+    return [table]
+
+
+def decompose_once(case: Case, name: str, surface: object = None) -> tuple[float, object]:
+    """Return the time of a decomposition with new filters [ms], and its fibres."""
+    surface = case.scene.muscles[name].surface if surface is None else surface
+    begin = time.perf_counter()
+    chain = decompose(surface, case.scene.attachments_data(name), n_fibres=100, resolution=19)
+    fibres = chain.update().output
+    return 1e3 * (time.perf_counter() - begin), fibres
+
+
+if __name__ == "__main__":
+    main(__doc__, tables)

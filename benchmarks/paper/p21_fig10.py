@@ -1,0 +1,62 @@
+"""P21, Fig. 10: the iliacus, 5 iterations, 40 degrees. ``python benchmarks/paper/p21_fig10.py``.
+
+In the joint are points within the acetabulum, which is the convex hull of the socket (bench_penetration.py).
+"""
+
+from __future__ import annotations
+
+from common import FINE, P21, Case, Table, main, seen_alike, value
+
+from vtkmuscle.filters.arrays import points_of
+
+FLEXION, ITERATIONS = 40.0, 5
+
+
+def tables(case: Case) -> list[Table]:
+    """Return how far each enters bones and joint."""
+    cases = {
+        "fixed by collision": ("unacceptable", "collision", {**P21, "iterations": ITERATIONS}),
+        "by attachment": ("slightly better", "attachment", {**P21, "iterations": ITERATIONS}),
+        "by attachment, bone_push off": (
+            "acceptable, small penetration",
+            "attachment",
+            {**P21, "iterations": ITERATIONS, "bone_push": "off"},
+        ),
+        "defaults": ("", "attachment", {}),
+    }
+    columns = (
+        "",
+        "published",
+        "longest edge",
+        "deepest in bone [mm]",
+        "points in bone",
+        "points in the joint",
+    )
+    table = Table("Fig. 10: iliacus at 40 degrees", columns)
+    joint = None
+    if case.real:
+        from bench_penetration import Acetabulum
+
+        joint = Acetabulum(case.scene)
+    row = []
+    for title, (published, fixed, settings) in cases.items():
+        fixing = {"method": fixed, "n_max": FINE} if fixed == "collision" else {"method": fixed}
+        chain = case.chain("iliacus", fixing=fixing, penetration=True, **settings)
+        bones, muscle = chain.pose(6.0 if case.short else FLEXION)
+        inside = "" if joint is None else int((joint.depth(points_of(muscle)) > 0.0).sum())
+        table.add(
+            title,
+            published,
+            f"{value(muscle, 'EdgeStretchMax'):.1f}",
+            f"{value(muscle, 'PenetrationMax') * case.scene.millimetres:.2f}",
+            int(value(muscle, "PenetratingPoints")),
+            inside,
+        )
+        row.append((title, (bones, muscle)))
+    if case.draws:
+        case.draw("p21_fig10.png", seen_alike([row]))
+    return [table]
+
+
+if __name__ == "__main__":
+    main(__doc__, tables)

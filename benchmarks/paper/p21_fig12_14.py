@@ -1,0 +1,77 @@
+"""P21, Figs. 12 to 14: fibre lengths over hip flexion. ``python benchmarks/paper/p21_fig12_14.py``.
+
+Lengths are smoothed five times, as in the paper; 10 iterations. Deep fibres are the half that is nearer to
+the pelvis at rest.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from common import P21, Case, Floats, Table, angles_up_to, main
+
+from vtkmuscle.core.fibre_measures import smoothed_curve
+from vtkmuscle.core.polylines import polyline_lengths
+from vtkmuscle.filters.arrays import polylines_of
+from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.plotting.sheets import curves
+
+PUBLISHED = {
+    "gluteus_maximus": "all fibres lengthen",
+    "gluteus_medius": "surface fibres lengthen, deep ones shorten",
+    "iliacus": "an unrealistic increase beyond 70 degrees",
+}
+FIGURE = {"gluteus_maximus": 12, "gluteus_medius": 13, "iliacus": 14}
+
+
+def lengths_over(case: Case, name: str, angles: list[float], settings: dict[str, Any]) -> Floats:
+    """Return smoothed fibre lengths (angles, fibres) [mm]."""
+    chain = case.chain(name, **settings)
+    found = []
+    for angle in angles:
+        lines = polylines_of(chain.fibres_at(angle), name)
+        found.append(polyline_lengths(lines.points, lines.offsets) * case.scene.millimetres)
+    smooth: Floats = np.apply_along_axis(smoothed_curve, 0, np.array(found))
+    return smooth
+
+
+def deep_half(case: Case, name: str) -> Any:
+    """Return which fibres are nearer to the pelvis than half of them, at rest."""
+    lines = polylines_of(case.fibres(name), name)
+    far = SurfaceDistance(case.scene.bones["pelvis"]).unsigned(lines.points)
+    mean = np.add.reduceat(far, lines.offsets[:-1]) / np.diff(lines.offsets)
+    return mean < np.median(mean)
+
+
+def tables(case: Case) -> list[Table]:
+    """Return how the lengths change."""
+    columns = ("muscle", "published", "settings", "at rest [mm]", "longer at the end", "change, mean [%]")
+    columns += ("surface / deep half [%]", "last 20 degrees [%]")
+    table = Table("Figs. 12 to 14: fibre lengths, 0 to 90 degrees", columns)
+    angles = angles_up_to(8.0 if case.short else 90.0)
+    for name, published in PUBLISHED.items():
+        deep = deep_half(case, name)
+        for title, settings in (("P21", {**P21, "iterations": 10}), ("defaults", {})):
+            lengths = lengths_over(case, name, angles, settings)
+            change = 100.0 * (lengths[-1] / lengths[0] - 1.0)
+            late = 100.0 * (lengths[-1] / lengths[max(len(angles) - 11, 0)] - 1.0)
+            table.add(
+                name,
+                published,
+                title,
+                f"{lengths[0].mean():.1f}",
+                f"{(change > 0.0).mean():.0%}",
+                f"{change.mean():+.1f}",
+                f"{change[~deep].mean():+.1f} / {change[deep].mean():+.1f}",
+                f"{late.mean():+.1f}",
+            )
+            if case.out is not None:
+                figure, axes = curves(f"P21, Fig. {FIGURE[name]}: {name}, {title}", "flexion", "length [mm]")
+                axes.plot(angles, lengths, lw=0.6)
+                case.save(figure, f"p21_fig{FIGURE[name]}_{title}.png")
+    return [table]
+
+
+if __name__ == "__main__":
+    main(__doc__, tables)

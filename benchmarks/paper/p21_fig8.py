@@ -1,0 +1,58 @@
+"""P21, Fig. 8: iterations, anisotropy, fixed points. ``python benchmarks/paper/p21_fig8.py``.
+
+For each: the longest edge over its length at rest (a spike), the 95th percentile of the angles between
+neighbouring triangles (how crumpled the surface is), and how far anisotropy moves the points.
+"""
+
+from __future__ import annotations
+
+from common import FINE, P21, Case, Table, main, rms, roughness, seen_alike, value
+
+ITERATIONS = (1, 3, 5, 10, 100)
+FLEXION = 40.0
+
+
+def tables(case: Case) -> list[Table]:
+    """Return how each looks, in numbers."""
+    columns = (
+        "fixed by",
+        "iterations",
+        "longest edge, off / on",
+        "roughness, off / on [deg]",
+        "rms off to on [mm]",
+    )
+    table = Table(f"Fig. 8: anisotropy off and on, {case.adductor} at 40 degrees", columns)
+    rest = roughness(case.scene.muscles[case.adductor].surface)
+    table.add("at rest", "", "1.0", f"{rest:.1f}", "")
+    counts = (1, 3) if case.short else ITERATIONS
+    flexion = 4.0 if case.short else FLEXION
+    rows = []
+    for fixed in ("collision", "attachment"):
+        kinds = []
+        for anisotropy in ("off", "stiffness"):
+            settings = {**P21, "anisotropy": anisotropy}
+            fixing = {"method": fixed, "n_max": FINE}
+            poses = [
+                case.chain(case.adductor, fixing=fixing, iterations=count, **settings).pose(flexion)
+                for count in counts
+            ]
+            kinds.append(poses)
+            rows.append(
+                [(f"{fixed}, anisotropy {anisotropy}, {n}", p) for n, p in zip(counts, poses, strict=True)]
+            )
+        for count, (_, off), (_, on) in zip(counts, *kinds, strict=True):
+            edges = " / ".join(f"{value(m, 'EdgeStretchMax'):.1f}" for m in (off, on))
+            rough = " / ".join(f"{roughness(m):.1f}" for m in (off, on))
+            table.add(fixed, count, edges, rough, f"{rms(off, on) * case.scene.millimetres:.2f}")
+    ours = [case.chain(case.adductor, iterations=count).pose(flexion) for count in counts]
+    rows.append([(f"defaults, {count}", pose) for count, pose in zip(counts, ours, strict=True)])
+    for count, (_, muscle) in zip(counts, ours, strict=True):
+        edge, rough = value(muscle, "EdgeStretchMax"), roughness(muscle)
+        table.add("attachment, defaults", count, f"{edge:.1f}", f"{rough:.1f}", "")
+    if case.draws:
+        case.draw("p21_fig8.png", seen_alike(rows))
+    return [table]
+
+
+if __name__ == "__main__":
+    main(__doc__, tables)

@@ -1,0 +1,37 @@
+"""P21, Table 2: frames per second, 3 iterations, 64^3 voxels. ``python benchmarks/paper/p21_table2.py``.
+
+A frame is all of Algorithm 2, as in p21_table1.py. The defaults keep their own way to treat bones.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from common import P21, Case, Table, angles_up_to, main
+from scipy.stats import spearmanr
+
+PUBLISHED = {"gluteus_maximus": 33.85, "adductor_brevis": 35.89, "iliacus": 47.21, "gluteus_medius": 57.12}
+
+
+def tables(case: Case) -> list[Table]:
+    """Return the frames per second, with P21's settings and with the defaults."""
+    columns = ("muscle", "triangles", "published", "P21's settings", "defaults, 3 iterations", "defaults, 10")
+    table = Table("Table 2: frames per second of processor time", columns)
+    settings = (
+        {**P21, "iterations": 3, "n_equal": 64},
+        {"iterations": 3},
+        {"iterations": 10},
+    )
+    angles = angles_up_to(6.0 if case.short else 90.0)
+    sizes, rates = [], []
+    for name in case.muscles:
+        sizes.append(case.scene.muscles[name].surface.GetNumberOfCells())
+        rates.append([1e3 / np.median(case.chain(name, **s).step_times(angles)) for s in settings])
+        table.add(name, sizes[-1], PUBLISHED[name] if case.real else "", *(f"{r:.0f}" for r in rates[-1]))
+    if len(set(sizes)) > 2:
+        ranks = [spearmanr(sizes, column).statistic for column in np.transpose(rates)]
+        table.add("Spearman's rho with triangles", "", "-1", *(f"{rho:.1f}" for rho in ranks))
+    return [table]
+
+
+if __name__ == "__main__":
+    main(__doc__, tables)
