@@ -11,8 +11,8 @@ import pytest
 
 FOLDER = Path(__file__).parents[2] / "benchmarks" / "paper"
 SCRIPTS = sorted(path.stem for path in FOLDER.glob("p[12]*.py"))
-#: Those that take more than a few seconds even so.
-LONG = {"p21_fig15", "p12_fig13_14", "p21_fig9"}
+#: Those that are quick even on the phantom; the others are run with ``-m study``.
+QUICK = {"p12_fig4", "p12_fig6", "p12_fig8_9", "p21_fig4_5", "p21_fig10", "p21_fig11"}
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def case():
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.study if name in LONG else ()) for name in SCRIPTS]
+    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.study) for name in SCRIPTS]
 )
 def test_experiment_runs_on_the_phantom(name, case):
     tables = importlib.import_module(name).tables(case)
