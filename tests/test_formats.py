@@ -41,6 +41,7 @@ def test_both_formats_hold_the_same(runs):
         "lengths.csv",
         "report.json",
         "spindle.vtkhdf",
+        "spindle_fibres.csv",
         "spindle_fibres.vtkhdf",
     ]
     for name in ("spindle", "spindle_fibres"):

@@ -139,6 +139,7 @@ def test_the_report_says_what_the_geometry_says(result, scene):
     assert parameters["solver"]["iterations"] == 3
     assert parameters["fixing"]["method"] == "attachment"
     assert parameters["fibres"]["n_fibres"] == 6
+    assert parameters["fibres"]["prune"] == 0.3
     fibres = result.report["muscles"]["spindle"]["fibres"]
     assert fibres["points_inside"] + fibres["points_outside"] == fibres["points"] == 6 * 6
     assert fibres["points_inside"] >= 0.95 * fibres["points"]
@@ -178,6 +179,7 @@ def test_everything_is_written_and_nothing_else(result, out):
     assert files(out) == sorted(
         [
             "lengths.csv",
+            "spindle_fibres.csv",
             "report.json",
             "bones.pvd",
             "bones/upper.vtp",
@@ -211,7 +213,21 @@ def test_the_tables_hold_the_result(result, out):
     for row in rows:
         frame = result.times.index(float(row["time"]))
         assert float(row["length_mm"]) == result.lengths[row["muscle"]][frame, int(row["fibre"])]
+    with (out / "spindle_fibres.csv").open(newline="") as lines:
+        measured = list(csv.DictReader(lines))
+    assert len(measured) == 6 * FRAMES
+    for row in measured:
+        frame, fibre = result.times.index(float(row["time"])), int(row["fibre"])
+        assert float(row["length_mm"]) == pytest.approx(result.lengths["spindle"][frame, fibre], rel=1e-9)
+        rest = result.lengths["spindle"][0, fibre]
+        assert float(row["strain"]) == pytest.approx(float(row["length_mm"]) / rest - 1, abs=1e-3)
+        assert 0 <= float(row["pennation_origin_deg"]) <= 90
     report = json.loads((out / "report.json").read_text())
+    for row in report["muscles"]["spindle"]["fibre_measures"]:
+        lengths = result.lengths["spindle"][row["frame"]]
+        found = [row["length_mm"][word] for word in ("mean", "sd", "min", "max")]
+        assert found == pytest.approx([lengths.mean(), lengths.std(), lengths.min(), lengths.max()])
+    assert len(report["muscles"]["spindle"]["fibre_measures"]) == FRAMES
     assert report["muscles"]["spindle"]["frames"] == result.report["muscles"]["spindle"]["frames"]
     assert report["seconds"].keys() == {"muscles", "total"}
 

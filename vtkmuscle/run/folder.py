@@ -18,6 +18,7 @@ from vtkmuscle.io.series import Collection, Series
 from vtkmuscle.io.temporal import read_series, write_vtkhdf
 from vtkmuscle.io.writing import write_polydata, write_text
 from vtkmuscle.run.poses import merged
+from vtkmuscle.run.report import fibre_rows
 
 if TYPE_CHECKING:
     from vtkmuscle.run.result import MuscleTrack, Result
@@ -32,7 +33,8 @@ class RunFolder:
     """What a run writes, and where.
 
     ``NAME.pvd`` and ``NAME_fibres.pvd`` per muscle with their frames in folders of these names,
-    ``bones.pvd`` with ``bones/``, ``lengths.csv``, ``report.json`` and ``figures/``.
+    ``bones.pvd`` with ``bones/``, ``lengths.csv``, ``NAME_fibres.csv`` with all measures,
+    ``report.json`` and ``figures/``.
 
     Parameters
     ----------
@@ -131,7 +133,7 @@ class RunFolder:
     def write_tables(
         self, report: dict[str, Any], scene: Scene, numbers: range, tracks: dict[str, MuscleTrack]
     ) -> None:
-        """Write lengths.csv and report.json, as far as there are frames."""
+        """Write lengths.csv, a table of each muscle's fibres and report.json, as far as there are frames."""
         lines = ["muscle,fibre,time,length_mm"]
         for name, track in tracks.items():
             times = [float(scene.motion.times[number]) for number in numbers[: len(track.lengths)]]
@@ -141,6 +143,11 @@ class RunFolder:
                     for time, lengths in zip(times, track.lengths, strict=True)
                 ]
         write_text(self.path / "lengths.csv", "\n".join(lines) + "\n")
+        for name, track in tracks.items():
+            if track.fibres:
+                times = [float(scene.motion.times[number]) for number in numbers[: len(track.fibres)]]
+                table = fibre_rows(track.fibres, times, scene.millimetres)
+                write_text(self.path / f"{name}_fibres.csv", table)
         self._write_report(report)
 
     def write_figures(self, result: Result) -> list[str]:

@@ -20,9 +20,9 @@ from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.pbd_deformer import NEIGHBOURS, PBDDeformer
 from vtkmuscle.filters.surface_distance import SurfaceDistance
-from vtkmuscle.pipelines import decompose, deform
+from vtkmuscle.pipelines import PRUNE, TRANSPORT_SETTINGS, decompose, deform
 from vtkmuscle.run.folder import RunFolder
-from vtkmuscle.run.report import MuscleMeasure, fibres_at_rest
+from vtkmuscle.run.report import MuscleMeasure, fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.result import MuscleTrack
 from vtkmuscle.scene.model import Scene
 
@@ -100,7 +100,11 @@ class MuscleRun:
             measure = MuscleMeasure(track.rest, list(scene.bones), self.distances, scene.millimetres)
             track.report.update(measure.at_rest())
         track.report["estimated_attachments"] = sum(area.estimated for area in muscle.attachments)
-        fibres = None if muscle.fibres is None else decompose(detector, attachments, **muscle.fibres)
+        fibres, carried = None, {"prune": PRUNE}
+        if muscle.fibres is not None:
+            carried |= {word: muscle.fibres[word] for word in TRANSPORT_SETTINGS if word in muscle.fibres}
+            shaped = {word: value for word, value in muscle.fibres.items() if word not in TRANSPORT_SETTINGS}
+            fibres = decompose(detector, attachments, **shaped)
         if fibres is not None:
             self._tell("fibres", 0.0)
             with self._timed("fibres", fibres):
@@ -108,6 +112,7 @@ class MuscleRun:
             with self._timed("measuring"):
                 inside = fibres_at_rest(track.rest_fibres, track.rest, scene.millimetres)
                 track.report["fibres"] = inside
+            track.report["fibre_measures"] = []
         bones = multiblock_from(self.bones)  # of its own: threads must not share what VTK writes to
         solver = scene.solver_of(name)
         deformer = deform(detector, bones, scene.motion, fibres=fibres, fixed=None, **solver)
@@ -117,10 +122,10 @@ class MuscleRun:
         track.report["parameters"] = {
             "solver": deformer.parameters(),
             "fixing": detector.parameters(),
-            "fibres": None if muscle.fibres is None else dict(muscle.fibres),
+            "fibres": None if muscle.fibres is None else {**muscle.fibres, **carried},
         }
         track.report["frames"] = []
-        transport, metrics = _carried(detector, fibres, deformer)
+        transport, metrics = _carried(detector, fibres, deformer, carried)
         for number in range(numbers[-1] + 1):
             self._tell("deforming", number / (numbers[-1] + 1))
             self._frame(number, number in numbers, deformer, transport, metrics, measure)
@@ -173,6 +178,8 @@ class MuscleRun:
             lengths = cell_array(fibres, "Length", f"muscles.{self.name}: fibres")
             self.track.lengths.append(np.array(lengths) * self.scene.millimetres)
             self.track.fibres.append(fibres)
+            measures = measures_of_fibres(fibres, self.scene.millimetres)
+            self.track.report["fibre_measures"].append({"frame": number, "time": now, **measures})
         self.track.report["frames"].append(row)
         self.observe(self.name, row)
 
@@ -239,12 +246,12 @@ def _chain(last: Filter) -> list[Any]:
 
 
 def _carried(
-    rest: Filter, fibres: Filter | None, deformer: PBDDeformer
+    rest: Filter, fibres: Filter | None, deformer: PBDDeformer, settings: dict[str, Any]
 ) -> tuple[FibreTransport | None, FibreMetrics | None]:
     """Return the filters that carry the fibres with the muscle and measure them."""
     if fibres is None:
         return None, None
-    transport, metrics = FibreTransport(), FibreMetrics()
+    transport, metrics = FibreTransport(**settings), FibreMetrics()
     for port, algorithm in enumerate((fibres, rest, deformer)):
         transport.connect(port, algorithm)
     for port, algorithm in enumerate((transport, deformer)):

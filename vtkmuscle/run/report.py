@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -17,6 +17,7 @@ from vtkmuscle.core.rigid import apply_transform, inverse
 from vtkmuscle.filters.arrays import checked_surface, point_array, points_of, triangles_of
 from vtkmuscle.filters.neighbours import outward_tree
 from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.io.fibre_table import fibre_columns, fibre_summary
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -54,7 +55,19 @@ DEFINITIONS = {
     "ms_prediction, ms_collision, ms_acceleration and ms_settling",
     "ms": "wall-clock time of the deformation of the frame, milliseconds; muscles run side by side",
     "points_inside": f"points of fibres at rest inside the muscle or within {FIBRE_TOLERANCE:g} mm of it",
+    "fibre_measures": "per frame mean, standard deviation (of the population), least and largest over the "
+    "fibres, of length, strain (length / length at rest - 1), pennation (angle to the surface) and "
+    "tortuosity (length / distance of the ends)",
     "seconds": "wall-clock time per stage; muscles run side by side",
+}
+
+#: Cell arrays of FibreMetrics, and what they are called in a report and in tables.
+FIBRE_MEASURES = {
+    "Length": "length_mm",
+    "Strain": "strain",
+    "PennationOrigin": "pennation_origin_deg",
+    "PennationInsertion": "pennation_insertion_deg",
+    "Tortuosity": "tortuosity",
 }
 
 _PACKAGES = ("vtkmuscle", "numpy", "scipy", "numba", "vtk", "pyvista")
@@ -210,3 +223,51 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
         "points_outside": len(points) - inside,
         "farthest_outside_mm": float(outside.max()),
     }
+
+
+def measures_of_fibres(fibres: vtkPolyData, millimetres: float) -> dict[str, dict[str, float]]:
+    """Return mean, standard deviation, least and largest of what FibreMetrics measured, for one frame.
+
+    Parameters
+    ----------
+    fibres : vtkPolyData
+        From FibreMetrics.
+    millimetres : float
+        Millimetres per unit of length.
+
+    Returns
+    -------
+    dict
+        JSON-able, by the names of :data:`FIBRE_MEASURES`; see :data:`DEFINITIONS`.
+    """
+    summary = fibre_summary(fibres)
+    return {
+        name: {word: value * (millimetres if name.endswith("_mm") else 1.0) for word, value in found.items()}
+        for array, name in FIBRE_MEASURES.items()
+        if (found := summary.get(array)) is not None
+    }
+
+
+def fibre_rows(frames: Sequence[vtkPolyData], times: Sequence[float], millimetres: float) -> str:
+    """Return a table with a row per fibre and frame, and a column per measure, comma-separated.
+
+    Parameters
+    ----------
+    frames : sequence of vtkPolyData
+        Fibres of each frame, from FibreMetrics.
+    times : sequence of float
+        Pipeline time of each.
+    millimetres : float
+        Millimetres per unit of length.
+    """
+    arrays = [array for array in FIBRE_MEASURES if array in fibre_columns(frames[0])]
+    lines = [",".join(["fibre", "time", *(FIBRE_MEASURES[array] for array in arrays)])]
+    for time, fibres in zip(times, frames, strict=True):
+        columns = fibre_columns(fibres)
+        scaled = [
+            columns[array] * (millimetres if FIBRE_MEASURES[array].endswith("_mm") else 1.0)
+            for array in arrays
+        ]
+        for fibre, row in enumerate(zip(*scaled, strict=True)):
+            lines.append(",".join([str(fibre), repr(time), *(f"{value:.10g}" for value in row)]))
+    return "\n".join(lines) + "\n"

@@ -20,7 +20,7 @@ from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.parameters import Parameter
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
-from vtkmuscle.pipelines import FIBRE_SETTINGS
+from vtkmuscle.pipelines import FIBRE_SETTINGS, TRANSPORT_SETTINGS
 from vtkmuscle.scene.model import MILLIMETRES, Muscle, SceneError
 
 if TYPE_CHECKING:
@@ -120,7 +120,8 @@ def checked_muscles(scene: Scene) -> dict[str, Muscle]:
         _check_settings(scene, muscle.fixing, FixedPointDetector.parameter_declarations, f"{key}.fixing")
         if muscle.fibres is not None:
             declarations = {
-                word: kind.parameter_declarations[p] for word, (kind, p) in FIBRE_SETTINGS.items()
+                word: kind.parameter_declarations[p]
+                for word, (kind, p) in (FIBRE_SETTINGS | TRANSPORT_SETTINGS).items()
             }
             _check_settings(scene, muscle.fibres, declarations, f"{key}.fibres")
         _check_attachments(scene, f"{key}.attachments", muscle, points_of(surface))
