@@ -1,41 +1,26 @@
-"""A muscle of few points that stands in for the full one: solved first, it says where the full one goes.
-
-No filter uses this yet: ``benchmarks/bench_convergence.py`` measures what it would bring. It needs the extra
-``coarse`` (fast-simplification).
-"""
+"""A muscle of few points that stands in for the full one: solved first, it says where the full one goes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.anderson import AndersonResult, anderson
-from vtkmuscle.core.batched_iteration import BatchedIteration, FreePoints
-from vtkmuscle.core.batches import pack
-from vtkmuscle.core.blending import blend_motions
-from vtkmuscle.core.convergence import AMPLIFICATION_GROWTH
-from vtkmuscle.core.harmonic import harmonic_weights
 from vtkmuscle.core.mesh import half_edges, vertex_normals
-from vtkmuscle.core.rigid import apply_transform, inverse
-from vtkmuscle.core.topology import MeshTopology, mesh_topology
+from vtkmuscle.core.topology import mesh_topology
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-StiffnessOf = Callable[[Floats, MeshTopology, Ints], Floats]
 
-#: Points of the coarse muscle, about.
-COARSE_POINTS = 600
+#: Points of the coarse muscle, about, and the iterations it is solved with. With 600 points the gluteus
+#: maximus of a right hip, drawn over the ischium, let it through between them.
+COARSE_POINTS = 1200
+COARSE_ITERATIONS = 50
 
 #: Coarse points that a point of the full muscle follows.
 NEIGHBOURS = 4
-
-#: Distance to its fixed point that a coarse solve goes to [mm], and its most iterations.
-COARSE_TOLERANCE = 0.001
-COARSE_ITERATIONS = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,193 +39,89 @@ class Binding:
     weights: Floats
 
 
-class CoarseMuscle:
-    """A decimated muscle with the same attachments, solved by Anderson acceleration.
-
-    The coarse muscle is solved to its end, and the full muscle follows it (:meth:`prolong`). Where a
-    converged full muscle before is known, following the coarse muscle from there (``origin``) is better
-    than from rest: what the coarse solution errs by is much the same before and after, and drops out.
+def coarse_muscle(
+    points: Floats, triangles: Ints, fixed_to: Ints, n_coarse: int = COARSE_POINTS
+) -> tuple[Floats, Ints, Ints]:
+    """Return a muscle of fewer points with the same attachments.
 
     Parameters
     ----------
     points : (n, 3) array
-        The full muscle at rest, about a centre near it [mm].
+        The full muscle at rest [mm].
     triangles : (m, 3) int array
         Point ids of a closed surface.
     fixed_to : (n,) int array
         Index of the bone each point is fixed to, -1 for free points.
     n_coarse : int
         Points to leave, about.
-    stiffness_of : callable, optional
-        Gives the stiffness of each edge from points, topology and fixed_to of the coarse muscle, (k,) in
-        [0, 1]; 1 by default.
-    shape_stiffness, volume_stiffness : float
-        Per iteration, in [0, 1].
 
-    Attributes
-    ----------
-    rest : (c, 3) array
-        The coarse muscle at rest [mm].
+    Returns
+    -------
+    points : (c, 3) array
+        [mm].
     triangles : (t, 3) int array
-        Its triangles.
+        Point ids.
     fixed_to : (c,) int array
-        Index of the bone each coarse point is fixed to, -1 for free ones.
+        As of the full muscle.
 
     Raises
     ------
     ValueError
-        If the decimated surface is not closed, which a muscle of very few points may come to.
+        If the decimated surface is not closed, which one of several or very crumpled parts may come to.
+    ModuleNotFoundError
+        If fast-simplification is not installed.
+    """
+    coarse, faces = decimate(points, triangles, n_coarse)
+    if not len(faces) or mesh_topology(len(coarse), faces).n_boundary_edges:
+        raise ValueError(
+            f"a muscle of {len(points)} points cannot be decimated to {n_coarse} and stay closed"
+        )
+    return coarse, faces, inherit_fixed_points(coarse, points, fixed_to)
+
+
+class Prolongation:
+    """Takes the motion of a coarse muscle over to the full one.
+
+    Parameters
+    ----------
+    coarse : (c, 3) array
+        The coarse muscle at rest [mm].
+    triangles : (t, 3) int array
+        Its triangles.
+    points : (n, 3) array
+        The full muscle at rest [mm].
     """
 
-    def __init__(
-        self,
-        points: Floats,
-        triangles: Ints,
-        fixed_to: Ints,
-        *,
-        n_coarse: int = COARSE_POINTS,
-        stiffness_of: StiffnessOf | None = None,
-        shape_stiffness: float = 0.9,
-        volume_stiffness: float = 1.0,
-    ) -> None:
-        self.n_fine = len(points)
-        self.rest, self.triangles = decimate(points, triangles, n_coarse)
-        topology = mesh_topology(len(self.rest), self.triangles)
-        if topology.n_boundary_edges:
-            raise ValueError(
-                f"a muscle of {len(points)} points cannot be decimated to {n_coarse} and stay closed; "
-                "solve it without a coarse start"
-            )
-        self.fixed_to = inherit_fixed_points(self.rest, points, fixed_to)
-        stiffness = 1.0 if stiffness_of is None else stiffness_of(self.rest, topology, self.fixed_to)
-        self.muscle = pack(
-            topology,
-            self.rest,
-            (self.fixed_to < 0).astype(np.float64),
-            edge_stiffness=stiffness,
-            shape_stiffness=shape_stiffness,
-            volume_stiffness=volume_stiffness,
-        )
-        self._iteration = BatchedIteration(self.muscle)
-        self._rings = _rings(self.triangles)
-        self.binding = bind(points, self.rest)
-        self._blend = harmonic_weights(self.rest, self.triangles, self.fixed_to)
+    def __init__(self, coarse: Floats, triangles: Ints, points: Floats) -> None:
+        self._triangles = triangles
+        self._rings = _rings(triangles)
+        self.binding = bind(points, coarse)
 
-    def place(self, positions: Floats, before: Floats, now: Floats) -> Floats:
-        """Return where a solve starts: the points moved by the bones' motions, blended.
-
-        Parameters
-        ----------
-        positions : (c, 3) array
-            The coarse muscle before [mm].
-        before, now : (b, 4, 4) arrays
-            The bones' transforms, rest to then and rest to now.
-
-        Returns
-        -------
-        (c, 3) array
-            Free points blended by harmonic weights, fixed points with their bones [mm].
-        """
-        bones, weights = self._blend
-        motions = np.array([now[bone] @ inverse(before[bone]) for bone in bones])
-        placed = blend_motions(motions, weights, positions)
-        for bone in bones:
-            fixed = self.fixed_to == bone
-            placed[fixed] = apply_transform(now[bone], self.rest[fixed])
-        return placed
-
-    def solve(
-        self,
-        start: Floats,
-        *,
-        tolerance: float = COARSE_TOLERANCE,
-        max_iterations: int = COARSE_ITERATIONS,
-        observe: Callable[[int, Floats, float], None] | None = None,
-    ) -> tuple[Floats, AndersonResult]:
-        """Return the converged coarse muscle.
-
-        Parameters
-        ----------
-        start : (c, 3) array
-            First positions, fixed points where they are to be [mm]; see :meth:`place`.
-        tolerance : float
-            Estimated distance to the fixed point to stop at [mm].
-        max_iterations : int
-            Most iterations.
-        observe : callable, optional
-            As in :func:`~vtkmuscle.core.anderson.anderson`.
-
-        Returns
-        -------
-        positions : (c, 3) array
-            [mm].
-        result : AndersonResult
-            How it went.
-        """
-        step = FreePoints(self._iteration, start)
-        result = anderson(
-            step, step.first, max_iterations=max_iterations, tolerance=tolerance, observe=observe
-        )
-        return step.positions(result.x), result
-
-    def amplification(self, start: Floats) -> float:
-        """Return how far from its fixed point the full muscle is per residual, at most.
-
-        It is measured on the coarse muscle, on the way from a start to its end, and grows with the number
-        of points to the power :data:`~vtkmuscle.core.convergence.AMPLIFICATION_GROWTH`. Measure it once per
-        muscle, from a step of a few degrees; it hardly depends on the motion.
-
-        Parameters
-        ----------
-        start : (c, 3) array
-            As for :meth:`solve`, not the solution.
-
-        Returns
-        -------
-        float
-            For ``amplification`` of :func:`~vtkmuscle.core.anderson.anderson`.
-        """
-        iterates: list[Floats] = []
-        residuals: list[float] = []
-
-        def observe(_count: int, x: Floats, residual: float) -> None:
-            iterates.append(x.copy())
-            residuals.append(residual)
-
-        _, result = self.solve(start, tolerance=0.0, max_iterations=COARSE_ITERATIONS // 2, observe=observe)
-        distances = np.linalg.norm(np.array(iterates) - result.x, axis=1) / np.sqrt(len(result.x) / 3.0)
-        # The last iterates are too near to the end to see what it is the end of.
-        seen = distances > 1e-3 * distances[0]
-        scale = (self.n_fine / len(self.rest)) ** AMPLIFICATION_GROWTH
-        return float((distances[seen] / np.maximum(np.array(residuals)[seen], 1e-300)).max() * scale)
-
-    def prolong(self, positions: Floats, points: Floats, *, origin: Floats | None = None) -> Floats:
+    def prolong(self, before: Floats, now: Floats, points: Floats) -> Floats:
         """Return points of the full muscle, moved as the coarse muscle has moved.
 
         Each point keeps its place in the frames of its coarse neighbours, which turn with the rings around
-        them: x' = sum_j w_j (R_j (x - c_j) + c_j').
+        them: x' = sum_j w_j (R_j (x - c_j) + c_j'). From a step before rather than from rest: what the coarse
+        muscle errs by is much the same before and after, and drops out.
 
         Parameters
         ----------
-        positions : (c, 3) array
-            The coarse muscle now [mm].
+        before, now : (c, 3) arrays
+            The coarse muscle [mm].
         points : (n, 3) array
             The full muscle before [mm].
-        origin : (c, 3) array, optional
-            The coarse muscle before [mm]; at rest by default.
 
         Returns
         -------
         (n, 3) array
             The full muscle now [mm]. Fixed points have to be put in place after it.
         """
-        origin = self.rest if origin is None else origin
-        rotations = ring_rotations(origin, positions, self.triangles, self._rings)
+        rotations = ring_rotations(before, now, self._triangles, self._rings)
         near, weights = self.binding.neighbours, self.binding.weights
         result = np.zeros_like(points)
         for j in range(near.shape[1]):
             c = near[:, j]
-            moved = np.einsum("nij,nj->ni", rotations[c], points - origin[c]) + positions[c]
+            moved = np.einsum("nij,nj->ni", rotations[c], points - before[c]) + now[c]
             result += weights[:, j : j + 1] * moved
         return result
 
@@ -266,7 +147,7 @@ def decimate(points: Floats, triangles: Ints, n_coarse: int) -> tuple[Floats, In
     """
     if len(points) <= n_coarse:
         return points.copy(), triangles.copy()
-    import fast_simplification  # noqa: PLC0415 -- an extra: no filter uses this module yet
+    import fast_simplification  # noqa: PLC0415 -- only where a coarse muscle is asked for
 
     coarse, faces = fast_simplification.simplify(
         np.ascontiguousarray(points),

@@ -38,15 +38,25 @@ class Barrier:
         Points that may be moved.
     bone_push : bool
         See :meth:`~vtkmuscle.core.obstacles.Obstacle.keep_out`.
+    warns : bool
+        Whether to warn of what cannot come out well.
     """
 
     def __init__(
-        self, obstacles: Sequence[Obstacle], rest: Floats, centre: Floats, free: Bools, *, bone_push: bool
+        self,
+        obstacles: Sequence[Obstacle],
+        rest: Floats,
+        centre: Floats,
+        free: Bools,
+        *,
+        bone_push: bool,
+        warns: bool = True,
     ) -> None:
         self.obstacles = tuple(obstacles)
         self.free = free
         self.any_free = bool(free.any())
         self.bone_push = bone_push
+        self._warns = warns
         self._rest = rest
         self._about_centre = np.eye(4)
         self._about_centre[:3, 3] = -centre
@@ -94,7 +104,7 @@ class Barrier:
 
     def tell(self, number: int, kind: str, what: str) -> None:
         """Warn of what was seen at an obstacle, once for each kind."""
-        if (number, kind) not in self._told:
+        if self._warns and (number, kind) not in self._told:
             self._told.add((number, kind))
             warnings.warn(f"{self.obstacles[number].name}: {what}", stacklevel=2)
 

@@ -33,6 +33,8 @@ class MuscleState:
         Estimated root mean square distance to the converged shape [mm], where the solver knows it.
     milliseconds : mapping of str to float
         Time of each of :data:`~vtkmuscle.core.stages.STAGES` in that step [ms].
+    coarse : MuscleState or None
+        The coarse muscle at that time, where steps start from one.
     """
 
     positions: Floats
@@ -43,3 +45,10 @@ class MuscleState:
     residual: float = 0.0
     distance: float | None = None
     milliseconds: Mapping[str, float] = field(default_factory=dict)
+    coarse: MuscleState | None = None
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes [bytes]."""
+        own = self.positions.nbytes + self.velocities.nbytes + self.transforms.nbytes
+        return own if self.coarse is None else own + self.coarse.nbytes

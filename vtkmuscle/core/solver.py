@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from vtkmuscle.core.anderson import Workspace, anderson
 from vtkmuscle.core.batches import pack
 from vtkmuscle.core.blending import blend_motions, screw_between
+from vtkmuscle.core.coarse import Prolongation
 from vtkmuscle.core.constraints import VOLUME_FLOOR, per_iteration_stiffness, project_volume
 from vtkmuscle.core.contact import Barrier, Contact
 from vtkmuscle.core.fibre_stretch import THINNING, FibreStretch
@@ -73,11 +74,17 @@ class MuscleSolver:
         What the rest lengths and angles follow; by default they stay as they are.
     obstacles : sequence of Obstacle, optional
         Bones that free points are kept out of.
+    coarse : MuscleSolver, optional
+        Of the same muscle with fewer points (:func:`~vtkmuscle.core.coarse.coarse_muscle`), for the start
+        ``"coarse"``: it makes each step first, and the full muscle starts where that takes it.
+    warns : bool
+        Whether to warn of bones that meet the muscle in a way that cannot come out well.
 
     Raises
     ------
     ValueError
-        If the surface is open or encloses no volume.
+        If the surface is open or encloses no volume, or if a step is to start from a coarse muscle and there
+        is none.
     """
 
     def __init__(
@@ -90,6 +97,8 @@ class MuscleSolver:
         edge_stiffness: Floats | None = None,
         stretch: FibreStretch | None = None,
         obstacles: Sequence[Obstacle] = (),
+        coarse: MuscleSolver | None = None,
+        warns: bool = True,
     ) -> None:
         self.topology: MeshTopology = mesh_topology(len(points), triangles)
         self.fixed_to = fixed_to
@@ -102,10 +111,13 @@ class MuscleSolver:
             (int(bone), np.flatnonzero(fixed_to == bone)) for bone in np.unique(fixed_to[fixed_to >= 0])
         ]
         self._shape = RestShape(self.rest, self.topology)
+        self._warns = warns
         self._barrier = Barrier((), self.rest, self.centre, self._free, bone_push=False)
         self._stretched: tuple[Floats, StretchedShape] | None = None
         self._projection_made_from: tuple[tuple[object, ...], Floats] | None = None
-        self._prepare(parameters, edge_stiffness, stretch, obstacles)
+        self._coarse: MuscleSolver | None = None
+        self._prolongation: Prolongation | None = None
+        self._prepare(parameters, edge_stiffness, stretch, obstacles, coarse)
 
     def adjusted(
         self,
@@ -114,6 +126,7 @@ class MuscleSolver:
         edge_stiffness: Floats | None = None,
         stretch: FibreStretch | None = None,
         obstacles: Sequence[Obstacle] = (),
+        coarse: MuscleSolver | None = None,
     ) -> MuscleSolver:
         """Return a solver of the same muscle with other settings, as if it were made anew.
 
@@ -122,11 +135,11 @@ class MuscleSolver:
 
         Parameters
         ----------
-        parameters, edge_stiffness, stretch, obstacles
+        parameters, edge_stiffness, stretch, obstacles, coarse
             As of the class.
         """
         other = copy(self)
-        other._prepare(parameters, edge_stiffness, stretch, obstacles)
+        other._prepare(parameters, edge_stiffness, stretch, obstacles, coarse)
         return other
 
     def _prepare(
@@ -135,15 +148,33 @@ class MuscleSolver:
         edge_stiffness: Floats | None,
         stretch: FibreStretch | None,
         obstacles: Sequence[Obstacle],
+        coarse: MuscleSolver | None,
     ) -> None:
         """Make what depends on the settings."""
         self.parameters = parameters
+        self._prepare_coarse(coarse)
         push = parameters.bone_push == "transform"
         if push != self._barrier.bone_push or tuple(obstacles) != self._barrier.obstacles:
-            self._barrier = Barrier(obstacles, self.rest, self.centre, self._free, bone_push=push)
+            self._barrier = Barrier(
+                obstacles, self.rest, self.centre, self._free, bone_push=push, warns=self._warns
+            )
         self._prepare_volume()
         self._stretch = stretch
         self._prepare_projection(edge_stiffness)
+
+    def _prepare_coarse(self, coarse: MuscleSolver | None) -> None:
+        if self.parameters.start != "coarse":
+            coarse = None
+        elif coarse is None:
+            raise ValueError(
+                "start is 'coarse', but no coarse muscle is given; give one, or use start 'blend'"
+            )
+        before, self._coarse = self._coarse, coarse
+        if coarse is None:
+            self._prolongation = None
+        elif before is None or before.topology is not coarse.topology:
+            about_centre = coarse.rest + (coarse.centre - self.centre)
+            self._prolongation = Prolongation(about_centre, coarse.topology.triangles, self.rest)
 
     def _prepare_volume(self) -> None:
         squares = np.einsum("ij,ij->i", self._shape.volume_gradient, self._shape.volume_gradient)
@@ -223,7 +254,8 @@ class MuscleSolver:
     def rest_state(self, n_bones: int) -> MuscleState:
         """Return the muscle at rest, with all of n bones in their rest pose."""
         transforms = np.broadcast_to(np.eye(4), (n_bones, 4, 4))
-        return MuscleState(self.rest, np.zeros_like(self.rest), transforms)
+        coarse = None if self._coarse is None else self._coarse.rest_state(n_bones)
+        return MuscleState(self.rest, np.zeros_like(self.rest), transforms, coarse=coarse)
 
     def points(self, state: MuscleState) -> Floats:
         """Return the positions of a state in the scene's coordinates, (n, 3) [mm]."""
@@ -320,7 +352,10 @@ class MuscleSolver:
             return hit
 
         with np.errstate(over="ignore", invalid="ignore"):  # told below, in our words
-            p = self._predict(state, now, before, dt)
+            coarse = None
+            if self._coarse is not None and state.coarse is not None:
+                coarse = self._coarse._substep(state.coarse, transforms, neighbours, lambda _: progress(0.0))
+            p = self._predict(state, now, before, dt, coarse)
             _check_finite(p)
             solve = self._accelerated if self.parameters.solver == "anderson" else self._plain
             clock.switch("constraints")
@@ -336,7 +371,7 @@ class MuscleSolver:
         if self.parameters.contact_velocity == "zero":
             # P21 section 5: a colliding point's velocity would make spikes.
             velocities[collided] = 0.0
-        return MuscleState(p, velocities, transforms, int(collided.sum()), *convergence, clock.stop())
+        return MuscleState(p, velocities, transforms, int(collided.sum()), *convergence, clock.stop(), coarse)
 
     def _plain(
         self, p: Floats, keep_out: _KeepOut, clock: StageClock, progress: Callable[[float], None]
@@ -388,12 +423,16 @@ class MuscleSolver:
             progress(1.0)
         return result.x.reshape(-1, 3), collided, (result.iterations, result.residual, result.distance)
 
-    def _predict(self, state: MuscleState, now: Floats, before: Floats, dt: float) -> Floats:
+    def _predict(
+        self, state: MuscleState, now: Floats, before: Floats, dt: float, coarse: MuscleState | None
+    ) -> Floats:
         """P21 Algorithm 2, lines 6 to 15."""
         settings = self.parameters
         free = self._free
         push = dt * np.asarray(settings.external_force, dtype=np.float64)
-        if settings.start == "blend" and not free.all():
+        if coarse is not None and state.coarse is not None:
+            p = self._prolonged(state.coarse, coarse, state.positions)
+        elif settings.start == "blend" and not free.all():
             # The muscle follows the bones: it keeps no momentum of its own.
             bones, weights = self._blend_weights
             motions = np.array([now[bone] @ inverse(before[bone]) for bone in bones])
@@ -405,6 +444,13 @@ class MuscleSolver:
         for bone, fixed in self._fixed:
             p[fixed] = apply_transform(now[bone], self.rest[fixed])
         return p
+
+    def _prolonged(self, before: MuscleState, now: MuscleState, x: Floats) -> Floats:
+        """Return the full muscle moved as the coarse one has moved."""
+        assert self._coarse is not None
+        assert self._prolongation is not None
+        shift = self._coarse.centre - self.centre
+        return self._prolongation.prolong(before.positions + shift, now.positions + shift, x)
 
     def _with_neighbours(self, points: Bools) -> Ints:
         """Return the ids of points and of those that share an edge with them."""

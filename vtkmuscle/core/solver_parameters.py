@@ -25,7 +25,8 @@ class SolverParameters:
     external_force : (3,) tuple
         Force per mass on each free point [mm / s^2].
     start : str
-        Where the solve of a step starts: ``"inertial"`` or ``"blend"``.
+        Where the solve of a step starts: ``"inertial"``, ``"blend"``, or ``"coarse"``, which needs a coarse
+        muscle.
     solver : str
         ``"gauss-seidel"`` or ``"anderson"``: the iteration as it is, or accelerated.
     tolerance : float

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from vtkmuscle.core.anisotropy import (
     following_stiffness,
     harmonic_directions,
 )
+from vtkmuscle.core.coarse import coarse_muscle
 from vtkmuscle.core.fibre_stretch import FibreStretch, stretch_of_fibres, stretch_of_harmonic
 from vtkmuscle.core.obstacles import Obstacle
 from vtkmuscle.core.solver import MuscleSolver, SolverParameters
@@ -72,12 +74,14 @@ class KeptSolver:
         self._solver: MuscleSolver | None = None
         self._made_from: tuple[Any, ...] = ()
         self._elasticity: tuple[str, Elasticity] | None = None
+        self._coarse: tuple[int, FixedMuscle | None] | None = None
 
     def take(self, muscle: FixedMuscle) -> bool:
         """Work with this muscle from now on; return whether it is another than before."""
         if muscle.same_as(self._muscle):
             return False
         self._muscle, self._solver, self._elasticity = muscle, None, None
+        self._coarse = None
         return True
 
     def elasticity(self, anisotropy: str) -> Elasticity:
@@ -108,6 +112,8 @@ class KeptSolver:
         ------
         ValueError
             If the surface is open or encloses no volume.
+        ModuleNotFoundError
+            If steps are to start from a coarse muscle, and fast-simplification is not installed.
         """
         muscle = self._muscle
         assert muscle is not None
@@ -115,7 +121,13 @@ class KeptSolver:
             **{name: settings[name] for name in SolverParameters.__dataclass_fields__}
         )
         elasticity = self.elasticity(settings["anisotropy"])
-        made_from = (parameters, obstacles)
+        coarse = self._coarse_muscle(settings["coarse_points"]) if parameters.start == "coarse" else None
+        if parameters.start == "coarse" and coarse is None:
+            parameters = replace(parameters, start="blend")
+        made_from = (parameters, obstacles, coarse, settings["coarse_iterations"], elasticity)
+        if self._solver is not None and made_from == self._made_from:
+            return self._solver
+        coarse_solver = None if coarse is None else _coarse_solver(coarse, parameters, settings, obstacles)
         if self._solver is None:
             try:
                 self._solver = MuscleSolver(
@@ -126,18 +138,75 @@ class KeptSolver:
                     edge_stiffness=elasticity.stiffness,
                     stretch=elasticity.stretch,
                     obstacles=obstacles,
+                    coarse=coarse_solver,
                 )
             except ValueError as error:
                 raise ValueError(f"{self._where}: {error}") from error
-        elif made_from != self._made_from[:2] or elasticity is not self._made_from[2]:
+        else:
             self._solver = self._solver.adjusted(
                 parameters,
                 edge_stiffness=elasticity.stiffness,
                 stretch=elasticity.stretch,
                 obstacles=obstacles,
+                coarse=coarse_solver,
             )
-        self._made_from = (*made_from, elasticity)
+        self._made_from = made_from
         return self._solver
+
+    def _coarse_muscle(self, n_coarse: int) -> FixedMuscle | None:
+        """Return the muscle with fewer points, None where that makes no sense."""
+        assert self._muscle is not None
+        kept = self._coarse
+        if kept is None or kept[0] != n_coarse:
+            kept = self._coarse = n_coarse, _decimated(self._muscle, n_coarse, self._where)
+        return kept[1]
+
+
+def _coarse_solver(
+    coarse: FixedMuscle,
+    parameters: SolverParameters,
+    settings: Mapping[str, Any],
+    obstacles: tuple[Obstacle, ...],
+) -> MuscleSolver:
+    elasticity = _elasticity(coarse, settings["anisotropy"])
+    return MuscleSolver(
+        coarse.points,
+        coarse.triangles,
+        coarse.fixed_to,
+        replace(
+            parameters,
+            start="blend",
+            solver="anderson",
+            order="colour",
+            dtype="float64",
+            iterations=settings["coarse_iterations"],
+            tolerance=0.0,
+        ),
+        edge_stiffness=elasticity.stiffness,
+        stretch=elasticity.stretch,
+        obstacles=obstacles,
+        warns=False,
+    )
+
+
+def _decimated(muscle: FixedMuscle, n_coarse: int, where: str) -> FixedMuscle | None:
+    if len(muscle.points) < 2 * n_coarse:
+        return None
+    try:
+        surface = coarse_muscle(muscle.points, muscle.triangles, muscle.fixed_to, n_coarse)
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"{where}: start is 'coarse', which needs the package fast-simplification; install it "
+            "(pip install fast-simplification), or use start 'blend'"
+        ) from error
+    except ValueError as error:
+        warnings.warn(
+            f"{where}: {error}; steps start from 'blend'. With start 'blend', or with other coarse_points, "
+            "this is not told",
+            stacklevel=2,
+        )
+        return None
+    return FixedMuscle(*surface, muscle.fibres)
 
 
 def _elasticity(muscle: FixedMuscle, anisotropy: str) -> Elasticity:

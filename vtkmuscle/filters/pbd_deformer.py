@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
+from vtkmuscle.core.coarse import COARSE_ITERATIONS, COARSE_POINTS
 from vtkmuscle.core.muscle_contact import Neighbour
 from vtkmuscle.core.solver import MuscleSolver, MuscleState
 from vtkmuscle.core.voxels import DEFAULT_N_MAX
@@ -47,6 +48,8 @@ _ONLY_WITH = {
     "n_equal": ("collision", "voxel"),
     "bone_push": ("collision", "voxel"),
     "tolerance": ("solver", "anderson"),
+    "coarse_points": ("start", "coarse"),
+    "coarse_iterations": ("start", "coarse"),
 }
 
 
@@ -64,8 +67,7 @@ class _Frame:
     @property
     def nbytes(self) -> int:
         """Memory that it takes [bytes]."""
-        state = self.state
-        return state.positions.nbytes + state.velocities.nbytes + state.transforms.nbytes
+        return self.state.nbytes
 
 
 class PBDDeformer(Filter):
@@ -97,6 +99,13 @@ class PBDDeformer(Filter):
     points (they have no momentum then), or from ``"inertial"``, where their velocity takes them (P21). From
     ``"inertial"`` the muscle hangs back behind the bones: on a right hip flexed by 90 degrees in steps of 2
     edges are drawn out to more than 100 times their length.
+
+    From ``"coarse"`` a muscle of ``coarse_points`` points, in which a change wanders far in an iteration,
+    makes each step first, and the full muscle starts where that takes it. It needs the package
+    fast-simplification (the extra ``coarse``). Only the few points are kept out of a bone: with fewer than
+    the default a ridge of it may come through between them. With 10 iterations from there the longest
+    edge of that hip's adductor brevis at 90 degrees is 4.5 times as long as at rest (10.9 times with 10
+    from ``"blend"``, 6.4 with 100), at about 45 ms of processor time per frame.
 
     ``solver="anderson"`` takes the iteration of ``"gauss-seidel"`` nearer to its end in the same number of
     iterations. Stiffnesses hold per iteration then, so that the shape it goes to does not depend on their
@@ -237,7 +246,20 @@ class PBDDeformer(Filter):
         doc="Velocity of points that met a bone: none, as P21 proposes, or that of their displacement (P21).",
     )
     start = Parameter(
-        str, default="blend", choices=("inertial", "blend"), doc="Where free points start each step."
+        str,
+        default="blend",
+        choices=("inertial", "blend", "coarse"),
+        doc="Where free points start each step: where their velocity takes them (P21), where the bones' "
+        "blended motions do, or where a muscle of fewer points goes.",
+    )
+    coarse_points = Parameter(
+        int,
+        default=COARSE_POINTS,
+        minimum=4,
+        doc="Points of the coarse muscle, about; a muscle of fewer than twice as many starts from 'blend'.",
+    )
+    coarse_iterations = Parameter(
+        int, default=COARSE_ITERATIONS, minimum=1, doc="Iterations of the coarse muscle per step."
     )
     solver = Parameter(
         str,
