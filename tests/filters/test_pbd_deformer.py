@@ -670,7 +670,7 @@ def test_real_adductor_brevis_keeps_its_volume_and_its_bones(lhdl_hip):
         assert np.abs(points_of(out)[marks == 1] - expected).max() <= 1e-6
 
 
-@pytest.mark.filterwarnings("ignore:.*it moved .* in one step")
+@pytest.mark.filterwarnings("ignore:.* moved .* in one step")
 @pytest.mark.parametrize("collision", ["sdf", "voxel", "none"])
 @pytest.mark.parametrize("solver", ["anderson", "gauss-seidel"])
 def test_a_force_that_takes_the_muscle_far_away_is_survived_or_refused(collision, solver):

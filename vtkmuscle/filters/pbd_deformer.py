@@ -95,17 +95,19 @@ class PBDDeformer(Filter):
     thicker and does not buckle, and the solve converges soon. ``"stiffness"`` (P21) makes edges the less
     stiff the more they run along the fibres, k = 1 - abs(u . v), and leaves the rest shape as it is.
 
-    Each step starts from ``"blend"``, where the bones' motions, blended by harmonic weights, take the free
-    points (they have no momentum then), or from ``"inertial"``, where their velocity takes them (P21). From
-    ``"inertial"`` the muscle hangs back behind the bones: on a right hip flexed by 90 degrees in steps of 2
-    edges are drawn out to more than 100 times their length.
+    Each step starts from ``"coarse"``, ``"blend"`` or ``"inertial"``. From ``"blend"`` free points start where
+    the bones' motions, blended by harmonic weights, take them (they have no momentum then); from
+    ``"inertial"``, where their velocity takes them (P21). From ``"inertial"`` the muscle hangs back behind the
+    bones: on a right hip flexed by 90 degrees in steps of 2 edges are drawn out to more than 100 times their
+    length.
 
-    From ``"coarse"`` a muscle of ``coarse_points`` points, in which a change wanders far in an iteration,
-    makes each step first, and the full muscle starts where that takes it. It needs the package
-    fast-simplification (the extra ``coarse``). Only the few points are kept out of a bone: with fewer than
-    the default a ridge of it may come through between them. With 10 iterations from there the longest
-    edge of that hip's adductor brevis at 90 degrees is 4.5 times as long as at rest (10.9 times with 10
-    from ``"blend"``, 6.4 with 100), at about 45 ms of processor time per frame.
+    From ``"coarse"``, the default, a muscle of ``coarse_points`` points, in which a change wanders far in an
+    iteration, makes each step first, from its own blended start, and the full muscle starts where that takes
+    it. A muscle of fewer than twice as many points starts from ``"blend"``. Only the few points are kept out
+    of a bone by the coarse step: with fewer than the default a ridge of it may come through between them.
+    With 10 iterations from there the longest edge of that hip's adductor brevis at 90 degrees is 4.5 times as
+    long as at rest (10.9 times with 10 from ``"blend"``, 6.4 with 100), at about 45 ms of processor time per
+    frame.
 
     ``solver="anderson"`` takes the iteration of ``"gauss-seidel"`` nearer to its end in the same number of
     iterations. Stiffnesses hold per iteration then, so that the shape it goes to does not depend on their
@@ -247,7 +249,7 @@ class PBDDeformer(Filter):
     )
     start = Parameter(
         str,
-        default="blend",
+        default="coarse",
         choices=("inertial", "blend", "coarse"),
         doc="Where free points start each step: where their velocity takes them (P21), where the bones' "
         "blended motions do, or where a muscle of fewer points goes.",
