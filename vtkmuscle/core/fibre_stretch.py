@@ -94,8 +94,9 @@ def stretch_of_fibres(
 ) -> FibreStretch | None:
     """Return the stretch of edges by the fibres beside them.
 
-    A fibre at the distance r from an edge, the nearest one at r0, counts exp((r0^2 - r^2) / 2 s^2), with s
-    the distance between fibres in a muscle that is filled with them evenly.
+    A fibre's point at the distance r from an edge, the nearest one at r0, counts exp((r0^2 - r^2) / 2 s^2),
+    less that at the last of the points looked at, with s the distance between fibres in a muscle that is
+    filled with them evenly.
 
     Parameters
     ----------
@@ -125,8 +126,7 @@ def stretch_of_fibres(
     owner = np.repeat(np.arange(count), np.diff(offsets))
     near, found = cKDTree(fibre_points).query(middles, k=min(_NEIGHBOURS, len(fibre_points)))
     near, found = near.reshape(len(middles), -1), found.reshape(len(middles), -1)
-    values = np.exp((near[:, :1] ** 2 - near**2) / (2.0 * spacing**2))
-    values /= values.sum(axis=1, keepdims=True)
+    values = _falling_off(near, spacing)
     rows = np.repeat(np.arange(len(middles)), values.shape[1])
     weights = coo_array((values.reshape(-1), (rows, owner[found].reshape(-1))), (len(middles), count))
     starts, ends = fibre_points[offsets[:-1]], fibre_points[offsets[1:] - 1]
@@ -139,6 +139,19 @@ def stretch_of_fibres(
         end_bones=fixed_to[fixed[tree.query(ends)[1]]],
         weights=weights.tocsr(),
     )
+
+
+def _falling_off(near: Floats, spacing: float) -> Floats:
+    """Return the weights (m, c) of neighbours at the distances ``near``, nearest first; rows sum to 1.
+
+    They fall to 0 at the last neighbour: of two that are equally far one may be beyond the search, and
+    rounding would choose which.
+    """
+    values: Floats = np.exp((near[:, :1] ** 2 - near**2) / (2.0 * spacing**2))
+    falling = values - values[:, -1:]
+    values = np.where(falling.sum(axis=1, keepdims=True) > 0, falling, values)
+    values /= values.sum(axis=1, keepdims=True)
+    return values
 
 
 def stretch_of_harmonic(points: Floats, topology: MeshTopology, fixed_to: Ints) -> FibreStretch | None:
