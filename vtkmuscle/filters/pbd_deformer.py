@@ -95,11 +95,11 @@ class PBDDeformer(Filter):
     thicker and does not buckle, and the solve converges soon. ``"stiffness"`` (P21) makes edges the less
     stiff the more they run along the fibres, k = 1 - abs(u . v), and leaves the rest shape as it is.
 
-    Each step starts from ``"coarse"``, ``"blend"`` or ``"inertial"``. From ``"blend"`` free points start where
-    the bones' motions, blended by harmonic weights, take them (they have no momentum then); from
-    ``"inertial"``, where their velocity takes them (P21). From ``"inertial"`` the muscle hangs back behind the
-    bones: on a right hip flexed by 90 degrees in steps of 2 edges are drawn out to more than 100 times their
-    length.
+    Each step starts from ``"coarse"``, ``"blend"`` or ``"inertial"``. From ``"blend"`` free points start
+    where the bones' motions, blended by harmonic weights, take them (they have no momentum then); from
+    ``"inertial"``, where their velocity takes them (P21). From ``"inertial"`` the muscle hangs back behind
+    the bones: on a right hip flexed by 90 degrees in steps of 2 edges are drawn out to more than 100 times
+    their length.
 
     From ``"coarse"``, the default, a muscle of ``coarse_points`` points, in which a change wanders far in an
     iteration, makes each step first, from its own blended start, and the full muscle starts where that takes
