@@ -65,6 +65,14 @@ def hip():
     return hip()
 
 
+def pytest_addoption(parser):
+    """Add the options of the extremes."""
+    parser.addoption("--long", action="store_true", help="run the extremes in their long form")
+    parser.addoption(
+        "--extremes-table", metavar="FILE", help="write what became of the extremes to this .rst"
+    )
+
+
 def pytest_collection_modifyitems(config, items):
     """Leave out long measurements unless they are asked for (-m study)."""
     if "study" in config.option.markexpr:

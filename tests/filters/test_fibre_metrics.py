@@ -14,6 +14,8 @@ from vtkmuscle.filters.arrays import (
     with_points,
 )
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
+from vtkmuscle.phantoms import pennate_block
+from vtkmuscle.pipelines import decompose
 
 
 def fibres_from(*lines):
@@ -161,3 +163,16 @@ def test_curvature_only_when_asked_for(box):
     measured = FibreMetrics(curvature=True)(fibres_from(arc))
     assert_allclose(cell_array(measured, "CurvatureMean", ""), 1 / 20, rtol=1e-9)
     assert measured.GetPointData().HasArray("Curvature")
+
+
+def test_the_pennate_block_is_measured_as_it_is_known():
+    phantom = pennate_block()
+    muscle = phantom.muscles["block"]
+    fibres = decompose(muscle, phantom.attachments["block"], template="pennate", n_fibres=30)
+    measured = FibreMetrics(architecture=True)(fibres, muscle)
+    known = phantom.known
+    assert_allclose(cell_array(measured, "Length", ""), known["fibre_length"], rtol=0.005)
+    for end in ("PennationOrigin", "PennationInsertion"):
+        assert_allclose(cell_array(measured, end, ""), known["pennation"], atol=1.0)
+    assert_allclose(field_array(measured, "MuscleVolume"), known["volume"], rtol=0.001)
+    assert_allclose(field_array(measured, "PCSA"), known["volume"] / known["fibre_length"], rtol=0.005)

@@ -66,7 +66,9 @@ def checked_surface(surface: vtkPolyData, where: str) -> tuple[Floats, Ints]:
     finite = np.isfinite(points)
     if not finite.all():  # row by row takes far longer
         bad = np.flatnonzero(~finite.all(axis=1))
-        raise ValueError(f"{where}: {len(bad)} point(s) are not finite, the first is point {bad[0]}")
+        raise ValueError(
+            f"{where}: {len(bad)} point(s) are not finite, the first is point {bad[0]}; correct them"
+        )
     return points, triangles
 
 
@@ -133,7 +135,7 @@ def polylines_of(data: vtkPolyData, where: str) -> Polylines:
         raise ValueError(f"{where}: {others} cell(s) are not polylines; keep the lines only")
     points = points_of(data)[vtk_to_numpy(lines.GetConnectivityArray())]
     if not np.isfinite(points).all():
-        raise ValueError(f"{where}: some points are not finite")
+        raise ValueError(f"{where}: some points are not finite; correct them")
     return Polylines(points, np.array(vtk_to_numpy(lines.GetOffsetsArray()), dtype=np.int64))
 
 

@@ -1,0 +1,319 @@
+"""Extremes of what the deformer is given: meshes, steps, settings, bones, units, places."""
+
+import numpy as np
+import pytest
+import scenes
+from hypothesis import given, seed, settings
+from hypothesis import strategies as st
+from scenes import bending, box, figure, fixed_ends, run, tube
+
+from vtkmuscle.core.mesh import edge_lengths, signed_volume, unique_edges
+from vtkmuscle.core.rigid import apply_transform, inverse, rotation_about
+from vtkmuscle.core.solver import MuscleSolver, SolverParameters
+
+VOLUME = "V/V0 - 1"
+STRETCH = "longest edge, l/l0"
+
+
+def volume_error(out):
+    return abs(figure(out, "VolumeRatio") - 1.0)
+
+
+@pytest.mark.parametrize("angle", [2, 10, 45, 90, 180])
+def test_a_step_at_once(angle, long, ledger):
+    for mode in scenes.modes(long):
+        _, out = run(tube(), bending(angle), **mode)
+        ledger.passed("Steps at once", f"{angle} degrees", VOLUME, volume_error(out))
+
+
+@pytest.mark.parametrize("what", scenes.MESHES)
+def test_a_mesh(what, long, ledger):
+    mesh = scenes.MESHES[what]()
+    for mode in scenes.modes(long):
+        _, out = run(mesh, bending(10, 20), **mode)
+        ledger.passed("Meshes", what, STRETCH, figure(out, "EdgeStretchMax"))
+
+
+MESH_REFUSALS = {
+    "flattened to a plane": (lambda: (tube()[0] * [1, 0, 1], tube()[1]), "encloses no volume"),
+    "all points in one place": (lambda: (tube()[0] * 0.0, tube()[1]), "encloses no volume"),
+    "a hole": (lambda: (tube()[0], tube()[1][1:]), "the surface is open"),
+    "a coordinate that is not a number": (
+        lambda: (np.where(tube()[0] == tube()[0].max(), np.nan, tube()[0]), tube()[1]),
+        "not finite",
+    ),
+    "no triangles": (lambda: (tube()[0], np.empty((0, 3), dtype=int)), "no triangles"),
+}
+
+
+@pytest.mark.parametrize("what", MESH_REFUSALS)
+def test_a_mesh_that_cannot_be(what, ledger):
+    make, message = MESH_REFUSALS[what]
+    points, triangles = make()
+    with pytest.raises(ValueError, match=message) as caught:
+        run((points, triangles), bending(10), fixed_to=fixed_ends(tube()[0]))
+    ledger.refused("Meshes", what, str(caught.value))
+
+
+def examples(ledger):
+    """Give a property as many examples as the form of the run wants, from its seed."""
+    form = settings(max_examples=100 if ledger.long else 12, deadline=None, print_blob=True)
+    return lambda test: seed(ledger.seed)(form(test))
+
+
+unit = st.floats(0.0, 1.0) | st.sampled_from([0.0, 1.0, 1e-300, 1.0 - 1e-16])
+
+
+def test_stiffness_and_damping(ledger):
+    @examples(ledger)
+    @given(unit, unit, unit, unit, st.sampled_from(scenes.ALL_MODES), st.integers(1, 30))
+    def property_(stiffness, shape, volume, damping, mode, iterations):
+        _, out = run(
+            tube(),
+            bending(15, 30),
+            stiffness=stiffness,
+            shape_stiffness=shape,
+            volume_stiffness=volume,
+            damping=damping,
+            iterations=iterations,
+            **mode,
+        )
+        ledger.passed(
+            "Settings", "stiffnesses and damping, each from 0 to 1", STRETCH, figure(out, "EdgeStretchMax")
+        )
+
+    property_()
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 1.0])
+def test_all_stiffnesses_at_an_end(stiffness, long, ledger):
+    keys = dict.fromkeys(("stiffness", "shape_stiffness", "volume_stiffness"), stiffness)
+    for mode in scenes.modes(long):
+        _, out = run(tube(), bending(20), **keys, **mode)
+        ledger.passed("Settings", f"all stiffnesses {stiffness:g}", STRETCH, figure(out, "EdgeStretchMax"))
+
+
+@pytest.mark.parametrize("dt", [1e-6, 1e-3, 1.0, 1e3])
+def test_time_steps_with_a_force(dt, long, ledger):
+    for mode in scenes.modes(long):
+        _, out = run(tube(), bending(5, 10), dt=dt, external_force=(0.0, 5.0, -9810.0), **mode)
+        ledger.passed(
+            "Settings", f"dt {dt:g} s with 9.8 m/s² on all points", STRETCH, figure(out, "EdgeStretchMax")
+        )
+
+
+def test_a_force_beyond_all_numbers(long, ledger):
+    for mode in scenes.modes(long):
+        with pytest.raises(ValueError, match="smaller external_force") as caught:
+            run(tube(), bending(5), dt=1e10, external_force=(1e300, 0.0, 0.0), **mode)
+        ledger.refused("Settings", "a force of 1e300 mm/s², dt 1e10 s", str(caught.value))
+
+
+@pytest.mark.parametrize("iterations", [1, 100, 1000, 10_000])
+def test_iterations(iterations, long, ledger):
+    for mode in scenes.modes(long)[:: 1 if long or iterations <= 100 else 4]:
+        _, out = run(tube(), bending(20), iterations=iterations, **mode)
+        ledger.passed("Settings", f"iterations: {iterations}", VOLUME, volume_error(out))
+
+
+def test_single_precision(long, ledger):
+    for mode in scenes.modes(long):
+        plain = {**mode, "solver": "gauss-seidel"}
+        double, _ = run(tube(), bending(10, 20), **plain)
+        single, _ = run(tube(), bending(10, 20), dtype="float32", **plain)
+        error = np.abs(double - single).max()
+        ledger.passed("Settings", "float32 against float64 (gauss-seidel)", "largest difference [mm]", error)
+        assert error <= 0.05
+    with pytest.raises(ValueError, match="needs dtype 'float64'") as caught:
+        run(tube(), bending(10), dtype="float32", solver="anderson")
+    ledger.refused("Settings", "float32 with solver 'anderson'", str(caught.value))
+
+
+#: How equal results are at another scale. Grids of signed distances and the directions of acceleration are in
+#: single precision, whose rounding depends on the scale.
+IN_DOUBLE, PARTLY_IN_SINGLE = 1e-9, 1e-7
+
+
+def scaled(path, factor):
+    result = []
+    for transforms in path:
+        changed = transforms.copy()
+        changed[:, :3, 3] *= factor
+        result.append(changed)
+    return result
+
+
+def scaled_mesh(mesh, factor):
+    return mesh[0] * factor, mesh[1]
+
+
+@pytest.mark.parametrize("exponent", [-6, -3, 3, 6])
+def test_another_unit_of_length(exponent, long, ledger):
+    factor = 10.0**exponent
+    for mode in scenes.modes(long):
+        expected, _ = run(tube(), bending(10, 20), **mode)
+        bones = [scaled_mesh(bone, factor) for bone in scenes.BONES]
+        now, _ = run(scaled_mesh(tube(), factor), scaled(bending(10, 20), factor), bones=bones, **mode)
+        error = np.abs(now / factor - expected).max() / 100.0
+        single = mode["collision"] == "sdf" or mode["solver"] == "anderson"
+        what = f"scale 1e{exponent:+d}" + (", 'sdf' or 'anderson'" if single else ", the other modes")
+        ledger.passed("Units and places", what, "difference / length of the muscle", error)
+        assert error <= (PARTLY_IN_SINGLE if single else IN_DOUBLE), mode
+
+
+def moved(frame, path):
+    return [frame @ transforms @ inverse(frame) for transforms in path]
+
+
+MOVES = {
+    "an offset of 1e6 mm": np.eye(4),
+    "a rigid motion of everything": rotation_about((9, -40, 7), (1, 2, 3), 130),
+}
+MOVES["an offset of 1e6 mm"][:3, 3] = 1e6, -1e6, 1e6
+
+
+@pytest.mark.parametrize("what", MOVES)
+def test_another_place(what, long, ledger):
+    frame = MOVES[what]
+    for mode in scenes.modes(long):
+        expected, _ = run(tube(), bending(10, 20), **mode)
+        bones = [(apply_transform(frame, points), triangles) for points, triangles in scenes.BONES]
+        points, triangles = tube()
+        now, _ = run(
+            (apply_transform(frame, points), triangles),
+            moved(frame, bending(10, 20)),
+            bones=bones,
+            fixed_to=fixed_ends(points),
+            **mode,
+        )
+        error = np.abs(now - apply_transform(frame, expected)).max()
+        ledger.passed("Units and places", what, "largest difference [mm]", error)
+        assert error <= 1e-6, mode
+
+
+# ---------------------------------------------------------------- states that no motion leads to
+
+
+def core_solver(**parameters):
+    points, triangles = tube()
+    return MuscleSolver(
+        points, triangles, fixed_ends(points).astype(np.int64), SolverParameters(**parameters)
+    )
+
+
+def from_state(positions, iterations, **parameters):
+    """Return V / V0 after some steps with still bones from positions that no muscle has."""
+    solver = core_solver(iterations=iterations, **parameters)
+    state = solver.rest_state(2)
+    object.__setattr__(state, "positions", positions(solver.rest, solver.fixed_to < 0))
+    for _ in range(5):
+        state = solver.step(state, state.transforms)
+    assert np.isfinite(state.positions).all()
+    return signed_volume(state.positions, solver.topology.triangles) / signed_volume(
+        solver.rest, solver.topology.triangles
+    )
+
+
+PLAIN = [
+    {"solver": solver, "start": start}
+    for solver in scenes.CHOICES["solver"]
+    for start in ("blend", "inertial")
+]
+
+
+@pytest.mark.parametrize("parameters", PLAIN, ids=str)
+def test_random_positions_recover_a_positive_volume(parameters, ledger):
+    @examples(ledger)
+    @given(st.integers(0, 2**32 - 1), st.sampled_from([1.0, 50.0, 1000.0]))
+    def property_(seed, spread):
+        def anywhere(rest, free):
+            positions = rest.copy()
+            positions[free] = np.random.default_rng(seed).normal(scale=spread, size=(free.sum(), 3))
+            return positions
+
+        ratio = from_state(anywhere, 100, **parameters)
+        ledger.passed("States", "random positions, 5 steps of 100 iterations", VOLUME, abs(ratio - 1.0))
+        assert ratio > 0.0
+        assert ratio == pytest.approx(1.0, abs=0.01)
+
+    property_()
+
+
+@pytest.mark.parametrize("parameters", PLAIN, ids=str)
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_wholly_flattened(axis, parameters, ledger):
+    def flat(rest, free):
+        return rest * (np.arange(3) != axis)
+
+    ratio = from_state(flat, 100, **parameters)
+    ledger.passed("States", "flattened to a plane, 5 steps of 100 iterations", VOLUME, abs(ratio - 1.0))
+    assert ratio == pytest.approx(1.0, abs=0.01)
+
+
+# ---------------------------------------------------------------- fixed points and bones
+
+
+def test_all_points_fixed(long, ledger):
+    points, triangles = tube()
+    for mode in scenes.modes(long):
+        now, _ = run((points, triangles), bending(40), fixed_to=np.ones(len(points)), **mode)
+        error = np.abs(now - apply_transform(bending(40)[-1][1], points)).max()
+        ledger.passed("Fixed points and bones", "all points fixed", "off their bone [mm]", error)
+        assert error <= 1e-9
+
+
+def test_no_point_fixed(long, ledger):
+    points, triangles = tube()
+    free = np.full(len(points), -1)
+    with pytest.raises(ValueError, match="no point is fixed") as caught:
+        run((points, triangles), bending(10), fixed_to=free)
+    ledger.refused("Fixed points and bones", "no point fixed", str(caught.value))
+    for mode in scenes.modes(long):
+        _, out = run(
+            (points, triangles), bending(10, 20), fixed_to=free, external_force=(0, 3.0, -9.0), **mode
+        )
+        ledger.passed(
+            "Fixed points and bones", "no point fixed, a force", STRETCH, figure(out, "EdgeStretchMax")
+        )
+
+
+def test_no_bones(ledger):
+    points, triangles = tube()
+    with pytest.raises((ValueError, RuntimeError)) as caught:
+        run((points, triangles), [np.empty((0, 4, 4))] * 2, bones=[], fixed_to=np.full(len(points), -1))
+    ledger.refused("Fixed points and bones", "no bones", str(caught.value))
+
+
+@pytest.mark.parametrize("collision", scenes.CHOICES["collision"])
+def test_fifty_bones(collision, ledger):
+    more = [box((22 * k - 550, 60, -5), (22 * k - 535, 80, 5)) for k in range(48)]
+    path = [np.concatenate([transforms, [np.eye(4)] * 48]) for transforms in bending(10, 20)]
+    _, out = run(tube(), path, bones=[*scenes.BONES, *more], collision=collision)
+    ledger.passed("Fixed points and bones", "50 bones", VOLUME, volume_error(out))
+
+
+def test_a_bone_inside_the_muscle(long, ledger):
+    inside = box((-2, -2, -10), (2, 2, 10))
+    for mode in scenes.modes(long):
+        path = [np.concatenate([transforms, [np.eye(4)]]) for transforms in bending(10, 20)]
+        _, out = run(tube(), path, bones=[*scenes.BONES, inside], **mode)
+        ledger.passed(
+            "Fixed points and bones", "a bone inside the muscle", STRETCH, figure(out, "EdgeStretchMax")
+        )
+
+
+# ---------------------------------------------------------------- sizes
+
+
+@pytest.mark.parametrize("triangles", [1_000, 30_000, 1_000_000])
+def test_sizes(triangles, long, ledger):
+    if triangles > 1_000 and not long:
+        pytest.skip("in the long form")
+    around = round((triangles / 8) ** 0.5)
+    mesh = tube(rings=triangles // (2 * around), around=around)
+    settings_ = [mode for mode in scenes.SOME_MODES if triangles < 1e6 or mode["collision"] != "voxel"]
+    for mode in settings_[:: 1 if triangles <= 1_000 else 4]:
+        now, out = run(mesh, bending(2), iterations=5, **mode)
+        ledger.passed("Sizes", f"{len(mesh[1]):,} triangles".replace(",", " "), VOLUME, volume_error(out))
+        edges = unique_edges(mesh[1])
+        assert edge_lengths(now, edges).max() < 100.0

@@ -1,0 +1,125 @@
+"""Fibres from extreme input: finite output, or an error that names the cause."""
+
+import warnings
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from vtkmuscle.filters import FibreMetrics, FibreTransport, FibreTubes, SliceMorpher
+from vtkmuscle.filters.arrays import cell_array, checked_surface, field_array, points_of, surface_from
+from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, attachments_of
+from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.phantoms import spindle_over_hinge
+from vtkmuscle.pipelines import decompose
+
+PHANTOM = spindle_over_hinge()
+MUSCLE, ATTACHMENTS = PHANTOM.muscles["spindle"], PHANTOM.attachments["spindle"]
+AREAS = attachments_of(ATTACHMENTS, "spindle")
+
+
+SHAPE = checked_surface(MUSCLE, "spindle")
+
+
+def each(change):
+    return attachments_from([AttachmentArea(a.role, a.bone, *change(a)) for a in AREAS])
+
+
+def denser(area):
+    corners = np.vstack([area.landmarks, area.landmarks[:1]])
+    place = np.linspace(0, len(corners) - 1, 500, endpoint=False)
+    i = place.astype(int)
+    return corners[i] + (place - i)[:, None] * (corners[i + 1] - corners[i]), True
+
+
+def tetrahedron():
+    points = np.array([[0, 0, 0], [20, 0, 0], [10, 18, 0], [10, 6, 80.0]])
+    areas = [
+        AttachmentArea("origin", "a", points[:3], closed=True),
+        AttachmentArea("insertion", "b", points[3:], closed=False),
+    ]
+    triangles = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    return surface_from(points, triangles), attachments_from(areas)
+
+
+def two_components():
+    points, triangles = checked_surface(MUSCLE, "spindle")
+    both = np.vstack([triangles, triangles + len(points)])
+    return surface_from(np.vstack([points, np.add(points, [200, 0, 0])]), both), ATTACHMENTS
+
+
+EXTREMES = {
+    "one fibre": (MUSCLE, ATTACHMENTS, {"n_fibres": 1}),
+    "one segment": (MUSCLE, ATTACHMENTS, {"resolution": 1}),
+    "300 segments": (MUSCLE, ATTACHMENTS, {"n_fibres": 5, "resolution": 300}),
+    "1000 segments": (MUSCLE, ATTACHMENTS, {"n_fibres": 5, "resolution": 1000}),
+    "10 000 fibres": (MUSCLE, ATTACHMENTS, {"n_fibres": 10_000, "resolution": 5}),
+    "one landmark": (MUSCLE, each(lambda a: (a.landmarks[:1], False)), {}),
+    "500 landmarks": (MUSCLE, each(denser), {}),
+    "landmarks 20 mm off": (MUSCLE, each(lambda a: (np.add(a.landmarks, [0, 20, 0]), a.closed)), {}),
+    "four triangles": (*tetrahedron(), {}),
+    "two components": (*two_components(), {}),
+    "a hole": (surface_from(SHAPE[0], SHAPE[1][1:]), ATTACHMENTS, {}),
+    "areas that overlap": (
+        MUSCLE,
+        attachments_from([AREAS[0], AttachmentArea("insertion", "b", AREAS[0].landmarks - [0, 0, 2], True)]),
+        {},
+    ),
+}
+
+
+#: Those that take long.
+IN_THE_LONG_FORM = ("1000 segments", "10 000 fibres")
+GROUP = "Fibres, by planes and by a harmonic function"
+METHODS = SliceMorpher.__dict__["method"].choices
+
+
+def finite_and_measured(rest, muscle):
+    """Carry fibres with a muscle that stays where it is and measure them; return how far they are outside."""
+    moved = FibreTransport(prune=1.0)(rest, muscle, muscle)
+    assert_allclose(points_of(moved), points_of(rest), atol=1e-7)
+    measured = FibreMetrics(architecture=True, curvature=True, sections=3)(moved, muscle)
+    for name in ("Length", "Tortuosity", "Strain", "PennationOrigin", "CurvatureMax", "LineAngle"):
+        assert np.isfinite(cell_array(measured, name, "fibres")).all()
+    for name in ("PCSA", "CentroidPath", "SectionDensity"):
+        assert np.isfinite(field_array(measured, name)).all()
+    surface, points = SurfaceDistance(muscle), points_of(rest)
+    return np.where(surface.depth(points) > 0, 0.0, surface.unsigned(points)).max()
+
+
+#: What cannot be filled, by which methods, and what the message says of it.
+CANNOT_BE = {
+    "a hole": (METHODS, "3 triangle edge"),
+    "areas that overlap": (("harmonic",), "the origin and the insertion area overlap"),
+}
+CAN_BE = [
+    (case, method) for case in EXTREMES for method in METHODS if method not in CANNOT_BE.get(case, ((),))[0]
+]
+
+
+@pytest.mark.parametrize(("case", "method"), CAN_BE)
+def test_fibres_of_extreme_input_are_finite_and_in_the_muscle(case, method, ledger):
+    if not ledger.long and (case in IN_THE_LONG_FORM or method != "auto"):
+        pytest.skip("in the long form")
+    muscle, attachments, settings = EXTREMES[case]
+    with warnings.catch_warnings():
+        # That planes do not suit a muscle is told; any other warning is an error.
+        warnings.filterwarnings("ignore", message="SliceMorpher: the muscle is bent too much")
+        chain = decompose(muscle, attachments, **{"n_fibres": 12, "method": method, **settings})
+        rest = chain.update().output
+    assert rest.GetNumberOfCells() == settings.get("n_fibres", 12)
+    outside = finite_and_measured(rest, muscle)
+    if rest.GetNumberOfCells() < 1000:
+        measured = FibreMetrics()(rest, muscle)
+        assert np.isfinite(points_of(FibreTubes(radius_by="fill")(measured, muscle))).all()
+    ledger.passed(GROUP, case, "farthest point outside [mm]", outside)
+
+
+@pytest.mark.parametrize("case", CANNOT_BE)
+def test_what_cannot_be_filled_is_named(case, ledger):
+    methods, message = CANNOT_BE[case]
+    muscle, attachments, settings = EXTREMES[case]
+    for method in methods:
+        with pytest.raises(ValueError, match=message) as caught:
+            decompose(muscle, attachments, n_fibres=12, method=method, **settings).update()
+        ledger.refused(GROUP, case, str(caught.value))
