@@ -11,21 +11,31 @@ import pytest
 BENCHMARK = Path(__file__).resolve().parents[2] / "benchmarks" / "bench_penetration.py"
 
 
+#: P21's own way: Algorithm 2 with voxels.
+P21 = {
+    "collision": "voxel",
+    "bone_push": "transform",
+    "contact_velocity": "keep",
+    "anisotropy": "stiffness",
+    "start": "inertial",
+    "solver": "gauss-seidel",
+    "order": "sequential",
+}
+
+
 @pytest.mark.realdata
 def test_the_iliacus_stays_out_of_the_joint(lhdl_hip):
-    """Over 90 degrees of flexion: free points within the acetabulum, with the defaults and without bones."""
+    """Over 90 degrees of flexion: free points within the acetabulum, with the defaults and P21's settings."""
     benchmark = runpy.run_path(str(BENCHMARK))
     scene, distances = benchmark["hip"](lhdl_hip)
     acetabulum = benchmark["Acetabulum"](scene)
     assert acetabulum.radius == pytest.approx(23.2, abs=0.5)
     joint = {}
-    for collision in ("sdf", "none"):
-        settings = {"collision": collision}
+    for name, settings in (("defaults", {}), ("P21", P21)):
         frames = benchmark["measured"](scene, "iliacus", distances, settings, acetabulum)
-        joint[collision] = np.array([depth for _, depth, _ in frames])
-        assert (joint[collision][0] > 0).sum() <= 1  # at rest
-    within = {collision: (depth > 0).sum(axis=1).max() for collision, depth in joint.items()}
-    # Measured: 39 points, 1.06 mm deep, of 104 points, 3.95 mm where no bone keeps them out.
-    assert within["sdf"] < 0.6 * within["none"]
-    assert joint["sdf"].max() < 1.5
-    assert joint["none"].max() > 3.0
+        joint[name] = np.array([depth for _, depth, _ in frames])
+        assert (joint[name][0] > 0).sum() <= 1  # at rest
+    # Measured: the one point that is there at rest, 0.21 mm deep; P21's settings draw in 199, 4.03 mm deep.
+    assert (joint["defaults"] > 0).sum(axis=1).max() <= 1
+    assert joint["defaults"].max() < 0.5
+    assert joint["P21"].max() > 3.0

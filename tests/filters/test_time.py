@@ -12,7 +12,7 @@ from test_pbd_deformer import bones, fixed_to, spindle
 
 from vtkmuscle.core import obstacles, solver
 from vtkmuscle.core.rigid import hinge
-from vtkmuscle.filters import pbd_deformer
+from vtkmuscle.filters import kept_solver
 from vtkmuscle.filters.arrays import points_of
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.checkpoints import Checkpoints
@@ -135,7 +135,7 @@ def work(monkeypatch):
     count(solver, "RestShape", "rest shape")
     count(solver, "harmonic_weights", "blend weights")
     count(solver, "pack", "constraints")
-    count(pbd_deformer, "harmonic_directions", "fibre directions")
+    count(kept_solver, "harmonic_directions", "fibre directions")
     monkeypatch.setattr(obstacles, "_shared", WeakValueDictionary())
     count(obstacles, "cached_distance_grid", "distance grids")
     count(obstacles, "build_voxel_grid", "voxels")
