@@ -1,4 +1,4 @@
-"""The command line: ``vtkmuscle run``, ``demo``, ``info`` and ``paraview-path``.
+"""The command line: ``vtkmuscle run``, ``demo``, ``tradeoff``, ``info``, ``export`` and ``paraview-path``.
 
 Nothing heavy is imported before a command needs it, so that ``vtkmuscle --help`` answers at once.
 """
@@ -75,6 +75,16 @@ VerboseOption = Annotated[
     ),
 ]
 
+QualityOption = Annotated[
+    str | None,
+    typer.Option(
+        "--quality",
+        metavar="preview|balanced|accurate",
+        help="Preset of the solver, in place of the scene's; what the scene's [solver] sets stays.",
+        show_default=False,
+    ),
+]
+
 
 def main() -> None:
     """Run the command line; the console entry point."""
@@ -106,6 +116,7 @@ def run(
     series: FormatOption = "pvd",
     workers: WorkersOption = None,
     verbose: VerboseOption = False,
+    quality: QualityOption = None,
 ) -> None:
     """Run a scene: deform its muscles, carry their fibres along, measure, and write all of it.
 
@@ -124,6 +135,7 @@ def run(
         series=series,
         workers=workers,
         verbose=verbose,
+        quality=quality,
     )
 
 
@@ -136,6 +148,7 @@ def demo(
     series: FormatOption = "pvd",
     workers: WorkersOption = None,
     verbose: VerboseOption = False,
+    quality: QualityOption = None,
 ) -> None:
     """Run a phantom hip, and write its scene too, as a model for your own.
 
@@ -160,6 +173,7 @@ def demo(
         series=series,
         workers=workers,
         verbose=verbose,
+        quality=quality,
     )
 
 
@@ -201,6 +215,62 @@ def export(
             export_scene(out, pose.bones, pose.muscles, fibres=pose.fibres)
 
 
+@app.command()
+def tradeoff(
+    scene: Annotated[
+        str,
+        typer.Argument(metavar="SCENE", help="A scene.toml, or 'demo': the phantom hip.", show_default=False),
+    ],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder to write to.", show_default=False)],
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--only",
+            metavar="NAME",
+            help="Group or beginning of names of settings; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    muscle: Annotated[
+        list[str] | None,
+        typer.Option("--muscle", metavar="NAME", help="Muscle; may be repeated.", show_default=False),
+    ] = None,
+    frames: Annotated[
+        str | None,
+        typer.Option(
+            "--frames", metavar="A:B:STEP", help="Frames to compare. Default: each fifth.", show_default=False
+        ),
+    ] = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Measure what speed costs in accuracy: run a scene with many settings, each against a converged run.
+
+    Finished settings are kept in OUT and not run again; stop and start it as you like.
+    """
+    with _one_clear_error(None):
+        from vtkmuscle.run import frame_numbers
+        from vtkmuscle.scene import Scene
+        from vtkmuscle.tradeoff import trade_off, write_plots, write_tables
+
+        if scene == "demo":
+            from vtkmuscle import phantoms
+
+            loaded = Scene.from_phantom(phantoms.hip())
+        else:
+            loaded = Scene.load(scene)
+        compared = None if frames is None else frame_numbers(frames, len(loaded.motion.times))
+        study = trade_off(
+            loaded,
+            out,
+            only=only or (),
+            muscles=muscle or (),
+            compared=compared,
+            tell=lambda words: _say(quiet, words),
+        )
+        for path in [*write_tables(out, study), *write_plots(out, study)]:
+            _say(quiet, f"wrote {path}")
+
+
 @app.command("paraview-path")
 def paraview_path(
     folder: Annotated[
@@ -236,7 +306,11 @@ def _run(
     series: str,
     workers: int | None,
     verbose: bool,
+    quality: str | None,
 ) -> None:
+    if quality is not None:
+        with _one_clear_error(None):
+            scene = scene.with_quality(quality)
     console = Console(stderr=True)
     with _one_clear_error(out), _progress_bars(list(scene.muscles), console, quiet=quiet) as progress:
         result = scene.run(

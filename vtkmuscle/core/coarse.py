@@ -13,11 +13,16 @@ from vtkmuscle.core.topology import mesh_topology
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 #: Points of the coarse muscle, about, and the iterations it is solved with. With 600 points the gluteus
 #: maximus of a right hip, drawn over the ischium, let it through between them.
 COARSE_POINTS = 1200
 COARSE_ITERATIONS = 50
+
+#: Height of the roughness at held points, in mean edge lengths: enough to leave about as many of them, in
+#: proportion, as of the others.
+ROUGHNESS = 0.1
 
 #: Coarse points that a point of the full muscle follows.
 NEIGHBOURS = 4
@@ -126,8 +131,14 @@ class Prolongation:
         return result
 
 
-def decimate(points: Floats, triangles: Ints, n_coarse: int) -> tuple[Floats, Ints]:
+def decimate(
+    points: Floats, triangles: Ints, n_coarse: int, held: Bools | None = None
+) -> tuple[Floats, Ints]:
     """Return a surface of about so many points, by quadric edge collapse (Garland, Heckbert 1997).
+
+    A flat attachment area would be left with a point or two, about which the muscle could turn as about a
+    ball joint. So the edges to collapse are chosen on a surface that is rough where points are held, if any
+    are given.
 
     Parameters
     ----------
@@ -137,6 +148,8 @@ def decimate(points: Floats, triangles: Ints, n_coarse: int) -> tuple[Floats, In
         Point ids.
     n_coarse : int
         Points to leave, about; a closed surface has twice as many triangles.
+    held : (n,) bool array, optional
+        Points whose surroundings are to keep more of theirs; none by default.
 
     Returns
     -------
@@ -149,11 +162,18 @@ def decimate(points: Floats, triangles: Ints, n_coarse: int) -> tuple[Floats, In
         return points.copy(), triangles.copy()
     import fast_simplification  # noqa: PLC0415 -- only where a coarse muscle is asked for
 
-    coarse, faces = fast_simplification.simplify(
-        np.ascontiguousarray(points),
-        np.ascontiguousarray(triangles, dtype=np.int32),
-        target_count=2 * n_coarse,
-    )
+    whole = np.ascontiguousarray(points)
+    faces_in = np.ascontiguousarray(triangles, dtype=np.int32)
+    if held is None:
+        coarse, faces = fast_simplification.simplify(whole, faces_in, target_count=2 * n_coarse)
+    else:
+        mean_edge = np.linalg.norm(points[triangles[:, 1]] - points[triangles[:, 0]], axis=1).mean()
+        height = ROUGHNESS * mean_edge * np.random.default_rng(0).choice([-1.0, 1.0], len(points))
+        rough = np.ascontiguousarray(points + (height * held)[:, None] * vertex_normals(points, triangles))
+        _, _, collapses = fast_simplification.simplify(
+            rough, faces_in, target_count=2 * n_coarse, return_collapses=True
+        )
+        coarse, faces, _ = fast_simplification.replay_simplification(whole, faces_in, collapses)
     faces = faces.astype(np.int64)
     used, ids = np.unique(faces, return_inverse=True)
     return coarse[used].astype(np.float64), ids.reshape(-1, 3)

@@ -191,3 +191,10 @@ def hinge(bone: str, centre: ArrayLike, axis: ArrayLike, angles: ArrayLike) -> R
 def _frozen(array: Floats) -> Floats:
     array.setflags(write=False)
     return array
+
+
+def centred(transforms: Floats, centre: Floats) -> Floats:
+    """Return transforms (b, 4, 4) for points that are given about a centre (3,) before and after."""
+    about = np.array(transforms)
+    about[:, :3, 3] += about[:, :3, :3] @ centre - centre
+    return about

@@ -23,7 +23,7 @@ from vtkmuscle.core.muscle_state import MuscleState
 from vtkmuscle.core.obstacles import Obstacle
 from vtkmuscle.core.projection import ColourOrder, Projection, SequentialOrder
 from vtkmuscle.core.rest_shape import RestShape, ShapeReport
-from vtkmuscle.core.rigid import apply_transform, inverse
+from vtkmuscle.core.rigid import apply_transform, centred, inverse
 from vtkmuscle.core.solver_parameters import SolverParameters
 from vtkmuscle.core.stages import StageClock, add_stages
 from vtkmuscle.core.stretched_shape import StretchedShape
@@ -339,7 +339,7 @@ class MuscleSolver:
         """P21 Algorithm 2, lines 6 to 37."""
         clock = StageClock("prediction")
         self._follow_fibres(transforms)
-        now, before = self._centred(transforms), self._centred(state.transforms)
+        now, before = centred(transforms, self.centre), centred(state.transforms, self.centre)
         dt = self.parameters.dt / self.parameters.substeps
         x = state.positions
         muscles = MuscleContact(neighbours, self._free, self.centre) if neighbours else None
@@ -484,12 +484,6 @@ class MuscleSolver:
             stiffness,
             self._gradient,
         )
-
-    def _centred(self, transforms: Floats) -> Floats:
-        """Return the bones' transforms for points given about the muscle's centre."""
-        centred = np.array(transforms)
-        centred[:, :3, 3] += centred[:, :3, :3] @ self.centre - self.centre
-        return centred
 
 
 def _check_finite(*arrays: Floats) -> None:

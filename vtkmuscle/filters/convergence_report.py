@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.solver import MuscleSolver, MuscleState
+from vtkmuscle.core.rest_shape import ShapeReport
+from vtkmuscle.core.solver import MuscleState
 from vtkmuscle.core.stages import STAGES
 from vtkmuscle.filters.arrays import field_array
 
@@ -44,10 +45,9 @@ FIGURES = {
 
 
 def convergence_fields(
-    solver: MuscleSolver,
+    shape: ShapeReport,
     state: MuscleState,
     *,
-    directions: Floats | None,
     depths: Floats | None,
     milliseconds: float,
 ) -> dict[str, float]:
@@ -55,18 +55,15 @@ def convergence_fields(
 
     Parameters
     ----------
-    solver : MuscleSolver
-        What made the state.
+    shape : ShapeReport
+        How the muscle keeps its shape in it.
     state : MuscleState
         The frame.
-    directions : (k, 3) array or None
-        Unit direction of the fibres at each edge at rest, where known.
     depths : (f,) array or None
         How deep the free points are in the bones, where measured.
     milliseconds : float
         Time that the frame took.
     """
-    shape = solver.report(state, directions)
     fields: dict[str, float] = {
         "Iterations": state.iterations,
         "Residual": state.residual,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,8 @@ from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
 from vtkmuscle.core.coarse import COARSE_ITERATIONS, COARSE_POINTS
 from vtkmuscle.core.muscle_contact import Neighbour
+from vtkmuscle.core.resolution import ReducedMuscle
+from vtkmuscle.core.rest_shape import ShapeReport
 from vtkmuscle.core.solver import MuscleSolver, MuscleState
 from vtkmuscle.core.voxels import DEFAULT_N_MAX
 from vtkmuscle.filters.arrays import (
@@ -35,6 +37,7 @@ from vtkmuscle.filters.moving_bones import RestBones, transforms_of
 from vtkmuscle.filters.neighbours import Neighbours
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
 from vtkmuscle.filters.pipeline_times import times_of
+from vtkmuscle.filters.quality import with_preset
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -283,6 +286,13 @@ class PBDDeformer(Filter):
         doc="Order of projections: edges many at once and the volume last, or all one by one "
         "and the volume before angles and bones (P21), which keeps it less well.",
     )
+    max_triangles: Parameter[int | None] = Parameter(
+        int,
+        default=None,
+        minimum=4,
+        doc="Solve a decimated muscle of so many triangles, about, and carry the full one with it; None "
+        "solves the full one, as where it has no more. Needs the extra 'coarse' (fast-simplification).",
+    )
     penetration = Parameter(
         bool,
         default=False,
@@ -358,8 +368,12 @@ class PBDDeformer(Filter):
         "outside), and ``PenetratingPoints``, how many are inside.",
     )
 
-    def __init__(self, **parameters: Any) -> None:
+    def __init__(self, *, quality: str | None = None, **parameters: Any) -> None:
         self._kept = KeptSolver("PBDDeformer: muscle")
+        self._full: FixedMuscle | None = None
+        self._reduced: ReducedMuscle | None = None
+        self._reduced_to: int | None = None
+        self._carried: tuple[_Frame, Floats] | None = None
         self._rest_bones = RestBones("PBDDeformer: bones")
         self._neighbours: Neighbours | None = None
         self._rest_from: float | None = None
@@ -367,7 +381,7 @@ class PBDDeformer(Filter):
         self._made_with: object = None
         self._steps: tuple[float, ...] = ()
         self._table: ConvergenceTable | None = None
-        super().__init__(**parameters)
+        super().__init__(**with_preset(quality, parameters))
 
     # ---------------------------------------------------------------- time
 
@@ -492,9 +506,30 @@ class PBDDeformer(Filter):
         lines = None
         if fibres is not None and self.anisotropy != "off":
             lines = polylines_of(fibres, "PBDDeformer: fibres")
-        if self._kept.take(FixedMuscle(points, triangles, fixed_to, lines)):
+        full = FixedMuscle(points, triangles, fixed_to, lines)
+        if not full.same_as(self._full) or self.max_triangles != self._reduced_to:
             self._frames.clear()
             self._neighbours = None
+            reduced = self._reduced = self._reduction_of(full)
+            if reduced is None:
+                self._kept.take(full)
+            else:
+                self._kept.take(FixedMuscle(reduced.points, reduced.triangles, reduced.fixed_to, lines))
+            self._full, self._reduced_to = full, self.max_triangles
+
+    def _reduction_of(self, muscle: FixedMuscle) -> ReducedMuscle | None:
+        """Return the muscle of fewer triangles that is to be solved, None where it is the muscle itself."""
+        if self.max_triangles is None or len(muscle.triangles) <= self.max_triangles:
+            return None
+        try:
+            return ReducedMuscle(muscle.points, muscle.triangles, muscle.fixed_to, self.max_triangles)
+        except ModuleNotFoundError as error:
+            raise ModuleNotFoundError(
+                f"PBDDeformer.max_triangles is {self.max_triangles}, which needs the package "
+                "fast-simplification; install it (pip install fast-simplification), or set it to None"
+            ) from error
+        except ValueError as error:
+            raise ValueError(f"PBDDeformer.max_triangles: {error}") from error
 
     def _checked_fixed_to(self, array: NDArray[Any], names: list[str]) -> Ints:
         where = "PBDDeformer: muscle, point array 'FixedTo'"
@@ -578,27 +613,36 @@ class PBDDeformer(Filter):
     # ---------------------------------------------------------------- the result
 
     def _result(self, muscle: vtkPolyData, frame: _Frame) -> vtkPolyData:
-        solver, state = self._made_solver(), frame.state
-        result: vtkPolyData = with_points(muscle, solver.points(state))
-        set_point_array(result, "Displacement", state.positions - solver.rest)
-        set_point_array(result, "Velocity", state.velocities)
+        points, displacement, velocities, _ = self._shape_of(frame)
+        result: vtkPolyData = with_points(muscle, points)
+        set_point_array(result, "Displacement", displacement)
+        set_point_array(result, "Velocity", velocities)
         for name, value in self._convergence(frame).items():
             set_field_array(result, name, value)
         return result
 
+    def _shape_of(self, frame: _Frame) -> tuple[Floats, Floats, Floats, ShapeReport]:
+        """Return points, displacements, velocities and shape of the full muscle."""
+        solver, state, full = self._made_solver(), frame.state, self._full
+        assert full is not None
+        shape = solver.report(state, self._kept.elasticity(self.anisotropy).directions)
+        if self._reduced is None:
+            return solver.points(state), state.positions - solver.rest, state.velocities, shape
+        if self._carried is None or self._carried[0] is not frame:
+            obstacles = self._rest_bones.obstacles if self.collision != "none" else ()
+            self._carried = frame, self._reduced.carry(solver.points(state), state.transforms, obstacles)
+        points = self._carried[1]
+        velocities = self._reduced.carry_vectors(state.velocities)
+        shape = replace(self._reduced.report(points), along=shape.along, across=shape.across)
+        return points, points - full.points, velocities, shape
+
     def _convergence(self, frame: _Frame) -> dict[str, float]:
         """Return the field arrays of a frame's convergence report."""
-        solver, state = self._made_solver(), frame.state
+        points, _, _, shape = self._shape_of(frame)
         depths = None
-        if self.penetration:
-            depths = self._rest_bones.depths(solver.points(state)[solver.fixed_to < 0], state.transforms)
-        return convergence_fields(
-            solver,
-            state,
-            directions=self._kept.elasticity(self.anisotropy).directions,
-            depths=depths,
-            milliseconds=frame.milliseconds,
-        )
+        if self.penetration and self._full is not None:
+            depths = self._rest_bones.depths(points[self._full.fixed_to < 0], frame.state.transforms)
+        return convergence_fields(shape, frame.state, depths=depths, milliseconds=frame.milliseconds)
 
 
 def _time_of(info: Any) -> float | None:

@@ -20,6 +20,7 @@ from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.parameters import Parameter
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
+from vtkmuscle.filters.quality import PRESETS
 from vtkmuscle.pipelines import FIBRE_SETTINGS, TRANSPORT_SETTINGS
 from vtkmuscle.scene.model import MILLIMETRES, Muscle, SceneError
 
@@ -57,6 +58,9 @@ def checked_names(scene: Scene) -> None:
         problem = f"{scene.muscle_contact!r} is not allowed"
         mend = suggestion(str(scene.muscle_contact), MUSCLE_CONTACTS)
         raise SceneError(problem, key="muscle_contact", mend=mend, file=file)
+    if scene.quality is not None and scene.quality not in PRESETS:
+        problem = f"there is no preset {scene.quality!r}"
+        raise SceneError(problem, key="quality", mend=suggestion(str(scene.quality), PRESETS), file=file)
     mend = "use letters, digits, spaces and _ - + . only, beginning and ending with a letter or digit"
     for key, name in [
         ("name", scene.name),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.rigid import RigidMotion
 from vtkmuscle.filters.arrays import blocks_of, multiblock_from
 from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, attachments_of
+from vtkmuscle.filters.quality import PRESETS, with_preset
 
 if TYPE_CHECKING:
     from vtkmuscle.phantoms import Phantom
@@ -103,6 +105,9 @@ class Scene:
     muscle_contact : str
         ``"off"``; ``"on"``, to keep each muscle out of those before it in the scene; or ``"measure"``, to
         report how deep it is in them.
+    quality : str or None
+        A preset of PBDDeformer for all muscles, ``"preview"``, ``"balanced"`` or ``"accurate"``, on top of
+        which come the settings of ``solver`` and of the muscles.
     files : mapping of str to Path
         The file that the value of a dotted key was read from; ``""`` is the scene's own file.
 
@@ -128,6 +133,7 @@ class Scene:
     solver: Mapping[str, Any] = field(default_factory=dict)
     fixing: Mapping[str, Any] = field(default_factory=dict)
     muscle_contact: str = "off"
+    quality: str | None = None
     files: Mapping[str, Path] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -267,14 +273,43 @@ class Scene:
             observe=observe,
         )
 
+    def with_quality(self, quality: str) -> Scene:
+        """Return the scene with another preset.
+
+        Settings that the scene makes itself stay; a warning names those that the preset has as well.
+
+        Parameters
+        ----------
+        quality : str
+            ``"preview"``, ``"balanced"`` or ``"accurate"``.
+
+        Raises
+        ------
+        SceneError
+            If there is no such preset.
+        """
+        changed = replace(self, quality=quality)
+        own = {"solver": self.solver}
+        own |= {f"muscles.{name}.solver": muscle.solver for name, muscle in self.muscles.items()}
+        kept = [
+            f"{key}.{name} = {value!r}"
+            for key, table in own.items()
+            for name, value in table.items()
+            if name in PRESETS[quality] and value != PRESETS[quality][name]
+        ]
+        if kept:
+            message = f"the scene's own settings stay, whatever {quality!r} has for them: {', '.join(kept)}"
+            warnings.warn(message, stacklevel=2)
+        return changed
+
     @property
     def millimetres(self) -> float:
         """Millimetres per unit of length."""
         return MILLIMETRES[self.units]
 
     def solver_of(self, muscle: str) -> dict[str, Any]:
-        """Return the parameters of a muscle's PBDDeformer: the scene's, then the muscle's own."""
-        return {**self.solver, **self.muscles[muscle].solver}
+        """Return the parameters of a muscle's PBDDeformer: the preset's, the scene's, then its own."""
+        return with_preset(self.quality, {**self.solver, **self.muscles[muscle].solver})
 
     def fixing_of(self, muscle: str) -> dict[str, Any]:
         """Return the parameters of a muscle's FixedPointDetector: the scene's, then its own."""

@@ -4,6 +4,7 @@
 
     name = "hip"                       # optional: the file's name
     units = "mm"                       # "mm", "cm" or "m"; optional: "mm"
+    quality = "balanced"               # or "preview", "accurate"; [solver] counts more; optional
     muscle_contact = "off"             # or "on", "measure": each muscle against those before it; optional
 
     [bones.pelvis]
@@ -146,7 +147,7 @@ def read_scene(path: Path) -> Scene:
         path,
         "",
         _parsed(path),
-        ("name", "units", "bones", "motion", "muscles", "solver", "fixing", "muscle_contact"),
+        ("name", "units", "bones", "motion", "muscles", "solver", "fixing", "muscle_contact", "quality"),
     )
     files: dict[str, Path] = {"": path}
     bones = {}
@@ -173,6 +174,7 @@ def read_scene(path: Path) -> Scene:
         solver=root.settings("solver"),
         fixing=root.settings("fixing"),
         muscle_contact=root.text("muscle_contact", '"on"') if "muscle_contact" in root else "off",
+        quality=root.text("quality", '"balanced"') if "quality" in root else None,
         files=files,
     )
 

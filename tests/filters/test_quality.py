@@ -1,0 +1,85 @@
+"""Presets and the number of triangles of PBDDeformer."""
+
+import numpy as np
+import pytest
+
+from vtkmuscle.core import resolution
+from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
+from vtkmuscle.filters.arrays import field_array, point_array, points_of
+from vtkmuscle.filters.quality import PRESETS
+from vtkmuscle.phantoms import spindle_over_hinge
+
+
+@pytest.fixture(scope="module")
+def deformer_of():
+    phantom = spindle_over_hinge()
+    ((name, muscle),) = phantom.muscles.items()
+    fixed = FixedPointDetector()(muscle, phantom.bones, phantom.attachments[name])
+    moving = BoneMotion(motion=phantom.motion)
+    moving.connect(0, phantom.bones)
+
+    def make(**parameters):
+        deformer = PBDDeformer(**parameters)
+        deformer.connect(0, fixed)
+        deformer.connect(1, moving)
+        return deformer
+
+    make.times, make.fixed, make.motion = phantom.motion.times, fixed, phantom.motion
+    return make
+
+
+def test_a_preset_is_its_settings_and_explicit_ones_count_more():
+    for name, settings in PRESETS.items():
+        made = PBDDeformer(quality=name).parameters()
+        assert made == {**PBDDeformer().parameters(), **settings}
+        assert PBDDeformer(**made).parameters() == made
+    assert PBDDeformer(quality="accurate", iterations=10).iterations == 10
+    assert PBDDeformer(quality=None).parameters() == PBDDeformer().parameters()
+
+
+def test_an_unknown_preset_is_refused_with_those_there_are():
+    with pytest.raises(
+        ValueError, match=r"quality is 'best', but must be one of 'preview', 'balanced', 'acc"
+    ):
+        PBDDeformer(quality="best")
+
+
+def test_a_reduced_muscle_carries_the_full_one_near_to_where_it_goes_itself(deformer_of):
+    time = deformer_of.times[6]
+    full = deformer_of(iterations=100).update(time=time).output
+    reduced = deformer_of(iterations=100, max_triangles=600, penetration=True).update(time=time).output
+    rest = points_of(deformer_of.fixed)
+    assert points_of(reduced).shape == rest.shape
+    moved = np.linalg.norm(points_of(full) - rest, axis=1).max()
+    apart = np.linalg.norm(points_of(full) - points_of(reduced), axis=1)
+    assert np.sqrt((apart**2).mean()) < 0.2 * moved
+    assert apart.max() > 1e-3  # it is another solve
+    np.testing.assert_allclose(
+        point_array(reduced, "Displacement", ""), points_of(reduced) - rest, rtol=0, atol=1e-9
+    )
+    assert field_array(reduced, "VolumeRatio")[0] == pytest.approx(1.0, abs=1e-6)
+    fixed_to = point_array(deformer_of.fixed, "FixedTo", "")
+    held = fixed_to >= 0
+    np.testing.assert_allclose(points_of(reduced)[held], points_of(full)[held], atol=1e-9)
+    assert field_array(reduced, "PenetrationMax")[0] < 0.1
+
+
+def test_the_number_of_triangles_can_be_changed_and_none_is_too_many(deformer_of):
+    time = deformer_of.times[1]
+    deformer = deformer_of(iterations=5, max_triangles=600)
+    reduced = points_of(deformer.update(time=time).output).copy()
+    deformer.max_triangles = 10**6
+    full = points_of(deformer.update(time=time).output).copy()
+    np.testing.assert_array_equal(full, points_of(deformer_of(iterations=5).update(time=time).output))
+    assert not np.array_equal(full, reduced)
+    deformer.max_triangles = 600
+    np.testing.assert_array_equal(points_of(deformer.update(time=time).output), reduced)
+
+
+def test_a_muscle_that_falls_apart_is_refused_by_name(deformer_of, monkeypatch):
+    def torn(points, triangles, n_coarse, held):
+        return points, triangles[: 2 * n_coarse]
+
+    monkeypatch.setattr(resolution, "decimate", torn)
+    with pytest.raises(ValueError, match=r"PBDDeformer.max_triangles: .* allow more triangles"):
+        deformer_of(max_triangles=400).update(time=deformer_of.times[1])
