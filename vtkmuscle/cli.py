@@ -9,6 +9,7 @@ import json
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -241,6 +242,10 @@ def tradeoff(
             "--frames", metavar="A:B:STEP", help="Frames to compare. Default: each fifth.", show_default=False
         ),
     ] = None,
+    every: Annotated[
+        int,
+        typer.Option("--every", metavar="N", min=1, help="Leave all but each Nth frame of the motion out."),
+    ] = 1,
     quiet: QuietOption = False,
 ) -> None:
     """Measure what speed costs in accuracy: run a scene with many settings, each against a converged run.
@@ -250,7 +255,7 @@ def tradeoff(
     with _one_clear_error(None):
         from vtkmuscle.run import frame_numbers
         from vtkmuscle.scene import Scene
-        from vtkmuscle.tradeoff import trade_off, write_plots, write_tables
+        from vtkmuscle.tradeoff import thinned, trade_off, write_plots, write_tables
 
         if scene == "demo":
             from vtkmuscle import phantoms
@@ -258,7 +263,9 @@ def tradeoff(
             loaded = Scene.from_phantom(phantoms.hip())
         else:
             loaded = Scene.load(scene)
-        compared = None if frames is None else frame_numbers(frames, len(loaded.motion.times))
+        motion = thinned(loaded.motion, every, len(loaded.motion.times) - 1)
+        loaded = replace(loaded, motion=motion)
+        compared = None if frames is None else frame_numbers(frames, len(motion.times))
         study = trade_off(
             loaded,
             out,

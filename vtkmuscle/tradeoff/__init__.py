@@ -3,5 +3,6 @@
 from vtkmuscle.tradeoff.plots import write_plots
 from vtkmuscle.tradeoff.study import Study, trade_off
 from vtkmuscle.tradeoff.table import write_tables
+from vtkmuscle.tradeoff.trial import thinned
 
-__all__ = ["Study", "trade_off", "write_plots", "write_tables"]
+__all__ = ["Study", "thinned", "trade_off", "write_plots", "write_tables"]

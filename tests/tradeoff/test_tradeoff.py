@@ -1,0 +1,229 @@
+"""The study of speed against accuracy: what it compares, what it writes, and that nothing is run twice."""
+
+import csv
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from tiny_scene import write_tiny_scene
+from typer.testing import CliRunner
+
+from vtkmuscle.cli import app
+from vtkmuscle.filters.quality import PRESETS
+from vtkmuscle.scene import Scene
+from vtkmuscle.tradeoff import study as study_module
+from vtkmuscle.tradeoff import trade_off, write_plots, write_tables
+from vtkmuscle.tradeoff.measures import MEASURES, measured
+from vtkmuscle.tradeoff.memory import peak_memory
+from vtkmuscle.tradeoff.plots import estimates, front
+from vtkmuscle.tradeoff.records import Records
+from vtkmuscle.tradeoff.settings import Setting, grid
+from vtkmuscle.tradeoff.study import chosen
+from vtkmuscle.tradeoff.trial import Bench, MuscleTrial, Trial, thinned, trimmed_mean
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return Scene.load(write_tiny_scene(tmp_path_factory.mktemp("scene")))
+
+
+@pytest.fixture(autouse=True)
+def _short_reference(monkeypatch):
+    monkeypatch.setattr(study_module, "FIRST_ITERATIONS", 50)
+
+
+@pytest.fixture(scope="module")
+def done(scene, tmp_path_factory):
+    out = tmp_path_factory.mktemp("study")
+    settings = [
+        Setting(f"iterations={n}", "iterations", {"iterations": n, "tolerance": 0.0}) for n in (2, 10, 40)
+    ]
+    settings += [Setting("preview", "presets", PRESETS["preview"]), Setting("every=2", "every", every=2)]
+    settings += [
+        Setting("few fibres", "n_fibres", {}, {"n_fibres": 3}),
+        Setting("pruned", "prune", prune=1.0),
+    ]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(study_module, "FIRST_ITERATIONS", 50)
+        patch.setattr(study_module, "grid", lambda: settings)
+        return out, trade_off(scene, out, compared=range(len(scene.motion.times)))
+
+
+def test_every_setting_of_the_grid_can_be_made_and_has_a_name_of_its_own(scene):
+    settings = grid()
+    names = [setting.name for setting in settings]
+    assert len(set(names)) == len(names)
+    assert [setting.name for setting in settings[:3]] == list(PRESETS)
+    for setting in settings:
+        replace(scene, solver=setting.solver)  # raises for what is not allowed
+        if setting.group != "presets" and "," not in setting.name:
+            name, value = setting.name.split("=")
+            assert str({**setting.plain(), **setting.solver, **setting.fibres}[name]) == value
+
+
+def test_more_iterations_come_nearer_to_the_reference_which_has_converged(done):
+    _, study = done
+    rms = {row.setting.name: row.figures["all"]["rms_mm"] for row in study.rows}
+    assert rms["iterations=2"] > rms["iterations=10"] > rms["iterations=40"]
+    assert study.rows[-1].setting.group == "reference"
+    assert study.rows[-1].figures["all"]["rms_mm"] == 0.0
+    assert study.doublings[-1].converged
+    assert study.doublings[-1].rms_mm <= study_module.CONVERGED
+    for row in study.rows:
+        figures = row.figures["all"]
+        assert figures["max_mm"] >= figures["worst_rms_mm"] >= figures["rms_mm"] * (1 - 1e-12)
+        assert figures["volume_error_pct"] < 1e-6
+        assert figures["ms_per_frame"] > 0
+
+
+def test_nothing_is_run_twice_and_what_is_lost_is_run_again(done, scene, monkeypatch):
+    out, study = done
+    ran = []
+    original = Bench.run
+    monkeypatch.setattr(
+        Bench, "run", lambda bench, setting: ran.append(setting.name) or original(bench, setting)
+    )
+    compared = range(len(scene.motion.times))
+    settings = [row.setting for row in study.rows[:-1]]
+    monkeypatch.setattr(study_module, "grid", lambda: settings)
+    again = trade_off(scene, out, compared=compared)
+    assert ran == []
+    assert [row.figures for row in again.rows] == [row.figures for row in study.rows]
+    records = Records(out / "settings", scene, ["spindle"], list(compared))
+    (out / "settings" / f"{records.key(settings[1], study.rows[-1].setting)}.json").unlink()
+    trade_off(scene, out, compared=compared)
+    assert ran == [settings[1].name]
+    assert not list((out / "settings").glob(".*"))
+
+
+def test_the_key_tells_scenes_frames_settings_and_code_apart(scene, tmp_path, monkeypatch):
+    def key(scene=scene, frames=(0, 1), **setting):
+        return Records(tmp_path, scene, ["spindle"], frames).key(Setting("any", "any", **setting))
+
+    keys = [key(), key(frames=(0, 2)), key(prune=1.0), key(solver={"iterations": 2})]
+    keys.append(key(replace(scene, solver={"stiffness": 0.5})))
+    keys.append(key(replace(scene, motion=thinned(scene.motion, 2, 2))))
+    monkeypatch.setattr("vtkmuscle.tradeoff.records.code_digest", lambda: "other")
+    keys.append(key())
+    assert len(set(keys)) == len(keys)
+
+
+def test_tables_and_plots_have_all_settings_and_can_be_read(done):
+    out, study = done
+    paths = write_tables(out, study) + write_plots(out, study)
+    names = {path.name for path in paths}
+    assert names >= {
+        "tradeoff.csv",
+        "estimates.csv",
+        "pareto_rms_mm.svg",
+        "pareto_rms_mm.png",
+        "estimates.svg",
+    }
+    with (out / "tradeoff.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["setting"] for row in rows if row["muscle"] == "all"] == [r.setting.name for r in study.rows]
+    assert {row["muscle"] for row in rows} == {"all", "spindle"}
+    for row, kept in zip(rows, study.rows, strict=False):
+        assert float(row["rms_mm"]) == pytest.approx(kept.figures["all"]["rms_mm"], rel=1e-5)
+    text = (out / "tradeoff.rst").read_text()
+    assert all(f"- {row.setting.name}\n" in text for row in study.rows)
+    for path in paths:
+        if path.suffix == ".svg":
+            assert ElementTree.parse(path).getroot().tag.endswith("svg")
+    before = (out / "pareto_rms_mm.svg").read_bytes()
+    write_plots(out, study)
+    assert (out / "pareto_rms_mm.svg").read_bytes() == before
+
+
+def test_measures_of_a_known_difference():
+    def trial(shift, lengths, depth):
+        frames = [
+            {
+                "time": time,
+                "volume_ratio": 1.0 + shift,
+                "edge_stretch_p95": 1.1,
+                "edge_stretch_max": 2.0,
+                "dihedral_error_p95": 3.0,
+                "penetration_p95_mm": depth,
+                "penetration_max_mm": depth,
+                "estimated_mm": 0.25,
+            }
+            for time in (0.0, 1.0)
+        ]
+        points = np.zeros((2, 4, 3))
+        points[1, :, 0] = shift
+        return MuscleTrial(points, np.array(lengths), frames, 5.0, 1.0, 2.0)
+
+    exact = Trial({"a": trial(0.0, [[10.0, 20.0]] * 2, None), "b": trial(0.0, [[1.0, 1.0]] * 2, 0.0)}, 1.0)
+    other = Trial({"a": trial(3.0, [[16.0]] * 2, None), "b": trial(4.0, [[1.0, 1.0]] * 2, 0.5)}, 2.0)
+    figures = measured(other, exact)
+    assert figures["all"]["rms_mm"] == pytest.approx(2.5)  # sqrt of the mean of 9/2 and 16/2
+    assert figures["all"]["worst_rms_mm"] == pytest.approx(4 / np.sqrt(2))
+    assert figures["all"]["max_mm"] == 4.0
+    assert figures["all"]["ms_per_frame"] == 10.0
+    assert figures["all"]["volume_error_pct"] == pytest.approx(400.0)
+    assert figures["all"]["penetration_max_mm"] == 0.5
+    assert figures["muscles"]["a"]["penetration_max_mm"] is None
+    assert figures["all"]["fibre_length_mm"] == pytest.approx(1.0)
+    assert figures["all"]["memory_mb"] == 2.0
+    assert [frame["rms_mm"] for frame in figures["muscles"]["a"]["frames"]] == [0.0, 3.0]
+    assert {measure.name for measure in MEASURES} <= set(figures["all"])
+
+
+def test_front_and_means():
+    assert front([3.0, 1.0, 2.0, 4.0], [1.0, 5.0, 6.0, 1.0]) == [1, 0]
+    assert trimmed_mean([1.0] * 18 + [100.0, 0.0]) == 1.0
+    assert trimmed_mean([3.0]) == 3.0
+
+
+def test_estimates_leave_out_other_models_and_the_pose_at_rest(done):
+    _, study = done
+    pairs = estimates(study.rows, "spindle")
+    frames = len(study.rows[0].figures["muscles"]["spindle"]["frames"])
+    assert 0 < len(pairs) <= 4 * (frames - 1)
+    assert (pairs[:, 0] > 0.005).all()
+
+
+def test_thinned_motions_end_where_they_did(scene):
+    motion = thinned(scene.motion, 2, 3)
+    np.testing.assert_array_equal(motion.times, scene.motion.times[[0, 2, 3]])
+    for bone, pose in motion.at(motion.times[-1]).items():
+        np.testing.assert_array_equal(pose, scene.motion.at(scene.motion.times[3])[bone])
+
+
+def test_peak_memory_sees_what_was_freed_again():
+    with peak_memory() as peak:
+        block = np.ones(20_000_000)
+        del block
+    if peak.megabytes is None:
+        pytest.skip("the system does not tell")
+    assert 150 < peak.megabytes < 250
+
+
+def test_settings_are_chosen_by_group_or_name():
+    settings = grid()
+    assert [s.name for s in chosen(settings, ["presets"])] == list(PRESETS)
+    assert {s.group for s in chosen(settings, ["iterations", "prune=1"])} == {"iterations", "prune"}
+    with pytest.raises(ValueError, match=r"no setting is called 'iteratons'; there are groups presets, iter"):
+        chosen(settings, ["iteratons"])
+
+
+def test_the_command_says_what_it_found_and_refuses_an_unknown_muscle(tmp_path):
+    file = write_tiny_scene(tmp_path / "scene")
+    arguments = [
+        "tradeoff",
+        str(file),
+        "--out",
+        str(tmp_path / "out"),
+        "--only",
+        "presets",
+        "--frames",
+        "0:3",
+    ]
+    run = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert run.exit_code == 0, run.output
+    assert "100 iterations instead of 50 move the reference by" in run.output
+    assert (tmp_path / "out/tradeoff.md").read_text().count("\n| ") == 5
+    refused = CliRunner().invoke(app, [*arguments, "--muscle", "psoas"], catch_exceptions=False)
+    assert refused.exit_code == 2
