@@ -34,7 +34,8 @@ extensions = [
 ]
 
 templates_path = ["_templates"]
-exclude_patterns = ["_build", "**.ipynb", "gallery/*.md5"]
+# The tables of docs/tradeoff are included in a page.
+exclude_patterns = ["_build", "**.ipynb", "gallery/*.md5", "tradeoff/*/*.rst"]
 html_theme = "pydata_sphinx_theme"
 html_title = "vtkmuscle"
 html_theme_options = {"show_prev_next": False, "show_toc_level": 2}
