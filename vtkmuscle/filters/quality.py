@@ -8,7 +8,7 @@ from typing import Any
 
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
-        "preview": {"iterations": 15},
+        "preview": {"iterations": 25, "max_triangles": 1000},
         "balanced": {"iterations": 400, "tolerance": 0.3},
         "accurate": {"iterations": 1000, "tolerance": 0.05},
     }

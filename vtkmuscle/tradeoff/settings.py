@@ -111,7 +111,7 @@ def _products() -> list[Setting]:
                 Setting(_words(changes), f"gauss-seidel, {dtype}", {**PRESETS[CENTRE], **changes})
             )
     for triangles in (1000, 2000):
-        for iterations in (5, 10, 200):
+        for iterations in (10, 25, 200):
             changes = {"max_triangles": triangles, "iterations": iterations, "tolerance": 0.0}
             settings.append(
                 Setting(_words(changes), f"max_triangles={triangles}", {**PRESETS[CENTRE], **changes})
