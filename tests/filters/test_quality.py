@@ -1,5 +1,7 @@
 """Presets and the number of triangles of PBDDeformer."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -83,3 +85,26 @@ def test_a_muscle_that_falls_apart_is_refused_by_name(deformer_of, monkeypatch):
     monkeypatch.setattr(resolution, "decimate", torn)
     with pytest.raises(ValueError, match=r"PBDDeformer.max_triangles: .* allow more triangles"):
         deformer_of(max_triangles=400).update(time=deformer_of.times[1])
+
+
+def test_a_reduced_muscle_can_start_from_a_coarser_one_still(deformer_of):
+    time = deformer_of.times[3]
+    settings = {"iterations": 5, "max_triangles": 600}
+    blended = deformer_of(**settings).update(time=time).output
+    started = deformer_of(**settings, start="coarse", coarse_points=100).update(time=time).output
+    assert np.abs(points_of(started) - points_of(blended)).max() > 1e-2
+    assert field_array(started, "VolumeRatio")[0] == pytest.approx(1.0, abs=1e-6)
+    converged = points_of(deformer_of(iterations=300, max_triangles=600).update(time=time).output)
+    assert _rms(points_of(started) - converged) < _rms(points_of(blended) - converged)
+
+
+def _rms(differences):
+    return np.sqrt((differences**2).sum(axis=1).mean())
+
+
+def test_a_reduced_muscle_says_what_it_needs(deformer_of, monkeypatch):
+    monkeypatch.setitem(sys.modules, "fast_simplification", None)
+    with pytest.raises(
+        ModuleNotFoundError, match=r"PBDDeformer.max_triangles is 600, .* fast-simplification"
+    ):
+        deformer_of(max_triangles=600).update(time=deformer_of.times[1])

@@ -12,11 +12,11 @@ from typer.testing import CliRunner
 from vtkmuscle.cli import app
 from vtkmuscle.filters.quality import PRESETS
 from vtkmuscle.scene import Scene
+from vtkmuscle.tradeoff import plots, trade_off, write_plots, write_tables
 from vtkmuscle.tradeoff import study as study_module
-from vtkmuscle.tradeoff import trade_off, write_plots, write_tables
-from vtkmuscle.tradeoff.measures import MEASURES, measured
+from vtkmuscle.tradeoff.measures import ERRORS, MEASURES, measured
 from vtkmuscle.tradeoff.memory import peak_memory
-from vtkmuscle.tradeoff.plots import estimates, front
+from vtkmuscle.tradeoff.plots import FORMATS, estimates, front
 from vtkmuscle.tradeoff.records import Records
 from vtkmuscle.tradeoff.settings import Setting, grid
 from vtkmuscle.tradeoff.study import chosen
@@ -109,16 +109,16 @@ def test_the_key_tells_scenes_frames_settings_and_code_apart(scene, tmp_path, mo
     assert len(set(keys)) == len(keys)
 
 
-def test_tables_and_plots_have_all_settings_and_can_be_read(done):
+def test_tables_and_plots_have_all_settings_and_can_be_read(done, monkeypatch):
     out, study = done
+    # One with a logarithm and one without; the test of the command draws them all.
+    drawn = [measure for measure in ERRORS if measure.name in ("rms_mm", "edge_stretch_p95")]
+    monkeypatch.setattr(plots, "ERRORS", drawn)
     paths = write_tables(out, study) + write_plots(out, study)
     names = {path.name for path in paths}
-    assert names >= {
-        "tradeoff.csv",
-        "estimates.csv",
-        "pareto_rms_mm.svg",
-        "pareto_rms_mm.png",
-        "estimates.svg",
+    plotted = [f"pareto_{measure.name}" for measure in drawn] + ["estimates"]
+    assert names >= {"tradeoff.csv", "estimates.csv"} | {
+        f"{name}.{kind}" for name in plotted for kind in FORMATS
     }
     with (out / "tradeoff.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -132,6 +132,7 @@ def test_tables_and_plots_have_all_settings_and_can_be_read(done):
         if path.suffix == ".svg":
             assert ElementTree.parse(path).getroot().tag.endswith("svg")
     before = (out / "pareto_rms_mm.svg").read_bytes()
+    monkeypatch.setattr(plots, "ERRORS", drawn[:1])
     write_plots(out, study)
     assert (out / "pareto_rms_mm.svg").read_bytes() == before
 
@@ -225,5 +226,7 @@ def test_the_command_says_what_it_found_and_refuses_an_unknown_muscle(tmp_path):
     assert run.exit_code == 0, run.output
     assert "100 iterations instead of 50 move the reference by" in run.output
     assert (tmp_path / "out/tradeoff.md").read_text().count("\n| ") == 5
+    drawn = {path.name for path in (tmp_path / "out").glob("pareto_*")}
+    assert drawn == {f"pareto_{measure.name}.{kind}" for measure in ERRORS for kind in FORMATS}
     refused = CliRunner().invoke(app, [*arguments, "--muscle", "psoas"], catch_exceptions=False)
     assert refused.exit_code == 2
