@@ -103,7 +103,8 @@ class ReducedMuscle:
         """Take points (n, 3) out of the bones, and give the muscle its volume, by the others."""
         if self._barrier is None or tuple(obstacles) != self._barrier.obstacles:
             rest = self._full - self._centre
-            self._barrier = Barrier(obstacles, rest, self._centre, self._free, bone_push=False)
+            # The reduced muscle's solver warns of what is odd at a bone.
+            self._barrier = Barrier(obstacles, rest, self._centre, self._free, bone_push=False, warns=False)
         contact = Contact(self._barrier, now, now, p.copy())
         hit = np.zeros(len(p), dtype=np.bool_)
         gradient = np.empty_like(p)
