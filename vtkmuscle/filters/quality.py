@@ -8,9 +8,9 @@ from typing import Any
 
 #: Measured on the phantom hip in steps of 10 degrees, all three muscles, by
 #: ``vtkmuscle tradeoff demo --every 5 --frames 0:10 --only presets``: processor time per step, and RMS
-#: distance to the converged solve, of all muscles and of the worst: ``preview`` 59 ms, 3.1 and 3.8 mm;
-#: ``balanced`` 242 ms, 0.20 and 0.32 mm; ``accurate`` 344 ms, 0.02 and 0.03 mm. The volume is kept to 1e-12,
-#: points end at most 0.04 mm in a bone.
+#: distance to the converged solve, of all muscles and of the worst: ``preview`` 91 ms, 3.1 and 3.9 mm;
+#: ``balanced`` 245 ms, 0.20 and 0.29 mm; ``accurate`` 346 ms, 0.03 and 0.04 mm, which is as much as the
+#: converged solve is uncertain by. The volume is kept to 1e-12, points end at most 0.04 mm in a bone.
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "preview": {"iterations": 25, "max_triangles": 1000},
