@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -84,8 +85,8 @@ def test_every_public_name_is_in_the_api_reference():
     names = {*vtkmuscle.__all__, *vtkmuscle.filters.__all__} - {"__version__", "filters"}
     assert names <= listed
     modules = [import_module("vtkmuscle"), import_module("vtkmuscle.filters")]
-    for name in listed - {"core", "io"}:
-        assert any(hasattr(module, name) for module in modules), name
+    for name in listed - {"core"}:
+        assert any(hasattr(module, name) for module in modules) or find_spec(f"vtkmuscle.{name}"), name
 
 
 def test_versions_agree():
