@@ -128,7 +128,7 @@ class PBDDeformer(Filter):
     ``"voxel"`` (P21) takes them back the way they came, which leaves dents and spikes where a muscle is drawn
     over a bone. ``bone_push="transform"`` (P21) then lets points in a bone's outermost voxels stick to it and
     be drawn into the joint; ``"off"`` leaves them where the other constraints have them, which on that hip
-    left up to 5.5 mm of the iliacus within the bones (4.8 mm with ``solver="anderson"``).
+    left up to 0.5 mm of the iliacus within the bones (5.5 mm from ``start="blend"``).
 
     Muscles on port 3 stay as they are; this one is kept out of them, except as deep as it is in them at rest.
     So muscles are put in an order, in which each yields to those before it; ``vtkGroupDataSetsFilter`` makes
