@@ -18,6 +18,9 @@ from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
 from vtkmuscle.filters.arrays import points_of
 from vtkmuscle.phantoms import spindle_over_hinge
 
+# A shell's background job ignores Ctrl-C, and what it starts inherits that.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
 phantom = spindle_over_hinge()
 (name, muscle), = phantom.muscles.items()
 fixed = FixedPointDetector()(muscle, phantom.bones, phantom.attachments[name])
