@@ -12,6 +12,15 @@ from vtkmodules.vtkCommonCore import vtkObject
 from vtkmuscle.filters.failure_messages import failure_messages_off, silence_after_failure
 from vtkmuscle.filters.interrupts import interrupts_deferred
 
+
+@pytest.fixture(autouse=True)
+def ctrl_c_counts():
+    """Pytest may itself run where a background job's Ctrl-C is ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 SETTING = """
 import os, signal, threading
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
