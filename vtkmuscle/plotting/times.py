@@ -29,7 +29,9 @@ def show_time(plotter: pyvista.Plotter, time: float) -> None:
         Whatever a filter raised.
     """
     for renderer in plotter.renderers:
-        for actor in renderer.actors.values():
+        # Not renderer.actors: its keys are names made of the addresses of data sets that may be gone, so that
+        # of two actors with one name it has the last one alone.
+        for actor in renderer.GetViewProps():
             mapper = actor.GetMapper() if hasattr(actor, "GetMapper") else None
             if mapper is None or not mapper.GetNumberOfInputConnections(0):
                 continue
