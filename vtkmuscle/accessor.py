@@ -93,9 +93,7 @@ class MuscleAccessor:
         ValueError
             If a bone is not named, or as FixedPointDetector.
         """
-        bones = _blocks(bones)
-        names = [name for name, _ in blocks_of(bones)]
-        areas = _areas(origin, insertion, attachments, names)
+        bones, areas = _at_rest(bones, origin, insertion, attachments)
         return FixedPointDetector(**parameters).apply(self._mesh, bones, areas)
 
     def deform(
@@ -139,9 +137,7 @@ class MuscleAccessor:
         ValueError
             As FixedPointDetector and PBDDeformer.
         """
-        bones = _blocks(bones)
-        names = [name for name, _ in blocks_of(bones)]
-        areas = _areas(origin, insertion, attachments, names)
+        bones, areas = _at_rest(bones, origin, insertion, attachments)
         fixed = None if areas is None and "FixedTo" in self._mesh.point_data else "attachment"
         chain = deform(self._mesh, bones, motion, areas, fibres=fibres, fixed=fixed, **solver)
         return chain.apply(time=float(motion.times[-1]) if time is None else time)
@@ -202,8 +198,12 @@ class MuscleAccessor:
         return FibreTubes(**parameters).apply(self._mesh)
 
 
-def _blocks(bones: Any) -> Any:
-    return pyvista.MultiBlock(dict(bones)) if isinstance(bones, Mapping) else bones
+def _at_rest(
+    bones: Any, origin: Landmarks, insertion: Landmarks, attachments: vtkMultiBlockDataSet | None
+) -> tuple[Any, vtkMultiBlockDataSet | None]:
+    """Return bones and attachment areas as filters take them."""
+    blocks = pyvista.MultiBlock(dict(bones)) if isinstance(bones, Mapping) else bones
+    return blocks, _areas(origin, insertion, attachments, [name for name, _ in blocks_of(blocks)])
 
 
 def _areas(

@@ -5,13 +5,14 @@ Nothing heavy is imported before a command needs it, so that ``vtkmuscle --help`
 
 from __future__ import annotations
 
+import inspect
 import json
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 from rich.console import Console
@@ -41,50 +42,75 @@ OutOption = Annotated[
     Path | None, typer.Option("--out", "-o", help="Folder to write to.", show_default=False)
 ]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and warnings only.")]
-FiguresOption = Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")]
-FormatOption = Annotated[
-    str,
-    typer.Option(
-        "--format", metavar="pvd|vtkhdf", help="Time series: a .vtp file per frame, or one file for all."
-    ),
-]
-FramesOption = Annotated[
-    str | None,
-    typer.Option(
-        "--frames",
-        metavar="A:B",
-        help="Frames to write, counted from 0; B is not included. Default: all.",
-        show_default=False,
-    ),
-]
 
-WorkersOption = Annotated[
-    int | None,
-    typer.Option(
-        "--workers",
-        metavar="N",
-        min=1,
-        help="Muscles that are deformed side by side; the results are the same. Default: one per processor.",
-        show_default=False,
-    ),
-]
-VerboseOption = Annotated[
-    bool,
-    typer.Option(
-        "--verbose",
-        help="Print figures of each frame as it is done: how far the solve got, how the shape was kept.",
-    ),
-]
 
-QualityOption = Annotated[
-    str | None,
-    typer.Option(
-        "--quality",
-        metavar="preview|balanced|accurate",
-        help="Preset of the solver, in place of the scene's; what the scene's [solver] sets stays.",
-        show_default=False,
-    ),
-]
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """The options of commands that run a scene."""
+
+    frames: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A:B",
+            help="Frames to write, counted from 0; B is not included. Default: all.",
+            show_default=False,
+        ),
+    ] = None
+    quiet: QuietOption = False
+    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")] = True
+    series: Annotated[
+        str,
+        typer.Option(
+            "--format", metavar="pvd|vtkhdf", help="Time series: a .vtp file per frame, or one file for all."
+        ),
+    ] = "pvd"
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=1,
+            help="Muscles that are deformed side by side; the results are the same. "
+            "Default: one per processor.",
+            show_default=False,
+        ),
+    ] = None
+    verbose: Annotated[
+        bool,
+        typer.Option(
+            "--verbose",
+            help="Print figures of each frame as it is done: how far the solve got, how the shape was kept.",
+        ),
+    ] = False
+    quality: Annotated[
+        str | None,
+        typer.Option(
+            metavar="preview|balanced|accurate",
+            help="Preset of the solver, in place of the scene's; what the scene's solver table sets stays.",
+            show_default=False,
+        ),
+    ] = None
+
+
+def _with_run_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Spell out a command's last parameter, ``options``, for typer, which reads the signature."""
+    own = inspect.signature(command, eval_str=True)
+    *before, _ = own.parameters.values()
+    hints = get_type_hints(RunOptions, include_extras=True)
+    spelt = [
+        inspect.Parameter(
+            option.name, inspect.Parameter.KEYWORD_ONLY, default=option.default, annotation=hints[option.name]
+        )
+        for option in fields(RunOptions)
+    ]
+
+    def spelt_out(*arguments: Any, **keywords: Any) -> None:
+        options = RunOptions(**{option.name: keywords.pop(option.name) for option in fields(RunOptions)})
+        command(*arguments, **keywords, options=options)
+
+    spelt_out.__name__, spelt_out.__doc__ = command.__name__, command.__doc__
+    spelt_out.__signature__ = own.replace(parameters=[*before, *spelt])  # type: ignore[attr-defined]
+    spelt_out.__annotations__ = {one.name: one.annotation for one in (*before, *spelt)}
+    return spelt_out
 
 
 def main() -> None:
@@ -108,16 +134,12 @@ def _options(
 
 
 @app.command()
+@_with_run_options
 def run(
     scene: Annotated[Path, typer.Argument(help="A scene.toml.", show_default=False)],
     out: OutOption = None,
-    frames: FramesOption = None,
-    quiet: QuietOption = False,
-    figures: FiguresOption = True,
-    series: FormatOption = "pvd",
-    workers: WorkersOption = None,
-    verbose: VerboseOption = False,
-    quality: QualityOption = None,
+    *,
+    options: RunOptions,
 ) -> None:
     """Run a scene: deform its muscles, carry their fibres along, measure, and write all of it.
 
@@ -127,29 +149,15 @@ def run(
         from vtkmuscle.scene import Scene
 
         loaded = Scene.load(scene)
-    _run(
-        loaded,
-        out or Path(f"{loaded.name}_out"),
-        frames=frames,
-        quiet=quiet,
-        figures=figures,
-        series=series,
-        workers=workers,
-        verbose=verbose,
-        quality=quality,
-    )
+    _run(loaded, out or Path(f"{loaded.name}_out"), options)
 
 
 @app.command()
+@_with_run_options
 def demo(
     out: OutOption = None,
-    frames: FramesOption = None,
-    quiet: QuietOption = False,
-    figures: FiguresOption = True,
-    series: FormatOption = "pvd",
-    workers: WorkersOption = None,
-    verbose: VerboseOption = False,
-    quality: QualityOption = None,
+    *,
+    options: RunOptions,
 ) -> None:
     """Run a phantom hip, and write its scene too, as a model for your own.
 
@@ -163,19 +171,9 @@ def demo(
 
         path = Scene.from_phantom(phantoms.hip()).save(RunFolder(folder).path / "scene")
         loaded = Scene.load(path)
-    _say(quiet, f"The scene is {path}: edit it, or put your own surfaces there, and run it with")
-    _say(quiet, f"  vtkmuscle run {path}")
-    _run(
-        loaded,
-        folder,
-        frames=frames,
-        quiet=quiet,
-        figures=figures,
-        series=series,
-        workers=workers,
-        verbose=verbose,
-        quality=quality,
-    )
+    _say(options.quiet, f"The scene is {path}: edit it, or put your own surfaces there, and run it with")
+    _say(options.quiet, f"  vtkmuscle run {path}")
+    _run(loaded, folder, options)
 
 
 @app.command()
@@ -303,31 +301,20 @@ def paraview_path(
         typer.echo(command)
 
 
-def _run(
-    scene: Scene,
-    out: Path,
-    *,
-    frames: str | None,
-    quiet: bool,
-    figures: bool,
-    series: str,
-    workers: int | None,
-    verbose: bool,
-    quality: str | None,
-) -> None:
-    if quality is not None:
+def _run(scene: Scene, out: Path, options: RunOptions) -> None:
+    if options.quality is not None:
         with _one_clear_error(None):
-            scene = scene.with_quality(quality)
+            scene = scene.with_quality(options.quality)
     console = Console(stderr=True)
-    with _one_clear_error(out), _progress_bars(list(scene.muscles), console, quiet=quiet) as progress:
+    with _one_clear_error(out), _progress_bars(list(scene.muscles), console, quiet=options.quiet) as progress:
         result = scene.run(
             out,
-            frames=frames,
-            figures=figures,
+            frames=options.frames,
+            figures=options.figures,
             progress=progress,
-            workers=workers,
-            series=series,
-            observe=_table(list(scene.muscles), console) if verbose else None,
+            workers=options.workers,
+            series=options.series,
+            observe=_table(list(scene.muscles), console) if options.verbose else None,
         )
     rows = result.report["muscles"]
     for name, muscle in rows.items():
@@ -335,10 +322,10 @@ def _run(
         depths = [row["penetration_max_mm"] for row in muscle["frames"]]
         deepest = "" if None in depths else f", at most {max(depths):.2f} mm inside a bone"
         error = max(abs(volume - 1.0) for volume in volumes)
-        _say(quiet, f"{name}: {len(volumes)} frames, volume within {error:.2%}{deepest}")
-    _say(quiet, f"{result.report['seconds']['total']:.1f} s. Results are in {out}:")
-    files = ", ".join(f"{name}.{series}" for name in ("NAME", "NAME_fibres", "bones"))
-    _say(quiet, f"  report.json, lengths.csv, figures/, and {files} for ParaView")
+        _say(options.quiet, f"{name}: {len(volumes)} frames, volume within {error:.2%}{deepest}")
+    _say(options.quiet, f"{result.report['seconds']['total']:.1f} s. Results are in {out}:")
+    files = ", ".join(f"{name}.{options.series}" for name in ("NAME", "NAME_fibres", "bones"))
+    _say(options.quiet, f"  report.json, lengths.csv, figures/, and {files} for ParaView")
 
 
 def _table(muscles: list[str], console: Console) -> Callable[[str, Mapping[str, Any]], None]:

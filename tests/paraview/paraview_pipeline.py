@@ -6,38 +6,26 @@ from pathlib import Path
 
 import paraview.simple as pv
 from paraview import servermanager
-from scene_on_disk import N_FIBRES, RADIUS, TIMES, points
+from scene_on_disk import TIMES, pipeline, points
 
 
-def pipeline(folder):
-    muscle = pv.XMLPolyDataReader(FileName=[str(folder / "muscle.vtp")])
-    bones = pv.XMLMultiBlockDataReader(FileName=[str(folder / "bones.vtm")])
-    attachments = pv.XMLMultiBlockDataReader(FileName=[str(folder / "attachments.vtm")])
-    moving = pv.BoneMotion(Bones=bones, Motion=str(folder / "scene/scene.toml"))
-    fixed = pv.FixedPointDetector(Muscle=muscle, Bones=bones, Attachments=attachments)
-    deformed = pv.PBDDeformer(Muscle=fixed, Bones=moving)
-    template = pv.FibreTemplateSource(NFibres=N_FIBRES)
-    fitted = pv.TemplateFitter(Template=template, Muscle=muscle, Attachments=attachments)
-    morphed = pv.SliceMorpher(Template=fitted, Muscle=muscle)
-    trimmed = pv.FibreTrimmer(Fibres=morphed, Muscle=muscle, Attachments=attachments)
-    smoothed = pv.FibreSmoother(Fibres=trimmed)
-    carried = pv.FibreTransport(RestFibres=smoothed, RestMuscle=muscle, DeformedMuscle=deformed)
-    measured = pv.FibreMetrics(Fibres=carried)
-    return {
-        "moving": moving,
-        "fixed": fixed,
-        "deformed": deformed,
-        "template": template,
-        "fitted": fitted,
-        "morphed": morphed,
-        "carried": carried,
-        "measured": measured,
-        "tubes": pv.FibreTubes(Fibres=measured, Radius=RADIUS),
-    }
+def made(name, **values):
+    """Return a proxy with inputs and properties, whose names have no underscores here."""
+    return getattr(pv, name)(**{key.title().replace("_", ""): value for key, value in values.items()})
+
+
+def pipeline_of_proxies(folder):
+    return pipeline(
+        made,
+        pv.XMLPolyDataReader(FileName=[str(folder / "muscle.vtp")]),
+        pv.XMLMultiBlockDataReader(FileName=[str(folder / "bones.vtm")]),
+        pv.XMLMultiBlockDataReader(FileName=[str(folder / "attachments.vtm")]),
+        str(folder / "scene/scene.toml"),
+    )
 
 
 def main(folder, file):
-    chain = pipeline(folder)
+    chain = pipeline_of_proxies(folder)
     found = {}
     for time in TIMES:
         for name, proxy in chain.items():

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import paraview.simple as pv
 from paraview import servermanager
-from paraview_pipeline import pipeline
+from paraview_pipeline import pipeline_of_proxies
 from scene_on_disk import TIMES, points
 
 from vtkmuscle.paraview.properties import camel_case, plain
@@ -93,7 +93,7 @@ def check_scene(folder, chain):
 
 def main(folder):
     check_declarations()
-    chain = pipeline(folder)
+    chain = pipeline_of_proxies(folder)
     check_scene(folder, chain)
     check_refusal(chain)
     check_abort(chain)

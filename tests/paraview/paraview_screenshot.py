@@ -4,12 +4,12 @@ import sys
 from pathlib import Path
 
 import paraview.simple as pv
-from paraview_pipeline import pipeline
+from paraview_pipeline import pipeline_of_proxies
 from scene_on_disk import TIMES
 
 
 def main(folder, picture):
-    chain = pipeline(folder)
+    chain = pipeline_of_proxies(folder)
     view = pv.CreateView("RenderView")
     view.ViewSize = [600, 600]
     view.Background = [1.0, 1.0, 1.0]

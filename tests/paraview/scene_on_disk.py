@@ -2,20 +2,7 @@
 
 from vtkmodules.vtkIOXML import vtkXMLMultiBlockDataReader, vtkXMLMultiBlockDataWriter
 
-from vtkmuscle import Scene
-from vtkmuscle.filters import (
-    BoneMotion,
-    FibreMetrics,
-    FibreSmoother,
-    FibreTemplateSource,
-    FibreTransport,
-    FibreTrimmer,
-    FibreTubes,
-    FixedPointDetector,
-    PBDDeformer,
-    SliceMorpher,
-    TemplateFitter,
-)
+from vtkmuscle import Scene, filters
 from vtkmuscle.filters.arrays import points_of
 from vtkmuscle.io import read_polydata, write_polydata
 from vtkmuscle.scene.reading import read_motion
@@ -44,27 +31,18 @@ def blocks(path):
     return reader.GetOutputDataObject(0)
 
 
-def connected(kind, *inputs, **parameters):
-    made = kind(**parameters)
-    for port, value in enumerate(inputs):
-        made.connect(port, value)
-    return made
-
-
-def pipeline(folder):
-    """Return the chain that paraview_pipeline.py builds, as filters by the names of its results."""
-    muscle = read_polydata(folder / "muscle.vtp")
-    bones, attachments = blocks(folder / "bones.vtm"), blocks(folder / "attachments.vtm")
-    moving = connected(BoneMotion, bones, motion=read_motion(folder / "scene/scene.toml"))
-    fixed = connected(FixedPointDetector, muscle, bones, attachments)
-    deformed = connected(PBDDeformer, fixed, moving)
-    template = FibreTemplateSource(n_fibres=N_FIBRES)
-    fitted = connected(TemplateFitter, template, muscle, attachments)
-    morphed = connected(SliceMorpher, fitted, muscle)
-    trimmed = connected(FibreTrimmer, morphed, muscle, attachments)
-    smoothed = connected(FibreSmoother, trimmed)
-    carried = connected(FibreTransport, smoothed, muscle, deformed)
-    measured = connected(FibreMetrics, carried)
+def pipeline(made, muscle, bones, attachments, motion):
+    """Return a chain of filters by the names of its results; they are made by name, with inputs by port."""
+    moving = made("BoneMotion", bones=bones, motion=motion)
+    fixed = made("FixedPointDetector", muscle=muscle, bones=bones, attachments=attachments)
+    deformed = made("PBDDeformer", muscle=fixed, bones=moving)
+    template = made("FibreTemplateSource", n_fibres=N_FIBRES)
+    fitted = made("TemplateFitter", template=template, muscle=muscle, attachments=attachments)
+    morphed = made("SliceMorpher", template=fitted, muscle=muscle)
+    trimmed = made("FibreTrimmer", fibres=morphed, muscle=muscle, attachments=attachments)
+    smoothed = made("FibreSmoother", fibres=trimmed)
+    carried = made("FibreTransport", rest_fibres=smoothed, rest_muscle=muscle, deformed_muscle=deformed)
+    measured = made("FibreMetrics", fibres=carried)
     return {
         "moving": moving,
         "fixed": fixed,
@@ -74,8 +52,29 @@ def pipeline(folder):
         "morphed": morphed,
         "carried": carried,
         "measured": measured,
-        "tubes": connected(FibreTubes, measured, radius=RADIUS),
+        "tubes": made("FibreTubes", fibres=measured, radius=RADIUS),
     }
+
+
+def made_in_python(name, **values):
+    """Return a filter with inputs and parameters."""
+    kind = getattr(filters, name)
+    ports = {port.name: number for number, port in enumerate(kind.input_ports)}
+    algorithm = kind(**{key: value for key, value in values.items() if key not in ports})
+    for key in ports.keys() & values.keys():
+        algorithm.connect(ports[key], values[key])
+    return algorithm
+
+
+def pipeline_in_python(folder):
+    """Return the chain over a folder that was written."""
+    return pipeline(
+        made_in_python,
+        read_polydata(folder / "muscle.vtp"),
+        blocks(folder / "bones.vtm"),
+        blocks(folder / "attachments.vtm"),
+        read_motion(folder / "scene/scene.toml"),
+    )
 
 
 def points(data):

@@ -59,7 +59,7 @@ def run(environment, *command, cwd=None):
 def test_the_pipeline_gives_the_points_that_plain_python_gives(environment, scene, tmp_path):
     run(environment, "pvpython", HERE / "paraview_pipeline.py", scene, tmp_path / "points.json")
     there = json.loads((tmp_path / "points.json").read_text(encoding="utf-8"))
-    chain = scene_on_disk.pipeline(scene)
+    chain = scene_on_disk.pipeline_in_python(scene)
     assert there.pop("time steps") == chain["moving"].motion.times.tolist()
     here = scene_on_disk.results(chain)
     assert list(there) == list(here)
