@@ -11,36 +11,72 @@ import pytest
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 
 
-@pytest.fixture(scope="module")
-def guard():
-    """The guard of the benchmarks."""
+@pytest.fixture(scope="module", autouse=True)
+def _benchmarks():
+    """Let the benchmarks be imported."""
     if not FOLDER.is_dir():
         pytest.skip("the benchmarks are not here")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "path", [str(FOLDER), *sys.path])
-        import guard
-
-        yield guard
+        yield
 
 
-def test_work_and_memory_are_no_more_than_committed(guard):
+@pytest.fixture(scope="module")
+def work():
+    """How often what is done in a run."""
+    import work_counts
+
+    return work_counts.work()
+
+
+@pytest.fixture
+def guard():
+    """The guard of the benchmarks."""
+    import guard
+
+    return guard
+
+
+def test_work_and_memory_are_no_more_than_committed(guard, work):
     """Projections, collision passes and executions per run, and bytes per point, whatever the machine."""
+    from work_counts import memory
+
     committed = json.loads(guard.COMMITTED.read_text(encoding="utf-8"))
-    now = guard.counts()
+    now = {**work, "bytes per point of a step": memory()}
     assert guard.regressions({"counts": now}, committed) == []
     assert set(now) == set(committed["counts"]), "run benchmarks/guard.py --update"
 
 
-def test_an_iteration_is_faster_than_the_naive_one(guard):
+def test_an_iteration_is_faster_than_the_naive_one():
     """4.1 times were measured; a machine that does other things is left a margin of 2."""
-    times = guard.interleaved(
-        {"naive": guard.naive_iteration_of(20_000), "fast": guard.iteration_of(20_000)}, rounds=15
-    )
+    from problems import iteration_of, naive_iteration_of
+    from timing import interleaved
+
+    times = interleaved({"naive": naive_iteration_of(20_000), "fast": iteration_of(20_000)}, rounds=15)
     assert times["naive"] > 2.0 * times["fast"]
 
 
 def test_time_of_an_iteration_grows_with_the_triangles(guard):
-    assert guard.power({n: guard.iteration_of(n) for n in (5_000, 50_000)}, 15) < 1.3
+    from problems import iteration_of
+    from timing import interleaved
+
+    times = interleaved({str(n): iteration_of(n) for n in (5_000, 50_000)}, rounds=15)
+    (power,) = guard.growth({"triangles": {int(n): ms for n, ms in times.items()}}).values()
+    assert power < 1.3
+
+
+def test_growth_is_a_power_and_threads_gain(guard):
+    sizes = {
+        "triangles": {10: 2.0, 100: 18.0, 1000: 200.0},
+        "threads, big": {1: 3.0, 2: 2.0},
+        "one": {1: 1.0},
+    }
+    assert guard.growth(sizes) == {"triangles, 10 to 1000": 1.0, "gain of 2 threads, big": 1.5}
+
+
+def test_ratios_are_read_from_the_benchmarks(guard):
+    row = {"fullname": "suite/test_kernels.py::test_topology[a]", "extra_info": {"calibrations": 1.23456}}
+    assert guard.summary({"benchmarks": [row]})["ratios"] == {"kernels: topology[a]": 1.235}
 
 
 def test_a_regression_is_told(guard):
@@ -70,11 +106,12 @@ def test_a_regression_is_told(guard):
     ]
 
 
-def test_one_more_projection_per_iteration_is_counted(guard, monkeypatch):
+def test_one_more_projection_per_iteration_is_counted(guard, work, monkeypatch):
     """Plant what the guard is there for: a step that does its work twice."""
+    import work_counts
+
     from vtkmuscle.core.solver import MuscleSolver
 
-    before = guard.counts()["projections"]
     step = MuscleSolver.step
 
     def twice(self, *arguments, **keywords):
@@ -82,6 +119,6 @@ def test_one_more_projection_per_iteration_is_counted(guard, monkeypatch):
         return step(self, *arguments, **keywords)
 
     monkeypatch.setattr(MuscleSolver, "step", twice)
-    now = guard.counts()
-    assert now["projections"] == 2 * before
-    assert guard.regressions({"counts": now}, {"counts": {"projections": before}})
+    now = work_counts.work()
+    assert now["projections"] == 2 * work["projections"]
+    assert guard.regressions({"counts": now}, {"counts": work})

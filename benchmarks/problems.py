@@ -1,0 +1,129 @@
+"""What benchmarks work on: iterations on meshes of any size, and the phantom hip with pieces of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from bench_kernels import SHAPE_STIFFNESS, torus
+from naive_kernels import naive_dihedral, naive_distance
+
+from vtkmuscle import Scene, phantoms
+from vtkmuscle.core import constraints
+from vtkmuscle.core.batched_iteration import BatchedIteration
+from vtkmuscle.core.batches import pack
+from vtkmuscle.core.mesh import edge_lengths
+from vtkmuscle.core.rigid import RigidMotion, rotation_about
+from vtkmuscle.core.topology import mesh_topology
+from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
+from vtkmuscle.filters.arrays import (
+    blocks_of,
+    multiblock_from,
+    points_of,
+    set_point_array,
+    surface_from,
+    with_points,
+)
+from vtkmuscle.pipelines import decompose, deform
+
+#: Part of a torus's points that are fixed.
+FIXED_PART = 20
+
+
+def held_torus(n_triangles: int) -> tuple[Any, Any, Any, Any]:
+    """Return points, inverse masses, topology and displaced points of a mesh of about so many triangles."""
+    points, triangles = torus(n_triangles)
+    mass = np.ones(len(points))
+    mass[: len(points) // FIXED_PART] = 0.0
+    moved = points + 0.01 * np.sin(np.arange(points.size)).reshape(-1, 3)
+    return points, mass, mesh_topology(len(points), triangles), moved
+
+
+def iteration_of(n_triangles: int, *, dtype: str = "float64", threads: int = 1) -> Callable[[], object]:
+    """Return one whole batched iteration on a mesh of about so many triangles."""
+    points, mass, topology, moved = held_torus(n_triangles)
+    muscle = pack(topology, points, mass, shape_stiffness=SHAPE_STIFFNESS, dtype=dtype)
+    iteration = BatchedIteration(muscle, threads=threads)
+    records = muscle.records(moved)
+    return lambda: iteration.run(records, 1)
+
+
+def naive_iteration_of(n_triangles: int) -> Callable[[], object]:
+    """Return the same by the naive kernels, with trigonometry."""
+    points, mass, topology, p = held_torus(n_triangles)
+    edges, quads = topology.edges, np.ascontiguousarray(topology.quads)
+    lengths, ones = edge_lengths(points, edges), np.ones(len(edges))
+    angles, _ = constraints.dihedral_angle(*(points[quads[:, i]] for i in range(4)))
+    gradient = np.empty_like(points)
+    volume = constraints.volume_and_gradient(points, topology.triangles, gradient)
+
+    def run() -> None:
+        naive_distance(p, mass, edges, lengths, ones)
+        naive_dihedral(p, mass, quads, angles, SHAPE_STIFFNESS)
+        constraints.project_volume(p, mass, topology.triangles, volume, 0.0, 1.0, gradient)
+
+    return run
+
+
+def steps_of(n_triangles: int) -> Callable[[], object]:
+    """Return two steps of 10 iterations of a muscle of about so many triangles, one side of it turning."""
+    points, triangles = torus(n_triangles)
+    muscle, part = surface_from(points, triangles), len(points) // FIXED_PART
+    held = np.full(len(points), -1, dtype=np.int32)
+    held[:part], held[len(points) // 2 : len(points) // 2 + part] = 0, 1
+    set_point_array(muscle, "FixedTo", held)
+    turned = [rotation_about((0, 0, 0), (0, 0, 1), angle) for angle in (0.0, 1.0, 2.0)]
+    bones = multiblock_from({"still": muscle, "turning": muscle})
+    motion = BoneMotion(motion=RigidMotion(np.arange(3.0), {"turning": np.array(turned)}))
+    motion.connect(0, bones)
+
+    def run() -> object:
+        deformer = PBDDeformer(collision="none", start="blend", iterations=10)
+        deformer.connect(0, muscle)
+        deformer.connect(1, motion)
+        return deformer.update(time=2.0).output
+
+    return run
+
+
+class Hip:
+    """The phantom hip, and the pieces of it that are measured."""
+
+    def __init__(self) -> None:
+        self.phantom = phantoms.hip()
+        self.muscle = self.phantom.muscles["iliacus"]
+        self.areas = self.phantom.attachments["iliacus"]
+
+    @cached_property
+    def marked(self) -> Any:
+        """The iliacus with its fixed points."""
+        return FixedPointDetector()(self.muscle, self.phantom.bones, self.areas)
+
+    @cached_property
+    def hundred_fibres(self) -> Any:
+        """Fibres of the iliacus, 100 of 15 segments."""
+        return self.fibres(100)
+
+    def fibres(self, n_fibres: int) -> Any:
+        """Return new fibres."""
+        return decompose(self.muscle, self.areas, n_fibres=n_fibres).update().output
+
+    def frames(self, last: int, *, n_far: int = 0, **settings: Any) -> Any:
+        """Deform the iliacus over so many frames of flexion, with more bones far away."""
+        phantom = self.phantom
+        blocks = dict(blocks_of(phantom.bones))
+        bone = blocks["femur"]
+        for number in range(n_far):
+            blocks[f"far {number}"] = with_points(bone, points_of(bone) + 600.0 * (number + 1))
+        motion = RigidMotion(phantom.motion.times, dict(phantom.motion.transforms))
+        chain = deform(self.marked, multiblock_from(blocks), motion, fixed=None, **settings)
+        return chain.update(time=float(motion.times[last])).output
+
+    def scene(self, last: int, *, quality: str | None = None) -> Any:
+        """Run the whole scene, its muscles, fibres and measures, over so many frames."""
+        scene = Scene.from_phantom(self.phantom, n_fibres=20)
+        if quality is not None:
+            scene = scene.with_quality(quality)
+        return scene.run(frames=slice(0, last + 1), figures=False, workers=1)

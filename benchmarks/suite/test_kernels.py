@@ -1,0 +1,62 @@
+"""Kernels: an iteration, weights, distances, what is made of a mesh once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bench_kernels import torus
+from calibration import TRIANGLES
+from problems import held_torus, iteration_of, naive_iteration_of
+
+from vtkmuscle.core.batches import pack
+from vtkmuscle.core.distance_grid import build_distance_grid
+from vtkmuscle.core.harmonic import harmonic_weights
+from vtkmuscle.core.sparse_weights import sparse_mean_value_coordinates, sparse_transport
+from vtkmuscle.core.topology import mesh_topology
+from vtkmuscle.filters.arrays import blocks_of, checked_surface, points_of
+
+ROUNDS, FEW = 20, 3
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_iteration(measured, dtype):
+    measured(iteration_of(TRIANGLES, dtype=dtype), rounds=ROUNDS)
+
+
+def test_naive_iteration(measured):
+    measured(naive_iteration_of(TRIANGLES), rounds=ROUNDS)
+
+
+def test_topology(measured):
+    points, triangles = torus(TRIANGLES)
+    measured(lambda: mesh_topology(len(points), triangles), rounds=ROUNDS)
+
+
+def test_packing(measured):
+    points, mass, topology, _ = held_torus(TRIANGLES)
+    measured(lambda: pack(topology, points, mass), rounds=FEW)
+
+
+def test_harmonic_weights(measured):
+    points, mass, topology, _ = held_torus(TRIANGLES)
+    fixed_to = np.where(mass == 0.0, np.arange(len(points)) % 2, -1)
+    measured(lambda: harmonic_weights(points, topology.triangles, fixed_to), rounds=FEW)
+
+
+def test_mean_value_weights_of_1600_points(measured, hip):
+    points, triangles = checked_surface(hip.muscle, "iliacus")
+    queries = points_of(hip.hundred_fibres)
+    measured(
+        lambda: sparse_mean_value_coordinates(points, triangles, queries, prune=0.0, threads=1), rounds=FEW
+    )
+
+
+def test_transport_of_1600_points(measured, hip):
+    points, triangles = checked_surface(hip.muscle, "iliacus")
+    weights = sparse_mean_value_coordinates(points, triangles, points_of(hip.hundred_fibres), prune=0.0)
+    measured(lambda: sparse_transport(weights, points, threads=1), rounds=ROUNDS)
+
+
+def test_signed_distance_grid_of_a_bone(measured, hip):
+    points, triangles = checked_surface(dict(blocks_of(hip.phantom.bones))["femur"], "femur")
+    measured(lambda: build_distance_grid(points, triangles, cell=2.0), rounds=FEW)
