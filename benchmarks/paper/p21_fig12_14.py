@@ -1,7 +1,7 @@
 """P21, Figs. 12 to 14: fibre lengths over hip flexion. ``python benchmarks/paper/p21_fig12_14.py``.
 
 Lengths are smoothed five times, as in the paper; 10 iterations. Deep fibres are the half that is nearer to
-the pelvis at rest.
+the pelvis at rest. Largest step is the most that a fibre's length changes by in 2 degrees.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def deep_half(case: Case, name: str) -> Any:
 def tables(case: Case) -> list[Table]:
     """Return how the lengths change."""
     columns = ("muscle", "published", "settings", "at rest [mm]", "longer at the end", "change, mean [%]")
-    columns += ("surface / deep half [%]", "last 20 degrees [%]")
+    columns += ("surface / deep half [%]", "last 20 degrees [%]", "largest step, before 70 / after [mm]")
     table = Table("Figs. 12 to 14: fibre lengths, 0 to 90 degrees", columns)
     angles = angles_up_to(8.0 if case.short else 90.0)
     for name, published in PUBLISHED.items():
@@ -55,6 +55,8 @@ def tables(case: Case) -> list[Table]:
         for title, settings in (("P21", {**P21, "iterations": 10}), ("defaults", {})):
             lengths = lengths_over(case, name, angles, settings)
             change = 100.0 * (lengths[-1] / lengths[0] - 1.0)
+            steps = np.abs(np.diff(lengths, axis=0)).max(axis=1)
+            before = max(len(angles) - 11, 1)
             late = 100.0 * (lengths[-1] / lengths[max(len(angles) - 11, 0)] - 1.0)
             table.add(
                 name,
@@ -65,6 +67,7 @@ def tables(case: Case) -> list[Table]:
                 f"{change.mean():+.1f}",
                 f"{change[~deep].mean():+.1f} / {change[deep].mean():+.1f}",
                 f"{late.mean():+.1f}",
+                f"{steps[:before].max():.1f} / {steps[before:].max(initial=0.0):.1f}",
             )
             if case.out is not None:
                 figure, axes = curves(f"P21, Fig. {FIGURE[name]}: {name}, {title}", "flexion", "length [mm]")

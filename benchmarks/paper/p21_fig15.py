@@ -1,10 +1,11 @@
 """P21, Fig. 15: fibre lengths beside M20's. ``python benchmarks/paper/p21_fig15.py``.
 
 M20 is Modenese and Kohout 2020. The first table is the figure: our fibres, carried by the deformed muscle,
-beside M20's published lengths, from 0 to 90 degrees of flexion in the convention of that work; the muscle
-goes there from rest in small steps. The second carries our fibres as M20 does (LinearBlendFibres), which
-leaves only the fibres at rest to differ. M20's published rows from 10 to 18 degrees lag by 2 degrees and are
-left out. On the phantom, which has no published lengths, M20's method stands in for them.
+beside M20's published lengths, from 0 to 60 degrees of flexion in the convention of that work, where its
+table ends; the muscle goes there from rest in small steps. The second carries our fibres as M20 does
+(LinearBlendFibres), which leaves only the fibres at rest to differ. M20's published rows from 10 to 18
+degrees lag by 2 degrees and are left out. On the phantom, which has no published lengths, M20's method
+stands in for them.
 """
 
 from __future__ import annotations
@@ -27,8 +28,9 @@ from vtkmuscle.plotting.sheets import curves
 
 PUBLISHED_A = {"gluteus_maximus": -0.042, "gluteus_medius": 0.0, "iliacus": -0.024}
 MATCH = {"gluteus_maximus": "ours longer, wider range", "gluteus_medius": "good", "iliacus": "good"}
-#: Rows that are wrong in the published table [degrees].
+#: Rows that are wrong in the published table, and its last [degrees].
 LAGGING = (10.0, 18.0)
+LAST = 60.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +49,7 @@ class Poses:
 
 def poses_of(case: Case) -> Poses:
     """Return the poses: on the real hip by way of M20's neutral pose, from rest."""
-    last = 8.0 if case.short else 90.0
+    last = 8.0 if case.short else LAST
     wanted = [a for a in np.arange(0.0, last + 1.0, STEP) if not LAGGING[0] <= a <= LAGGING[1]]
     if not case.real:
         bone = next(iter(case.motion.transforms))
