@@ -241,6 +241,15 @@ def test_data_sets_are_not_changed_by_drawing_them(renders):
     assert [muscle.GetPointData().GetNumberOfArrays(), fibres.GetCellData().GetNumberOfArrays()] == arrays
 
 
+def test_a_surface_may_have_normals_of_another_name(renders):
+    """Tubes bring ``TubeNormals``, active; a surface of a reader may, too."""
+    tube = pv.Line((0, 0, 0), (0, 0, 30)).tube(radius=2.0).triangulate()
+    assert "TubeNormals" in tube.point_data
+    view = choose_view([tube], [two_bones()])
+    assert picture(make_plotter(two_bones(), [tube], view)).std() > 5.0
+    assert "TubeNormals" in tube.point_data
+
+
 # ---------------------------------------------------------------- curves
 
 

@@ -86,7 +86,10 @@ def make_plotter(
 
 
 def _add_surface(plotter: pyvista.Plotter, surface: vtkPolyData, colour: str, *, opacity: float) -> None:
-    normals = pyvista.wrap(surface).compute_normals(
+    # Normals under another name would be taken for those that are computed.
+    shape = pyvista.wrap(surface).copy(deep=False)
+    shape.clear_data()
+    normals = shape.compute_normals(
         cell_normals=False, split_vertices=False, consistent_normals=False, auto_orient_normals=False
     )
     # Back faces of a translucent surface would be blended in no particular order.
