@@ -14,9 +14,10 @@ from vtkmuscle.filters.quality import PRESETS
 from vtkmuscle.scene import Scene
 from vtkmuscle.tradeoff import plots, trade_off, write_plots, write_tables
 from vtkmuscle.tradeoff import study as study_module
+from vtkmuscle.tradeoff.estimates import estimates, estimates_in_words
 from vtkmuscle.tradeoff.measures import ERRORS, MEASURES, measured
 from vtkmuscle.tradeoff.memory import peak_memory
-from vtkmuscle.tradeoff.plots import FORMATS, estimates, front
+from vtkmuscle.tradeoff.plots import FORMATS, front
 from vtkmuscle.tradeoff.records import Records
 from vtkmuscle.tradeoff.settings import Setting, grid
 from vtkmuscle.tradeoff.study import chosen
@@ -179,11 +180,16 @@ def test_front_and_means():
 
 
 def test_estimates_leave_out_other_models_and_the_pose_at_rest(done):
-    _, study = done
+    study_folder, study = done
+    write_tables(study_folder, study)
     pairs = estimates(study.rows, "spindle")
     frames = len(study.rows[0].figures["muscles"]["spindle"]["frames"])
     assert 0 < len(pairs) <= 4 * (frames - 1)
     assert (pairs[:, 0] > 0.005).all()
+    ratios = pairs[:, 1] / pairs[:, 0]
+    told = estimates_in_words(study)
+    assert f"in {np.mean(abs(np.log2(ratios)) <= 1):.0%} of {len(pairs)} frames" in told
+    assert told in (study_folder / "tradeoff.rst").read_text()
 
 
 def test_thinned_motions_end_where_they_did(scene):
@@ -226,6 +232,9 @@ def test_the_command_says_what_it_found_and_refuses_an_unknown_muscle(tmp_path):
     assert run.exit_code == 0, run.output
     assert "100 iterations instead of 50 move the reference by" in run.output
     assert (tmp_path / "out/tradeoff.md").read_text().count("\n| ") == 5
+    presets = (tmp_path / "out/presets.rst").read_text()
+    assert all(f"- {name}\n     - {of}\n" in presets for name in PRESETS for of in ("spindle", "all"))
+    assert "- balanced\n     - all\n     - 1\n" in presets
     drawn = {path.name for path in (tmp_path / "out").glob("pareto_*")}
     assert drawn == {f"pareto_{measure.name}.{kind}" for measure in ERRORS for kind in FORMATS}
     refused = CliRunner().invoke(app, [*arguments, "--muscle", "psoas"], catch_exceptions=False)

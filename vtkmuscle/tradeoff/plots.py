@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.io.writing import replacing
+from vtkmuscle.tradeoff.estimates import estimates
 from vtkmuscle.tradeoff.measures import ERRORS, Measure
-from vtkmuscle.tradeoff.study import Row, Study
+from vtkmuscle.tradeoff.study import Study
 
 Floats = NDArray[np.float64]
 
@@ -133,20 +134,3 @@ def _draw_estimates(figure: Any, study: Study) -> bool:
     axes.set_title(f"{study.scene}: does the estimate tell the error?", fontsize=10)
     axes.legend(fontsize=7)
     return True
-
-
-def estimates(rows: Sequence[Row], muscle: str, *, least: float = 0.005) -> Floats:
-    """Return pairs (k, 2) of true and estimated distance [mm], of settings that solve the reference's model.
-
-    Others go to another shape, which no estimate can know of; distances below ``least`` are the reference's
-    own uncertainty, and those at rest are none.
-    """
-    groups = ("iterations", "tolerance", "presets")
-    pairs = [
-        (frame["rms_mm"], frame["estimated_mm"])
-        for row in rows
-        if row.setting.group in groups and row.setting.solver.get("max_triangles") is None
-        for frame in row.figures["muscles"][muscle]["frames"]
-        if frame["estimated_mm"] is not None and frame["rms_mm"] > least and frame["estimated_mm"] > 0.0
-    ]
-    return np.array(pairs).reshape(-1, 2)

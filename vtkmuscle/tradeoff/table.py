@@ -4,23 +4,37 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from vtkmuscle.io.writing import write_text
+from vtkmuscle.tradeoff.estimates import estimates_in_words
 from vtkmuscle.tradeoff.measures import COSTS, MEASURES, Measure
+from vtkmuscle.tradeoff.settings import CENTRE
 from vtkmuscle.tradeoff.study import Row, Study, in_words
 
 _MEMORY = Measure("memory_mb", "memory added at the peak, of the process [MB]")
+#: What the table of the presets shows, and its headings.
+_OF_PRESETS = {
+    "ms_per_frame": "ms per step",
+    "rms_mm": "RMS distance [mm]",
+    "max_mm": "greatest distance [mm]",
+    "volume_error_pct": "volume error [%]",
+    "penetration_p95_mm": "depth in bones, p95 [mm]",
+    "penetration_max_mm": "greatest depth [mm]",
+    "fibre_length_mm": "error of the mean fibre length [mm]",
+}
 COLUMNS = (*COSTS, _MEMORY, *MEASURES[len(COSTS) :])
 
 
 def write_tables(out: Path, study: Study) -> list[Path]:
-    """Write ``tradeoff.csv``, ``tradeoff.md``, ``tradeoff.rst`` and ``estimates.csv``; return their paths."""
+    """Write ``tradeoff.csv``, ``.md``, ``.rst``, ``presets.rst``, ``estimates.csv``; return their paths."""
     texts = {
         "tradeoff.csv": as_csv(study),
         "tradeoff.md": as_markdown(study),
         "tradeoff.rst": as_rst(study),
+        "presets.rst": presets_as_rst(study),
         "estimates.csv": estimates_as_csv(study),
     }
     paths = []
@@ -61,7 +75,7 @@ def as_markdown(study: Study) -> str:
     """Return a table of all muscles together, with what its columns are."""
     names = ["setting", *(column.name for column in COLUMNS)]
     lines = [f"# {study.scene}: {', '.join(study.muscles)}", ""]
-    lines += [f"- {in_words(doubling)}" for doubling in study.doublings] + [""]
+    lines += [f"- {remark}" for remark in _remarks(study)] + [""]
     lines += ["| " + " | ".join(names) + " |", "|" + "---|" * len(names)]
     lines += ["| " + " | ".join(_cells(row)) + " |" for row in study.rows]
     lines += ["", *(f"- `{column.name}`: {column.words}" for column in COLUMNS)]
@@ -71,11 +85,35 @@ def as_markdown(study: Study) -> str:
 def as_rst(study: Study) -> str:
     """Return the same as a list-table."""
     names = ["setting", *(column.name for column in COLUMNS)]
-    lines = [f"{in_words(doubling)}." for doubling in study.doublings]
-    lines += ["", ".. list-table::", "   :header-rows: 1", "   :class: small", ""]
-    for cells in (names, *(_cells(row) for row in study.rows)):
-        lines += [f"   {'*' if i == 0 else ' '} - {cell}" for i, cell in enumerate(cells)]
-    return "\n".join(lines) + "\n"
+    lines = [f"{remark}." for remark in _remarks(study)]
+    return "\n".join([*lines, "", *_list_table([names, *(_cells(row) for row in study.rows)])]) + "\n"
+
+
+def presets_as_rst(study: Study) -> str:
+    """Return the presets and the reference, muscle by muscle, as a list-table."""
+    shown = [measure for measure in MEASURES if measure.name in _OF_PRESETS]
+    cells = [["preset", "muscle", "processor time / that of balanced", *(_OF_PRESETS[m.name] for m in shown)]]
+    rows = [row for row in study.rows if row.setting.group in ("presets", "reference")]
+    centre = next((row for row in rows if row.setting.name == CENTRE), None)
+    for row in rows:
+        for muscle in (*study.muscles, "all"):
+            of = {r: r.figures["all"] if muscle == "all" else r.figures["muscles"][muscle] for r in rows}
+            ratio = None if centre is None else of[row]["ms_per_frame"] / of[centre]["ms_per_frame"]
+            values = [ratio, *(of[row][measure.name] for measure in shown)]
+            cells.append([row.setting.name, muscle, *map(_short, values)])
+    return "\n".join(_list_table(cells)) + "\n"
+
+
+def _remarks(study: Study) -> list[str]:
+    told = [in_words(doubling) for doubling in study.doublings]
+    return told + [words for words in [estimates_in_words(study)] if words]
+
+
+def _list_table(rows: Sequence[Sequence[str]]) -> list[str]:
+    lines = [".. list-table::", "   :header-rows: 1", "   :class: small", ""]
+    for cells in rows:
+        lines += [f"   {'*' if i == 0 else ' '} - {cell}".rstrip() for i, cell in enumerate(cells)]
+    return lines
 
 
 def _cells(row: Row) -> list[str]:
