@@ -1,9 +1,10 @@
-"""Measure a whole step of a muscle of the real hip: bare iterations, solve, collision, report, fibres.
+"""Measure a whole step of a muscle of the real hip against its bare iterations, stage by stage.
 
-Run as ``python benchmarks/bench_step.py [--muscle NAME] [--iterations N] [--frames N] [--prune P]``. A step
-is a frame of hip flexion (2 degrees), both bones are there, fibres are given and transported. The bare
-iterations are measured beside each step, so that both see the same machine; medians over the frames are
-printed, and their ratio.
+Run as ``python benchmarks/bench_step.py [--muscle NAME] [--iterations N] [--only SETTINGS ...] [--stages]``.
+A step is a frame of hip flexion (2 degrees): both bones move and are kept out of, fibres are given, and
+carried along as scenes have it. The whole motion is run several times, and all settings take turns with the
+bare iterations, so that they see the same machine. Times are of the processor, on one core; of each frame the
+least counts, and the median over the frames is printed.
 """
 
 from __future__ import annotations
@@ -20,58 +21,186 @@ import numpy as np
 from muscle_problem import data_folder
 
 from vtkmuscle import Scene
-from vtkmuscle.core import contact, solver
+from vtkmuscle.core import coarse, contact, fibre_stretch, projection, rest_shape, solver, stretched_shape
 from vtkmuscle.core.batched_iteration import BatchedIteration
 from vtkmuscle.core.batches import pack
 from vtkmuscle.core.topology import mesh_topology
+from vtkmuscle.filters import base
 from vtkmuscle.filters.arrays import checked_surface, point_array, points_of
+from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
-from vtkmuscle.pipelines import decompose, deform
+from vtkmuscle.pipelines import PRUNE, decompose, deform
+
+#: The settings that are measured, and which of them is the default.
+SETTINGS: dict[str, dict[str, Any]] = {
+    "blend, gauss-seidel": {"start": "blend", "solver": "gauss-seidel"},
+    "blend, anderson": {"start": "blend", "solver": "anderson"},
+    "coarse, gauss-seidel": {"start": "coarse", "solver": "gauss-seidel"},
+    "coarse, anderson (default)": {"start": "coarse", "solver": "anderson"},
+    "P21": {
+        "anisotropy": "stiffness",
+        "start": "inertial",
+        "solver": "gauss-seidel",
+        "order": "sequential",
+        "collision": "voxel",
+        "bone_push": "transform",
+        "contact_velocity": "keep",
+    },
+}
+BARE, STEP, FIBRES, OTHER = "bare iterations", "step of PBDDeformer", "fibres", "everything else"
+#: What stages are made of: functions by their owner.
+STAGES: dict[str, list[tuple[Any, str]]] = {
+    "bone motion": [(BoneMotion, "RequestData")],
+    "reading inputs": [(PBDDeformer, "_prepare")],
+    "following the fibres": [(fibre_stretch.FibreStretch, "at"), (stretched_shape.StretchedShape, "at")],
+    "coarse muscle": [(solver.MuscleSolver, "_substep")],
+    "prolongation": [(coarse.Prolongation, "prolong")],
+    "constraints": [(projection.ColourOrder, "iterate"), (projection.SequentialOrder, "iterate")],
+    "collision": [(contact.Contact, "__init__"), (contact.Contact, "keep_out")],
+    "acceleration": [(solver, "anderson")],
+    "settling": [(solver.MuscleSolver, "_settle")],
+    "report": [(rest_shape.RestShape, "compare")],
+    "provenance": [(base, "add_provenance")],
+}
 
 
 class Stopwatch:
-    """Adds up the time spent in functions, frame by frame [ms]."""
+    """Adds up the time of stages, each without those within it, frame by frame [ms]."""
 
     def __init__(self) -> None:
-        self.frames: dict[str, list[float]] = {}
         self._now: dict[str, float] = {}
+        self._running: list[str] = []
+        self._since = 0.0
 
     def wrap(self, owner: Any, name: str, stage: str) -> None:
         """Count the time of a method or function as a stage's, from now on."""
         function: Callable[..., Any] = getattr(owner, name)
+        # The coarse muscle is a step within a step: only the inner one is that stage, and all of it.
+        inner = stage == "coarse muscle"
+        depth = 0
 
         def timed(*arguments: Any, **keywords: Any) -> Any:
-            with self.measured(stage):
-                return function(*arguments, **keywords)
+            nonlocal depth
+            depth += 1
+            try:
+                if "coarse muscle" in self._running or (inner and depth == 1):
+                    return function(*arguments, **keywords)
+                with self.measured(stage):
+                    return function(*arguments, **keywords)
+            finally:
+                depth -= 1
 
         setattr(owner, name, timed)
 
     @contextmanager
     def measured(self, stage: str) -> Iterator[None]:
         """Count what happens inside as a stage's."""
-        start = time.perf_counter()
+        self._switch()
+        self._running.append(stage)
         try:
             yield
         finally:
-            self._now[stage] = self._now.get(stage, 0.0) + 1e3 * (time.perf_counter() - start)
+            self._switch()
+            self._running.pop()
 
-    def next_frame(self) -> None:
-        """Keep the sums of this frame and begin with the next."""
-        for stage, ms in self._now.items():
-            self.frames.setdefault(stage, []).append(ms)
-        self._now.clear()
+    def _switch(self) -> None:
+        now = time.thread_time()
+        if self._running:
+            stage = self._running[-1]
+            self._now[stage] = self._now.get(stage, 0.0) + 1e3 * (now - self._since)
+        self._since = now
+
+    def next_frame(self) -> dict[str, float]:
+        """Return the sums of this frame, and begin with the next."""
+        done, self._now = self._now, {}
+        return done
 
 
-def bare_iteration(detector: FixedPointDetector) -> tuple[BatchedIteration, np.ndarray]:
-    """Return the iteration of a muscle, without bones, and the records of its points."""
-    rest = detector.update().output
-    points, triangles = points_of(rest), checked_surface(rest, "benchmark")[1]
-    points = points - points.mean(axis=0)
-    mass = (point_array(rest, "FixedTo", "benchmark") < 0).astype(float)
-    bare = BatchedIteration(pack(mesh_topology(len(points), triangles), points, mass, shape_stiffness=0.9))
-    return bare, bare.muscle.records(points)
+class Muscle:
+    """A muscle of the real hip with its fibres, and what all settings share."""
+
+    def __init__(self, name: str) -> None:
+        self.scene = Scene.load(data_folder() / "scene.toml")
+        muscle = self.scene.muscles[name]
+        attachments = self.scene.attachments_data(name)
+        self.detector = FixedPointDetector(**self.scene.fixing_of(name))
+        for port, value in enumerate((muscle.surface, self.scene.bones_data(), attachments)):
+            self.detector.connect(port, value)
+        self.fibres = decompose(self.detector, attachments, **(muscle.fibres or {})).update().output
+
+    def chain(self, iterations: int, **settings: Any) -> tuple[PBDDeformer, FibreTransport]:
+        """Return the deformer and what carries the fibres; the deformer keeps no frame to go back to."""
+        bones, motion = self.scene.bones_data(), self.scene.motion
+        deformer = deform(
+            self.detector,
+            bones,
+            motion,
+            fibres=self.fibres,
+            fixed=None,
+            iterations=iterations,
+            checkpoint_memory=0.0,
+            **settings,
+        )
+        transport = FibreTransport(prune=PRUNE)
+        for port, value in enumerate((self.fibres, self.detector, deformer)):
+            transport.connect(port, value)
+        return deformer, transport
+
+    def bare_iteration(self) -> tuple[BatchedIteration, np.ndarray]:
+        """Return the iteration of the muscle, without bones, and the records of its points."""
+        rest = self.detector.update().output
+        points, triangles = points_of(rest), checked_surface(rest, "benchmark")[1]
+        points = points - points.mean(axis=0)
+        mass = (point_array(rest, "FixedTo", "benchmark") < 0).astype(float)
+        packed = pack(mesh_topology(len(points), triangles), points, mass, shape_stiffness=0.9)
+        return BatchedIteration(packed), packed.records(points)
+
+
+def measure(
+    muscle: Muscle, iterations: int, times: np.ndarray, rounds: int, *, stages: bool, profiled: str | None
+) -> dict[str, dict[str, float]]:
+    """Return the median over the frames of the least times, by settings and stage [ms]."""
+    bare, records = muscle.bare_iteration()
+    chains = {name: muscle.chain(iterations, **settings) for name, settings in SETTINGS.items()}
+    for _, transport in chains.values():
+        transport.update(time=times[0])
+        transport.update(time=times[1])
+    watch = Stopwatch()
+    if stages:
+        for stage, functions in STAGES.items():
+            for owner, name in functions:
+                watch.wrap(owner, name, stage)
+    profiler = cProfile.Profile(time.thread_time)
+    least: dict[str, list[dict[str, float]]] = {name: [{} for _ in times[1:]] for name in chains}
+    for _ in range(rounds):
+        for _, transport in chains.values():
+            transport.update(time=times[0])
+        watch.next_frame()
+        for frame, now in enumerate(times[1:]):
+            for name, (deformer, transport) in chains.items():
+                with watch.measured(BARE):
+                    bare.run(records, iterations)
+                if name == profiled:
+                    profiler.enable()
+                started = time.thread_time()
+                with watch.measured(OTHER):
+                    deformer.update(time=now)
+                done = time.thread_time()
+                with watch.measured(FIBRES):
+                    transport.update(time=now)
+                profiler.disable()
+                sums = {**watch.next_frame(), STEP: 1e3 * (done - started)}
+                best = least[name][frame]
+                for stage, ms in sums.items():
+                    best[stage] = min(best.get(stage, np.inf), ms)
+    if profiled:
+        pstats.Stats(profiler).sort_stats("tottime").print_stats(40)
+    return {
+        name: {stage: float(np.median([f.get(stage, 0.0) for f in frames])) for f in frames for stage in f}
+        for name, frames in least.items()
+    }
 
 
 def main() -> None:
@@ -80,57 +209,38 @@ def main() -> None:
     parser.add_argument("--muscle", default="adductor_brevis")
     parser.add_argument("--iterations", type=int, default=10)
     parser.add_argument("--frames", type=int, default=46)
-    parser.add_argument("--solver", default="anderson", choices=("anderson", "gauss-seidel"))
-    parser.add_argument("--collision", default="sdf", choices=("sdf", "voxel", "none"))
-    parser.add_argument("--prune", type=float, default=0.0, help="of FibreTransport: 0 keeps all weights")
-    parser.add_argument("--profile", action="store_true", help="print what the steps are spent in")
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--only", nargs="+", choices=SETTINGS, help="settings to measure")
+    parser.add_argument("--stages", action="store_true", help="print what each step is made of")
+    parser.add_argument("--profile", choices=SETTINGS, help="print what the steps of these settings call")
     arguments = parser.parse_args()
+    for name in set(SETTINGS) - set(arguments.only or SETTINGS):
+        del SETTINGS[name]
 
-    scene = Scene.load(data_folder() / "scene.toml")
-    muscle = scene.muscles[arguments.muscle]
-    attachments = scene.attachments_data(arguments.muscle)
-    detector = FixedPointDetector(**scene.fixing_of(arguments.muscle))
-    for port, value in enumerate((muscle.surface, scene.bones_data(), attachments)):
-        detector.connect(port, value)
-    fibres = decompose(detector, attachments, **(muscle.fibres or {}))
-    settings = {name: getattr(arguments, name) for name in ("iterations", "solver", "collision")}
-    deformer = deform(detector, scene.bones_data(), scene.motion, fibres=fibres, fixed=None, **settings)
-    transport = FibreTransport(prune=arguments.prune)
-    for port, value in enumerate((fibres, detector, deformer)):
-        transport.connect(port, value)
-    times = scene.motion.times[: arguments.frames]
-    transport.update(time=times[0])
-
-    bare, records = bare_iteration(detector)
-    watch = Stopwatch()
-    watch.wrap(solver.MuscleSolver, "step", "  of it: solve")
-    watch.wrap(contact.Contact, "keep_out", "    of it: collision")
-    watch.wrap(solver.MuscleSolver, "report", "  of it: report")
-    watch.wrap(PBDDeformer, "_prepare", "  of it: reading inputs")
-    profiler = cProfile.Profile()
-    for now in times[1:]:
-        with watch.measured("bare iterations"):
-            bare.run(records, arguments.iterations)
-        if arguments.profile:
-            profiler.enable()
-        with watch.measured("step of PBDDeformer"):
-            deformer.update(time=now)
-        profiler.disable()
-        with watch.measured("transport of the fibres"):
-            transport.update(time=now)
-        watch.next_frame()
-    print(f"{arguments.muscle}, {bare.muscle.n_points} points, {arguments.iterations} iterations, both bones")
-    medians = {stage: float(np.median(ms)) for stage, ms in watch.frames.items()}
-    order = ["bare iterations", "step of PBDDeformer", "  of it: reading inputs", "  of it: solve"]
-    order += ["    of it: collision", "  of it: report", "transport of the fibres"]
-    for stage in order:
-        if stage in medians:
-            print(f"  {stage:28s} {medians[stage]:8.3f} ms, least {min(watch.frames[stage]):8.3f}")
-    step, bones = medians["step of PBDDeformer"], medians["bare iterations"]
-    whole = step + medians["transport of the fibres"]
-    print(f"  step / bare iterations {step / bones:.2f}; with the fibres {whole / bones:.2f} (bound 2.5)")
-    if arguments.profile:
-        pstats.Stats(profiler).sort_stats("tottime").print_stats(25)
+    muscle = Muscle(arguments.muscle)
+    times = muscle.scene.motion.times[: arguments.frames]
+    measured = measure(
+        muscle,
+        arguments.iterations,
+        times,
+        arguments.rounds,
+        stages=arguments.stages,
+        profiled=arguments.profile,
+    )
+    print(f"{arguments.muscle}, {arguments.iterations} iterations, both bones; ms, and times bare iterations")
+    print(f"  {'':28s} {'bare':>7s} {'step':>7s} {'fibres':>7s} {'whole':>7s} {'step /':>7s} {'whole /':>7s}")
+    for name, ms in measured.items():
+        whole = ms[STEP] + ms[FIBRES]
+        print(
+            f"  {name:28s} {ms[BARE]:7.2f} {ms[STEP]:7.2f} {ms[FIBRES]:7.2f} {whole:7.2f} "
+            f"{ms[STEP] / ms[BARE]:7.2f} {whole / ms[BARE]:7.2f}"
+        )
+    print("  (bound of the last column: 2.5)")
+    if arguments.stages:
+        print(f"\n  {'stage, ms':28s}" + "".join(f" {name[:20]:>20s}" for name in measured))
+        for stage in [*STAGES, OTHER]:
+            row = "".join(f" {ms.get(stage, 0.0):20.2f}" for ms in measured.values())
+            print(f"  {stage:28s}{row}")
 
 
 if __name__ == "__main__":

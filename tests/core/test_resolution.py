@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.core.spindle import spindle
-from vtkmuscle.core import resolution
+from vtkmuscle.core import coarse
 from vtkmuscle.core.mesh import signed_volume
 from vtkmuscle.core.resolution import ReducedMuscle
 from vtkmuscle.core.rigid import apply_transform
@@ -54,6 +54,6 @@ def test_a_muscle_that_falls_apart_is_refused(full, monkeypatch):
     def torn(points, triangles, n_coarse, held):
         return points, triangles[: 2 * n_coarse]
 
-    monkeypatch.setattr(resolution, "decimate", torn)
-    with pytest.raises(ValueError, match=r"cannot be reduced to 400 and stay closed; allow more"):
+    monkeypatch.setattr(coarse, "decimate", torn)
+    with pytest.raises(ValueError, match=r"cannot be decimated to 200 and stay closed"):
         ReducedMuscle(*full, max_triangles=400)

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from vtkmuscle.core import resolution
+from vtkmuscle.core import coarse
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
 from vtkmuscle.filters.arrays import field_array, point_array, points_of
 from vtkmuscle.filters.quality import PRESETS
@@ -82,8 +82,8 @@ def test_a_muscle_that_falls_apart_is_refused_by_name(deformer_of, monkeypatch):
     def torn(points, triangles, n_coarse, held):
         return points, triangles[: 2 * n_coarse]
 
-    monkeypatch.setattr(resolution, "decimate", torn)
-    with pytest.raises(ValueError, match=r"PBDDeformer.max_triangles: .* allow more triangles"):
+    monkeypatch.setattr(coarse, "decimate", torn)
+    with pytest.raises(ValueError, match=r"PBDDeformer.max_triangles is .* stay closed; allow more, or"):
         deformer_of(max_triangles=400).update(time=deformer_of.times[1])
 
 

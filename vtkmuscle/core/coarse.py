@@ -45,7 +45,7 @@ class Binding:
 
 
 def coarse_muscle(
-    points: Floats, triangles: Ints, fixed_to: Ints, n_coarse: int = COARSE_POINTS
+    points: Floats, triangles: Ints, fixed_to: Ints, n_coarse: int = COARSE_POINTS, *, hold: bool = False
 ) -> tuple[Floats, Ints, Ints]:
     """Return a muscle of fewer points with the same attachments.
 
@@ -59,6 +59,8 @@ def coarse_muscle(
         Index of the bone each point is fixed to, -1 for free points.
     n_coarse : int
         Points to leave, about.
+    hold : bool, optional
+        Whether to keep more of the fixed points, see :func:`decimate`.
 
     Returns
     -------
@@ -76,7 +78,7 @@ def coarse_muscle(
     ModuleNotFoundError
         If fast-simplification is not installed.
     """
-    coarse, faces = decimate(points, triangles, n_coarse)
+    coarse, faces = decimate(points, triangles, n_coarse, fixed_to >= 0 if hold else None)
     if not len(faces) or mesh_topology(len(coarse), faces).n_boundary_edges:
         raise ValueError(
             f"a muscle of {len(points)} points cannot be decimated to {n_coarse} and stay closed"

@@ -12,8 +12,11 @@ from vtkmuscle.core.jit import kernel
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Bins that values are put into first: a few values each, where there are tens of thousands.
+#: Bins that values are put into: a few values each, where there are tens of thousands.
 _BINS = 4096
+
+#: So many values are sorted.
+_FEW = 64
 
 
 def percentiles(
@@ -40,11 +43,11 @@ def percentiles(
     """
     places = np.asarray(percents) / 100.0 * (len(values) - 1)
     low = np.floor(places).astype(np.int64)
-    high = np.minimum(low + 1, len(values) - 1)
-    found = _in_order(values, np.concatenate([low, high]))
+    # Each beside the next: they mostly share a bin.
+    found = _in_order(values, np.column_stack([low, np.minimum(low + 1, len(values) - 1)]).reshape(-1))
     if of is not None:
         found = of(found)
-    below, above = found[: len(low)], found[len(low) :]
+    below, above = found[::2], found[1::2]
     part = places - low
     with np.errstate(over="ignore", invalid="ignore"):
         result: list[float] = np.where(part > 0.0, below + part * (above - below), below).tolist()
@@ -53,33 +56,61 @@ def percentiles(
 
 @kernel
 def _in_order(values: Floats, ranks: Ints) -> Floats:
-    """Return the values (r,) that would be at ranks (r,) if all values (n,) were sorted."""
+    """Return the values (r,) that would be at ranks (r,) if all values (n,) were sorted.
+
+    Only the bins that hold them are looked at again, and divided into bins of their own until few are left:
+    where one value is far from all others, they share a bin.
+    """
+    found = np.empty(len(ranks))
+    least, scale, starts = _binned(values)
+    last, part = -1, values
+    for r in range(len(ranks)):
+        b = np.searchsorted(starts, ranks[r], side="right") - 1
+        if b != last:
+            last, part = b, _of_bin(values, least, scale, b, starts[b + 1] - starts[b])
+        rest, rank = part, ranks[r] - starts[b]
+        while len(rest) > _FEW:
+            low, width, within = _binned(rest)
+            inner = np.searchsorted(within, rank, side="right") - 1
+            count = within[inner + 1] - within[inner]
+            if count == len(rest):
+                break
+            rest, rank = _of_bin(rest, low, width, inner, count), rank - within[inner]
+        found[r] = np.sort(rest)[rank]
+    return found
+
+
+@kernel
+def _binned(values: Floats) -> tuple[float, float, Ints]:
+    """Return the least value, bins per unit, and how many values are in the bins before each, (bins + 1,).
+
+    All values are in the first bin where they cannot be divided: not finite, or all equal.
+    """
     least, greatest, finite = np.inf, -np.inf, True
     for v in values:
         least = v if v < least else least
         greatest = v if v > greatest else greatest
         finite = finite and np.isfinite(v)
     scale = (_BINS - 1) / (greatest - least)
-    if not (finite and np.isfinite(scale)):  # nothing to divide into bins, or all are equal
-        return np.sort(values)[ranks]
-    bins = np.empty(len(values), dtype=np.int32)
     starts = np.zeros(_BINS + 1, dtype=np.int64)
-    for i in range(len(values)):
+    if not (finite and np.isfinite(scale)):
+        starts[1:] = len(values)
+        return 0.0, 0.0, starts
+    for v in values:
         # Rounded alike for all of them, so that a greater value is never in a lower bin.
-        bins[i] = np.int32((values[i] - least) * scale)
-        starts[bins[i] + 1] += 1
-    starts = np.cumsum(starts)
-    binned = np.empty(len(values))
-    free = starts[:-1].copy()
-    for i in range(len(values)):
-        binned[free[bins[i]]] = values[i]
-        free[bins[i]] += 1
-    sorted_already = np.zeros(_BINS, dtype=np.bool_)
-    found = np.empty(len(ranks))
-    for r in range(len(ranks)):
-        b = np.searchsorted(starts, ranks[r], side="right") - 1
-        if not sorted_already[b]:
-            binned[starts[b] : starts[b + 1]].sort()
-            sorted_already[b] = True
-        found[r] = binned[ranks[r]]
-    return found
+        starts[np.int64((v - least) * scale) + 1] += 1
+    return least, scale, np.cumsum(starts)
+
+
+@kernel
+def _of_bin(values: Floats, least: float, scale: float, number: int, count: int) -> Floats:
+    """Return the values of a bin, as many as it has."""
+    if count == len(values):
+        return values
+    part = np.empty(count)
+    k = 0
+    for v in values:
+        if np.int64((v - least) * scale) == number:
+            part[k] = v
+            k += 1
+    return part

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.coarse import Prolongation, decimate, inherit_fixed_points
+from vtkmuscle.core.coarse import Prolongation, coarse_muscle
 from vtkmuscle.core.constraints import VOLUME_FLOOR, project_volume
 from vtkmuscle.core.contact import Barrier, Contact
 from vtkmuscle.core.obstacles import Obstacle
@@ -57,14 +57,9 @@ class ReducedMuscle:
 
     def __init__(self, points: Floats, triangles: Ints, fixed_to: Ints, max_triangles: int) -> None:
         # A closed surface has two triangles per point, about.
-        self.points, self.triangles = decimate(points, triangles, max_triangles // 2, fixed_to >= 0)
-        topology = mesh_topology(len(self.points), self.triangles)
-        if topology.n_boundary_edges or not len(self.triangles):
-            raise ValueError(
-                f"the surface of {len(triangles)} triangles cannot be reduced to {max_triangles} and stay "
-                "closed; allow more triangles"
-            )
-        self.fixed_to = inherit_fixed_points(self.points, points, fixed_to)
+        self.points, self.triangles, self.fixed_to = coarse_muscle(
+            points, triangles, fixed_to, max_triangles // 2, hold=True
+        )
         self._full, self._triangles, self._full_fixed_to = points, triangles, fixed_to
         self._prolongation = Prolongation(self.points, self.triangles, points)
         self._centre = points.mean(axis=0)

@@ -33,6 +33,10 @@ class Checkpoints(Generic[Frame]):
     def __getitem__(self, time: float | None) -> Frame:
         return self._frames[time]
 
+    def done(self, path: Sequence[float | None]) -> int:
+        """Return how much of a path is done: one more than the index of its last frame that is kept."""
+        return max((i + 1 for i, time in enumerate(path) if time in self._frames), default=0)
+
     def clear(self) -> None:
         """Forget all frames."""
         self._frames.clear()

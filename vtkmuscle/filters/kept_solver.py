@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -193,20 +194,34 @@ def _decimated(muscle: FixedMuscle, n_coarse: int, where: str) -> FixedMuscle | 
     if len(muscle.points) < 2 * n_coarse:
         return None
     try:
-        surface = coarse_muscle(muscle.points, muscle.triangles, muscle.fixed_to, n_coarse)
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"{where}: start is 'coarse', which needs the package fast-simplification; install it "
-            "(pip install fast-simplification), or use start 'blend'"
-        ) from error
+        with decimation(f"{where}: start is 'coarse'", "use start 'blend'"):
+            surface = coarse_muscle(muscle.points, muscle.triangles, muscle.fixed_to, n_coarse)
     except ValueError as error:
-        warnings.warn(
-            f"{where}: {error}; steps start from 'blend'. With start 'blend', or with other coarse_points, "
-            "this is not told",
-            stacklevel=2,
-        )
+        warnings.warn(f"{error}, as is done now", stacklevel=2)
         return None
     return FixedMuscle(*surface, muscle.fibres)
+
+
+@contextmanager
+def decimation(setting: str, otherwise: str) -> Iterator[None]:
+    """Say which setting it is that a muscle cannot be decimated for, and what to do.
+
+    Parameters
+    ----------
+    setting : str
+        Where and what it is, e.g. ``"PBDDeformer.max_triangles is 600"``.
+    otherwise : str
+        What to do instead.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"{setting}, which needs the package fast-simplification; install it (pip install "
+            f"fast-simplification), or {otherwise}"
+        ) from error
+    except ValueError as error:
+        raise ValueError(f"{setting}: {error}; allow more, or {otherwise}") from error
 
 
 def _elasticity(muscle: FixedMuscle, anisotropy: str) -> Elasticity:

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
-from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.coarse import COARSE_ITERATIONS, COARSE_POINTS
 from vtkmuscle.core.muscle_contact import Neighbour
-from vtkmuscle.core.resolution import ReducedMuscle
-from vtkmuscle.core.rest_shape import ShapeReport
+from vtkmuscle.core.obstacles import Obstacle
 from vtkmuscle.core.solver import MuscleSolver, MuscleState
 from vtkmuscle.core.voxels import DEFAULT_N_MAX
 from vtkmuscle.filters.arrays import (
@@ -32,14 +30,15 @@ from vtkmuscle.filters.bone_motion import bones_of
 from vtkmuscle.filters.checkpoints import MEGABYTE, Checkpoints
 from vtkmuscle.filters.convergence_report import convergence_fields, convergence_row
 from vtkmuscle.filters.convergence_table import ConvergenceTable
-from vtkmuscle.filters.kept_solver import FixedMuscle, KeptSolver
+from vtkmuscle.filters.kept_solver import FixedMuscle
 from vtkmuscle.filters.moving_bones import RestBones, transforms_of
 from vtkmuscle.filters.neighbours import Neighbours
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
 from vtkmuscle.filters.pipeline_times import times_of
 from vtkmuscle.filters.quality import with_preset
+from vtkmuscle.filters.solved_muscle import MuscleShape, SolvedMuscle
+from vtkmuscle.filters.time_path import input_at, path_to, request_time, requested_time, state_of_inputs
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 #: Parameters that say nothing unless another one has this value: a change of them alone changes no frame.
@@ -374,11 +373,7 @@ class PBDDeformer(Filter):
     )
 
     def __init__(self, *, quality: str | None = None, **parameters: Any) -> None:
-        self._kept = KeptSolver("PBDDeformer: muscle")
-        self._full: FixedMuscle | None = None
-        self._reduced: ReducedMuscle | None = None
-        self._reduced_to: int | None = None
-        self._carried: tuple[_Frame, Floats] | None = None
+        self._muscle = SolvedMuscle("PBDDeformer: muscle")
         self._rest_bones = RestBones("PBDDeformer: bones")
         self._neighbours: Neighbours | None = None
         self._rest_from: float | None = None
@@ -392,7 +387,7 @@ class PBDDeformer(Filter):
 
     def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
         """Return the time steps that the bones announce."""
-        return times_of(inputs_information[1]) or None
+        return times_of(inputs_information[BONES]) or None
 
     def RequestUpdateExtent(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Ask for the bones at the first time whose frame is not known yet.
@@ -401,60 +396,30 @@ class PBDDeformer(Filter):
         a filter upstream fails on the way, VTK goes round for ever.
         """
         self._forget_if_changed()
-        bones = inInfo[1].GetInformationObject(0)
+        bones = inInfo[BONES].GetInformationObject(0)
         self._steps = times_of(bones)
         if self._steps:
-            self.request_time = _time_of(outInfo.GetInformationObject(0))
-            path = self._path()
-            missing = path[self._known(path) :]
-            first = (missing or path[-1:])[0]
-            bones.Set(vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP(), first)
-            if self._has_neighbours():
-                muscles = inInfo[NEIGHBOURS].GetInformationObject(0)
-                muscles.Set(vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP(), first)
+            self.request_time = requested_time(outInfo.GetInformationObject(0))
+            path = path_to(self.request_time, self._steps)
+            missing = path[self._frames.done(path) :]
+            for port in self._moving_ports():
+                request_time(inInfo[port].GetInformationObject(0), (missing or path[-1:])[0])
         return 1
 
-    def _path(self) -> list[float | None]:
-        """Return the times whose frames lead to the one asked for, in order."""
-        if not self._steps:
-            return [self.request_time]
-        last = self._steps[0] if self.request_time is None else self.request_time
-        return [*[step for step in self._steps if step < last], last]
+    def _moving_ports(self) -> tuple[int, ...]:
+        """Return the connected ports whose data move with time."""
+        return (BONES, NEIGHBOURS) if self.GetNumberOfInputConnections(NEIGHBOURS) else (BONES,)
 
-    def _known(self, path: Sequence[float | None]) -> int:
-        """Return how much of a path is done: one more than the index of its last known frame."""
-        return max((i + 1 for i, step in enumerate(path) if step in self._frames), default=0)
-
-    def _has_neighbours(self) -> bool:
-        return bool(self.GetNumberOfInputConnections(NEIGHBOURS))
-
-    def _bones_at(self, time: float | None) -> vtkMultiBlockDataSet:
-        return self._input_at(BONES, time)
-
-    def _input_at(self, input_port: int, time: float | None) -> vtkMultiBlockDataSet:
-        """Return what moves at a time; what is there already is not computed again."""
-        connection = self.GetInputConnection(input_port, 0)
-        producer, port = connection.GetProducer(), connection.GetIndex()
-        key = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
-        producer.GetOutputInformation(port).Set(key, time)
-        done = producer.Update(port)
-        data: vtkMultiBlockDataSet = producer.GetOutputDataObject(port)
-        # VTK before 9.3 returns None here rather than a success flag.
-        if (done is not None and not done) or not data.GetNumberOfElements(vtkDataObject.POINT):
-            name = "bones" if input_port == BONES else "neighbours"
+    def _input_at(self, port: int, time: float | None) -> vtkMultiBlockDataSet:
+        data: vtkMultiBlockDataSet | None = input_at(self, port, time)
+        if data is None:
+            name = self.input_ports[port].name
             raise RuntimeError(f"PBDDeformer: the {name} at time {time:g} could not be computed")
         return data
 
     def _forget_if_changed(self) -> None:
         """Drop all frames when a parameter they depend on or anything upstream of the bones has changed."""
-        # The pipeline's modification time tells changes upstream, but does not change with time requests;
-        # a data set's own would. Two producers behind one source share it, so theirs is in it as well.
-        made_with: list[Any] = [self._settings_of_frames()]
-        for port in (BONES, NEIGHBOURS) if self._has_neighbours() else (BONES,):
-            connection = self.GetInputConnection(port, 0)
-            producer = connection.GetProducer()
-            executive = producer.GetExecutive()
-            made_with += [producer.GetMTime(), connection.GetIndex(), executive.GetPipelineMTime()]
+        made_with = self._settings_of_frames(), state_of_inputs(self, self._moving_ports())
         if made_with != self._made_with:
             self._frames.clear()
             self._made_with = made_with
@@ -484,16 +449,17 @@ class PBDDeformer(Filter):
         self._prepare(muscle, fibres, [name for name, _ in blocks_of(bones)])
         if not self._steps:
             self._frames.clear()
-        path = self._path()
-        known = self._known(path)
+        path = path_to(self.request_time, self._steps)
+        known = self._frames.done(path)
         if known and self._rest_from != path[0]:
-            self._take_rest(path[0], bones_of(self._bones_at(path[0]), "PBDDeformer: bones"))
+            self._take_rest(path[0], bones_of(self._input_at(BONES, path[0]), "PBDDeformer: bones"))
         for index in range(known, len(path)):
             at = path[index]
-            now = bones if at is None or not self._steps else self._bones_at(at)
-            beside = neighbours
-            if beside is not None and at is not None and self._steps:
-                beside = self._input_at(NEIGHBOURS, at)
+            now, beside = bones, neighbours
+            if at is not None and self._steps:
+                now = self._input_at(BONES, at)
+                if beside is not None:
+                    beside = self._input_at(NEIGHBOURS, at)
             self._advance(path, index, bones_of(now, "PBDDeformer: bones"), beside)
         self._thin_out(path)
         return self._result(muscle, self._frames[path[-1]])
@@ -511,30 +477,9 @@ class PBDDeformer(Filter):
         lines = None
         if fibres is not None and self.anisotropy != "off":
             lines = polylines_of(fibres, "PBDDeformer: fibres")
-        full = FixedMuscle(points, triangles, fixed_to, lines)
-        if not full.same_as(self._full) or self.max_triangles != self._reduced_to:
+        if self._muscle.take(FixedMuscle(points, triangles, fixed_to, lines), self.max_triangles):
             self._frames.clear()
             self._neighbours = None
-            reduced = self._reduced = self._reduction_of(full)
-            if reduced is None:
-                self._kept.take(full)
-            else:
-                self._kept.take(FixedMuscle(reduced.points, reduced.triangles, reduced.fixed_to, lines))
-            self._full, self._reduced_to = full, self.max_triangles
-
-    def _reduction_of(self, muscle: FixedMuscle) -> ReducedMuscle | None:
-        """Return the muscle of fewer triangles that is to be solved, None where it is the muscle itself."""
-        if self.max_triangles is None or len(muscle.triangles) <= self.max_triangles:
-            return None
-        try:
-            return ReducedMuscle(muscle.points, muscle.triangles, muscle.fixed_to, self.max_triangles)
-        except ModuleNotFoundError as error:
-            raise ModuleNotFoundError(
-                f"PBDDeformer.max_triangles is {self.max_triangles}, which needs the package "
-                "fast-simplification; install it (pip install fast-simplification), or set it to None"
-            ) from error
-        except ValueError as error:
-            raise ValueError(f"PBDDeformer.max_triangles: {error}") from error
 
     def _checked_fixed_to(self, array: NDArray[Any], names: list[str]) -> Ints:
         where = "PBDDeformer: muscle, point array 'FixedTo'"
@@ -612,44 +557,28 @@ class PBDDeformer(Filter):
 
     def _made_solver(self) -> MuscleSolver:
         """Return the solver for the present parameters."""
-        obstacles = self._rest_bones.obstacles if self.collision != "none" else ()
-        return self._kept.solver(self.parameters(), obstacles)
+        return self._muscle.solver(self.parameters(), self._obstacles())
+
+    def _obstacles(self) -> tuple[Obstacle, ...]:
+        return self._rest_bones.obstacles if self.collision != "none" else ()
 
     # ---------------------------------------------------------------- the result
 
     def _result(self, muscle: vtkPolyData, frame: _Frame) -> vtkPolyData:
-        points, displacement, velocities, _ = self._shape_of(frame)
-        result: vtkPolyData = with_points(muscle, points)
-        set_point_array(result, "Displacement", displacement)
-        set_point_array(result, "Velocity", velocities)
+        shape = self._shape_of(frame)
+        result: vtkPolyData = with_points(muscle, shape.points)
+        set_point_array(result, "Displacement", shape.displacement)
+        set_point_array(result, "Velocity", shape.velocities)
         for name, value in self._convergence(frame).items():
             set_field_array(result, name, value)
         return result
 
-    def _shape_of(self, frame: _Frame) -> tuple[Floats, Floats, Floats, ShapeReport]:
-        """Return points, displacements, velocities and shape of the full muscle."""
-        solver, state, full = self._made_solver(), frame.state, self._full
-        assert full is not None
-        shape = solver.report(state, self._kept.elasticity(self.anisotropy).directions)
-        if self._reduced is None:
-            return solver.points(state), state.positions - solver.rest, state.velocities, shape
-        if self._carried is None or self._carried[0] is not frame:
-            obstacles = self._rest_bones.obstacles if self.collision != "none" else ()
-            self._carried = frame, self._reduced.carry(solver.points(state), state.transforms, obstacles)
-        points = self._carried[1]
-        velocities = self._reduced.carry_vectors(state.velocities)
-        shape = replace(self._reduced.report(points), along=shape.along, across=shape.across)
-        return points, points - full.points, velocities, shape
+    def _shape_of(self, frame: _Frame) -> MuscleShape:
+        return self._muscle.shape(frame.state, self.parameters(), self._obstacles())
 
     def _convergence(self, frame: _Frame) -> dict[str, float]:
         """Return the field arrays of a frame's convergence report."""
-        points, _, _, shape = self._shape_of(frame)
-        depths = None
-        if self.penetration and self._full is not None:
-            depths = self._rest_bones.depths(points[self._full.fixed_to < 0], frame.state.transforms)
-        return convergence_fields(shape, frame.state, depths=depths, milliseconds=frame.milliseconds)
-
-
-def _time_of(info: Any) -> float | None:
-    key = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
-    return float(info.Get(key)) if info.Has(key) else None
+        shape, depths = self._shape_of(frame), None
+        if self.penetration:
+            depths = self._rest_bones.depths(shape.points[self._muscle.free], frame.state.transforms)
+        return convergence_fields(shape.report, frame.state, depths=depths, milliseconds=frame.milliseconds)
