@@ -8,12 +8,12 @@ from vtkmuscle.core.mesh import survey
 from vtkmuscle.core.rigid import apply_transform, is_rigid
 from vtkmuscle.filters.arrays import blocks_of, cell_array, points_of, triangles_of
 from vtkmuscle.filters.attachments import attachments_of
-from vtkmuscle.phantoms import hip, pennate_block, spindle_over_hinge, wrapping_cylinder
+from vtkmuscle.phantoms import hip, pennate_block, spindle_over_hinge, winding_spindle, wrapping_cylinder
 from vtkmuscle.phantoms.hip_bones import femur
 from vtkmuscle.phantoms.implicit import ball, thick_curve, thick_sheet
 from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution
 
-PHANTOMS = [spindle_over_hinge, wrapping_cylinder, pennate_block, hip]
+PHANTOMS = [spindle_over_hinge, wrapping_cylinder, pennate_block, winding_spindle, hip]
 every_phantom = pytest.mark.parametrize("make", PHANTOMS, ids=lambda make: make.__name__)
 
 

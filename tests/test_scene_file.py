@@ -14,7 +14,15 @@ from vtkmodules.vtkFiltersSources import vtkCubeSource
 from vtkmuscle import Scene, SceneError
 from vtkmuscle.core.mesh import signed_volume
 from vtkmuscle.core.rigid import RigidMotion, rotation_about
-from vtkmuscle.filters.arrays import points_of, surface_from, triangles_of, with_points
+from vtkmuscle.filters.arrays import (
+    Polylines,
+    points_of,
+    polylines_from,
+    polylines_of,
+    surface_from,
+    triangles_of,
+    with_points,
+)
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.io import read_surface, write_polydata
 from vtkmuscle.scene.writing import to_toml
@@ -197,6 +205,61 @@ def with_template(scene_file, name):
     changed = re.sub(r"fibres = \{\s*", f"fibres = {{ template_file = {name}, ", text)
     assert changed != text
     scene_file.write_text(changed)
+
+
+# ------------------------------------------------------------------------------- superficial fibres
+
+
+def with_superficial(scene_file, points, offsets=(0, 2, 4), name="seen.vtp"):
+    write_polydata(scene_file.parent / name, polylines_from(Polylines(np.array(points), np.array(offsets))))
+    edit(scene_file, "[solver]", f'superficial_fibres = "{name}"\n[solver]')
+    return scene_file
+
+
+SEEN = [(10.0, 0, -5), (9.0, 4, 5), (-10.0, 0, -5), (-9.0, -4, 5)]
+
+
+def test_superficial_fibres_are_read_used_and_saved(scene_file, tmp_path):
+    plain = Scene.load(scene_file).run(frames="0:2", figures=False)
+    scene = Scene.load(with_superficial(scene_file, SEEN))
+    lines = polylines_of(scene.muscles["spindle"].superficial_fibres, "seen")
+    np.testing.assert_array_equal(lines.points, SEEN)
+    again = Scene.load(scene.save(tmp_path / "again"))
+    assert to_toml(again) == to_toml(scene)
+    same = polylines_of(again.muscles["spindle"].superficial_fibres, "seen")
+    np.testing.assert_array_equal(same.points, lines.points)
+    result = scene.run(frames="0:2", figures=False)
+    report, before = (r.report["muscles"]["spindle"]["fibres"] for r in (result, plain))
+    assert before["twist_degrees"] == 0.0
+    assert "superficial_angle_degrees" not in before
+    assert abs(report["twist_degrees"]) > 5.0
+    assert report["superficial_angle_degrees"] < report["superficial_angle_straight_degrees"]
+    now, then = (points_of(r.muscle("spindle", 1)) for r in (result, plain))
+    assert np.abs(now - then).max() > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("points", "offsets", "problem", "mend"),
+    [
+        (np.zeros((2, 3)), (0, 2), "no fibre has a length", "two points or more"),
+        (np.add(SEEN, 1e5), (0, 2, 4), "away from the muscle", "same unit and frame"),
+    ],
+)
+def test_superficial_fibres_that_cannot_be_used_are_named(points, offsets, problem, mend, scene_file):
+    error = failure(with_superficial(scene_file, points, offsets))
+    assert error.key == "muscles.spindle.superficial_fibres"
+    assert error.file == scene_file.parent / "seen.vtp"
+    assert problem in error.problem
+    assert mend in error.mend
+
+
+def test_a_surface_in_place_of_superficial_fibres_is_named(scene_file):
+    edit(scene_file, "[solver]", 'superficial_fibres = "muscles/spindle.vtp"\n[solver]')
+    error = failure(scene_file)
+    assert (error.key, error.problem) == ("muscles.spindle.superficial_fibres", "there are no polylines")
+    assert "polylines" in error.mend
+    edit(scene_file, 'muscles/spindle.vtp"\n[solver]', 'no.vtp"\n[solver]')
+    assert "no such file" in failure(scene_file).problem
 
 
 def test_a_muscle_without_fibres_needs_no_insertion(scene_file):

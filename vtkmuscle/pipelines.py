@@ -34,6 +34,7 @@ FIBRE_SETTINGS: dict[str, tuple[type[Filter], str]] = {
     "spread": (SliceMorpher, "spread"),
     "slice_tolerance": (SliceMorpher, "slice_tolerance"),
     "continuity": (SliceMorpher, "continuity"),
+    "twist": (SliceMorpher, "twist"),
     "largest_cut": (FibreTrimmer, "largest_cut"),
     "smoothing": (FibreSmoother, "iterations"),
     "smoothing_weight": (FibreSmoother, "k"),
@@ -51,6 +52,7 @@ def decompose(
     muscle: Any,
     attachments: Any,
     *,
+    superficial: Any = None,
     template: str = "parallel",
     template_file: str | None = None,
     n_fibres: int = 100,
@@ -66,6 +68,7 @@ def decompose(
     spread: str = "map",
     slice_tolerance: float | None = None,
     continuity: float = 0.2,
+    twist: float = 0.0,
     largest_cut: float = 0.5,
     smoothing: int = 5,
     smoothing_weight: float = 4.0,
@@ -82,12 +85,15 @@ def decompose(
         Closed surface of triangles, in the rest pose.
     attachments : vtkMultiBlockDataSet or algorithm
         Where it is attached, at least one origin and one insertion.
+    superficial : vtkPolyData or algorithm, optional
+        Fibres that are seen on the muscle's surface, a few polylines: the template is turned and twisted such
+        that its fibres follow them.
     template, template_file, n_fibres, resolution, relaxation
         Kind, file with a template of your own, number of fibres, segments per fibre and steps of relaxation
         of FibreTemplateSource.
     axis, angle_step, refine, cube, mirror
         Of TemplateFitter.
-    method, mapping, spread, slice_tolerance, continuity
+    method, mapping, spread, slice_tolerance, continuity, twist
         Of SliceMorpher.
     largest_cut
         Of FibreTrimmer.
@@ -123,6 +129,7 @@ def decompose(
         source,
         muscle,
         attachments,
+        superficial,
     )
     morpher = _connected(
         SliceMorpher(
@@ -131,10 +138,12 @@ def decompose(
             spread=spread,
             slice_tolerance=slice_tolerance,
             continuity=continuity,
+            twist=twist,
         ),
         fitter,
         muscle,
         attachments,
+        superficial,
     )
     trimmer = _connected(FibreTrimmer(largest_cut=largest_cut), morpher, muscle, attachments)
     smoother = FibreSmoother(iterations=smoothing, k=smoothing_weight, filling=filling)
@@ -149,6 +158,7 @@ def deform(
     attachments: Any = None,
     *,
     fibres: Any = None,
+    superficial: Any = None,
     fixed: str | None = "attachment",
     fixed_tolerance: float | None = None,
     **solver: Any,
@@ -170,6 +180,9 @@ def deform(
         Where the muscle is attached; needed where ``fixed`` is ``"attachment"``.
     fibres : vtkPolyData or algorithm, optional
         Fibres at rest, for the anisotropy.
+    superficial : vtkPolyData or algorithm, optional
+        Fibres that are seen on the muscle's surface at rest, a few polylines, for the direction of the
+        anisotropy.
     fixed : str or None, optional
         Method of FixedPointDetector; None for a muscle that has the point array ``FixedTo`` already.
     fixed_tolerance : float, optional
@@ -205,7 +218,7 @@ def deform(
         muscle = _connected(detector, muscle, bones, attachments)
     mover = _connected(BoneMotion(motion=motion), bones)
     deformer = PBDDeformer(**solver)
-    for port, value in enumerate((muscle, mover, fibres)):
+    for port, value in enumerate((muscle, mover, fibres, None, superficial)):
         deformer.connect(port, value)
     return deformer
 

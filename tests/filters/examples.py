@@ -113,6 +113,16 @@ def fibres():
     return _lines(starts, (0.0, 0.0, -140.0))
 
 
+def superficial_fibres():
+    """Return three lines beside the spindle's middle that wind a little."""
+    along = np.linspace(-0.2, 0.2, 5)
+    lines = [
+        np.column_stack([17 * np.cos(a + along), 17 * np.sin(a + along) - 32, 10 - 100 * along])
+        for a in (0.0, 2.0, 4.0)
+    ]
+    return polylines_from(Polylines(np.vstack(lines), np.arange(0, 16, 5)))
+
+
 def _lines(starts, direction, n_points=8):
     along = np.linspace(0, 1, n_points)[None, :, None] * np.asarray(direction)
     points = (np.asarray(starts, dtype=float)[:, None, :] + along).reshape(-1, 3)
@@ -130,6 +140,7 @@ EXAMPLES = {
     "template": template,
     "fitted template": fitted_template,
     "fibres": fibres,
+    "superficial fibres": superficial_fibres,
 }
 
 #: Contents that change with the pipeline's time.

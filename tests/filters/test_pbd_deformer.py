@@ -197,6 +197,47 @@ def test_fibres_give_the_direction():
     assert np.array_equal(*off)
 
 
+@pytest.mark.parametrize("anisotropy", ["stretch", "stiffness"])
+def test_superficial_fibres_give_the_direction_whatever_fills_the_muscle(anisotropy):
+    z = np.linspace(-20, 20, 5)
+    straight, winding = (
+        polylines_from(
+            Polylines(
+                np.vstack(
+                    [
+                        np.column_stack([11 * np.cos(a + k * z), 11 * np.sin(a + k * z), z])
+                        for a in (0.0, 2.0, 4.0)
+                    ]
+                ),
+                np.arange(0, 16, 5),
+            )
+        )
+        for k in (0.0, 0.04)
+    )
+    z = np.linspace(-50, 50, 15)
+    lines = [np.column_stack([0 * z + x, 0 * z + y, z]) for x in (-5, 0, 5) for y in (-5, 0, 5)]
+    filling = polylines_from(Polylines(np.vstack(lines), np.arange(10) * 15))
+
+    def made(seen, fibres=None, **settings):
+        deformer = deformer_of(fibres=fibres, anisotropy=anisotropy, **settings)
+        deformer.connect(4, seen)
+        return deformer
+
+    results = [frame(made(seen), 30.0) for seen in (straight, winding, None)]
+    assert np.abs(results[0] - results[1]).max() > 0.1
+    assert np.abs(results[0] - results[2]).max() < np.abs(results[0] - results[1]).max() / 2
+    filled = [frame(made(seen, filling), 30.0) for seen in (straight, winding)]
+    assert np.abs(filled[0] - filled[1]).max() > 0.1
+    # Another superficial fibre starts again; without anisotropy none is looked at.
+    deformer = made(straight)
+    frame(deformer, 30.0)
+    deformer.connect(4, winding)
+    assert np.array_equal(frame(deformer, 30.0), results[1])
+    point = polylines_from(Polylines(np.zeros((2, 3)), np.array([0, 2])))
+    with pytest.raises(ValueError, match="PBDDeformer: superficial: no fibre has a length"):
+        frame(made(point), 30.0)
+
+
 @pytest.mark.parametrize("collision", ["sdf", "voxel"])
 def test_points_are_kept_out_of_a_bone_that_is_not_fixed_to_anything(collision):
     muscle = spindle()

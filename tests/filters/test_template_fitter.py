@@ -3,11 +3,13 @@ import pytest
 
 from vtkmuscle.core.rigid import apply_transform, rotation_about
 from vtkmuscle.filters.arrays import (
+    Polylines,
     blocks_of,
     cell_array,
     field_array,
     multiblock_from,
     points_of,
+    polylines_from,
     polylines_of,
     surface_from,
     triangles_of,
@@ -182,3 +184,64 @@ def test_coinciding_centroids_do_not_stop_auto(spindle):
     both = [AttachmentArea(role, "bone", areas[0].landmarks, True) for role in ROLES]
     fitted = TemplateFitter()(template(), muscle, attachments_from(both))
     assert np.isfinite(points_of(fitted)).all()
+
+
+# ------------------------------------------------------------------------------- superficial fibres
+
+
+def leaning_lines(side, slope):
+    """Return lines on the front of a block (y = 0) that lean to one side of it."""
+    z = np.linspace(10.0, 45.0, 4)
+    lines = [np.column_stack([x + side * slope * (z - 10), 0 * z, z]) for x in (16.0, 20.0, 24.0)]
+    return polylines_from(Polylines(np.vstack(lines), np.arange(0, 13, 4)))
+
+
+def square_block():
+    points, triangles = box((0, 0, 0), (40, 40, 120), 5.0)
+    corners = np.array([(0.0, 0, 0), (40, 0, 0), (40, 40, 0), (0, 40, 0)])
+    ends = [
+        AttachmentArea("origin", "a", corners, closed=True),
+        AttachmentArea("insertion", "b", np.add(corners, [0, 0, 120]), closed=True),
+    ]
+    return surface_from(points, triangles), attachments_from(ends)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_arched_fibres_arch_to_the_side_that_was_seen(side):
+    # The landmarks of a square block suit a box with its x axis to any of four sides.
+    cube = FibreTemplateSource(kind="curved", n_fibres=200, resolution=15).update().output
+    fitted = TemplateFitter()(cube, *square_block(), leaning_lines(side, 0.2))
+    x_axis = transform_of(fitted)[:3, 0]
+    assert np.allclose(x_axis / np.linalg.norm(x_axis), [side, 0, 0], atol=1e-9)
+
+
+def test_superficial_fibres_tell_which_axis_of_the_cube_follows_the_muscle():
+    z = np.full(4, 60.0)
+    x = np.linspace(5, 35, 4)
+    across = [np.column_stack([x, np.full(4, y), z + shift]) for y in (0.0, 40.0) for shift in (-20, 0, 20)]
+    seen = polylines_from(Polylines(np.vstack(across), np.arange(0, 25, 4)))
+    muscle, attachments = square_block()
+    cube = FibreTemplateSource(n_fibres=20, resolution=4).update().output
+    fitted = TemplateFitter(cube="any")(cube, muscle, attachments, seen)
+    lines = polylines_of(fitted, "test")
+    chords = np.array([lines.line(i)[-1] - lines.line(i)[0] for i in range(len(lines))])
+    assert np.abs(chords[:, 0]).min() > 0.9 * np.linalg.norm(chords, axis=1).max()
+    upright = TemplateFitter(cube="any")(cube, muscle, attachments)
+    line = polylines_of(upright, "test").line(0)
+    assert abs(line[-1, 2] - line[0, 2]) == pytest.approx(120.0)
+
+
+def test_the_mirrored_muscle_gets_the_mirror_image_with_superficial_fibres_too():
+    cube = FibreTemplateSource(kind="curved", n_fibres=50, resolution=15).update().output
+    muscle, attachments = square_block()
+    seen = leaning_lines(1.0, 0.2)
+    fitted = TemplateFitter()(cube, muscle, attachments, seen)
+    flip = np.diag([-1.0, 1, 1, 1])
+    other = surface_from(apply_transform(flip, points_of(muscle)), triangles_of(muscle, "test")[:, ::-1])
+    areas = [
+        AttachmentArea(a.role, a.bone, apply_transform(flip, a.landmarks), a.closed)
+        for a in attachments_of(attachments, "test")
+    ]
+    mirrored = with_points(seen, apply_transform(flip, points_of(seen)))
+    image = TemplateFitter(mirror=True)(cube, other, attachments_from(areas), mirrored)
+    assert np.allclose(points_of(image), apply_transform(flip, points_of(fitted)), atol=1e-9)

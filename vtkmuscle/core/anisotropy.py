@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.harmonic import harmonic_field, triangle_gradients
+from vtkmuscle.core.mesh import unit_vectors
 from vtkmuscle.core.topology import MeshTopology
 
 Floats = NDArray[np.float64]
@@ -186,12 +187,6 @@ def harmonic_directions(points: Floats, topology: MeshTopology, fixed_to: Ints) 
     field = harmonic_field(points, topology.triangles, fixed_to)
     if field is None:
         return None
-    gradients = _unit(triangle_gradients(points, topology.triangles, field))
+    gradients = unit_vectors(triangle_gradients(points, topology.triangles, field))
     gradients = np.vstack([gradients, np.zeros(3)])  # row -1: no triangle
-    return _unit(gradients[topology.edge_triangles].sum(axis=1))
-
-
-def _unit(vectors: Floats) -> Floats:
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    unit: Floats = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
-    return unit
+    return unit_vectors(gradients[topology.edge_triangles].sum(axis=1))

@@ -6,6 +6,7 @@ extended in doi:10.1007/978-3-642-38241-3_3.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,10 +15,11 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial import ConvexHull
 from scipy.spatial.distance import cdist
 
+from vtkmuscle.core.mesh import extent
+
 Floats = NDArray[np.float64]
 
-#: Of errors that differ by less than this part of the muscle's length the first counts: a template's
-#: symmetries give ties.
+#: Of costs that differ by less than this the first counts: a template's symmetries give ties.
 TIE = 1e-9
 #: Sides of the least rectangle's edges shorter than this part of the section are rounding.
 SHORTEST_EDGE = 1e-6
@@ -50,11 +52,15 @@ class Fit:
         Sum of distances from the template's area points to the nearest landmarks, in the unit of the points.
     angle : float
         Turn about the axis from where the sweep began [degrees].
+    cost : float
+        What makes one box better than another: the mean of the distances whose sum is the error, as a part of
+        the muscle's extent, and the angle to superficial fibres where there are some [rad].
     """
 
     transform: Floats
     error: float
     angle: float
+    cost: float
 
 
 def lie_opposite(origin_area: Floats, insertion_area: Floats) -> bool:
@@ -105,6 +111,7 @@ def fit_box(
     insertion_area: Floats,
     angle_step: float,
     refine: bool = False,
+    guide: Callable[[Floats], float] | None = None,
 ) -> Fit:
     """Return the box around a muscle whose areas lie nearest to the muscle's attachments.
 
@@ -128,6 +135,11 @@ def fit_box(
         Degrees.
     refine : bool, optional
         Go on from the best angle to a minimum between its neighbours.
+    guide : callable, optional
+        From a box, unit cube to world (4, 4), to the angle between the template's fibres in it and those that
+        are known [rad]. It counts as much as the mean distance of the areas from the landmarks, as a part of
+        the muscle's extent: areas that are off by a tenth of the muscle are as bad as fibres that are off
+        by 6 degrees.
 
     Returns
     -------
@@ -168,24 +180,36 @@ def fit_box(
             total += cdist(corners, landmarks).min(axis=1).reshape(len(degrees), -1).sum(axis=1)
         return total
 
+    def transforms(degrees: Floats) -> Floats:
+        frames, low, high = boxes(degrees)
+        result = np.tile(np.eye(4), (len(degrees), 1, 1))
+        result[:, :3, :3] = frames * (high - low)[:, None]
+        result[:, :3, 3] = np.einsum("kij,kj->ki", frames, low)
+        return result
+
+    unit = (len(origin_area) + len(insertion_area)) * extent(points)
+
+    def costs(degrees: Floats) -> Floats:
+        total = errors(degrees) / unit
+        if guide is not None:
+            total += [guide(box) for box in transforms(degrees)]
+        return total
+
     steps = np.arange(0.0, 360.0, angle_step)
-    swept = errors(steps)
-    best = int((swept <= swept.min() + TIE * (top - bottom)).argmax())
-    angle, error = float(steps[best]), float(swept[best])
+    swept = costs(steps)
+    best = int((swept <= swept.min() + TIE).argmax())
+    angle, cost = float(steps[best]), float(swept[best])
     if refine:
         found = minimize_scalar(
-            lambda degrees: float(errors(np.array([degrees]))[0]),
+            lambda degrees: float(costs(np.array([degrees]))[0]),
             bounds=(angle - angle_step, angle + angle_step),
             method="bounded",
             options={"xatol": FINEST_ANGLE},
         )
-        if found.fun < error - TIE * (top - bottom):
-            angle, error = float(found.x), float(found.fun)
-    frames, low, high = boxes(np.array([angle]))
-    transform = np.eye(4)
-    transform[:3, :3] = frames[0] * (high - low)[0]
-    transform[:3, 3] = frames[0] @ low[0]
-    return Fit(transform, error, angle)
+        if found.fun < cost - TIE:
+            angle, cost = float(found.x), float(found.fun)
+    at = np.array([angle])
+    return Fit(transforms(at)[0], float(errors(at)[0]), angle, cost)
 
 
 def _perpendicular(axis: Floats) -> tuple[Floats, Floats]:

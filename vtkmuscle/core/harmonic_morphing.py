@@ -35,6 +35,7 @@ from vtkmuscle.core.morphing import (
 from vtkmuscle.core.section_maps import map_section
 from vtkmuscle.core.sections import Sections, cut_surface
 from vtkmuscle.core.triangle_distance import nearest_on_triangle
+from vtkmuscle.core.twist import STRAIGHT, Twisting, guide_levels, turned_starts
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -108,6 +109,7 @@ def morph_by_isolines(
     continuity: float,
     mapping: str,
     spread: str = "map",
+    twisting: Twisting = STRAIGHT,
     report_progress: Callable[[float], None] = lambda fraction: None,
 ) -> Morph:
     """Return fibre points moved from the fitted template into the muscle.
@@ -139,6 +141,8 @@ def morph_by_isolines(
         One of :data:`vtkmuscle.core.section_maps.MAPPINGS`.
     spread : str, optional
         One of :data:`vtkmuscle.core.section_maps.SPREADS`.
+    twisting : Twisting, optional
+        How isolines are turned along themselves, from origin to insertion.
     report_progress : callable, optional
         Told the part of the work that is done.
 
@@ -173,15 +177,27 @@ def morph_by_isolines(
     fractions = np.clip(inside[:, 2] / box.length, 0.0, 1.0)
     tolerance = max(slice_tolerance / box.length, SAME_HEIGHT)
     levels, slice_of = shared_levels(fractions, tolerance)
-    levels = regular[first] + levels * (regular[last] - regular[first])
-    sections, sizes, loops = cut(levels)
+    begin, way = regular[first], regular[last] - regular[first]
+    levels = begin + levels * way
     report_progress(0.4)
-    hits = np.flatnonzero(loops >= 0)
-    rings = [np.ascontiguousarray(sections.loop(int(loop))) for loop in loops[hits]]
-    areas = loop_areas(sections.points, sections.loop_offsets)[loops[hits]]
-    starts = starting_points(
-        rings, levels[hits], continuity * length, np.zeros(3), _distances_from_rectangle(box.sides, areas)
-    )
+
+    def matched(at: Floats) -> tuple[Ints, list[Floats], Floats, Floats]:
+        """Return which levels the main branch has, its rings there, their vector areas, and their starts."""
+        sections, _, loops = cut(at)
+        hits = np.flatnonzero(loops >= 0)
+        rings = [np.ascontiguousarray(sections.loop(int(loop))) for loop in loops[hits]]
+        areas = loop_areas(sections.points, sections.loop_offsets)[loops[hits]]
+        costs = _distances_from_rectangle(box.sides, areas)
+        return hits, rings, areas, starting_points(rings, at[hits], continuity * length, np.zeros(3), costs)
+
+    def guide() -> tuple[list[Floats], Floats, Floats]:
+        at = guide_levels(way)
+        hits, rings, _, starts = matched(begin + at)
+        return rings, starts, at[hits] / way
+
+    hits, rings, areas, starts = matched(levels)
+    twist = twisting.found(guide, box.seen, inside, box.sides)
+    starts = turned_starts(rings, starts, (levels[hits] - begin) / way, twist.twist)
     report_progress(0.5)
 
     n_unmapped = 0
@@ -200,7 +216,15 @@ def morph_by_isolines(
     n_outside = int((~points_inside(result[~(at_origin | at_insertion)], surface, triangles)).sum())
     for value, ends in ((0.0, at_origin), (1.0, at_insertion)):
         result[ends] = _on_area(result[ends], surface, triangles, np.flatnonzero(field == value))
-    return Morph(box.positions(result), n_outside, n_unmapped, split_error, share, 0.0)
+    return Morph(
+        box.positions(result),
+        n_outside,
+        n_unmapped,
+        split_error,
+        share,
+        0.0,
+        twist,
+    )
 
 
 def way_of_values(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:

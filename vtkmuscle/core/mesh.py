@@ -164,8 +164,18 @@ def vertex_normals(points: Floats, triangles: Ints) -> Floats:
     total = np.zeros_like(points, dtype=np.float64)
     for corner in range(3):
         np.add.at(total, triangles[:, corner], normals)
-    lengths = np.linalg.norm(total, axis=1, keepdims=True)
-    unit: Floats = np.divide(total, lengths, out=np.zeros_like(total), where=lengths > 0)
+    return unit_vectors(total)
+
+
+def extent(points: Floats) -> float:
+    """Return twice the distance of the farthest of some points (n, 3) from their mean: however they lie."""
+    return 2.0 * float(np.linalg.norm(points - points.mean(axis=0), axis=1).max())
+
+
+def unit_vectors(vectors: Floats) -> Floats:
+    """Return vectors (..., 3) of length 1, 0 where a vector is 0."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    unit: Floats = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
     return unit
 
 

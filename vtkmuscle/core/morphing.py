@@ -17,6 +17,8 @@ from vtkmuscle.core.loop_chains import loop_areas, main_loops
 from vtkmuscle.core.mesh import signed_volume
 from vtkmuscle.core.section_maps import count_outside, map_section
 from vtkmuscle.core.sections import Sections, cut_surface, opposite_half_edges
+from vtkmuscle.core.superficial import SeenFibres
+from vtkmuscle.core.twist import STRAIGHT, Found, Twisting, guide_levels, turned_starts
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -54,6 +56,8 @@ class Morph:
         Part of the muscle's volume that is in the branch which the fibres fill.
     steep_share : float
         Part of the branch's course that runs at more than :data:`STEEP` degrees to the box's axis.
+    twist : Found
+        By which sections are turned against each other, and how well that suits what was seen.
     """
 
     points: Floats
@@ -62,6 +66,7 @@ class Morph:
     split_error: float
     volume_share: float
     steep_share: float
+    twist: Found
 
     @property
     def suits(self) -> bool:
@@ -79,6 +84,7 @@ def morph_by_planes(
     continuity: float,
     mapping: str,
     spread: str = "map",
+    twisting: Twisting = STRAIGHT,
     report_progress: Callable[[float], None] = lambda fraction: None,
 ) -> Morph:
     """Return fibre points moved from the fitted template into the muscle.
@@ -108,6 +114,8 @@ def morph_by_planes(
         One of :data:`vtkmuscle.core.section_maps.MAPPINGS`.
     spread : str, optional
         One of :data:`vtkmuscle.core.section_maps.SPREADS`.
+    twisting : Twisting, optional
+        How sections are turned along their contours, from origin to insertion.
     report_progress : callable, optional
         Told the part of the work that is done.
 
@@ -152,6 +160,17 @@ def morph_by_planes(
     hits = np.flatnonzero(loops >= 0)
     slices = [np.ascontiguousarray(sections.loop(int(loop))[:, :2]) for loop in loops[hits]]
     starts = starting_points(slices, levels[hits], continuity * box.length, np.zeros(2))
+
+    def guide() -> tuple[list[Floats], Floats, Floats]:
+        at = bottom + guide_levels(top - bottom)
+        cuts, _, main = cut(at)
+        at, rings = at[main >= 0], [cuts.loop(int(loop)) for loop in main[main >= 0]]
+        flat = [np.ascontiguousarray(ring[:, :2]) for ring in rings]
+        begin = starting_points(flat, at, continuity * box.length, np.zeros(2))
+        return rings, np.column_stack([begin, at]), at / box.length
+
+    twist = twisting.found(guide, box.seen, inside, box.sides)
+    starts = turned_starts(slices, starts, levels[hits] / box.length, twist.twist)
     report_progress(0.5)
 
     result = np.column_stack([inside[:, :2], heights])
@@ -169,7 +188,15 @@ def morph_by_planes(
         if not section.one_to_one:
             n_outside += count_outside(slices[number], section.places)
         report_progress(0.5 + 0.5 * (level + 1) / len(levels))
-    return Morph(box.positions(result), n_outside, n_unmapped, split_error, volume_share, steep_share)
+    return Morph(
+        box.positions(result),
+        n_outside,
+        n_unmapped,
+        split_error,
+        volume_share,
+        steep_share,
+        twist,
+    )
 
 
 class Box:
@@ -201,6 +228,10 @@ class Box:
         """Return the points (n, 3) that have these coordinates [mm]."""
         points: Floats = coordinates @ self._frame.T + self._corner
         return points
+
+    def seen(self, fibres: SeenFibres) -> SeenFibres:
+        """Return fibres on the surface in these coordinates."""
+        return fibres.within(self._corner, self._frame)
 
 
 def outward(points: Floats, triangles: Ints) -> tuple[Ints, Ints]:

@@ -21,7 +21,8 @@ from vtkmuscle.core.coarse import coarse_muscle
 from vtkmuscle.core.fibre_stretch import FibreStretch, stretch_of_fibres, stretch_of_harmonic
 from vtkmuscle.core.obstacles import Obstacle
 from vtkmuscle.core.solver import MuscleSolver, SolverParameters
-from vtkmuscle.core.topology import mesh_topology
+from vtkmuscle.core.superficial import directions_over_muscle, seen_fibres
+from vtkmuscle.core.topology import MeshTopology, mesh_topology
 from vtkmuscle.filters.arrays import Polylines
 
 Floats = NDArray[np.float64]
@@ -36,18 +37,22 @@ class FixedMuscle:
     triangles: Ints
     fixed_to: Ints
     fibres: Polylines | None
+    superficial: Polylines | None = None
 
     def same_as(self, other: FixedMuscle | None) -> bool:
         """Return whether another muscle has the same content."""
-        if other is None or (self.fibres is None) != (other.fibres is None):
+        if other is None:
             return False
         pairs = [
             (self.points, other.points),
             (self.triangles, other.triangles),
             (self.fixed_to, other.fixed_to),
         ]
-        if self.fibres is not None and other.fibres is not None:
-            pairs += [(self.fibres.points, other.fibres.points), (self.fibres.offsets, other.fibres.offsets)]
+        for mine, yours in ((self.fibres, other.fibres), (self.superficial, other.superficial)):
+            if (mine is None) != (yours is None):
+                return False
+            if mine is not None and yours is not None:
+                pairs += [(mine.points, yours.points), (mine.offsets, yours.offsets)]
         return all(np.array_equal(mine, yours) for mine, yours in pairs)
 
 
@@ -199,7 +204,7 @@ def _decimated(muscle: FixedMuscle, n_coarse: int, where: str) -> FixedMuscle | 
     except ValueError as error:
         warnings.warn(f"{error}, as is done now", stacklevel=2)
         return None
-    return FixedMuscle(*surface, muscle.fibres)
+    return FixedMuscle(*surface, muscle.fibres, muscle.superficial)
 
 
 @contextmanager
@@ -230,6 +235,7 @@ def _elasticity(muscle: FixedMuscle, anisotropy: str) -> Elasticity:
         return Elasticity(None, None, None)
     topology = mesh_topology(len(points), muscle.triangles)
     edges = topology.edges
+    seen = _seen_directions(muscle, topology)
     if anisotropy == "stretch":
         if fibres is not None:
             stretch = stretch_of_fibres(points, topology, fixed_to, fibres.points, fibres.offsets)
@@ -237,13 +243,25 @@ def _elasticity(muscle: FixedMuscle, anisotropy: str) -> Elasticity:
             stretch = stretch_of_harmonic(points, topology, fixed_to)
         if stretch is None:
             return Elasticity(None, None, None)
+        if seen is not None:
+            stretch = replace(stretch, directions=seen)
         stiffness = following_stiffness(points, edges, stretch.directions)
         return Elasticity(stretch.directions, stiffness, stretch)
     directions: Floats | None
-    if fibres is not None:
+    if seen is not None:
+        directions = seen
+    elif fibres is not None:
         directions = fibre_directions_at(points[edges].mean(axis=1), fibres.points, fibres.offsets)
     else:
         directions = harmonic_directions(points, topology, fixed_to)
     if directions is None:
         return Elasticity(None, None, None)
     return Elasticity(directions, edge_stiffness(points, edges, directions), None)
+
+
+def _seen_directions(muscle: FixedMuscle, topology: MeshTopology) -> Floats | None:
+    """Return the direction of the fibres at each edge by superficial fibres, None where there are none."""
+    if muscle.superficial is None:
+        return None
+    seen = seen_fibres(muscle.superficial.points, muscle.superficial.offsets, muscle.points)
+    return directions_over_muscle(muscle.points, topology, muscle.fixed_to, seen)

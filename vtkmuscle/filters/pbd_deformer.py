@@ -37,6 +37,7 @@ from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
 from vtkmuscle.filters.pipeline_times import times_of
 from vtkmuscle.filters.quality import with_preset
 from vtkmuscle.filters.solved_muscle import MuscleShape, SolvedMuscle
+from vtkmuscle.filters.superficial import checked_superficial
 from vtkmuscle.filters.time_path import input_at, path_to, request_time, requested_time, state_of_inputs
 
 Ints = NDArray[np.int64]
@@ -81,7 +82,10 @@ class PBDDeformer(Filter):
 
     The direction of the fibres comes from the fibres on port 2; where none are connected, from the harmonic
     function between the points fixed to different bones; where those are fixed to one bone only, all edges
-    are equally stiff.
+    are equally stiff. The fibres on port 2 fill the muscle: each edge takes the direction of the nearest one.
+    A few fibres that somebody has seen on the surface go to port 4: how they run in comparison with the
+    harmonic function's gradient is spread smoothly over all of the surface. They count more than port 2,
+    whose fibres then only tell how far apart the bones draw the muscle's ends.
 
     A frame depends on the frames before it. So the frame at time t is computed from rest through all time
     steps that the bones announce up to t, and t itself; steps that are known from earlier requests are not
@@ -353,6 +357,13 @@ class PBDDeformer(Filter):
         doc="Other muscles at the pipeline's time, out of which this one is kept: outputs of PBDDeformer, "
         "with the point array ``Displacement``.",
     )
+    superficial = InputPort(
+        vtkPolyData,
+        content="superficial fibres",
+        optional=True,
+        doc="Polylines on the muscle's surface in the rest pose, or near it; a few suffice for the direction "
+        "of the anisotropy.",
+    )
     output = OutputPort(
         vtkPolyData,
         doc="The muscle at the time asked for, with the arrays of the input and the point arrays "
@@ -444,9 +455,10 @@ class PBDDeformer(Filter):
         bones: vtkMultiBlockDataSet,
         fibres: vtkPolyData | None,
         neighbours: vtkMultiBlockDataSet | None,
+        superficial: vtkPolyData | None,
     ) -> vtkPolyData:
         """Compute the frames on the way to the time asked for that are not known, and return the last."""
-        self._prepare(muscle, fibres, [name for name, _ in blocks_of(bones)])
+        self._prepare(muscle, fibres, superficial, [name for name, _ in blocks_of(bones)])
         if not self._steps:
             self._frames.clear()
         path = path_to(self.request_time, self._steps)
@@ -470,14 +482,22 @@ class PBDDeformer(Filter):
         memory = MEGABYTE * self.checkpoint_memory
         self._frames.thin(self._steps, path[-2:], nbytes=nbytes, memory=memory)
 
-    def _prepare(self, muscle: vtkPolyData, fibres: vtkPolyData | None, bones: list[str]) -> None:
+    def _prepare(
+        self,
+        muscle: vtkPolyData,
+        fibres: vtkPolyData | None,
+        superficial: vtkPolyData | None,
+        bones: list[str],
+    ) -> None:
         where = "PBDDeformer: muscle"
         points, triangles = checked_surface(muscle, where)
         fixed_to = self._checked_fixed_to(point_array(muscle, "FixedTo", where), bones)
-        lines = None
+        lines = seen = None
         if fibres is not None and self.anisotropy != "off":
             lines = polylines_of(fibres, "PBDDeformer: fibres")
-        if self._muscle.take(FixedMuscle(points, triangles, fixed_to, lines), self.max_triangles):
+        if superficial is not None and self.anisotropy != "off":
+            seen = checked_superficial(superficial, "PBDDeformer: superficial")
+        if self._muscle.take(FixedMuscle(points, triangles, fixed_to, lines, seen), self.max_triangles):
             self._frames.clear()
             self._neighbours = None
 

@@ -13,6 +13,7 @@ from vtkmuscle.core.fitting import lie_opposite
 from vtkmuscle.core.harmonic_morphing import morph_by_isolines
 from vtkmuscle.core.morphing import Box, Morph, morph_by_planes
 from vtkmuscle.core.section_maps import MAPPINGS, SPREADS
+from vtkmuscle.core.twist import Twisting
 from vtkmuscle.filters.arrays import (
     Polylines,
     checked_surface,
@@ -24,6 +25,7 @@ from vtkmuscle.filters.arrays import (
 from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.harmonic_field import field_of, has_field
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.superficial import superficial_fibres
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -67,13 +69,20 @@ class SliceMorpher(Filter):
     in each slice. By default it is chosen for all slices together, so that neighbouring contours are not
     twisted against each other; ``continuity=0`` is the paper's rule.
 
+    Fibres that wind around a muscle have sections turned along their contours on purpose: by ``twist``, the
+    insertion against the origin, evenly from one to the other. Where superficial fibres are connected, that
+    one is taken with which fibres of the template would run most nearly like them on the surface (least
+    squares of the angle, by length). A few fibres will do, whatever part of the surface they are on, also a
+    little off it. They are for templates whose areas are their bottom and their top; for others, and for a
+    template that is not the same from all sides, TemplateFitter turns the box to suit them.
+
     Raises
     ------
     ValueError
         If the template has no ``Transform``, or one that is not a box; if the muscle is not a closed surface
         of triangles; if the template lies outside of it; if a point is not finite. By the harmonic method
         also if an attachment area is missing, or the origin and the insertion overlap, or the template's
-        areas are not its bottom and top.
+        areas are not its bottom and top. If the superficial fibres have no length.
 
     References
     ----------
@@ -127,6 +136,15 @@ class SliceMorpher(Filter):
         doc="Part of the muscle's length over which slices resist being twisted against each other; 0 "
         "matches each slice by itself.",
     )
+    twist = Parameter(
+        float,
+        default=0.0,
+        minimum=-720.0,
+        maximum=720.0,
+        units="degrees",
+        doc="How far sections are turned along their contours from origin to insertion, 360 once round, "
+        "counterclockwise seen from the insertion; not looked at where superficial fibres are connected.",
+    )
 
     template = InputPort(
         vtkPolyData,
@@ -144,6 +162,12 @@ class SliceMorpher(Filter):
         optional=True,
         doc="Areas of both roles; for the harmonic method only, of a muscle without ``HarmonicField``.",
     )
+    superficial = InputPort(
+        vtkPolyData,
+        content="superficial fibres",
+        optional=True,
+        doc="Polylines on the muscle's surface, or near it, from which the twist is found.",
+    )
     output = OutputPort(
         vtkPolyData,
         doc="The fibres in the muscle, with the arrays of the template and the field arrays ``MorphMethod`` "
@@ -151,13 +175,19 @@ class SliceMorpher(Filter):
         "outside of their section; along isolines: outside of the muscle; FibreSmoother puts these in), "
         "``SectionsUnmapped`` (sections that cross themselves and got the mean value map), ``SplitError`` "
         "(largest deviation of a section's four parts from the rectangle's sides, as a part of its "
-        "perimeter), ``VolumeShare`` (part of the muscle in the branch that the fibres fill) and "
+        "perimeter), ``VolumeShare`` (part of the muscle in the branch that the fibres fill), "
         "``SteepShare`` (part of the planes' branch at more than 45 degrees to their axis, also where it is "
-        "why isolines were taken; 0 where planes were not tried).",
+        "why isolines were taken; 0 where planes were not tried) and ``Twist`` [degrees]; with superficial "
+        "fibres ``SuperficialAngle``, between them and the template's on the surface, root mean square "
+        "[degrees], and ``SuperficialAngleStraight``, the same without the twist.",
     )
 
     def execute(
-        self, template: vtkPolyData, muscle: vtkPolyData, attachments: vtkMultiBlockDataSet | None
+        self,
+        template: vtkPolyData,
+        muscle: vtkPolyData,
+        attachments: vtkMultiBlockDataSet | None,
+        superficial: vtkPolyData | None,
     ) -> vtkPolyData:
         """Return the fibres in the muscle."""
         lines = polylines_of(template, "SliceMorpher: template")
@@ -166,6 +196,11 @@ class SliceMorpher(Filter):
         tolerance = self.slice_tolerance
         if tolerance is None:
             tolerance = DEFAULT_TOLERANCE * float(np.linalg.norm(box[:3, 2]))
+        upright = _runs_upwards(template, box)
+        twisting = Twisting(self.twist)
+        if superficial is not None and upright:
+            seen = superficial_fibres(superficial, "SliceMorpher: superficial", points)
+            twisting = Twisting(0.0, seen, lines.offsets)
 
         def morph(method: str) -> Morph:
             shape = (lines.points, box, points, triangles)
@@ -174,13 +209,13 @@ class SliceMorpher(Filter):
                 "continuity": self.continuity,
                 "mapping": self.mapping,
                 "spread": self.spread,
+                "twisting": twisting,
                 "report_progress": self.report_progress,
             }
             if method == "plane":
                 return morph_by_planes(*shape, **settings)
             return morph_by_isolines(*shape, field_of(muscle, attachments, "SliceMorpher"), **settings)
 
-        upright = _runs_upwards(template, box)
         if self.method == "harmonic" and not upright:
             raise ValueError(
                 "SliceMorpher: method='harmonic' needs a template whose areas are its bottom and its top, "
@@ -205,8 +240,12 @@ class SliceMorpher(Filter):
             ("SplitError", result.split_error),
             ("VolumeShare", result.volume_share),
             ("SteepShare", steep_share),
+            ("Twist", result.twist.twist),
         ):
             set_field_array(moved, name, value)
+        if twisting.seen is not None:
+            set_field_array(moved, "SuperficialAngle", result.twist.angle)
+            set_field_array(moved, "SuperficialAngleStraight", result.twist.straight_angle)
         return moved
 
 

@@ -83,7 +83,8 @@ class SolvedMuscle:
         if reduced is None:
             self._kept.take(full)
         else:
-            self._kept.take(FixedMuscle(reduced.points, reduced.triangles, reduced.fixed_to, full.fibres))
+            its_fibres = full.fibres, full.superficial
+            self._kept.take(FixedMuscle(reduced.points, reduced.triangles, reduced.fixed_to, *its_fibres))
         self._full, self._reduced, self._max_triangles = full, reduced, max_triangles
         return True
 

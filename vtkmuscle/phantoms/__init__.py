@@ -7,5 +7,13 @@ from vtkmuscle.phantoms.hinge_spindle import spindle_over_hinge
 from vtkmuscle.phantoms.hip_joint import hip
 from vtkmuscle.phantoms.pennation import pennate_block
 from vtkmuscle.phantoms.phantom import Phantom
+from vtkmuscle.phantoms.winding_spindle import winding_spindle
 
-__all__ = ["Phantom", "hip", "pennate_block", "spindle_over_hinge", "wrapping_cylinder"]
+__all__ = [
+    "Phantom",
+    "hip",
+    "pennate_block",
+    "spindle_over_hinge",
+    "winding_spindle",
+    "wrapping_cylinder",
+]

@@ -35,7 +35,9 @@ class Phantom:
     templates : dict of str to str
         Per muscle the kind of its fibre template.
     known : dict
-        The answers: numbers, and functions of the angle [degrees].
+        The answers: numbers, and functions, most of them of the angle [degrees].
+    superficial : dict of str to vtkPolyData
+        Per muscle fibres that are seen on its surface, where there are some.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Phantom:
     motion: RigidMotion
     templates: dict[str, str]
     known: dict[str, float | Callable[[float], float]] = field(default_factory=dict)
+    superficial: dict[str, vtkPolyData] = field(default_factory=dict)
 
 
 def phantom_from(
@@ -56,6 +59,7 @@ def phantom_from(
     motion: RigidMotion,
     templates: Mapping[str, str],
     known: Mapping[str, float | Callable[[float], float]],
+    superficial: Mapping[str, vtkPolyData] | None = None,
 ) -> Phantom:
     """Return a phantom with VTK data sets of its own, from points and triangles."""
     return Phantom(
@@ -66,4 +70,5 @@ def phantom_from(
         motion,
         dict(templates),
         dict(known),
+        dict(superficial or {}),
     )

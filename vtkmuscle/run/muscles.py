@@ -104,7 +104,7 @@ class MuscleRun:
         if muscle.fibres is not None:
             carried |= {word: muscle.fibres[word] for word in TRANSPORT_SETTINGS if word in muscle.fibres}
             shaped = {word: value for word, value in muscle.fibres.items() if word not in TRANSPORT_SETTINGS}
-            fibres = decompose(detector, attachments, **shaped)
+            fibres = decompose(detector, attachments, superficial=muscle.superficial_fibres, **shaped)
         if fibres is not None:
             self._tell("fibres", 0.0)
             with self._timed("fibres", fibres):
@@ -115,7 +115,15 @@ class MuscleRun:
             track.report["fibre_measures"] = []
         bones = multiblock_from(self.bones)  # of its own: threads must not share what VTK writes to
         solver = scene.solver_of(name)
-        deformer = deform(detector, bones, scene.motion, fibres=fibres, fixed=None, **solver)
+        deformer = deform(
+            detector,
+            bones,
+            scene.motion,
+            fibres=fibres,
+            superficial=muscle.superficial_fibres,
+            fixed=None,
+            **solver,
+        )
         self.deformer = deformer
         if self.others and scene.muscle_contact == "on":
             deformer.connect(NEIGHBOURS, self._grouped_others())

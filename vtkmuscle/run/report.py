@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.mesh import edge_lengths, signed_volume, unique_edges
 from vtkmuscle.core.muscle_contact import depth_in
 from vtkmuscle.core.rigid import apply_transform, inverse
-from vtkmuscle.filters.arrays import checked_surface, point_array, points_of, triangles_of
+from vtkmuscle.filters.arrays import checked_surface, field_array, point_array, points_of, triangles_of
 from vtkmuscle.filters.neighbours import outward_tree
 from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.io.fibre_table import fibre_columns, fibre_summary
@@ -55,6 +55,9 @@ DEFINITIONS = {
     "ms_prediction, ms_collision, ms_acceleration and ms_settling",
     "ms": "wall-clock time of the deformation of the frame, milliseconds; muscles run side by side",
     "points_inside": f"points of fibres at rest inside the muscle or within {FIBRE_TOLERANCE:g} mm of it",
+    "twist_degrees": "how far sections are turned against each other along their contours, end to end",
+    "superficial_angle_degrees": "angle between the superficial fibres given and those of the template "
+    "on the surface, root mean square; superficial_angle_straight_degrees: the same without the twist",
     "fibre_measures": "per frame mean, standard deviation (of the population), least and largest over the "
     "fibres, of length, strain (length / length at rest - 1), pennation (angle to the surface) and "
     "tortuosity (length / distance of the ends)",
@@ -68,6 +71,13 @@ FIBRE_MEASURES = {
     "PennationOrigin": "pennation_origin_deg",
     "PennationInsertion": "pennation_insertion_deg",
     "Tortuosity": "tortuosity",
+}
+
+#: Field arrays of SliceMorpher, likewise.
+TWIST_MEASURES = {
+    "Twist": "twist_degrees",
+    "SuperficialAngle": "superficial_angle_degrees",
+    "SuperficialAngleStraight": "superficial_angle_straight_degrees",
 }
 
 _PACKAGES = ("vtkmuscle", "numpy", "scipy", "numba", "vtk", "pyvista")
@@ -216,12 +226,18 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
     surface = SurfaceDistance(muscle)
     outside = np.where(surface.depth(points) > 0, 0.0, surface.unsigned(points)) * millimetres
     inside = int((outside <= FIBRE_TOLERANCE).sum())
+    twist = {
+        name: float(values[0])
+        for array, name in TWIST_MEASURES.items()
+        if (values := field_array(fibres, array)) is not None
+    }
     return {
         "fibres": fibres.GetNumberOfCells(),
         "points": len(points),
         "points_inside": inside,
         "points_outside": len(points) - inside,
         "farthest_outside_mm": float(outside.max()),
+        **twist,
     }
 
 

@@ -21,6 +21,7 @@ from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.parameters import Parameter
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.filters.quality import PRESETS
+from vtkmuscle.filters.superficial import checked_superficial
 from vtkmuscle.pipelines import FIBRE_SETTINGS, TRANSPORT_SETTINGS
 from vtkmuscle.scene.model import MILLIMETRES, Muscle, SceneError
 
@@ -129,6 +130,7 @@ def checked_muscles(scene: Scene) -> dict[str, Muscle]:
             }
             _check_settings(scene, muscle.fibres, declarations, f"{key}.fibres")
         _check_attachments(scene, f"{key}.attachments", muscle, points_of(surface))
+        _check_superficial(scene, f"{key}.superficial_fibres", muscle, points_of(surface))
         muscles[name] = replace(muscle, surface=surface, attachments=tuple(muscle.attachments))
     return muscles
 
@@ -276,14 +278,31 @@ def _check_attachment(scene: Scene, key: str, area: AttachmentArea, points: NDAr
     if len(landmarks) < fewest:
         problem = f"there are {len(landmarks)} landmarks, but a ring needs {fewest}"
         raise SceneError(problem, key=f"{key}.landmarks", mend="add landmarks", file=file)
+    _check_near(scene, f"{key}.landmarks", "the landmarks are", landmarks, points)
+
+
+def _check_superficial(scene: Scene, key: str, muscle: Muscle, points: NDArray[Any]) -> None:
+    if muscle.superficial_fibres is None:
+        return
+    try:
+        lines = checked_superficial(muscle.superficial_fibres, "superficial fibres")
+    except ValueError as error:
+        problem, _, mend = str(error).removeprefix("superficial fibres: ").partition("; ")
+        mend = mend or "give polylines, one for each fibre, two points or more"
+        raise SceneError(problem, key=key, mend=mend, file=scene.files.get(key)) from error
+    _check_near(scene, key, "the fibres are", lines.points, points)
+
+
+def _check_near(scene: Scene, key: str, what: str, places: NDArray[Any], points: NDArray[Any]) -> None:
+    """Check that some places are about where the muscle with these points is."""
     lowest, highest = points.min(axis=0), points.max(axis=0)
-    gaps = np.linalg.norm(np.maximum(np.maximum(lowest - landmarks, landmarks - highest), 0), axis=1)
+    gaps = np.linalg.norm(np.maximum(np.maximum(lowest - places, places - highest), 0), axis=1)
     diagonal = np.linalg.norm(highest - lowest)
     if gaps.min() > _FARTHEST_LANDMARKS * diagonal:
         raise SceneError(
-            f"the landmarks are {gaps.min():.4g} {scene.units} away from the muscle, which is "
-            f"{diagonal:.4g} {scene.units} long",
-            key=f"{key}.landmarks",
+            f"{what} {gaps.min():.4g} {scene.units} away from the muscle, which is {diagonal:.4g} "
+            f"{scene.units} long",
+            key=key,
             mend="check that they belong to this muscle and are in the same unit and frame",
-            file=file,
+            file=scene.files.get(key, scene.files.get("")),
         )

@@ -70,6 +70,9 @@ class Muscle:
         Parameters of PBDDeformer that differ from the scene's.
     fixing : mapping
         Parameters of FixedPointDetector that differ from the scene's.
+    superficial_fibres : vtkPolyData, optional
+        Polylines: fibres that somebody has seen on the surface, in the rest pose. They orient the template
+        and the anisotropy.
     """
 
     surface: vtkPolyData
@@ -77,6 +80,7 @@ class Muscle:
     fibres: Mapping[str, Any] | None = None
     solver: Mapping[str, Any] = field(default_factory=dict)
     fixing: Mapping[str, Any] = field(default_factory=dict)
+    superficial_fibres: vtkPolyData | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +191,8 @@ class Scene:
             areas = attachments_of(phantom.attachments[name], f"{phantom.name}, {name}")
             template = phantom.templates.get(name, "parallel")
             fibres = {"template": template, "n_fibres": n_fibres, "resolution": resolution}
-            muscles[name] = Muscle(surface, tuple(areas), fibres)
+            seen = phantom.superficial.get(name)
+            muscles[name] = Muscle(surface, tuple(areas), fibres, superficial_fibres=seen)
         return cls(phantom.name, dict(blocks_of(phantom.bones)), muscles, phantom.motion)
 
     def save(self, folder: str | PathLike[str]) -> Path:

@@ -34,6 +34,7 @@
     ]                                  # or "estimate": from where the muscle touches the bones
     solver = { iterations = 20 }       # optional: what differs from [solver]
     fixing = { method = "proximity" }  # optional: what differs from [fixing]
+    superficial_fibres = "seen.vtp"    # optional: polylines seen on the surface, which orient the fibres
 
     [solver]                           # optional: parameters of PBDDeformer
     iterations = 10
@@ -60,7 +61,7 @@ from vtkmuscle.core.rigid import RigidMotion, hinge
 from vtkmuscle.core.template_files import read_template
 from vtkmuscle.filters.arrays import multiblock_from
 from vtkmuscle.filters.attachments import AttachmentArea, attachments_of
-from vtkmuscle.io import read_landmarks, read_motion_table, read_surface
+from vtkmuscle.io import read_landmarks, read_motion_table, read_polydata, read_surface
 from vtkmuscle.pipelines import estimate_attachments
 from vtkmuscle.scene.checks import ESTIMATE, suggestion
 from vtkmuscle.scene.model import Muscle, Scene, SceneError
@@ -155,7 +156,7 @@ def read_scene(path: Path) -> Scene:
         bones[name], files[f"{table.key}.surface"] = table.read("surface", '"FILE.vtp"', read_surface)
     motion = _motion(root, bones, files)
     muscles = {}
-    known = ("surface", "attachments", "fibres", "solver", "fixing")
+    known = ("surface", "attachments", "fibres", "solver", "fixing", "superficial_fibres")
     for name, table in root.tables("muscles", known):
         surface, files[f"{table.key}.surface"] = table.read("surface", '"FILE.vtp"', read_surface)
         muscles[name] = Muscle(
@@ -164,6 +165,7 @@ def read_scene(path: Path) -> Scene:
             _fibres(table, files) if "fibres" in table else None,
             table.settings("solver"),
             table.settings("fixing"),
+            _superficial(table, files) if "superficial_fibres" in table else None,
         )
     return Scene(
         name=root.text("name", '"hip"') if "name" in root else path.stem,
@@ -177,6 +179,13 @@ def read_scene(path: Path) -> Scene:
         quality=root.text("quality", '"balanced"') if "quality" in root else None,
         files=files,
     )
+
+
+def _superficial(table: _Table, files: dict[str, Path]) -> vtkPolyData:
+    """Return fibres seen on a muscle's surface: the lines of a file."""
+    word = "superficial_fibres"
+    data, files[table.path_to(word)] = table.read(word, '"FILE.vtp"', read_polydata)
+    return data
 
 
 def _fibres(table: _Table, files: dict[str, Path]) -> dict[str, Any]:

@@ -21,6 +21,8 @@ def write_scene(scene: Scene, folder: Path) -> Path:
         write_polydata(folder / f"bones/{name}.vtp", surface)
     for name, muscle in scene.muscles.items():
         write_polydata(folder / f"muscles/{name}.vtp", muscle.surface)
+        if muscle.superficial_fibres is not None:
+            write_polydata(folder / _superficial_file(name), muscle.superficial_fibres)
         areas = attachments_from(muscle.attachments)
         for number in range(len(muscle.attachments)):
             write_polydata(folder / _landmark_file(name, number, muscle), areas.GetBlock(number))
@@ -64,6 +66,8 @@ def to_toml(scene: Scene) -> str:
         ):
             if settings or (word == "fibres" and settings is not None):
                 lines.append(f"{word} = {_inline(settings)}")
+        if muscle.superficial_fibres is not None:
+            lines.append(f"superficial_fibres = {_quoted(_superficial_file(name))}")
         if muscle.attachments:
             lines.append("attachments = [")
             for number, area in enumerate(muscle.attachments):
@@ -83,6 +87,10 @@ def to_toml(scene: Scene) -> str:
 
 def _landmark_file(name: str, number: int, muscle: Muscle) -> str:
     return f"attachments/{name}_{muscle.attachments[number].role}_{number}.vtp"
+
+
+def _superficial_file(name: str) -> str:
+    return f"superficial_fibres/{name}.vtp"
 
 
 def _motion_file(scene: Scene, bone: str) -> str:

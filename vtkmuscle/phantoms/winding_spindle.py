@@ -1,0 +1,128 @@
+"""A spindle whose fibres wind around its axis, by a known angle."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.rigid import RigidMotion
+from vtkmuscle.filters.arrays import Polylines, polylines_from
+from vtkmuscle.filters.attachments import AttachmentArea
+from vtkmuscle.phantoms.meshing import box, solid_of_revolution
+from vtkmuscle.phantoms.phantom import Phantom, phantom_from
+
+Floats = NDArray[np.float64]
+
+#: Length along z, radii of the flat ends and of the middle [mm].
+LENGTH, END_RADIUS, BELLY_RADIUS = 120.0, 10.0, 18.0
+#: The muscle is a stack of so many slices of regular polygons.
+SLICES, SIDES = 60, 48
+#: Thickness and half width of the plates that stand for the bones, edge length of their triangles [mm].
+PLATE, HALF_WIDTH, SPACING = 6.0, 16.0, 4.0
+#: Points of each superficial fibre, and the part of the length that it is seen on.
+SEEN_POINTS, SEEN = 9, (0.2, 0.8)
+
+
+def winding_spindle(twist: float = 60.0, *, n_superficial: int = 5) -> Phantom:
+    """Return a round muscle between two plates, whose fibres wind around its axis.
+
+    The fibre through the point at the radius q r(0) and the angle p of the lower end is at the height z at
+    the radius q r(z) and the angle p + twist z / 120 mm. Nothing in the muscle's shape tells the twist; a few
+    superficial fibres, digitised on the middle part of the surface, do. The plate ``insertion_plate`` moves
+    down along z, by the pipeline's time in mm.
+
+    Parameters
+    ----------
+    twist : float, optional
+        Of the upper end, the insertion, against the lower one, right-handed about z [degrees].
+    n_superficial : int, optional
+        Superficial fibres, evenly around.
+
+    Returns
+    -------
+    Phantom
+        With ``superficial``. Known answers: ``known["twist"]`` [degrees], ``known["volume"]`` [mm^3] and
+        ``known["fibre_length"](q)`` [mm], of a fibre at the part q of the radius.
+
+    Examples
+    --------
+    >>> from vtkmuscle.phantoms import winding_spindle
+    >>> phantom = winding_spindle(90.0)
+    >>> phantom.superficial["spindle"].GetNumberOfCells(), phantom.known["twist"]
+    (5, 90.0)
+    """
+    heights = np.linspace(0.0, LENGTH, SLICES + 1)
+    surface = solid_of_revolution(heights, radius_at(heights), SIDES)
+    angles = 2.0 * np.pi * np.arange(12) / 12
+    circle = END_RADIUS * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(12)])
+    shifts = np.arange(0.0, 11.0)
+    table = np.tile(np.eye(4), (len(shifts), 1, 1))
+    table[:, 2, 3] = -shifts
+    low, high = np.array([-HALF_WIDTH, -HALF_WIDTH, -PLATE]), np.array([HALF_WIDTH, HALF_WIDTH, 0.0])
+    up = np.array([0.0, 0.0, LENGTH + PLATE])
+    polygon = SIDES / 2.0 * np.sin(2.0 * np.pi / SIDES)
+    r = radius_at(heights)
+    squares = r[:-1] ** 2 + r[:-1] * r[1:] + r[1:] ** 2
+    starts = 2.0 * np.pi * (np.arange(n_superficial) + 0.25) / n_superficial
+    seen = [winding_fibre(1.0, start, twist, np.linspace(*SEEN, SEEN_POINTS)) for start in starts]
+    return phantom_from(
+        "winding_spindle",
+        bones={
+            "origin_plate": box(low, high, SPACING),
+            "insertion_plate": box(low + up, high + up, SPACING),
+        },
+        muscles={"spindle": surface},
+        areas={
+            "spindle": [
+                AttachmentArea("origin", "origin_plate", circle, closed=True),
+                AttachmentArea(
+                    "insertion", "insertion_plate", np.add(circle, [0.0, 0.0, LENGTH]), closed=True
+                ),
+            ]
+        },
+        motion=RigidMotion(shifts, {"insertion_plate": table}),
+        templates={"spindle": "parallel"},
+        known={
+            "twist": twist,
+            "volume": float(polygon / 3.0 * np.diff(heights) @ squares),
+            "fibre_length": lambda part: _length(part, twist),
+        },
+        superficial={
+            "spindle": polylines_from(
+                Polylines(np.vstack(seen), np.arange(0, SEEN_POINTS * n_superficial + 1, SEEN_POINTS))
+            )
+        },
+    )
+
+
+def radius_at(z: Floats) -> Floats:
+    """Return the muscle's radius at heights z [mm]."""
+    radii: Floats = END_RADIUS + (BELLY_RADIUS - END_RADIUS) * np.sin(np.pi * z / LENGTH) ** 2
+    return radii
+
+
+def winding_fibre(part: float, start: float, twist: float, t: Floats) -> Floats:
+    """Return points of a fibre, (n, 3) [mm].
+
+    Parameters
+    ----------
+    part : float
+        Of the radius that it keeps to.
+    start : float
+        Its angle at the origin [rad].
+    twist : float
+        Of the insertion against the origin [degrees].
+    t : (n,) array
+        Which part of the height each point is at.
+    """
+    z = LENGTH * t
+    angle = start + np.radians(twist) * t
+    points: Floats = np.column_stack(
+        [part * radius_at(z) * np.cos(angle), part * radius_at(z) * np.sin(angle), z]
+    )
+    return points
+
+
+def _length(part: float, twist: float) -> float:
+    points = winding_fibre(part, 0.0, twist, np.linspace(0.0, 1.0, 2001))
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
