@@ -51,8 +51,8 @@ PRUNE = 0.3
 def decompose(
     muscle: Any,
     attachments: Any,
-    *,
     superficial: Any = None,
+    *,
     template: str = "parallel",
     template_file: str | None = None,
     n_fibres: int = 100,
