@@ -240,7 +240,8 @@ def picture(bones: Any, muscles: Sequence[Any], view: View | None = None, **opti
 def seen_alike(rows: Sequence[Sequence[tuple[str, tuple[Any, Any]]]]) -> list[list[tuple[str, Any]]]:
     """Return titled pictures of bones and muscles, all from where the last shows most."""
     bones, muscle = rows[-1][-1][1]
-    view = choose_view([muscle, rows[0][0][1][1]], [bones, bones])
+    # The others may be anywhere: some settings throw points to where no picture would hold the rest.
+    view = choose_view([muscle], [bones])
     return [[(title, picture(pose[0], [pose[1]], view)) for title, pose in row] for row in rows]
 
 

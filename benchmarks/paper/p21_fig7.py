@@ -28,7 +28,7 @@ from vtkmuscle.filters.arrays import checked_surface, point_array, points_of, po
 from vtkmuscle.pipelines import deform
 from vtkmuscle.plotting.sheets import curves
 
-SHOWN = (1, 2, 3, 5, 10, 25, 50, 99)
+SHOWN = (0, 1, 2, 3, 5, 10, 25, 50, 99)
 PUBLISHED = {5: "< 0.1 (in a few)", 10: "< 0.01"}
 
 
