@@ -129,9 +129,8 @@ def test_single_precision(long, ledger):
     ledger.refused("Settings", "float32 with solver 'anderson'", str(caught.value))
 
 
-#: How equal results are at another scale. Grids of signed distances and the directions of acceleration are in
-#: single precision, whose rounding depends on the scale.
-IN_DOUBLE, PARTLY_IN_SINGLE = 1e-9, 1e-7
+#: How equal results are at another scale, of the muscle's length.
+SCALE_BOUND = 1e-9
 
 
 def scaled(path, factor):
@@ -155,10 +154,9 @@ def test_another_unit_of_length(exponent, long, ledger):
         bones = [scaled_mesh(bone, factor) for bone in scenes.BONES]
         now, _ = run(scaled_mesh(tube(), factor), scaled(bending(10, 20), factor), bones=bones, **mode)
         error = np.abs(now / factor - expected).max() / 100.0
-        single = mode["collision"] == "sdf" or mode["solver"] == "anderson"
-        what = f"scale 1e{exponent:+d}" + (", 'sdf' or 'anderson'" if single else ", the other modes")
+        what = f"scale 1e{exponent:+d}"
         ledger.passed("Units and places", what, "difference / length of the muscle", error)
-        assert error <= (PARTLY_IN_SINGLE if single else IN_DOUBLE), mode
+        assert error <= SCALE_BOUND, mode
 
 
 def moved(frame, path):

@@ -207,9 +207,12 @@ class Workspace:
         Components of the iterates.
     window : int
         Differences of past steps that are combined, >= 0.
+    unit : float
+        Unit of length in which differences are kept. One that is a length of the problem, such as an edge,
+        lets single precision round them alike in millimetres and in metres.
     """
 
-    def __init__(self, n: int, window: int = 10) -> None:
+    def __init__(self, n: int, window: int = 10, *, unit: float = 1.0) -> None:
         # Single precision halves the traffic, which is what acceleration costs, and only bends the search
         # directions a little: residuals are computed in double precision from the iterates themselves.
         self._residuals = np.empty((window, n), dtype=np.float32)
@@ -218,6 +221,7 @@ class Workspace:
         self._residual = np.empty(n)
         self._image = np.empty(n)
         self._window = window
+        self._scale = 1.0 / unit
         self._count = -1
         #: The iterate.
         self.x: Floats = np.empty(n)
@@ -237,7 +241,7 @@ class Workspace:
         used = min(self._count, self._window)
         dots = np.zeros((2, self._window))
         differences, now = (self._residuals, self._images), (self._residual, self._image)
-        _add_step(x, image, unsteady, *now, *differences, row, used, dots)
+        _add_step(x, image, unsteady, *now, *differences, row, used, self._scale, dots)
         if used == 0:
             return None
         self._products[row, :used] = self._products[:used, row] = dots[0, :used]
@@ -260,6 +264,7 @@ def _add_step(
     images: Singles,
     row: int,
     used: int,
+    scale: float,
     dots: Floats,
 ) -> None:
     """Store the differences to the step before and multiply them with all others, in one pass."""
@@ -275,8 +280,8 @@ def _add_step(
         newest, newest_image = residuals[row, first:last], images[row, first:last]
         for i in range(last - first):
             r = 0.0 if unsteady[first + i] else image[first + i] - x[first + i]
-            newest[i] = r - now[i]
-            newest_image[i] = image[first + i] - last_image[first + i]
+            newest[i] = scale * (r - now[i])
+            newest_image[i] = scale * (image[first + i] - last_image[first + i])
             now[i] = r
             last_image[first + i] = image[first + i]
         for j in range(used):

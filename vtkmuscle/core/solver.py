@@ -18,6 +18,7 @@ from vtkmuscle.core.constraints import VOLUME_FLOOR, per_iteration_stiffness, pr
 from vtkmuscle.core.contact import Barrier, Contact
 from vtkmuscle.core.fibre_stretch import THINNING, FibreStretch
 from vtkmuscle.core.harmonic import harmonic_weights
+from vtkmuscle.core.mesh import edge_lengths
 from vtkmuscle.core.muscle_contact import MuscleContact, Neighbour
 from vtkmuscle.core.muscle_state import MuscleState
 from vtkmuscle.core.obstacles import Obstacle
@@ -243,7 +244,7 @@ class MuscleSolver:
 
     @cached_property
     def _workspace(self) -> Workspace:
-        return Workspace(self.rest.size)
+        return Workspace(self.rest.size, unit=float(edge_lengths(self.rest, self.topology.edges).mean()))
 
     @cached_property
     def _blend_weights(self) -> tuple[Ints, Floats]:
