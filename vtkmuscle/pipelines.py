@@ -43,8 +43,9 @@ FIBRE_SETTINGS: dict[str, tuple[type[Filter], str]] = {
 
 #: Settings of fibres in a scene that are none of :func:`decompose`: how they are carried with the muscle.
 TRANSPORT_SETTINGS: dict[str, tuple[type[Filter], str]] = {"prune": (FibreTransport, "prune")}
-#: What ``prune`` is in scenes: of 1600 fibre points in 9878 vertices it keeps 31 MB of 126 MB of weights, and
-#: a frame takes 5 ms instead of 43; a muscle bent by a radian has fibre points 0.16 mm off, 0.38 mm at most.
+#: What ``prune`` is in scenes: of 1600 fibre points in 9878 vertices it keeps 5 MB of weights instead of
+#: 126, and a frame takes 0.7 ms instead of 48; a muscle bent by a radian has fibre points 0.007 mm off,
+#: 0.036 mm at most (``benchmarks/bench_fibres.py --transport``).
 PRUNE = 0.3
 
 

@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import Rotation
 from spindle import spindle
 
 from vtkmuscle.core import sparse_weights
 from vtkmuscle.core.mean_value import mean_value_coordinates, transport
-from vtkmuscle.core.sparse_weights import sparse_mean_value_coordinates, sparse_transport
+from vtkmuscle.core.sparse_weights import joined, sparse_mean_value_coordinates, sparse_transport
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +57,46 @@ def test_fewer_weights_cost_accuracy_and_the_error_says_how_much(mesh):
     bend = 0.003 * np.hypot(1.0, 0.5) * 2 * np.linalg.norm(np.ptp(points, axis=0))
     assert (np.array(errors) <= bend * np.array(said) * 1.01).all()
     assert (np.array(errors) >= 0.2 * bend * np.array(said)).all()
+
+
+def test_a_turned_muscle_has_the_same_weights(mesh):
+    points, triangles, queries = mesh
+    turn = Rotation.from_rotvec([0.3, -1.1, 0.7])
+    still, turned = (
+        sparse_mean_value_coordinates(p, triangles, q, prune=0.5)
+        for p, q in ((points, queries), (turn.apply(points), turn.apply(queries)))
+    )
+    assert_array_equal(still.columns, turned.columns)
+    assert_allclose(still.values, turned.values, atol=1e-9)
+
+
+def test_groups_are_worth_more_than_the_larger_weights_alone(mesh):
+    points, triangles, queries = mesh
+    weights = mean_value_coordinates(points, triangles, queries)
+    sparse = sparse_mean_value_coordinates(points, triangles, queries, prune=0.3)
+    exact = transport(weights, bent(points))
+    count = len(sparse.values) // len(queries)
+    assert count < 0.4 * len(points)
+    alone = np.where(weights >= np.sort(weights, axis=1)[:, -2 * count, None], weights, 0.0)
+    alone /= alone.sum(axis=1, keepdims=True)
+    error = [
+        np.linalg.norm(m - exact, axis=1).max()
+        for m in (sparse_transport(sparse, bent(points)), alone @ bent(points))
+    ]
+    assert error[0] < 0.2 * error[1]
+
+
+def test_parts_that_are_joined_are_as_if_made_at_once(mesh):
+    points, triangles, queries = mesh
+    whole, *parts = (
+        sparse_mean_value_coordinates(points, triangles, q, prune=0.5)
+        for q in (queries, queries[:50], queries[50:])
+    )
+    both = joined(parts)
+    assert_array_equal(both.starts, whole.starts)
+    assert_array_equal(both.columns, whole.columns)
+    assert_array_equal(both.values, whole.values)
+    assert both.error == whole.error
 
 
 def test_the_result_does_not_depend_on_threads(mesh, monkeypatch):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,7 +12,13 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.mean_value import mean_value_coordinates, transport
 from vtkmuscle.core.polylines import polyline_lengths
-from vtkmuscle.core.sparse_weights import SparseWeights, sparse_mean_value_coordinates, sparse_transport
+from vtkmuscle.core.sparse_weights import (
+    SparseWeights,
+    joined,
+    sparse_mean_value_coordinates,
+    sparse_transport,
+)
+from vtkmuscle.core.vertex_groups import vertex_groups
 from vtkmuscle.filters.arrays import (
     Polylines,
     checked_surface,
@@ -39,16 +45,16 @@ _ON_SURFACE = 1e-6
 
 @dataclass(eq=False)
 class _Rest:
-    """What weights belong to, and the weights of each block of fibre points that were kept."""
+    """What weights belong to, and those that were kept: all, block by block, or the sparse ones."""
 
     fibre_points: Floats
     points: Floats
     triangles: Ints
     prune: float
     outside: int | None = None
-    weights: dict[int, Floats | SparseWeights] = field(default_factory=dict)
+    sparse: SparseWeights | None = None
+    weights: dict[int, Floats] = field(default_factory=dict)
     size: int = 0
-    error: float = 0.0
 
     def is_of(self, fibre_points: Floats, points: Floats, triangles: Ints, prune: float) -> bool:
         return (
@@ -58,23 +64,48 @@ class _Rest:
             and np.array_equal(self.triangles, triangles)
         )
 
-    def of_block(self, first: int) -> Floats | SparseWeights:
-        """Return the weights of the block of fibre points from number `first` on."""
+    @property
+    def error(self) -> float:
+        """What the weights err by at most [mm]."""
+        return 0.0 if self.sparse is None else self.sparse.error
+
+    def moved(self, deformed: Floats, report: Callable[[float], None]) -> Floats:
+        """Return the fibre points in the deformed vertices; `report` is told the part that is done."""
+        if self.prune > 0.0:
+            if self.sparse is None:
+                self.sparse = self._made_sparse(report)
+            moved = sparse_transport(self.sparse, deformed)
+            report(1.0)
+            return moved
+        moved = np.empty_like(self.fibre_points)
+        for first in range(0, len(moved), _BLOCK):
+            moved[first : first + _BLOCK] = transport(self._of_block(first), deformed)
+            report(min(first + _BLOCK, len(moved)) / len(moved))
+        return moved
+
+    def _made_sparse(self, report: Callable[[float], None]) -> SparseWeights:
+        groups, count = vertex_groups(self.points), len(self.fibre_points)
+        parts = []
+        for first in range(0, count, _BLOCK):
+            block = self.fibre_points[first : first + _BLOCK]
+            parts.append(
+                sparse_mean_value_coordinates(
+                    self.points, self.triangles, block, prune=self.prune, groups=groups
+                )
+            )
+            report(min(first + _BLOCK, count) / (count + 1))
+        return joined(parts)
+
+    def _of_block(self, first: int) -> Floats:
+        """Return all weights of the block of fibre points from number `first` on."""
         kept = self.weights.get(first)
         if kept is not None:
             return kept
-        weights: Floats | SparseWeights
         block = self.fibre_points[first : first + _BLOCK]
-        if self.prune == 0.0:
-            weights = mean_value_coordinates(self.points, self.triangles, block)
-            size = weights.nbytes
-        else:
-            weights = sparse_mean_value_coordinates(self.points, self.triangles, block, prune=self.prune)
-            size = weights.values.nbytes + weights.columns.nbytes
-            self.error = max(self.error, weights.error)
-        if self.size + size <= _LARGEST_CACHE:
+        weights = mean_value_coordinates(self.points, self.triangles, block)
+        if self.size + weights.nbytes <= _LARGEST_CACHE:
             self.weights[first] = weights
-            self.size += size
+            self.size += weights.nbytes
         return weights
 
 
@@ -86,9 +117,9 @@ class FibreTransport(Filter):
     fibres and the rest muscle are the same (in content), so that a frame costs one matrix product. Fibre
     points outside of the muscle are carried along as well, and counted.
 
-    All weights of 1600 points on 9878 vertices take 126 MB. With ``prune`` the small ones are dropped, and
-    the others changed so that affine motions stay exact; 1 keeps an eighth of them. What that costs is in
-    ``PruneError``: the largest error of a fibre point if the muscle is bent by about one radian.
+    All weights of 1600 points on 9878 vertices take 126 MB. With ``prune`` groups of vertices whose weights
+    are much the same have one weight, and affine motions stay exact; 0.3 keeps one in thirty. What that costs
+    is in ``PruneError``: the largest error of a fibre point if the muscle is bent by about one radian.
 
     Raises
     ------
@@ -118,8 +149,8 @@ class FibreTransport(Filter):
         float,
         default=0.0,
         minimum=0.0,
-        doc="Weights smaller than this part of the mean weight, 1 / number of vertices, are dropped; 0 keeps "
-        "all.",
+        doc="How much the weights of vertices that get one weight together may differ, in mean weights: the "
+        "sum of their deviations, times the radius of the group by that of the muscle; 0 keeps all.",
     )
 
     rest_fibres = InputPort(vtkPolyData, content="fibres", doc="Polylines in the muscle at rest.")
@@ -153,15 +184,7 @@ class FibreTransport(Filter):
                 f"{len(points)}; both must be the same mesh, before and after the deformation"
             )
         rest = self._rest_of(lines.points, points, triangles)
-        moved = np.empty_like(lines.points)
-        for first in range(0, len(moved), _BLOCK):
-            weights = rest.of_block(first)
-            moved[first : first + _BLOCK] = (
-                sparse_transport(weights, deformed)
-                if isinstance(weights, SparseWeights)
-                else transport(weights, deformed)
-            )
-            self.report_progress(min(first + _BLOCK, len(moved)) / len(moved))
+        moved = rest.moved(deformed, self.report_progress)
         if rest.outside is None:
             distance = muscle_geometry(rest_muscle, "FibreTransport: rest_muscle").distance
             slack = _ON_SURFACE * float(np.linalg.norm(np.ptp(points, axis=0)))
