@@ -11,10 +11,10 @@ from vtkmuscle.core.coarse import (
     coarse_muscle,
     decimate,
     inherit_fixed_points,
-    ring_rotations,
 )
 from vtkmuscle.core.mesh import survey
 from vtkmuscle.core.rigid import apply_transform, rotation_about
+from vtkmuscle.core.ring_rotations import ring_rotations
 from vtkmuscle.core.solver import MuscleSolver, SolverParameters
 
 

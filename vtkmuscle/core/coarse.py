@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.mesh import half_edges, vertex_normals
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh import vertex_normals
+from vtkmuscle.core.ring_rotations import ring_rotations, rings_of
 from vtkmuscle.core.topology import mesh_topology
 
 Floats = NDArray[np.float64]
@@ -101,7 +103,7 @@ class Prolongation:
 
     def __init__(self, coarse: Floats, triangles: Ints, points: Floats) -> None:
         self._triangles = triangles
-        self._rings = _rings(triangles)
+        self._rings = rings_of(triangles)
         self.binding = bind(points, coarse)
 
     def prolong(self, before: Floats, now: Floats, points: Floats) -> Floats:
@@ -124,13 +126,25 @@ class Prolongation:
             The full muscle now [mm]. Fixed points have to be put in place after it.
         """
         rotations = ring_rotations(before, now, self._triangles, self._rings)
-        near, weights = self.binding.neighbours, self.binding.weights
-        result = np.zeros_like(points)
-        for j in range(near.shape[1]):
-            c = near[:, j]
-            moved = np.einsum("nij,nj->ni", rotations[c], points - before[c]) + now[c]
-            result += weights[:, j : j + 1] * moved
+        result = np.empty_like(points)
+        _carry(rotations, before, now, self.binding.neighbours, self.binding.weights, points, result)
         return result
+
+
+@kernel
+def _carry(
+    rotations: Floats, before: Floats, now: Floats, near: Ints, weights: Floats, points: Floats, out: Floats
+) -> None:
+    """Do what :meth:`Prolongation.prolong` says."""
+    for i in range(len(points)):
+        for a in range(3):
+            out[i, a] = 0.0
+        for j in range(near.shape[1]):
+            c = near[i, j]
+            x, y, z = points[i, 0] - before[c, 0], points[i, 1] - before[c, 1], points[i, 2] - before[c, 2]
+            for a in range(3):
+                moved = rotations[c, a, 0] * x + rotations[c, a, 1] * y + rotations[c, a, 2] * z + now[c, a]
+                out[i, a] += weights[i, j] * moved
 
 
 def decimate(
@@ -237,44 +251,3 @@ def bind(points: Floats, coarse: Floats) -> Binding:
     # All as far as the one left out: all count the same.
     weights = np.divide(weights, total, out=np.full_like(weights, 1.0 / count), where=total > 0)
     return Binding(neighbours[:, :-1].astype(np.int64), weights)
-
-
-def _rings(triangles: Ints) -> Ints:
-    """Return the directed edges (k, 2) of all rings: (centre, neighbour), sorted by centre."""
-    directed = half_edges(triangles)
-    rings: Ints = np.unique(np.vstack([directed, directed[:, ::-1]]), axis=0)
-    return rings
-
-
-def ring_rotations(before: Floats, now: Floats, triangles: Ints, rings: Ints) -> Floats:
-    """Return how each point's ring has turned.
-
-    R minimises sum |R (x_j - x_i) - (x_j' - x_i')|^2 over the neighbours and the normal, the latter as long
-    as the neighbours are far, so that a flat ring has a definite rotation. Sorkine, Alexa 2007,
-    *As-rigid-as-possible surface modeling*, doi:10.2312/SGP/SGP07/109-116, eq. 5 and 6.
-
-    Parameters
-    ----------
-    before, now : (c, 3) arrays
-        Positions [mm].
-    triangles : (t, 3) int array
-        Point ids.
-    rings : (k, 2) int array
-        Pairs of a point and a neighbour of it, each both ways.
-
-    Returns
-    -------
-    (c, 3, 3) array
-        Rotations.
-    """
-    i, j = rings.T
-    spokes, moved = before[j] - before[i], now[j] - now[i]
-    covariance = np.zeros((len(before), 3, 3))
-    np.add.at(covariance, i, moved[:, :, None] * spokes[:, None, :])
-    squares = np.bincount(i, np.einsum("ij,ij->i", spokes, spokes), minlength=len(before))
-    normal, turned = vertex_normals(before, triangles), vertex_normals(now, triangles)
-    covariance += squares[:, None, None] * turned[:, :, None] * normal[:, None, :]
-    u, _, vt = np.linalg.svd(covariance)
-    u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
-    rotations: Floats = u @ vt
-    return rotations

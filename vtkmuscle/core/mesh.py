@@ -160,11 +160,23 @@ def triangle_normals(points: Floats, triangles: Ints) -> Floats:
 
 def vertex_normals(points: Floats, triangles: Ints) -> Floats:
     """Return the unit normal of each point, area-weighted over its triangles; 0 where there is none."""
-    normals = triangle_normals(points, triangles)
-    total = np.zeros_like(points, dtype=np.float64)
-    for corner in range(3):
-        np.add.at(total, triangles[:, corner], normals)
+    total = np.zeros((len(points), 3))
+    _add_normals(points, triangles, total)
     return unit_vectors(total)
+
+
+@kernel
+def _add_normals(points: Floats, triangles: Ints, total: Floats) -> None:
+    """Add to each point's row the normals of its triangles, twice their area long."""
+    for corner in range(3):
+        for t in range(len(triangles)):
+            i, j, k = triangles[t]
+            ax, ay, az = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
+            bx, by, bz = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1], points[k, 2] - points[i, 2]
+            at = triangles[t, corner]
+            total[at, 0] += ay * bz - az * by
+            total[at, 1] += az * bx - ax * bz
+            total[at, 2] += ax * by - ay * bx
 
 
 def extent(points: Floats) -> float:

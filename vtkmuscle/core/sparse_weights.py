@@ -295,4 +295,4 @@ def _make_up(columns: NDArray[np.int32], values: Floats, means: Floats, sizes: I
         left -= values[i] * row
         terms += abs(values[i]) * np.abs(row)
     # Where the means are in a plane and the point is not, nothing makes up for it.
-    return moved <= LARGEST_CHANGE * size and (np.abs(left) <= _MADE_UP * terms).all()
+    return moved <= LARGEST_CHANGE * size and bool((np.abs(left) <= _MADE_UP * terms).all())
