@@ -29,8 +29,6 @@ N_INNER = 200
 CLEARANCE = 0.4
 #: Bounds of the weights: positive even where four points are on a circle.
 WEIGHTS = (1e-6, 1e6)
-#: Where conjugate gradients end, relative to the right-hand side.
-PRECISION = 1e-11
 
 
 @kernel
@@ -65,7 +63,7 @@ def from_rectangle(contour: Floats, image: Floats, points: Floats, even: bool) -
     known[:, :2] = image
     known[:, 2:] = contour[:, 2:]
     edges, weights = _edge_weights(nodes, triangles, neighbours)
-    values = _harmonic(len(nodes), edges, weights, known)
+    values = _harmonic(nodes, edges, weights, known)
     lifted = values.copy()
     lifted[:, :2] = nodes
     if even:
@@ -175,65 +173,84 @@ def _cotangent(nodes: Floats, a: int, b: int, c: int) -> float:
 
 
 @kernel
-def _harmonic(n_nodes: int, edges: Ints, weights: Floats, known: Floats) -> Floats:
-    """Return the values at all nodes, those of the first len(known) given, by conjugate gradients."""
-    n = len(known)
-    result = np.empty((n_nodes, known.shape[1]))
-    diagonal = np.zeros(n_nodes)
-    # Edges with a node of unknown value: no others matter.
-    open_edges = np.empty(len(edges), dtype=np.int64)
-    n_open = 0
+def _harmonic(nodes: Floats, edges: Ints, weights: Floats, known: Floats) -> Floats:
+    """Return the values at all nodes, those of the first len(known) given, by Cholesky's factors.
+
+    Unknowns are numbered along the longer side of the section: then those that are joined are few numbers
+    apart, and all entries of a row of the matrix and of its factor L are within its envelope, from the first
+    joined one on (Jennings 1966, doi:10.1093/comjnl/9.3.281). That is exact, and takes less time than a few
+    conjugate gradients.
+    """
+    n, n_free = len(known), len(nodes) - len(known)
+    result = np.empty((len(nodes), known.shape[1]))
+    result[:n] = known
+    if n_free == 0:
+        return result
+    wide = nodes[:, 0].max() - nodes[:, 0].min() > nodes[:, 1].max() - nodes[:, 1].min()
+    order = np.argsort(nodes[n:, 0 if wide else 1]) + n
+    place = np.full(len(nodes), -1, dtype=np.int64)
+    place[order] = np.arange(n_free)
+    first = np.arange(n_free)
     for e in range(len(edges)):
-        diagonal[edges[e, 0]] += weights[e]
-        diagonal[edges[e, 1]] += weights[e]
-        if edges[e, 0] >= n or edges[e, 1] >= n:
-            open_edges[n_open] = e
-            n_open += 1
-    edges, weights = edges[open_edges[:n_open]], weights[open_edges[:n_open]]
-    residual, direction, product = np.empty(n_nodes), np.empty(n_nodes), np.empty(n_nodes)
+        i, j = place[edges[e, 0]], place[edges[e, 1]]
+        if i >= 0 and j >= 0:
+            first[max(i, j)] = min(first[max(i, j)], i, j)
+    # Entry (i, j) is at diagonal[i] - i + j.
+    diagonal = np.cumsum(np.arange(n_free) - first + 1) - 1
+    entries = np.zeros(diagonal[-1] + 1)
+    values = np.zeros((n_free, known.shape[1]))
+    for e in range(len(edges)):
+        i, j = place[edges[e, 0]], place[edges[e, 1]]
+        if i >= 0 and j >= 0:
+            entries[diagonal[max(i, j)] - abs(i - j)] -= weights[e]
+        elif i >= 0:
+            values[i] += weights[e] * known[edges[e, 1]]
+        elif j >= 0:
+            values[j] += weights[e] * known[edges[e, 0]]
+        if i >= 0:
+            entries[diagonal[i]] += weights[e]
+        if j >= 0:
+            entries[diagonal[j]] += weights[e]
+    _factorised(entries, diagonal, first)
     for column in range(known.shape[1]):
-        x = np.full(n_nodes, known[:, column].mean())
-        x[:n] = known[:, column]
-        _applied(edges, weights, x, residual)
-        scale, slope = 0.0, 0.0
-        direction[:n] = 0.0
-        for i in range(n, n_nodes):
-            residual[i] = -residual[i]
-            scale = max(scale, abs(residual[i]) / diagonal[i])
-            direction[i] = residual[i] / diagonal[i]
-            slope += residual[i] * direction[i]
-        for _ in range(2 * (n_nodes - n)):
-            _applied(edges, weights, direction, product)
-            curvature = 0.0
-            for i in range(n, n_nodes):
-                curvature += direction[i] * product[i]
-            if not curvature > 0.0:
-                break
-            step, worst, new = slope / curvature, 0.0, 0.0
-            for i in range(n, n_nodes):
-                x[i] += step * direction[i]
-                residual[i] -= step * product[i]
-                worst = max(worst, abs(residual[i]) / diagonal[i])
-                new += residual[i] * residual[i] / diagonal[i]
-            if worst <= PRECISION * scale:
-                break
-            for i in range(n, n_nodes):
-                direction[i] = residual[i] / diagonal[i] + new / slope * direction[i]
-            slope = new
-        result[:, column] = x
+        x = values[:, column]
+        for i in range(n_free):
+            for j in range(first[i], i):
+                x[i] -= entries[diagonal[i] - i + j] * x[j]
+            x[i] /= entries[diagonal[i]]
+        for i in range(n_free - 1, -1, -1):
+            x[i] /= entries[diagonal[i]]
+            for j in range(first[i], i):
+                x[j] -= entries[diagonal[i] - i + j] * x[i]
+    result[order] = values
     return result
 
 
 @kernel
-def _applied(edges: Ints, weights: Floats, x: Floats, result: Floats) -> None:
-    """Store the product of the Laplacian and x."""
-    for i in range(len(result)):
-        result[i] = 0.0
-    for e in range(len(edges)):
-        a, b = edges[e, 0], edges[e, 1]
-        flow = weights[e] * (x[a] - x[b])
-        result[a] += flow
-        result[b] -= flow
+def _factorised(entries: Floats, diagonal: Ints, first: Ints) -> None:
+    """Replace the lower half of a positive definite matrix by its factor L, column by column."""
+    n = len(diagonal)
+    # The last row that each column is in.
+    last = np.arange(n)
+    for i in range(n):
+        last[first[i]] = max(last[first[i]], i)
+    for j in range(1, n):
+        last[j] = max(last[j], last[j - 1])
+    factors = np.empty(n)
+    for j in range(n):
+        pivot = np.sqrt(entries[diagonal[j]])
+        entries[diagonal[j]] = pivot
+        for i in range(j + 1, last[j] + 1):
+            factors[i] = 0.0
+            if first[i] > j:
+                continue
+            start = diagonal[i] - i
+            factor = entries[start + j] / pivot
+            entries[start + j] = factor
+            factors[i] = factor
+            if factor != 0.0:
+                for k in range(max(first[i], j + 1), i + 1):
+                    entries[start + k] -= factor * factors[k]
 
 
 @kernel
