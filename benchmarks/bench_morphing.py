@@ -18,7 +18,8 @@ from timing import interleaved
 
 from vtkmuscle import Scene
 from vtkmuscle.core.harmonic_morphing import attachment_field, morph_by_isolines
-from vtkmuscle.core.morphing import morph_by_planes
+from vtkmuscle.core.morphing import Slicing, morph_by_planes
+from vtkmuscle.core.sections import closed_surface
 from vtkmuscle.core.templates import TEMPLATES, sobol_points
 from vtkmuscle.filters import (
     FibreSmoother,
@@ -148,13 +149,13 @@ def growth(largest: int) -> None:
         )
         fitted = template * (high - low) + low
         field = attachment_field(points, triangles, origin, insertion)
-        shape = (fitted, box, points, triangles)
-        settings = {"slice_tolerance": 0.1, "continuity": 0.2, "mapping": "bijective"}
+        shape = (fitted, box, closed_surface(points, triangles))
+        slicing = Slicing(slice_tolerance=0.1, continuity=0.2, mapping="bijective")
         times = interleaved(
             {
-                "planes": lambda s=shape: morph_by_planes(*s, **settings),
-                "isolines": lambda s=shape, f=field: morph_by_isolines(*s, f, **settings),
-                "field": lambda s=shape, a=(origin, insertion): attachment_field(*s[2:], *a),
+                "planes": lambda s=shape: morph_by_planes(*s, slicing),
+                "isolines": lambda s=shape, f=field: morph_by_isolines(*s, f, slicing),
+                "field": lambda s=(points, triangles, origin, insertion): attachment_field(*s),
             },
             rounds=1 if n_triangles > 200_000 else 3,
         )

@@ -5,9 +5,10 @@ from bent_muscle import bent_tube, half_circle, letter_s
 
 from vtkmuscle.core.fitting import centroid_axis, fit_box
 from vtkmuscle.core.harmonic_morphing import attachment_field, morph_by_isolines, way_of_values
-from vtkmuscle.core.morphing import morph_by_planes
+from vtkmuscle.core.morphing import Slicing, morph_by_planes
 from vtkmuscle.core.rigid import apply_transform
 from vtkmuscle.core.section_maps import MAPPINGS
+from vtkmuscle.core.sections import closed_surface
 from vtkmuscle.core.templates import TEMPLATES, sobol_points
 
 RADIUS = 12.0
@@ -23,6 +24,16 @@ def fitted(points, origin, insertion, n_fibres=40, resolution=15, kind="parallel
     box = fit_box(points, axis, **ends, **areas, angle_step=5.0)
     cube = TEMPLATES[kind].fibres(*sobol_points(n_fibres).T, np.linspace(0, 1, resolution + 1))
     return box.transform, apply_transform(box.transform, cube.reshape(-1, 3)).reshape(cube.shape)
+
+
+def by_isolines(cube, transform, surface, field, **settings):
+    slicing = Slicing(**(SETTINGS | settings))
+    return morph_by_isolines(cube.reshape(-1, 3), transform, closed_surface(*surface), field, slicing)
+
+
+def by_planes(cube, transform, surface, **settings):
+    slicing = Slicing(**(SETTINGS | settings))
+    return morph_by_planes(cube.reshape(-1, 3), transform, closed_surface(*surface), slicing)
 
 
 def lengths(fibres):
@@ -50,8 +61,7 @@ def test_fibres_of_a_muscle_bent_by_180_degrees_have_their_known_lengths(half_tu
     points, triangles, origin, insertion = half_turn
     transform, cube = fitted(points, origin, insertion)
     field = attachment_field(points, triangles, origin, insertion)
-    settings = SETTINGS | {"mapping": mapping}
-    morph = morph_by_isolines(cube.reshape(-1, 3), transform, points, triangles, field, **settings)
+    morph = by_isolines(cube, transform, (points, triangles), field, mapping=mapping)
     fibres = morph.points.reshape(cube.shape)
     from_axis = np.hypot(fibres[..., 0], fibres[..., 2])
     assert np.ptp(from_axis, axis=1).max() < 0.1 * RADIUS
@@ -61,16 +71,16 @@ def test_fibres_of_a_muscle_bent_by_180_degrees_have_their_known_lengths(half_tu
     assert largest_turn(fibres) < 20
     angles = np.arctan2(fibres[..., 2], fibres[..., 0])
     assert np.abs(np.abs(angles) - np.linspace(0, np.pi, 16)).max() < 0.05  # and are evenly divided
-    by_planes = morph_by_planes(cube.reshape(-1, 3), transform, points, triangles, **settings)
-    assert not by_planes.suits
-    assert np.ptp(np.hypot(*by_planes.points.reshape(cube.shape)[..., [0, 2]].T), axis=0).max() > RADIUS
+    planes = by_planes(cube, transform, (points, triangles), mapping=mapping)
+    assert not planes.suits
+    assert np.ptp(np.hypot(*planes.points.reshape(cube.shape)[..., [0, 2]].T), axis=0).max() > RADIUS
 
 
 def test_fibres_of_a_muscle_bent_in_an_s_have_their_known_lengths(double_bend):
     points, triangles, origin, insertion = double_bend
     transform, cube = fitted(points, origin, insertion, resolution=30)
     field = attachment_field(points, triangles, origin, insertion)
-    morph = morph_by_isolines(cube.reshape(-1, 3), transform, points, triangles, field, **SETTINGS)
+    morph = by_isolines(cube, transform, (points, triangles), field)
     fibres = morph.points.reshape(cube.shape)
     side = np.where(fibres[..., 0] < 0, -1.0, 1.0)
     outward = np.hypot(fibres[..., 0] - 50 * side, fibres[..., 2]) - 50
@@ -79,14 +89,14 @@ def test_fibres_of_a_muscle_bent_in_an_s_have_their_known_lengths(double_bend):
     assert np.abs(halves[0] + halves[1]).max() < 0.2 * RADIUS
     assert np.abs(lengths(fibres) / (np.pi * (100 + halves[0] + halves[1])) - 1).max() < 0.02
     assert largest_turn(fibres) < 30
-    assert not morph_by_planes(cube.reshape(-1, 3), transform, points, triangles, **SETTINGS).suits
+    assert not by_planes(cube, transform, (points, triangles)).suits
 
 
 def test_fibres_end_on_the_areas_and_are_inside(half_turn):
     points, triangles, origin, insertion = half_turn
     transform, cube = fitted(points, origin, insertion)
     field = attachment_field(points, triangles, origin, insertion)
-    morph = morph_by_isolines(cube.reshape(-1, 3), transform, points, triangles, field, **SETTINGS)
+    morph = by_isolines(cube, transform, (points, triangles), field)
     fibres = morph.points.reshape(cube.shape)
     for end, area in ((0, origin), (-1, insertion)):
         disc = triangles[np.isin(triangles, area).all(axis=1)]
@@ -101,7 +111,7 @@ def test_neighbours_stay_neighbours_at_every_isoline(double_bend):
     points, triangles, origin, insertion = double_bend
     transform, cube = fitted(points, origin, insertion, n_fibres=64)
     field = attachment_field(points, triangles, origin, insertion)
-    morph = morph_by_isolines(cube.reshape(-1, 3), transform, points, triangles, field, **SETTINGS)
+    morph = by_isolines(cube, transform, (points, triangles), field)
     fibres = morph.points.reshape(cube.shape)
     r, s = sobol_points(64).T
     apart = np.hypot(r[:, None] - r, s[:, None] - s)
@@ -117,10 +127,7 @@ def test_a_field_of_another_pose_serves_as_well(half_turn):
     moved = points * [1.0, 1.0, 1.1]
     transform, cube = fitted(moved, origin, insertion)
     own = attachment_field(moved, triangles, origin, insertion)
-    here, there = (
-        morph_by_isolines(cube.reshape(-1, 3), transform, moved, triangles, f, **SETTINGS).points
-        for f in (own, field)
-    )
+    here, there = (by_isolines(cube, transform, (moved, triangles), f).points for f in (own, field))
     assert np.linalg.norm(here - there, axis=1).max() < 3.0
 
 
@@ -129,15 +136,9 @@ def test_a_mirrored_box_gives_the_mirrored_fibres(half_turn):
     transform, cube = fitted(points, origin, insertion)
     field = attachment_field(points, triangles, origin, insertion)
     mirror = np.diag([1.0, -1.0, 1.0, 1.0])
-    here = morph_by_isolines(cube.reshape(-1, 3), transform, points, triangles, field, **SETTINGS).points
-    there = morph_by_isolines(
-        apply_transform(mirror, cube.reshape(-1, 3)),
-        mirror @ transform,
-        apply_transform(mirror, points),
-        triangles[:, ::-1],
-        field,
-        **SETTINGS,
-    ).points
+    here = by_isolines(cube, transform, (points, triangles), field).points
+    moved = apply_transform(mirror, cube.reshape(-1, 3)), mirror @ transform
+    there = by_isolines(*moved, (apply_transform(mirror, points), triangles[:, ::-1]), field).points
     assert np.abs(there - apply_transform(mirror, here)).max() < 1e-6
 
 
@@ -155,7 +156,7 @@ def test_extreme_resolutions(half_turn, resolution):
     points, triangles, origin, insertion = half_turn
     transform, cube = fitted(points, origin, insertion, n_fibres=3, resolution=resolution)
     field = attachment_field(points, triangles, origin, insertion)
-    morph = morph_by_isolines(cube.reshape(-1, 3), transform, points, triangles, field, **SETTINGS)
+    morph = by_isolines(cube, transform, (points, triangles), field)
     assert np.isfinite(morph.points).all()
 
 
@@ -164,7 +165,7 @@ def test_a_tetrahedron_is_a_muscle():
     triangles = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
     field = attachment_field(points, triangles, np.array([0, 1, 2]), np.array([3]))
     transform, cube = fitted(points, [0, 1, 2], [3], n_fibres=5)
-    morph = morph_by_isolines(cube.reshape(-1, 3), transform, points, triangles, field, **SETTINGS)
+    morph = by_isolines(cube, transform, (points, triangles), field)
     assert np.isfinite(morph.points).all()
     assert np.abs(morph.points.reshape(cube.shape)[:, -1] - points[3]).max() < 1e-9
 
@@ -186,6 +187,6 @@ def test_areas_on_two_separate_parts_are_refused(half_turn):
     # A second part without areas does no harm.
     field = attachment_field(twice, both, origin, insertion)
     transform, cube = fitted(points, origin, insertion)
-    one = morph_by_isolines(cube.reshape(-1, 3), transform, points, triangles, field[:n], **SETTINGS).points
-    two = morph_by_isolines(cube.reshape(-1, 3), transform, twice, both, field, **SETTINGS).points
+    one = by_isolines(cube, transform, (points, triangles), field[:n]).points
+    two = by_isolines(cube, transform, (twice, both), field).points
     assert np.allclose(one, two)

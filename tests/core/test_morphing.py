@@ -5,9 +5,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from vtkmuscle.core.morphing import morph_by_planes, shared_levels
+from vtkmuscle.core.morphing import Slicing, morph_by_planes, shared_levels
 from vtkmuscle.core.rigid import apply_transform
 from vtkmuscle.core.section_maps import MAPPINGS, map_section
+from vtkmuscle.core.sections import closed_surface
 from vtkmuscle.core.templates import TEMPLATES, sobol_points
 from vtkmuscle.phantoms.implicit import thick_curve, union
 from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution
@@ -41,7 +42,9 @@ def morph(
     transform = upright_box(points) if transform is None else transform
     fitted = apply_transform(transform, cube.reshape(-1, 3))
     settings_ = {"slice_tolerance": slice_tolerance, "continuity": continuity, "mapping": mapping, **other}
-    return morph_by_planes(fitted, transform, points, triangles, **settings_).points.reshape(cube.shape)
+    return morph_by_planes(
+        fitted, transform, closed_surface(points, triangles), Slicing(**settings_)
+    ).points.reshape(cube.shape)
 
 
 def outside(places, points, triangles):

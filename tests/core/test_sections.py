@@ -12,7 +12,7 @@ from vtkmodules.vtkFiltersCore import vtkPolyDataPlaneCutter, vtkStripper
 from vtkmodules.vtkFiltersSources import vtkParametricFunctionSource, vtkSphereSource
 
 from vtkmuscle.core.mesh import signed_volume
-from vtkmuscle.core.sections import cut_surface, opposite_half_edges
+from vtkmuscle.core.sections import closed_surface, cut_surface, opposite_half_edges, united
 from vtkmuscle.filters.arrays import points_of, surface_from, triangles_of
 
 TETRAHEDRON = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
@@ -40,9 +40,8 @@ def torus():
 
 
 def cut(points, triangles, levels, values=None):
-    opposite = opposite_half_edges(triangles, len(points))
     values = points[:, 2].copy() if values is None else values
-    return cut_surface(points, triangles, opposite, values, np.asarray(levels, dtype=float))
+    return cut_surface(closed_surface(points, triangles), values, np.asarray(levels, dtype=float))
 
 
 def loops(sections, level):
@@ -69,6 +68,29 @@ def loops_by_vtk(points, triangles, level):
     offsets, ids = (vtk_to_numpy(array) for array in (lines.GetOffsetsArray(), lines.GetConnectivityArray()))
     places = points_of(stripper.GetOutput())
     return [places[ids[a : b - 1]] for a, b in pairwise(offsets)]
+
+
+@pytest.mark.parametrize("surface", [sphere, torus])
+def test_a_surface_that_faces_inward_is_turned_with_its_opposite_half_edges(surface):
+    points, triangles = surface()
+    turned = closed_surface(points, triangles[:, ::-1]).outward()
+    assert np.array_equal(turned.triangles, triangles)
+    assert np.array_equal(turned.opposite, opposite_half_edges(triangles, len(points)))
+    assert closed_surface(points, triangles).outward().triangles is not turned.triangles
+
+
+def test_parts_on_either_side_of_loops_are_those_of_a_surface_cut_less_often():
+    points, triangles = torus()
+    heights = points[:, 0].copy()
+    many, few = np.linspace(-2.6, 2.6, 27), np.linspace(-2.6, 2.6, 27)[[0, 9, 13, 20, 26]]
+    fine, coarse = (cut(points, triangles, levels, heights) for levels in (many, few))
+    kept = np.flatnonzero(np.isin(np.repeat(many, np.diff(fine.level_offsets)), few))
+    ignored = np.setdiff1d(np.arange(len(fine.parts_below)), kept)
+    below, above = (side[kept] for side in united(fine.parts_below, fine.parts_above, ignored))
+    assert len(kept) == len(coarse.parts_below) > len(few)
+    same = above[:, None] == below[None]
+    assert np.array_equal(same, coarse.parts_above[:, None] == coarse.parts_below[None])
+    assert same.any()
 
 
 def test_opposite_half_edges_join_the_same_points_the_other_way_round():

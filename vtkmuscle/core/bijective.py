@@ -190,27 +190,10 @@ def _harmonic(nodes: Floats, edges: Ints, weights: Floats, known: Floats) -> Flo
     order = np.argsort(nodes[n:, 0 if wide else 1]) + n
     place = np.full(len(nodes), -1, dtype=np.int64)
     place[order] = np.arange(n_free)
-    first = np.arange(n_free)
+    places = np.empty_like(edges)
     for e in range(len(edges)):
-        i, j = place[edges[e, 0]], place[edges[e, 1]]
-        if i >= 0 and j >= 0:
-            first[max(i, j)] = min(first[max(i, j)], i, j)
-    # Entry (i, j) is at diagonal[i] - i + j.
-    diagonal = np.cumsum(np.arange(n_free) - first + 1) - 1
-    entries = np.zeros(diagonal[-1] + 1)
-    values = np.zeros((n_free, known.shape[1]))
-    for e in range(len(edges)):
-        i, j = place[edges[e, 0]], place[edges[e, 1]]
-        if i >= 0 and j >= 0:
-            entries[diagonal[max(i, j)] - abs(i - j)] -= weights[e]
-        elif i >= 0:
-            values[i] += weights[e] * known[edges[e, 1]]
-        elif j >= 0:
-            values[j] += weights[e] * known[edges[e, 0]]
-        if i >= 0:
-            entries[diagonal[i]] += weights[e]
-        if j >= 0:
-            entries[diagonal[j]] += weights[e]
+        places[e, 0], places[e, 1] = place[edges[e, 0]], place[edges[e, 1]]
+    first, diagonal, entries, values = _system(places, weights, edges, known, n_free)
     _factorised(entries, diagonal, first)
     for column in range(known.shape[1]):
         x = values[:, column]
@@ -224,6 +207,35 @@ def _harmonic(nodes: Floats, edges: Ints, weights: Floats, known: Floats) -> Flo
                 x[j] -= entries[diagonal[i] - i + j] * x[i]
     result[order] = values
     return result
+
+
+@kernel
+def _system(
+    places: Ints, weights: Floats, edges: Ints, known: Floats, n_free: int
+) -> tuple[Ints, Ints, Floats, Floats]:
+    """Return the lower half of the Laplacian's rows of unknowns, in their envelope, and the right-hand sides.
+
+    The entry (i, j) is at diagonal[i] - i + j, from j = first[i] on.
+    """
+    first = np.arange(n_free)
+    for e in range(len(edges)):
+        i, j = max(places[e, 0], places[e, 1]), min(places[e, 0], places[e, 1])
+        if j >= 0:
+            first[i] = min(first[i], j)
+    diagonal = np.cumsum(np.arange(n_free) - first + 1) - 1
+    entries = np.zeros(diagonal[-1] + 1)
+    values = np.zeros((n_free, known.shape[1]))
+    for e in range(len(edges)):
+        for one, other in ((0, 1), (1, 0)):
+            i, j = places[e, one], places[e, other]
+            if i < 0:
+                continue
+            entries[diagonal[i]] += weights[e]
+            if j < 0:
+                values[i] += weights[e] * known[edges[e, other]]
+            elif j < i:
+                entries[diagonal[i] - i + j] -= weights[e]
+    return first, diagonal, entries, values
 
 
 @kernel

@@ -27,15 +27,13 @@ from vtkmuscle.core.morphing import (
     SAME_HEIGHT,
     Box,
     Morph,
-    members,
-    nearest_hit,
-    outward,
+    Slicing,
+    map_sections,
     shared_levels,
 )
-from vtkmuscle.core.section_maps import map_section
-from vtkmuscle.core.sections import Sections, cut_surface
+from vtkmuscle.core.sections import ClosedSurface, Sections, cut_surface
 from vtkmuscle.core.triangle_distance import nearest_on_triangle
-from vtkmuscle.core.twist import STRAIGHT, Twisting, guide_levels, turned_starts
+from vtkmuscle.core.twist import guide_levels, turned_starts
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -99,18 +97,7 @@ def attachment_field(points: Floats, triangles: Ints, origin: Ints, insertion: I
 
 
 def morph_by_isolines(
-    fibre_points: Floats,
-    transform: Floats,
-    points: Floats,
-    triangles: Ints,
-    field: Floats,
-    *,
-    slice_tolerance: float,
-    continuity: float,
-    mapping: str,
-    spread: str = "map",
-    twisting: Twisting = STRAIGHT,
-    report_progress: Callable[[float], None] = lambda fraction: None,
+    fibre_points: Floats, transform: Floats, muscle: ClosedSurface, field: Floats, slicing: Slicing
 ) -> Morph:
     """Return fibre points moved from the fitted template into the muscle.
 
@@ -123,28 +110,10 @@ def morph_by_isolines(
 
     Parameters
     ----------
-    fibre_points : (n, 3) array
-        Points of the fitted template [mm].
-    transform : (4, 4) array
-        Unit cube to box, from :func:`vtkmuscle.core.fitting.fit_box`.
-    points : (m, 3) array
-        Points of the muscle's surface [mm].
-    triangles : (k, 3) int array
-        Its triangles, closed.
-    field : (m,) array
+    fibre_points, transform, muscle, slicing
+        As for :func:`vtkmuscle.core.morphing.morph_by_planes`.
+    field : (n,) array
         From :func:`attachment_field`, of this muscle or of the same one in another pose.
-    slice_tolerance : float
-        Points whose heights in the box differ by no more than this share an isoline [mm].
-    continuity : float
-        Part of the muscle's length over which neighbouring isolines resist twisting.
-    mapping : str
-        One of :data:`vtkmuscle.core.section_maps.MAPPINGS`.
-    spread : str, optional
-        One of :data:`vtkmuscle.core.section_maps.SPREADS`.
-    twisting : Twisting, optional
-        How isolines are turned along themselves, from origin to insertion.
-    report_progress : callable, optional
-        Told the part of the work that is done.
 
     Returns
     -------
@@ -154,41 +123,41 @@ def morph_by_isolines(
     Raises
     ------
     ValueError
-        If the surface is not closed, or the function has no isolines with an inside.
+        If the function has no isolines with an inside.
     """
     box = Box(transform)
-    inside, surface = box.coordinates(fibre_points), box.coordinates(points)
-    triangles, opposite = outward(surface, triangles)
-    report_progress(0.1)
-    values, ways = way_of_values(surface, triangles, field)
+    inside, surface = box.coordinates(fibre_points), box.surface(muscle)
+    slicing.report_progress(0.1)
+    values, ways = way_of_values(surface.points, surface.triangles, field)
     length = float(ways[-1])
 
     def cut(at: Floats) -> tuple[Sections, Floats, Ints]:
-        sections = cut_surface(surface, triangles, opposite, field, _strictly(np.interp(at, ways, values)))
-        sizes = np.linalg.norm(loop_areas(sections.points, sections.loop_offsets), axis=1)
-        return sections, sizes, main_loops(sections, at, sizes)
+        sections = cut_surface(surface, field, _strictly(np.interp(at, ways, values)))
+        areas = loop_areas(sections.points, sections.loop_offsets)
+        return sections, areas, main_loops(sections, at, np.linalg.norm(areas, axis=1))
 
     regular = length * np.linspace(END_MARGIN, 1.0 - END_MARGIN, N_COURSE)
-    sections, sizes, loops = cut(regular)
+    sections, areas, loops = cut(regular)
+    sizes = np.linalg.norm(areas, axis=1)
     first, last = _single_branch(sections, sizes, loops)
     share = float(sizes[loops[loops >= 0]].sum() / sizes.sum())
-    report_progress(0.3)
+    slicing.report_progress(0.3)
 
     fractions = np.clip(inside[:, 2] / box.length, 0.0, 1.0)
-    tolerance = max(slice_tolerance / box.length, SAME_HEIGHT)
-    levels, slice_of = shared_levels(fractions, tolerance)
+    levels, slice_of = shared_levels(fractions, max(slicing.slice_tolerance / box.length, SAME_HEIGHT))
     begin, way = regular[first], regular[last] - regular[first]
     levels = begin + levels * way
-    report_progress(0.4)
+    slicing.report_progress(0.4)
 
     def matched(at: Floats) -> tuple[Ints, list[Floats], Floats, Floats]:
         """Return which levels the main branch has, its rings there, their vector areas, and their starts."""
-        sections, _, loops = cut(at)
+        sections, areas, loops = cut(at)
         hits = np.flatnonzero(loops >= 0)
         rings = [np.ascontiguousarray(sections.loop(int(loop))) for loop in loops[hits]]
-        areas = loop_areas(sections.points, sections.loop_offsets)[loops[hits]]
+        areas = areas[loops[hits]]
         costs = _distances_from_rectangle(box.sides, areas)
-        return hits, rings, areas, starting_points(rings, at[hits], continuity * length, np.zeros(3), costs)
+        starts = starting_points(rings, at[hits], slicing.continuity * length, np.zeros(3), costs)
+        return hits, rings, areas, starts
 
     def guide() -> tuple[list[Floats], Floats, Floats]:
         at = guide_levels(way)
@@ -196,35 +165,23 @@ def morph_by_isolines(
         return rings, starts, at[hits] / way
 
     hits, rings, areas, starts = matched(levels)
-    twist = twisting.found(guide, box.seen, inside, box.sides)
+    twist = slicing.twisting.found(guide, box.seen, inside, box.sides)
     starts = turned_starts(rings, starts, (levels[hits] - begin) / way, twist.twist)
-    report_progress(0.5)
+    slicing.report_progress(0.5)
 
-    n_unmapped = 0
-    split_error = 0.0
-    result = np.empty_like(inside)
-    for level, mine in enumerate(members(slice_of, len(levels))):
-        number = nearest_hit(hits, level)
-        view = _view_along(areas[number])
-        ring, start = rings[number] @ view.T, view @ starts[number]
-        section = map_section(ring, start, box.sides, inside[mine, :2], mapping=mapping, spread=spread)
-        result[mine] = section.places @ view
-        split_error = max(split_error, section.split_error)
-        n_unmapped += not section.one_to_one and mapping == "bijective"
-        report_progress(0.5 + 0.5 * (level + 1) / len(levels))
+    views = np.array([_view_along(area) for area in areas])
+    rings = [ring @ view.T for ring, view in zip(rings, views, strict=True)]
+    starts = np.einsum("kij,kj->ki", views, starts)
+    mapped = map_sections(rings, starts, hits, slice_of, len(levels), inside, box.sides, slicing)
+    view_of = np.abs(hits[None] - np.arange(len(levels))[:, None]).argmin(axis=1)[slice_of]
+    result = np.einsum("ni,nij->nj", mapped.places, views[view_of])
     at_origin, at_insertion = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
-    n_outside = int((~points_inside(result[~(at_origin | at_insertion)], surface, triangles)).sum())
+    between = result[~(at_origin | at_insertion)]
+    n_outside = int((~points_inside(between, surface.points, surface.triangles)).sum())
     for value, ends in ((0.0, at_origin), (1.0, at_insertion)):
-        result[ends] = _on_area(result[ends], surface, triangles, np.flatnonzero(field == value))
-    return Morph(
-        box.positions(result),
-        n_outside,
-        n_unmapped,
-        split_error,
-        share,
-        0.0,
-        twist,
-    )
+        area = np.flatnonzero(field == value)
+        result[ends] = _on_area(result[ends], surface.points, surface.triangles, area)
+    return Morph(box.positions(result), n_outside, mapped.n_unmapped, mapped.split_error, share, 0.0, twist)
 
 
 def way_of_values(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:

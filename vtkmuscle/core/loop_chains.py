@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.sections import Sections
+from vtkmuscle.core.sections import Sections, united
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -31,7 +31,7 @@ def loop_areas(points: Floats, loop_offsets: Ints) -> Floats:
     return result
 
 
-def main_loops(sections: Sections, levels: Floats, sizes: Floats) -> Ints:
+def main_loops(sections: Sections, levels: Floats, sizes: Floats, chosen: Ints | None = None) -> Ints:
     """Return the loop of each level that belongs to the muscle's main branch, -1 beyond its ends.
 
     A loop continues another one of the next level if the surface between the two levels joins them. Of all
@@ -46,10 +46,12 @@ def main_loops(sections: Sections, levels: Floats, sizes: Floats) -> Ints:
         Heights, strictly ascending [mm].
     sizes : (k,) array
         Area of each loop [mm^2]; loops of 0 or less, as the boundaries of holes, take no part.
+    chosen : (c,) int array, optional
+        Numbers of the levels to follow the branch along, ascending, as if there were no others; default all.
 
     Returns
     -------
-    (l,) int array
+    (c,) int array
         Numbers of loops; the levels of those that are not -1 follow each other.
 
     Raises
@@ -57,10 +59,14 @@ def main_loops(sections: Sections, levels: Floats, sizes: Floats) -> Ints:
     ValueError
         If no level has a loop with an inside.
     """
+    below, above, offsets = sections.parts_below, sections.parts_above, sections.level_offsets
+    firsts, ends = offsets[:-1], offsets[1:]
+    if chosen is not None:
+        level_of = np.repeat(np.arange(len(levels)), np.diff(offsets))
+        below, above = united(below, above, np.flatnonzero(~np.isin(level_of, chosen)))
+        levels, firsts, ends = levels[chosen], firsts[chosen], ends[chosen]
     thickness = np.gradient(levels) if len(levels) > 1 else np.ones(1)
-    chain: Ints = _largest_chain(
-        sizes, sections.level_offsets, sections.parts_below, sections.parts_above, thickness
-    )
+    chain: Ints = _largest_chain(sizes, firsts, ends, below, above, thickness)
     if (chain < 0).all():
         raise ValueError(
             "no section of the muscle through the template has an inside; fit the template first"
@@ -69,7 +75,9 @@ def main_loops(sections: Sections, levels: Floats, sizes: Floats) -> Ints:
 
 
 @kernel
-def _largest_chain(sizes: Floats, level_offsets: Ints, below: Ints, above: Ints, thickness: Floats) -> Ints:
+def _largest_chain(
+    sizes: Floats, firsts: Ints, ends: Ints, below: Ints, above: Ints, thickness: Floats
+) -> Ints:
     """Return the chain of loops that encloses the largest volume, by dynamic programming."""
     n_loops = len(sizes)
     best = np.zeros(n_loops)
@@ -77,11 +85,11 @@ def _largest_chain(sizes: Floats, level_offsets: Ints, below: Ints, above: Ints,
     chain = np.full(len(thickness), -1, dtype=np.int64)
     end, end_level = -1, -1
     for level in range(len(thickness)):
-        for loop in range(level_offsets[level], level_offsets[level + 1]):
+        for loop in range(firsts[level], ends[level]):
             if sizes[loop] <= 0.0:
                 continue
             if level > 0:
-                for other in range(level_offsets[level - 1], level_offsets[level]):
+                for other in range(firsts[level - 1], ends[level - 1]):
                     if above[other] == below[loop] and best[other] > best[loop]:
                         best[loop] = best[other]
                         previous[loop] = other

@@ -6,7 +6,7 @@ extended in doi:10.1007/978-3-642-38241-3_3.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.correspondence import boundary_centroid, starting_points
 from vtkmuscle.core.loop_chains import loop_areas, main_loops
-from vtkmuscle.core.mesh import signed_volume
 from vtkmuscle.core.section_maps import count_outside, map_section
-from vtkmuscle.core.sections import Sections, cut_surface, opposite_half_edges
+from vtkmuscle.core.sections import ClosedSurface, Sections, cut_surface
 from vtkmuscle.core.superficial import SeenFibres
 from vtkmuscle.core.twist import STRAIGHT, Found, Twisting, guide_levels, turned_starts
 
@@ -74,18 +73,36 @@ class Morph:
         return self.volume_share >= LEAST_SHARE and self.steep_share <= LARGEST_STEEP_SHARE
 
 
+@dataclass(frozen=True, eq=False)
+class Slicing:
+    """What goes for planes as for isolines.
+
+    Attributes
+    ----------
+    slice_tolerance : float
+        Points of the fitted template whose heights differ by no more than this share a slice [mm].
+    continuity : float
+        Part of the muscle's length over which neighbouring slices resist twisting; 0 is the paper's rule.
+    mapping : str
+        One of :data:`vtkmuscle.core.section_maps.MAPPINGS`.
+    spread : str
+        One of :data:`vtkmuscle.core.section_maps.SPREADS`.
+    twisting : Twisting
+        How sections are turned along their contours, from origin to insertion.
+    report_progress : callable
+        Told the part of the work that is done.
+    """
+
+    slice_tolerance: float
+    continuity: float
+    mapping: str
+    spread: str = "map"
+    twisting: Twisting = STRAIGHT
+    report_progress: Callable[[float], None] = lambda fraction: None
+
+
 def morph_by_planes(
-    fibre_points: Floats,
-    transform: Floats,
-    points: Floats,
-    triangles: Ints,
-    *,
-    slice_tolerance: float,
-    continuity: float,
-    mapping: str,
-    spread: str = "map",
-    twisting: Twisting = STRAIGHT,
-    report_progress: Callable[[float], None] = lambda fraction: None,
+    fibre_points: Floats, transform: Floats, muscle: ClosedSurface, slicing: Slicing
 ) -> Morph:
     """Return fibre points moved from the fitted template into the muscle.
 
@@ -102,22 +119,10 @@ def morph_by_planes(
         Points of the fitted template [mm].
     transform : (4, 4) array
         Unit cube to box, from :func:`vtkmuscle.core.fitting.fit_box`.
-    points : (m, 3) array
-        Points of the muscle's surface [mm].
-    triangles : (k, 3) int array
-        Its triangles, closed.
-    slice_tolerance : float
-        Points whose heights differ by no more than this share a slice [mm].
-    continuity : float
-        Part of the box's length over which neighbouring slices resist twisting; 0 is the paper's rule.
-    mapping : str
-        One of :data:`vtkmuscle.core.section_maps.MAPPINGS`.
-    spread : str, optional
-        One of :data:`vtkmuscle.core.section_maps.SPREADS`.
-    twisting : Twisting, optional
-        How sections are turned along their contours, from origin to insertion.
-    report_progress : callable, optional
-        Told the part of the work that is done.
+    muscle : ClosedSurface
+        The muscle.
+    slicing : Slicing
+        How finely it is sliced, and how slices are mapped.
 
     Returns
     -------
@@ -127,76 +132,152 @@ def morph_by_planes(
     Raises
     ------
     ValueError
-        If the surface is not closed, or no slice through the template has an inside.
+        If no slice through the template has an inside.
     """
     box = Box(transform)
-    inside, surface = box.coordinates(fibre_points), box.coordinates(points)
-    triangles, opposite = outward(surface, triangles)
-    report_progress(0.1)
+    inside, surface = box.coordinates(fibre_points), box.surface(muscle)
+    slicing.report_progress(0.1)
 
-    def cut(levels: Floats) -> tuple[Sections, Floats, Ints]:
-        sections = cut_surface(surface, triangles, opposite, surface[:, 2], levels)
-        sizes = loop_areas(sections.points, sections.loop_offsets)[:, 2]
-        return sections, sizes, main_loops(sections, levels, sizes)
-
-    tolerance = max(slice_tolerance, SAME_HEIGHT * box.length)
-    extent = surface[triangles, 2]  # of the points that are used
+    tolerance = max(slicing.slice_tolerance, SAME_HEIGHT * box.length)
+    all_heights = np.ascontiguousarray(surface.points[:, 2])
+    extent = all_heights[surface.triangles]  # of the points that are used
     bottom, top = float(extent.min()), float(extent.max())
     margin = END_MARGIN * (top - bottom)
     heights = np.clip(inside[:, 2], bottom + margin, top - margin)
     levels, slice_of = shared_levels(heights, tolerance)
-    sections, _, loops = cut(levels)
-    # Not by the fibres' heights: the same muscle must be judged the same whatever they are.
+    # The course is not judged by the fibres' heights: the same muscle must be judged the same whatever they
+    # are.
     regular = bottom + (top - bottom) * (np.arange(N_COURSE) + 0.5) / N_COURSE
-    volume_share, steep_share = _course(*cut(regular))
+    together = np.union1d(levels, regular)
+
+    def cut(at: Floats) -> tuple[Sections, Floats]:
+        sections = cut_surface(surface, all_heights, at)
+        return sections, loop_areas(sections.points, sections.loop_offsets)[:, 2]
+
+    sections, sizes = cut(together)
+    course = main_loops(sections, together, sizes, np.searchsorted(together, regular))
+    loops = main_loops(sections, together, sizes, np.searchsorted(together, levels))
+    volume_share, steep_share = _course(sections, sizes, np.searchsorted(together, regular), course)
     if loops[0] < 0 or loops[-1] < 0:
-        low, high = _branch_ends(sections, loops, surface[:, 2])
+        sections, sizes = cut(levels)
+        loops = main_loops(sections, levels, sizes)
+        low, high = _branch_ends(sections, loops, all_heights)
         hit = levels[loops >= 0]
         heights = _squeezed(heights, hit[0], hit[-1], low + margin, high - margin)
         levels, slice_of = shared_levels(heights, tolerance)
-        sections, _, loops = cut(levels)
-    report_progress(0.35)
+        sections, sizes = cut(levels)
+        loops = main_loops(sections, levels, sizes)
+    slicing.report_progress(0.35)
 
     hits = np.flatnonzero(loops >= 0)
     slices = [np.ascontiguousarray(sections.loop(int(loop))[:, :2]) for loop in loops[hits]]
-    starts = starting_points(slices, levels[hits], continuity * box.length, np.zeros(2))
+    starts = starting_points(slices, levels[hits], slicing.continuity * box.length, np.zeros(2))
 
     def guide() -> tuple[list[Floats], Floats, Floats]:
         at = bottom + guide_levels(top - bottom)
-        cuts, _, main = cut(at)
+        cuts, sizes = cut(at)
+        main = main_loops(cuts, at, sizes)
         at, rings = at[main >= 0], [cuts.loop(int(loop)) for loop in main[main >= 0]]
         flat = [np.ascontiguousarray(ring[:, :2]) for ring in rings]
-        begin = starting_points(flat, at, continuity * box.length, np.zeros(2))
+        begin = starting_points(flat, at, slicing.continuity * box.length, np.zeros(2))
         return rings, np.column_stack([begin, at]), at / box.length
 
-    twist = twisting.found(guide, box.seen, inside, box.sides)
+    twist = slicing.twisting.found(guide, box.seen, inside, box.sides)
     starts = turned_starts(slices, starts, levels[hits] / box.length, twist.twist)
-    report_progress(0.5)
+    slicing.report_progress(0.5)
 
     result = np.column_stack([inside[:, :2], heights])
-    n_outside = n_unmapped = 0
-    split_error = 0.0
-    for level, mine in enumerate(members(slice_of, len(levels))):
-        number = nearest_hit(hits, level)
-        points_in = inside[mine, :2]
-        section = map_section(
-            slices[number], starts[number], box.sides, points_in, mapping=mapping, spread=spread
-        )
-        result[mine, :2] = section.places
-        split_error = max(split_error, section.split_error)
-        n_unmapped += not section.one_to_one and mapping == "bijective"
-        if not section.one_to_one:
-            n_outside += count_outside(slices[number], section.places)
-        report_progress(0.5 + 0.5 * (level + 1) / len(levels))
+    mapped = map_sections(slices, starts, hits, slice_of, len(levels), inside, box.sides, slicing)
+    result[:, :2] = mapped.places
     return Morph(
         box.positions(result),
-        n_outside,
-        n_unmapped,
-        split_error,
+        mapped.n_outside,
+        mapped.n_unmapped,
+        mapped.split_error,
         volume_share,
         steep_share,
         twist,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class MappedSections:
+    """Points in the sections of a muscle.
+
+    Attributes
+    ----------
+    places : (n, k) float array
+        Their positions [mm].
+    n_outside : int
+        Points outside of their section, seen along z.
+    n_unmapped : int
+        Sections without a one-to-one map, where one was asked for.
+    split_error : float
+        The largest one of a section.
+    """
+
+    places: Floats
+    n_outside: int
+    n_unmapped: int
+    split_error: float
+
+
+def map_sections(
+    loops: Sequence[Floats],
+    starts: Floats,
+    hits: Ints,
+    slice_of: Ints,
+    n_levels: int,
+    inside: Floats,
+    sides: Floats,
+    slicing: Slicing,
+) -> MappedSections:
+    """Return points of the template in the sections of the muscle.
+
+    Parameters
+    ----------
+    loops : sequence of (j, k) arrays
+        The sections' boundaries, counterclockwise about z [mm].
+    starts : (l, k) array
+        Where the correspondence starts, from :func:`vtkmuscle.core.correspondence.starting_points` [mm].
+    hits : (l,) int array
+        Which level each section is at. A level without one, by rounding, takes that of the level next to it.
+    slice_of : (n,) int array
+        Which level each point is at.
+    n_levels : int
+        How many levels there are.
+    inside : (n, 2) array or wider
+        Points of the rectangle [mm].
+    sides : (2,) array or longer
+        Sides of the rectangle [mm].
+    slicing : Slicing
+        How to map; the second half of the progress is reported.
+
+    Returns
+    -------
+    MappedSections
+        In the order of the points.
+    """
+    places = np.empty((len(inside), loops[0].shape[1]))
+    n_outside = n_unmapped = 0
+    split_error = 0.0
+    for level, mine in enumerate(members(slice_of, n_levels)):
+        number = int(np.abs(hits - level).argmin())
+        section = map_section(
+            loops[number],
+            starts[number],
+            sides,
+            inside[mine, :2],
+            mapping=slicing.mapping,
+            spread=slicing.spread,
+        )
+        places[mine] = section.places
+        split_error = max(split_error, section.split_error)
+        n_unmapped += not section.one_to_one and slicing.mapping == "bijective"
+        if not section.one_to_one:
+            n_outside += count_outside(loops[number], section.places)
+        slicing.report_progress(0.5 + 0.5 * (level + 1) / n_levels)
+    return MappedSections(places, n_outside, n_unmapped, split_error)
 
 
 class Box:
@@ -224,6 +305,10 @@ class Box:
         inside: Floats = (points - self._corner) @ self._frame
         return inside
 
+    def surface(self, muscle: ClosedSurface) -> ClosedSurface:
+        """Return a muscle in these coordinates, facing outward."""
+        return ClosedSurface(self.coordinates(muscle.points), muscle.triangles, muscle.opposite).outward()
+
     def positions(self, coordinates: Floats) -> Floats:
         """Return the points (n, 3) that have these coordinates [mm]."""
         points: Floats = coordinates @ self._frame.T + self._corner
@@ -232,27 +317,6 @@ class Box:
     def seen(self, fibres: SeenFibres) -> SeenFibres:
         """Return fibres on the surface in these coordinates."""
         return fibres.within(self._corner, self._frame)
-
-
-def outward(points: Floats, triangles: Ints) -> tuple[Ints, Ints]:
-    """Return a closed surface's triangles, facing outward, and their opposite half-edges.
-
-    Raises
-    ------
-    ValueError
-        If the surface is open, or neighbouring triangles face different sides.
-    """
-    if signed_volume(points, triangles) < 0.0:
-        triangles = np.ascontiguousarray(triangles[:, ::-1])
-    return triangles, opposite_half_edges(triangles, len(points))
-
-
-def nearest_hit(hits: Ints, level: int) -> int:
-    """Return which of the levels that the main branch has, (k,), is nearest to a level.
-
-    A level that the branch misses after all, by rounding, takes the section next to it.
-    """
-    return int(np.abs(hits - level).argmin())
 
 
 def members(slice_of: Ints, n_slices: int) -> list[Ints]:
@@ -313,10 +377,11 @@ def _squeezed(heights: Floats, first: float, last: float, low: float, high: floa
     return result
 
 
-def _course(sections: Sections, sizes: Floats, loops: Ints) -> tuple[float, float]:
+def _course(sections: Sections, sizes: Floats, levels: Ints, loops: Ints) -> tuple[float, float]:
     """Return which part of the volume the main branch holds, and which part of its course is steep."""
     branch = loops[loops >= 0]
-    share = float(sizes[branch].sum() / sizes.sum())
+    whole = sum(float(sizes[sections.loops_of(int(level))].sum()) for level in levels)
+    share = float(sizes[branch].sum() / whole)
     steps = np.diff([boundary_centroid(sections.loop(int(loop))) for loop in branch], axis=0)
     if not len(steps):
         return share, 0.0

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh import signed_volume
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -56,6 +57,37 @@ class Sections:
         return range(int(self.level_offsets[level]), int(self.level_offsets[level + 1]))
 
 
+@dataclass(frozen=True, eq=False)
+class ClosedSurface:
+    """A surface without holes, and what is opposite what on it.
+
+    Attributes
+    ----------
+    points : (n, 3) float array
+        Positions [mm].
+    triangles : (m, 3) int array
+        Point ids.
+    opposite : (3 m,) int array
+        From :func:`opposite_half_edges`: for all positions of the points the same.
+    """
+
+    points: Floats
+    triangles: Ints
+    opposite: Ints
+
+    def outward(self) -> ClosedSurface:
+        """Return the surface with triangles that face outward."""
+        if signed_volume(self.points, self.triangles) >= 0.0:
+            return self
+        return ClosedSurface(self.points, *_turned(self.triangles, self.opposite))
+
+
+def closed_surface(points: Floats, triangles: Ints) -> ClosedSurface:
+    """Return a surface that has no holes, or a ValueError as :func:`opposite_half_edges`."""
+    triangles = np.ascontiguousarray(triangles)
+    return ClosedSurface(points, triangles, opposite_half_edges(triangles, len(points)))
+
+
 def opposite_half_edges(triangles: Ints, n_points: int) -> Ints:
     """Return for each half-edge of a closed surface the one that runs along it in the other triangle.
 
@@ -86,19 +118,15 @@ def opposite_half_edges(triangles: Ints, n_points: int) -> Ints:
     return opposite
 
 
-def cut_surface(points: Floats, triangles: Ints, opposite: Ints, values: Floats, levels: Floats) -> Sections:
+def cut_surface(surface: ClosedSurface, values: Floats, levels: Floats) -> Sections:
     """Cut a closed surface along levels of a scalar.
 
     Every triangle is visited once per level that crosses it, whatever the number of levels.
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions.
-    triangles : (m, 3) int array
-        Point ids.
-    opposite : (3 m,) int array
-        From :func:`opposite_half_edges`.
+    surface : ClosedSurface
+        That faces outward.
     values : (n,) array
         The scalar at each point, linear in between.
     levels : (l,) array
@@ -109,15 +137,15 @@ def cut_surface(points: Floats, triangles: Ints, opposite: Ints, values: Floats,
     Sections
         Loops of at least three different points; smaller ones, at isolated extrema, are left out.
     """
-    # The number of levels that a point is above, which is also that of the slab it is in.
-    slabs = np.searchsorted(levels, values, side="right")
-    crossings = _first_crossings(triangles, slabs)
-    crossed, starts = _crossed_by(triangles, slabs, crossings, len(levels))
+    points, triangles = surface.points, surface.triangles
+    slabs = _slabs(levels, values)
+    crossings, rising, starts = _rising(triangles, slabs, len(levels))
+    crossed = _crossed_by(triangles, slabs, rising, starts)
     cut, loop_offsets, level_offsets, loop_of = _traced(
-        points, triangles, opposite, values, levels, slabs, crossings, crossed, starts
+        points, triangles, surface.opposite, values, levels, slabs, crossings, crossed, starts
     )
     n_points, n_loops = len(points), len(loop_offsets) - 1
-    parts = _parts(triangles, slabs, crossings, loop_of, n_points, n_loops)
+    parts = _parts(triangles, slabs, crossings, rising, loop_of, n_points, n_loops)
     return Sections(
         points=cut,
         loop_offsets=loop_offsets,
@@ -126,6 +154,14 @@ def cut_surface(points: Floats, triangles: Ints, opposite: Ints, values: Floats,
         parts_above=parts[n_points + n_loops :],
         vertex_parts=parts[:n_points],
     )
+
+
+def _turned(triangles: Ints, opposite: Ints) -> tuple[Ints, Ints]:
+    """Return triangles that face the other side, and their opposite half-edges."""
+    # (a, b, c) becomes (c, b, a): half-edge 0 is half-edge 1 the other way round, 1 is 0, and 2 stays.
+    halves = opposite.reshape(-1, 3)[:, [1, 0, 2]].reshape(-1)
+    side = halves % 3
+    return np.ascontiguousarray(triangles[:, ::-1]), halves - side + np.array([1, 0, 2])[side]
 
 
 @kernel
@@ -155,36 +191,75 @@ def _opposites(triangles: Ints, n_points: int) -> Ints:
 
 
 @kernel
-def _first_crossings(triangles: Ints, slabs: Ints) -> Ints:
-    """Return the number of the first crossing of each half-edge that goes up with a level.
-
-    A half-edge from slab i to slab j > i crosses the levels i, i + 1, ... j - 1.
-    """
-    corners = triangles.reshape(-1)
-    result = np.zeros(len(corners) + 1, dtype=np.int64)
-    for half_edge in range(len(corners)):
-        end = corners[half_edge - 2 if half_edge % 3 == 2 else half_edge + 1]
-        result[half_edge + 1] = result[half_edge] + max(slabs[end] - slabs[corners[half_edge]], 0)
-    return result
+def _slabs(levels: Floats, values: Floats) -> Ints:
+    """Return how many levels each value is above, or at: the number of the slab it is in."""
+    slabs = np.empty(len(values), dtype=np.int64)
+    last = 0
+    for i in range(len(values)):
+        value = values[i]
+        # Neighbours are often in one slab, or in the next one.
+        if last < len(levels) and levels[last] <= value:
+            last += 1
+        elif last > 0 and levels[last - 1] > value:
+            last -= 1
+        if (last < len(levels) and levels[last] <= value) or (last > 0 and levels[last - 1] > value):
+            last = np.searchsorted(levels, value, side="right")
+        slabs[i] = last
+    return slabs
 
 
 @kernel
-def _crossed_by(triangles: Ints, slabs: Ints, crossings: Ints, n_levels: int) -> tuple[Ints, Ints]:
+def _rising(triangles: Ints, slabs: Ints, n_levels: int) -> tuple[Ints, Ints, Ints]:
+    """Return what is crossed on the way up.
+
+    A half-edge from slab i to slab j > i crosses the levels i, i + 1, ... j - 1.
+
+    Returns
+    -------
+    crossings : (3 m,) int array
+        Number of the first crossing of each half-edge that rises; of others nothing.
+    rising : (k,) int array
+        The half-edges that rise.
+    starts : (n_levels + 1,) int array
+        How many crossings the levels below each one have.
+    """
+    corners = triangles.reshape(-1)
+    crossings = np.empty(len(corners), dtype=np.int64)
+    rising = np.empty(len(corners), dtype=np.int64)
+    changes = np.zeros(n_levels + 2, dtype=np.int64)
+    n_rising, n_crossings = 0, 0
+    for t in range(len(triangles)):
+        a, b, c = slabs[triangles[t, 0]], slabs[triangles[t, 1]], slabs[triangles[t, 2]]
+        if a == b == c:
+            continue
+        for side, low, high in ((0, a, b), (1, b, c), (2, c, a)):
+            if high > low:
+                crossings[3 * t + side] = n_crossings
+                rising[n_rising] = 3 * t + side
+                n_rising += 1
+                n_crossings += high - low
+                changes[low] += 1
+                changes[high] -= 1
+    starts = np.zeros(n_levels + 1, dtype=np.int64)
+    in_level = 0
+    for level in range(n_levels):
+        in_level += changes[level]
+        starts[level + 1] = starts[level] + in_level
+    return crossings, rising[:n_rising].copy(), starts
+
+
+@kernel
+def _crossed_by(triangles: Ints, slabs: Ints, rising: Ints, starts: Ints) -> Ints:
     """Return the half-edges that cross each level upwards, those of level i from starts[i] on."""
     corners = triangles.reshape(-1)
-    starts = np.zeros(n_levels + 1, dtype=np.int64)
-    for half_edge in range(len(corners)):
-        for i in range(crossings[half_edge + 1] - crossings[half_edge]):
-            starts[slabs[corners[half_edge]] + i + 1] += 1
-    starts = np.cumsum(starts)
     filled = starts.copy()
-    crossed = np.empty(crossings[-1], dtype=np.int64)
-    for half_edge in range(len(corners)):
-        for i in range(crossings[half_edge + 1] - crossings[half_edge]):
-            level = slabs[corners[half_edge]] + i
+    crossed = np.empty(starts[-1], dtype=np.int64)
+    for half_edge in rising:
+        end = corners[half_edge - 2 if half_edge % 3 == 2 else half_edge + 1]
+        for level in range(slabs[corners[half_edge]], slabs[end]):
             crossed[filled[level]] = half_edge
             filled[level] += 1
-    return crossed, starts
+    return crossed
 
 
 @kernel
@@ -247,19 +322,29 @@ def _traced(
 
 
 @kernel
-def _parts(triangles: Ints, slabs: Ints, crossings: Ints, loop_of: Ints, n_points: int, n_loops: int) -> Ints:
+def _parts(
+    triangles: Ints, slabs: Ints, crossings: Ints, rising: Ints, loop_of: Ints, n_points: int, n_loops: int
+) -> Ints:
     """Return the part of each point, of each loop's lower side and of each loop's upper side.
 
-    Union and find along every half-edge that goes up or is level, from loop to loop.
+    Union and find along every edge within a slab, and from loop to loop along every half-edge that rises.
     """
     corners = triangles.reshape(-1)
     parent = np.arange(n_points + 2 * n_loops)
-    for half_edge in range(len(corners)):
+    for t in range(len(triangles)):
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        # Each edge once: its other triangle has it the other way round.
+        if a < b and slabs[a] == slabs[b]:
+            _unite(parent, a, b)
+        if b < c and slabs[b] == slabs[c]:
+            _unite(parent, b, c)
+        if c < a and slabs[c] == slabs[a]:
+            _unite(parent, c, a)
+    for half_edge in rising:
         node = corners[half_edge]
         end = corners[half_edge - 2 if half_edge % 3 == 2 else half_edge + 1]
-        if slabs[node] > slabs[end]:
-            continue
-        for crossing in range(crossings[half_edge], crossings[half_edge + 1]):
+        first = crossings[half_edge]
+        for crossing in range(first, first + slabs[end] - slabs[node]):
             loop = loop_of[crossing]
             if loop >= 0:
                 _unite(parent, node, n_points + loop)
@@ -268,6 +353,32 @@ def _parts(triangles: Ints, slabs: Ints, crossings: Ints, loop_of: Ints, n_point
     for node in range(len(parent)):
         parent[node] = _root(parent, node)
     return parent
+
+
+@kernel
+def united(below: Ints, above: Ints, ignored: Ints) -> tuple[Ints, Ints]:
+    """Return the parts on either side of loops where the surface is not cut along some of the loops.
+
+    Parameters
+    ----------
+    below, above : (k,) int arrays
+        Numbers of the parts, as in :class:`Sections`.
+    ignored : (j,) int array
+        Numbers of these loops.
+
+    Returns
+    -------
+    below, above : (k,) int arrays
+        Equal for loops that the same part is beside.
+    """
+    sides = np.unique(np.concatenate((below, above)))
+    parent = np.arange(len(sides))
+    one, other = np.searchsorted(sides, below), np.searchsorted(sides, above)
+    for loop in ignored:
+        _unite(parent, one[loop], other[loop])
+    for i in range(len(one)):
+        one[i], other[i] = sides[_root(parent, one[i])], sides[_root(parent, other[i])]
+    return one, other
 
 
 @kernel

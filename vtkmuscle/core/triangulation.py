@@ -141,11 +141,11 @@ def _clip_ears(polygon: Floats, flat: float, corners: Ints, across: Ints) -> boo
     # In rounds, in which no ear is next to another, or they would all share a corner. A corner that is no ear
     # can become one only when a neighbour is clipped.
     waiting, touched, changed = np.arange(n), np.empty(n, dtype=np.int64), np.full(n, -1, dtype=np.int64)
-    left, first, this_round, n_waiting, all_tried = n, 0, 0, n, True
+    left, first, this_round = n, 0, 0
     while left > 3:
         n_touched, n_left = 0, left
-        for k in range(n_waiting):
-            b = waiting[k]
+        for corner in waiting:
+            b = int(corner)
             if after[b] < 0 or changed[b] == this_round or left == 3:
                 continue
             a, c = before[b], after[b]
@@ -163,21 +163,16 @@ def _clip_ears(polygon: Floats, flat: float, corners: Ints, across: Ints) -> boo
                     n_touched += 1
             first += 3
             left -= 1
-        if left == n_left and all_tried:
+        all_tried = left == n_left
+        if all_tried and flat == 0.0:
             return False
-        all_tried = left == n_left  # rounding may have hidden an ear
-        n_waiting = 0
         if all_tried:
-            for i in range(n):
-                if after[i] >= 0:
-                    waiting[n_waiting] = i
-                    n_waiting += 1
-        else:
-            waiting, touched, n_waiting = touched, waiting, n_touched
+            flat = (
+                0.0  # where sides are straight but for rounding, an allowance for it may hide the last ears
+            )
+        waiting = np.flatnonzero(after >= 0) if all_tried else touched[:n_touched].copy()
         this_round += 1
-    b = 0
-    while after[b] < 0:
-        b += 1
+    b = int(np.flatnonzero(after >= 0)[0])
     a, c = before[b], after[b]
     if _doubled_area(polygon, a, b, c) < -flat:
         return False

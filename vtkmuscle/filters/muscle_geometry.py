@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections import OrderedDict
 from collections.abc import Sequence
 from functools import cached_property
 from threading import Lock
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.fingerprint import fingerprint
 from vtkmuscle.core.mesh import half_edges
 from vtkmuscle.core.patches import attachment_patch
 from vtkmuscle.core.sampling import samples_inside
+from vtkmuscle.core.sections import ClosedSurface, opposite_half_edges
 from vtkmuscle.core.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.filters.arrays import checked_surface
 from vtkmuscle.filters.attachments import AttachmentArea
@@ -26,8 +29,37 @@ Ints = NDArray[np.int64]
 #: Surfaces that are remembered: the muscles of a limb. One of 20 000 triangles takes about 10 MB.
 REMEMBERED = 8
 
-_known: OrderedDict[bytes, MuscleGeometry] = OrderedDict()
+_known: OrderedDict[Any, MuscleGeometry] = OrderedDict()
+_topologies: OrderedDict[Any, SurfaceTopology] = OrderedDict()
 _lock = Lock()
+
+
+class SurfaceTopology:
+    """What of a surface stays the same wherever its points are.
+
+    Parameters
+    ----------
+    n_points : int
+        Number of points.
+    triangles : (m, 3) int array
+        Point ids.
+    """
+
+    def __init__(self, n_points: int, triangles: Ints) -> None:
+        self.n_points, self.triangles = n_points, triangles
+
+    @cached_property
+    def n_open_edges(self) -> int:
+        """Number of edges that only one triangle has."""
+        edges = half_edges(self.triangles)
+        keys = np.sort(edges.min(axis=1) * self.n_points + edges.max(axis=1))
+        new = np.r_[True, keys[1:] != keys[:-1], True]
+        return int((new[1:] & new[:-1]).sum())
+
+    @cached_property
+    def opposite(self) -> Ints:
+        """As :func:`vtkmuscle.core.sections.opposite_half_edges`; ValueError where the surface is open."""
+        return opposite_half_edges(self.triangles, self.n_points)
 
 
 class MuscleGeometry:
@@ -39,25 +71,28 @@ class MuscleGeometry:
         Triangles.
     points : (n, 3) array
         Its points [mm].
-    triangles : (m, 3) int array
-        Its triangles.
+    topology : SurfaceTopology
+        Of its triangles.
     """
 
-    def __init__(self, surface: vtkPolyData, points: Floats, triangles: Ints) -> None:
-        self.points, self.triangles = points, triangles
+    def __init__(self, surface: vtkPolyData, points: Floats, topology: SurfaceTopology) -> None:
+        self.points, self.triangles = points, topology.triangles
+        self._topology = topology
         self._surface = vtkPolyData()
         self._surface.DeepCopy(surface)  # the caller's may change
         self._patches: dict[bytes, Ints] = {}
         self._patch_trees: dict[bytes, TriangleTree | None] = {}
         self._samples = np.empty((0, 3))
 
-    @cached_property
+    @property
     def n_open_edges(self) -> int:
         """Number of edges that only one triangle has."""
-        edges = half_edges(self.triangles)
-        keys = np.sort(edges.min(axis=1) * len(self.points) + edges.max(axis=1))
-        new = np.r_[True, keys[1:] != keys[:-1], True]
-        return int((new[1:] & new[:-1]).sum())
+        return self._topology.n_open_edges
+
+    @property
+    def closed(self) -> ClosedSurface:
+        """The surface to cut; ValueError where it is open or its triangles face different sides."""
+        return ClosedSurface(self.points, self.triangles, self._topology.opposite)
 
     @cached_property
     def mean_edge(self) -> float:
@@ -130,13 +165,30 @@ def muscle_geometry(surface: vtkPolyData, where: str) -> MuscleGeometry:
     ValueError
         If the surface has no triangles or other faces, or a point is not finite.
     """
-    points, triangles = checked_surface(surface, where)
-    digest = hashlib.blake2b(points.tobytes(), digest_size=16)
-    digest.update(triangles.tobytes())
-    key = digest.digest()
+    points_key, faces_key = _keys(surface)
     with _lock:
-        found = _known.pop(key, None) or MuscleGeometry(surface, points, triangles)
-        _known[key] = found
-        while len(_known) > REMEMBERED:
-            _known.popitem(last=False)
+        found = _known.pop((points_key, faces_key), None)
+        if found is None:
+            points, triangles = checked_surface(surface, where)
+            topology = _topologies.pop((len(points), faces_key), None)
+            topology = topology or SurfaceTopology(len(points), triangles)
+            _remember(_topologies, (len(points), faces_key), topology)
+            found = MuscleGeometry(surface, points, topology)
+        _remember(_known, (points_key, faces_key), found)
     return found
+
+
+def _keys(surface: vtkPolyData) -> tuple[Any, Any]:
+    """Return keys of a surface's points and of its faces, whatever these are."""
+    polys, points = surface.GetPolys(), surface.GetPoints()
+    if points is None or polys.GetNumberOfCells() == 0:
+        return None, None
+    faces = fingerprint(*map(vtk_to_numpy, (polys.GetOffsetsArray(), polys.GetConnectivityArray())))
+    return fingerprint(vtk_to_numpy(points.GetData())), (surface.GetNumberOfStrips(), faces)
+
+
+def _remember(known: OrderedDict[Any, Any], key: Any, value: Any) -> None:
+    """Put something at the end of what is remembered, and forget what is too much."""
+    known[key] = value
+    while len(known) > REMEMBERED:
+        known.popitem(last=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +10,11 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.fitting import lie_opposite
 from vtkmuscle.core.harmonic_morphing import morph_by_isolines
-from vtkmuscle.core.morphing import Box, Morph, morph_by_planes
+from vtkmuscle.core.morphing import Box, Morph, Slicing, morph_by_planes
 from vtkmuscle.core.section_maps import MAPPINGS, SPREADS
 from vtkmuscle.core.twist import Twisting
 from vtkmuscle.filters.arrays import (
     Polylines,
-    checked_surface,
     field_array,
     polylines_of,
     set_field_array,
@@ -24,6 +22,7 @@ from vtkmuscle.filters.arrays import (
 )
 from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.harmonic_field import field_of, has_field
+from vtkmuscle.filters.muscle_geometry import muscle_geometry
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
 from vtkmuscle.filters.superficial import superficial_fibres
 
@@ -192,29 +191,30 @@ class SliceMorpher(Filter):
         """Return the fibres in the muscle."""
         lines = polylines_of(template, "SliceMorpher: template")
         box = _box(template)
-        points, triangles = checked_surface(muscle, "SliceMorpher: muscle")
+        geometry = muscle_geometry(muscle, "SliceMorpher: muscle")
         tolerance = self.slice_tolerance
         if tolerance is None:
             tolerance = DEFAULT_TOLERANCE * float(np.linalg.norm(box[:3, 2]))
         upright = _runs_upwards(template, box)
         twisting = Twisting(self.twist)
         if superficial is not None and upright:
-            seen = superficial_fibres(superficial, "SliceMorpher: superficial", points)
+            seen = superficial_fibres(superficial, "SliceMorpher: superficial", geometry.points)
             twisting = Twisting(0.0, seen, lines.offsets)
 
+        slicing = Slicing(
+            slice_tolerance=tolerance,
+            continuity=self.continuity,
+            mapping=self.mapping,
+            spread=self.spread,
+            twisting=twisting,
+            report_progress=self.report_progress,
+        )
+
         def morph(method: str) -> Morph:
-            shape = (lines.points, box, points, triangles)
-            settings: dict[str, Any] = {
-                "slice_tolerance": tolerance,
-                "continuity": self.continuity,
-                "mapping": self.mapping,
-                "spread": self.spread,
-                "twisting": twisting,
-                "report_progress": self.report_progress,
-            }
+            shape = (lines.points, box, geometry.closed)
             if method == "plane":
-                return morph_by_planes(*shape, **settings)
-            return morph_by_isolines(*shape, field_of(muscle, attachments, "SliceMorpher"), **settings)
+                return morph_by_planes(*shape, slicing)
+            return morph_by_isolines(*shape, field_of(muscle, attachments, "SliceMorpher"), slicing)
 
         if self.method == "harmonic" and not upright:
             raise ValueError(
