@@ -126,9 +126,11 @@ def test_slices_that_unequal_heights_share_move_points_by_less_than_the_toleranc
     points[..., 2] **= np.linspace(0.8, 1.2, 60)[:, None]
     fitted = TemplateFitter()(with_points(template, points.reshape(-1, 3)), muscle, areas)
     exact = points_of(SliceMorpher(method="plane", slice_tolerance=0.0)(fitted, muscle))
-    for tolerance in (0.03, 0.1):
+    for tolerance in (0.03, 0.1, 0.3, 1.0):
         shared = points_of(SliceMorpher(method="plane", slice_tolerance=tolerance)(fitted, muscle))
-        assert 0 < np.linalg.norm(shared - exact, axis=1).max() < tolerance
+        errors = np.linalg.norm(shared - exact, axis=1)
+        assert 0 < np.percentile(errors, 95) < 0.1 * tolerance
+        assert errors.max() < tolerance
 
 
 def test_points_between_isolines_that_are_outside_are_counted(hip):
@@ -139,22 +141,24 @@ def test_points_between_isolines_that_are_outside_are_counted(hip):
     assert count == round(len(inner) * (1 - share_inside(inner, muscle, 0.0)))
 
 
-@pytest.mark.parametrize(("method", "share"), [("plane", 0.99), ("harmonic", 0.95)])
+@pytest.mark.parametrize(("method", "share"), [("plane", 0.98), ("harmonic", 0.95)])
 def test_an_even_spread_fills_a_concave_section_better(hip, method, share):
     muscle, areas = hip.muscles["gluteus_maximus"], hip.attachments["gluteus_maximus"]
-    fitted = fitted_to(muscle, areas, n_fibres=200)
     points, triangles = points_of(muscle), triangles_of(muscle, "test")
     rng = np.random.default_rng(0)
     samples = rng.uniform(points.min(axis=0), points.max(axis=0), (20_000, 3))
     samples = samples[points_inside(samples, points, triangles)]
-    farthest = {}
-    for spread in ("map", "even"):
+
+    def farthest(spread, n_fibres):
+        fitted = fitted_to(muscle, areas, n_fibres=n_fibres)
         lines = points_of(SliceMorpher(method=method, spread=spread)(fitted, muscle, areas))
-        lines = lines.reshape(200, -1, 3)
+        lines = lines.reshape(n_fibres, -1, 3)
         dense = np.concatenate([(1 - t) * lines[:, :-1] + t * lines[:, 1:] for t in np.arange(8) / 8])
-        distances = cKDTree(dense.reshape(-1, 3)).query(samples)[0]
-        farthest[spread] = np.percentile(distances, 95)
-    assert farthest["even"] < share * farthest["map"]
+        return np.percentile(cKDTree(dense.reshape(-1, 3)).query(samples)[0], 95)
+
+    # With any one number of fibres the ratio is this one to 3 %, as their places happen to be.
+    ratios = [farthest("even", n) / farthest("map", n) for n in (100, 200, 400)]
+    assert np.mean(ratios) < share
 
 
 def test_the_mean_value_map_says_how_many_points_it_put_outside(hip):

@@ -89,9 +89,49 @@ def starting_points(
     starts = samples[np.arange(len(keys)), _cheapest_chain(costs, twists)]
     if len(keys) == len(loops):
         return starts
+    return _between([loops[key] for key in keys], levels[keys], starts, loops, levels)
+
+
+def followed_starts(
+    loops: Sequence[Floats],
+    levels: Floats,
+    continuity: float,
+    guides: tuple[Sequence[Floats], Floats, Floats],
+    corner: Floats,
+    place_costs: Callable[[Floats, Ints], Floats] | None = None,
+) -> Floats:
+    """Return where loops start that follow others of the same muscle.
+
+    Places are some of a limited number. Chosen for each set of loops anew, they would differ by the distance
+    of two places between muscles that are cut here or slightly beside, and the fibres with them. So they
+    are chosen for loops at heights that are always the same, and interpolated.
+
+    Parameters
+    ----------
+    loops, levels, continuity, corner, place_costs
+        As for :func:`starting_points`, which is asked without continuity, or where there are no guides.
+    guides : tuple of sequence of (n, k) arrays, (g,) array, (g, k) array
+        The other loops, their heights, strictly ascending, and where they start.
+
+    Returns
+    -------
+    (l, k) array
+        A point near each loop: it starts where it is nearest to this [mm].
+    """
+    guiding, heights, starts = guides
+    if continuity == 0.0 or not len(guiding):
+        return starting_points(loops, levels, continuity, corner, place_costs)
+    return _between(guiding, heights, starts, loops, levels)
+
+
+def _between(
+    guides: Sequence[Floats], heights: Floats, starts: Floats, loops: Sequence[Floats], levels: Floats
+) -> Floats:
+    """Return starts of loops from those of others, interpolated about the centroids of all."""
+    offsets = starts - np.array([boundary_centroid(guide) for guide in guides])
     centroids = np.array([boundary_centroid(loop) for loop in loops])
-    offsets = [np.interp(levels, levels[keys], column) for column in (starts - centroids[keys]).T]
-    points: Floats = centroids + np.column_stack(offsets)
+    between = [np.interp(levels, heights, column) for column in offsets.T]
+    points: Floats = centroids + np.column_stack(between)
     return points
 
 
@@ -116,20 +156,24 @@ def _cheapest_chain(costs: Floats, twists: Floats) -> Ints:
     # Twice in a row, so that the inner loop needs no modulo.
     doubled = np.concatenate((twists, twists), axis=1)
     best = costs.copy()
-    previous = np.zeros((n_levels, n), dtype=np.int64)
+    least = np.empty(n)
     for level in range(1, n_levels):
-        for place in range(n):
-            least = np.inf
-            for other in range(n):
-                cost = best[level - 1, other] + doubled[level - 1, n + place - other]
-                if cost < least:
-                    least = cost
-                    previous[level, place] = other
-            best[level, place] += least
+        least[:] = np.inf
+        for other in range(n):
+            before = best[level - 1, other]
+            for place in range(n):
+                cost = before + doubled[level - 1, n + place - other]
+                least[place] = cost if cost < least[place] else least[place]
+        best[level] += least
     places = np.empty(n_levels, dtype=np.int64)
     places[-1] = best[-1].argmin()
     for level in range(n_levels - 1, 0, -1):
-        places[level - 1] = previous[level, places[level]]
+        shift, cheapest = n + places[level], np.inf
+        for other in range(n):
+            cost = best[level - 1, other] + doubled[level - 1, shift - other]
+            if cost < cheapest:
+                cheapest = cost
+                places[level - 1] = other
     return places
 
 

@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from vtkmuscle.core.correspondence import (
     N_PLACES,
     cyclic_products,
+    followed_starts,
     sampled_loop,
     starting_points,
 )
@@ -149,32 +150,44 @@ def morph_by_isolines(
     levels = begin + levels * way
     slicing.report_progress(0.4)
 
-    def matched(at: Floats) -> tuple[Ints, list[Floats], Floats, Floats]:
-        """Return which levels the main branch has, its rings there, their vector areas, and their starts."""
-        sections, areas, loops = cut(at)
-        hits = np.flatnonzero(loops >= 0)
-        rings = [np.ascontiguousarray(sections.loop(int(loop))) for loop in loops[hits]]
-        areas = areas[loops[hits]]
-        costs = _distances_from_rectangle(box.sides, areas)
-        starts = starting_points(rings, at[hits], slicing.continuity * length, np.zeros(3), costs)
-        return hits, rings, areas, starts
+    guides = begin + guide_levels(way)
+    followed = np.union1d(levels, guides)
+    sections, areas, loops = cut(followed)
+    loops, guiding = loops[np.searchsorted(followed, levels)], loops[np.searchsorted(followed, guides)]
+    hits, guides = np.flatnonzero(loops >= 0), guides[guiding >= 0]
+    rings, guide_rings = (
+        [np.ascontiguousarray(sections.loop(int(loop))) for loop in found[found >= 0]]
+        for found in (loops, guiding)
+    )
+    areas, guide_areas = areas[loops[hits]], areas[guiding[guiding >= 0]]
+    reach = slicing.continuity * length
+    guide_costs = _distances_from_rectangle(box.sides, guide_areas)
+    guide_starts = starting_points(guide_rings, guides, reach, np.zeros(3), guide_costs)
+    costs = _distances_from_rectangle(box.sides, areas)
+    starts = followed_starts(
+        rings, levels[hits], reach, (guide_rings, guides, guide_starts), np.zeros(3), costs
+    )
 
     def guide() -> tuple[list[Floats], Floats, Floats]:
-        at = guide_levels(way)
-        hits, rings, _, starts = matched(begin + at)
-        return rings, starts, at[hits] / way
+        return guide_rings, guide_starts, (guides - begin) / way
 
-    hits, rings, areas, starts = matched(levels)
     twist = slicing.twisting.found(guide, box.seen, inside, box.sides)
     starts = turned_starts(rings, starts, (levels[hits] - begin) / way, twist.twist)
     slicing.report_progress(0.5)
 
-    views = np.array([_view_along(area) for area in areas])
-    rings = [ring @ view.T for ring, view in zip(rings, views, strict=True)]
-    starts = np.einsum("kij,kj->ki", views, starts)
-    mapped = map_sections(rings, starts, hits, slice_of, len(levels), inside, box.sides, slicing)
-    view_of = np.abs(hits[None] - np.arange(len(levels))[:, None]).argmin(axis=1)[slice_of]
-    result = np.einsum("ni,nij->nj", mapped.places, views[view_of])
+    mapped = map_sections(
+        rings,
+        starts,
+        hits,
+        levels,
+        begin + fractions * way,
+        slice_of,
+        inside,
+        box.sides,
+        slicing,
+        views=np.array([_view_along(area) for area in areas]),
+    )
+    result = mapped.places
     at_origin, at_insertion = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
     between = result[~(at_origin | at_insertion)]
     n_outside = int((~points_inside(between, surface.points, surface.triangles)).sum())

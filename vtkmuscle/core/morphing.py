@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.correspondence import boundary_centroid, starting_points
+from vtkmuscle.core.correspondence import boundary_centroid, followed_starts, starting_points
 from vtkmuscle.core.loop_chains import loop_areas, main_loops
 from vtkmuscle.core.section_maps import count_outside, map_section
 from vtkmuscle.core.sections import ClosedSurface, Sections, cut_surface
@@ -145,49 +145,50 @@ def morph_by_planes(
     margin = END_MARGIN * (top - bottom)
     heights = np.clip(inside[:, 2], bottom + margin, top - margin)
     levels, slice_of = shared_levels(heights, tolerance)
-    # The course is not judged by the fibres' heights: the same muscle must be judged the same whatever they
-    # are.
+    # Neither the course nor where sections begin must depend on the heights that fibres happen to have.
     regular = bottom + (top - bottom) * (np.arange(N_COURSE) + 0.5) / N_COURSE
-    together = np.union1d(levels, regular)
+    guides = bottom + guide_levels(top - bottom)
 
     def cut(at: Floats) -> tuple[Sections, Floats]:
         sections = cut_surface(surface, all_heights, at)
         return sections, loop_areas(sections.points, sections.loop_offsets)[:, 2]
 
+    followed = np.union1d(levels, guides)
+    together = np.union1d(followed, regular)
     sections, sizes = cut(together)
     course = main_loops(sections, together, sizes, np.searchsorted(together, regular))
-    loops = main_loops(sections, together, sizes, np.searchsorted(together, levels))
     volume_share, steep_share = _course(sections, sizes, np.searchsorted(together, regular), course)
-    if loops[0] < 0 or loops[-1] < 0:
-        sections, sizes = cut(levels)
-        loops = main_loops(sections, levels, sizes)
-        low, high = _branch_ends(sections, loops, all_heights)
-        hit = levels[loops >= 0]
+    main = main_loops(sections, together, sizes, np.searchsorted(together, followed))
+    if (main[np.searchsorted(followed, levels[[0, -1]])] < 0).any():
+        sections, sizes = cut(followed)
+        main = main_loops(sections, followed, sizes)
+        low, high = _branch_ends(sections, main, all_heights)
+        hit = followed[main >= 0]
         heights = _squeezed(heights, hit[0], hit[-1], low + margin, high - margin)
         levels, slice_of = shared_levels(heights, tolerance)
-        sections, sizes = cut(levels)
-        loops = main_loops(sections, levels, sizes)
+        followed = np.union1d(levels, guides)
+        sections, sizes = cut(followed)
+        main = main_loops(sections, followed, sizes)
     slicing.report_progress(0.35)
 
-    hits = np.flatnonzero(loops >= 0)
+    loops, guiding = main[np.searchsorted(followed, levels)], main[np.searchsorted(followed, guides)]
+    hits, guides = np.flatnonzero(loops >= 0), guides[guiding >= 0]
     slices = [np.ascontiguousarray(sections.loop(int(loop))[:, :2]) for loop in loops[hits]]
-    starts = starting_points(slices, levels[hits], slicing.continuity * box.length, np.zeros(2))
+    rings = [sections.loop(int(loop)) for loop in guiding[guiding >= 0]]
+    flat = [np.ascontiguousarray(ring[:, :2]) for ring in rings]
+    reach = slicing.continuity * box.length
+    begin = starting_points(flat, guides, reach, np.zeros(2))
+    starts = followed_starts(slices, levels[hits], reach, (flat, guides, begin), np.zeros(2))
 
     def guide() -> tuple[list[Floats], Floats, Floats]:
-        at = bottom + guide_levels(top - bottom)
-        cuts, sizes = cut(at)
-        main = main_loops(cuts, at, sizes)
-        at, rings = at[main >= 0], [cuts.loop(int(loop)) for loop in main[main >= 0]]
-        flat = [np.ascontiguousarray(ring[:, :2]) for ring in rings]
-        begin = starting_points(flat, at, slicing.continuity * box.length, np.zeros(2))
-        return rings, np.column_stack([begin, at]), at / box.length
+        return rings, np.column_stack([begin, guides]), guides / box.length
 
     twist = slicing.twisting.found(guide, box.seen, inside, box.sides)
     starts = turned_starts(slices, starts, levels[hits] / box.length, twist.twist)
     slicing.report_progress(0.5)
 
     result = np.column_stack([inside[:, :2], heights])
-    mapped = map_sections(slices, starts, hits, slice_of, len(levels), inside, box.sides, slicing)
+    mapped = map_sections(slices, starts, hits, levels, heights, slice_of, inside, box.sides, slicing)
     result[:, :2] = mapped.places
     return Morph(
         box.positions(result),
@@ -226,57 +227,74 @@ def map_sections(
     loops: Sequence[Floats],
     starts: Floats,
     hits: Ints,
+    levels: Floats,
+    heights: Floats,
     slice_of: Ints,
-    n_levels: int,
     inside: Floats,
     sides: Floats,
     slicing: Slicing,
+    views: Floats | None = None,
 ) -> MappedSections:
     """Return points of the template in the sections of the muscle.
+
+    Points that share a slice though their heights differ are mapped by it and by the next one on their side,
+    and put between the two.
 
     Parameters
     ----------
     loops : sequence of (j, k) arrays
         The sections' boundaries, counterclockwise about z [mm].
     starts : (l, k) array
-        Where the correspondence starts, from :func:`vtkmuscle.core.correspondence.starting_points` [mm].
+        Where the correspondence starts, from :func:`vtkmuscle.core.correspondence.followed_starts` [mm].
     hits : (l,) int array
         Which level each section is at. A level without one, by rounding, takes that of the level next to it.
+    levels : (h,) array
+        Of the slices, ascending.
+    heights : (n,) array
+        Of the points, in the same unit.
     slice_of : (n,) int array
         Which level each point is at.
-    n_levels : int
-        How many levels there are.
     inside : (n, 2) array or wider
         Points of the rectangle [mm].
     sides : (2,) array or longer
         Sides of the rectangle [mm].
     slicing : Slicing
         How to map; the second half of the progress is reported.
+    views : (l, 3, 3) array, optional
+        Rotations of sections in space that are seen along z only thereafter.
 
     Returns
     -------
     MappedSections
         In the order of the points.
     """
-    places = np.empty((len(inside), loops[0].shape[1]))
+    above = heights - levels[slice_of]
+    others = slice_of + np.sign(above).astype(np.int64)
+    apart = np.abs(above) > SAME_HEIGHT * (levels[-1] - levels[0])
+    shared = np.flatnonzero(apart & (others >= 0) & (others < len(levels)))
+    shares = above[shared] / (levels[others[shared]] - levels[slice_of[shared]])
+    weights = np.concatenate([np.ones(len(inside)), shares])
+    weights[shared] -= shares
+    points = np.concatenate([np.arange(len(inside)), shared])
+    slices = np.concatenate([slice_of, others[shared]])
+    places = np.zeros((len(inside), loops[0].shape[1]))
     n_outside = n_unmapped = 0
     split_error = 0.0
-    for level, mine in enumerate(members(slice_of, n_levels)):
+    for level, mine in enumerate(members(slices, len(levels))):
         number = int(np.abs(hits - level).argmin())
+        loop, start = loops[number], starts[number]
+        if views is not None:
+            loop, start = loop @ views[number].T, views[number] @ start
         section = map_section(
-            loops[number],
-            starts[number],
-            sides,
-            inside[mine, :2],
-            mapping=slicing.mapping,
-            spread=slicing.spread,
+            loop, start, sides, inside[points[mine], :2], mapping=slicing.mapping, spread=slicing.spread
         )
-        places[mine] = section.places
+        found = section.places if views is None else section.places @ views[number]
+        places[points[mine]] += weights[mine, None] * found
         split_error = max(split_error, section.split_error)
         n_unmapped += not section.one_to_one and slicing.mapping == "bijective"
         if not section.one_to_one:
-            n_outside += count_outside(loops[number], section.places)
-        slicing.report_progress(0.5 + 0.5 * (level + 1) / n_levels)
+            n_outside += count_outside(loop, section.places[mine < len(inside)])
+        slicing.report_progress(0.5 + 0.5 * (level + 1) / len(levels))
     return MappedSections(places, n_outside, n_unmapped, split_error)
 
 
