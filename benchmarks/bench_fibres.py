@@ -31,7 +31,7 @@ from vtkmuscle.filters import (
     TemplateFitter,
 )
 from vtkmuscle.filters.arrays import cell_array, checked_surface, field_array, polylines_of
-from vtkmuscle.filters.muscle_geometry import muscle_geometry
+from vtkmuscle.filters.muscle_geometry import MuscleGeometry, muscle_geometry
 from vtkmuscle.io import fibre_summary
 
 Floats = NDArray[np.float64]
@@ -55,10 +55,9 @@ def staged(
 
     `even` takes the settings that fill a muscle best.
     """
-    spacing = {"relaxation": 5} if even else {}
     mapped = {"method": "harmonic", "spread": "even"} if even else {}
     times = [time.perf_counter()]
-    template = FibreTemplateSource(n_fibres=n_fibres, resolution=resolution, **spacing)()
+    template = FibreTemplateSource(n_fibres=n_fibres, resolution=resolution)()
     times.append(time.perf_counter())
     fitted = TemplateFitter()(template, muscle, attachments)
     times.append(time.perf_counter())
@@ -83,7 +82,7 @@ def coverage(fibres: object, muscle: object) -> tuple[float, float, float]:
     """
     lines = polylines_of(fibres, "fibres")
     geometry = muscle_geometry(muscle, "muscle")
-    inside = geometry.samples(SAMPLES)
+    inside = random_points(geometry)
     dense = []
     for first, last in pairwise(lines.offsets):
         line = lines.points[first:last]
@@ -109,6 +108,17 @@ def coverage(fibres: object, muscle: object) -> tuple[float, float, float]:
     radii = np.sqrt(area / (2 * np.sqrt(3) * len(lines)))
     ideal = np.percentile(radii[section] * rng.choice(in_hexagon, len(inside)), 95)
     return float(found), float(ideal), float(even * np.percentile(in_hexagon, 95))
+
+
+def random_points(geometry: MuscleGeometry) -> Floats:
+    """Return points in a muscle that have nothing to do with those by which fibres are spread."""
+    rng = np.random.default_rng(1)
+    low, high = geometry.points.min(axis=0), geometry.points.max(axis=0)
+    found = np.empty((0, 3))
+    while len(found) < SAMPLES:
+        places = rng.uniform(low, high, (4 * SAMPLES, 3))
+        found = np.vstack([found, places[geometry.distance.depth(places) > 0.0]])
+    return found[:SAMPLES]
 
 
 def quality(name: str, fibres: object, muscle: object, bones: object) -> None:

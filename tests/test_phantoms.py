@@ -6,14 +6,26 @@ from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
 
 from vtkmuscle.core.mesh import survey
 from vtkmuscle.core.rigid import apply_transform, is_rigid
-from vtkmuscle.filters.arrays import blocks_of, cell_array, points_of, triangles_of
+from vtkmuscle.core.templates import KINDS, TEMPLATES
+from vtkmuscle.filters import FibreMetrics
+from vtkmuscle.filters.arrays import blocks_of, cell_array, field_array, points_of, polylines_of, triangles_of
 from vtkmuscle.filters.attachments import attachments_of
-from vtkmuscle.phantoms import hip, pennate_block, spindle_over_hinge, winding_spindle, wrapping_cylinder
+from vtkmuscle.phantoms import (
+    fibre_block,
+    hip,
+    pennate_block,
+    spindle_over_hinge,
+    winding_spindle,
+    wrapping_cylinder,
+)
 from vtkmuscle.phantoms.hip_bones import femur
 from vtkmuscle.phantoms.implicit import ball, thick_curve, thick_sheet
 from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution
+from vtkmuscle.phantoms.winding_spindle import radius_at
+from vtkmuscle.pipelines import decompose
 
 PHANTOMS = [spindle_over_hinge, wrapping_cylinder, pennate_block, winding_spindle, hip]
+every_block = pytest.mark.parametrize("kind", KINDS)
 every_phantom = pytest.mark.parametrize("make", PHANTOMS, ids=lambda make: make.__name__)
 
 
@@ -302,3 +314,76 @@ def test_box_has_its_corners_volume_and_spacing():
     np.testing.assert_array_equal(points.max(axis=0), [4, 8, 13])
     edges = points[triangles] - np.roll(points[triangles], 1, axis=1)
     assert np.linalg.norm(edges, axis=2).max() <= 2 * np.sqrt(2) + 1e-12
+
+
+# ------------------------------------------------------------------------------- by the full chain
+
+
+def known_of_each(phantom, name, r, s):
+    answer = phantom.known[name]
+    return np.array([answer(*pair) for pair in zip(r, s, strict=True)]) if callable(answer) else answer
+
+
+@every_block
+def test_the_chain_of_filters_gives_the_known_lengths_angles_and_volume(kind):
+    phantom = fibre_block(kind)
+    muscle, attachments = phantom.muscles["block"], phantom.attachments["block"]
+    fibres = decompose(muscle, attachments, phantom.superficial.get("block"), template=kind)
+    metrics = FibreMetrics(architecture=True)
+    for port, value in enumerate((fibres, muscle, None, attachments)):
+        metrics.connect(port, value)
+    measured = metrics.update().output
+    r, s = (cell_array(measured, name, kind) for name in ("r", "s"))
+    lengths = known_of_each(phantom, "fibre_length", r, s)
+    assert np.abs(cell_array(measured, "Length", kind) / lengths - 1).max() < 0.005
+    for end in ("Origin", "Insertion"):
+        name = "pennation" if "pennation" in phantom.known else f"pennation_{end.lower()}"
+        known = known_of_each(phantom, name, r, s)
+        assert np.abs(cell_array(measured, f"Pennation{end}", kind) - known).max() < 1.0, end
+    assert field_array(measured, "MuscleVolume")[0] == pytest.approx(phantom.known["volume"], rel=0.001)
+
+
+@every_block
+def test_the_answers_of_blocks_are_those_of_finely_sampled_fibres(kind, rng):
+    r, s = rng.random((2, 20))
+    fibres = TEMPLATES[kind].fibres(r, s, np.linspace(0, 1, 4001)) * [20, 40, 120]
+    lengths = np.linalg.norm(np.diff(fibres, axis=1), axis=2).sum(axis=1)
+    phantom = fibre_block(kind)
+    assert np.allclose(known_of_each(phantom, "fibre_length", r, s), lengths, rtol=1e-6)
+    if kind in {"curved", "fan"}:
+        for end, steps in (
+            ("origin", fibres[:, 1] - fibres[:, 0]),
+            ("insertion", fibres[:, -1] - fibres[:, -2]),
+        ):
+            angles = np.degrees(np.arcsin(steps[:, 2] / np.linalg.norm(steps, axis=1)))
+            assert np.allclose(known_of_each(phantom, f"pennation_{end}", r, s), angles, atol=0.02)
+
+
+@pytest.mark.parametrize("twist", [60.0, -100.0])
+def test_fibres_of_the_winding_spindle_wind_from_end_to_end(twist):
+    phantom = winding_spindle(twist)
+    muscle, attachments = phantom.muscles["spindle"], phantom.attachments["spindle"]
+    fibres = decompose(muscle, attachments, phantom.superficial["spindle"]).update().output
+    lines = polylines_of(fibres, "spindle")
+    turns, lengths, parts = [], [], []
+    for line in map(lines.line, range(len(lines))):
+        middle = line[6:10]
+        part = (np.hypot(*middle[:, :2].T) / radius_at(middle[:, 2])).mean()
+        if part > 0.4:
+            angle = np.degrees(np.unwrap(np.arctan2(line[:, 1], line[:, 0])))
+            turns.append((angle[-1] - angle[0]) * 120 / (line[-1, 2] - line[0, 2]))
+            lengths.append(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+            parts.append(part)
+    assert len(turns) > 60
+    assert np.mean(turns) == pytest.approx(twist, abs=3.0)
+    assert np.std(turns) < 12.0
+    known = [phantom.known["fibre_length"](part) for part in parts]
+    assert np.mean(lengths) == pytest.approx(np.mean(known), rel=0.005)
+    straight = polylines_of(decompose(muscle, attachments).update().output, "spindle")
+    chords = [line[-1, :2] - line[0, :2] for line in map(straight.line, range(100))]
+    assert np.linalg.norm(np.mean(chords, axis=0)) < 1.0
+
+
+def test_a_kind_of_block_that_there_is_not_is_named():
+    with pytest.raises(ValueError, match=r"fibre_block: kind is 'spiral', but must be one of 'parallel'"):
+        fibre_block("spiral")

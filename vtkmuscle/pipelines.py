@@ -23,7 +23,6 @@ FIBRE_SETTINGS: dict[str, tuple[type[Filter], str]] = {
     "template_file": (FibreTemplateSource, "file"),
     "n_fibres": (FibreTemplateSource, "n_fibres"),
     "resolution": (FibreTemplateSource, "resolution"),
-    "relaxation": (FibreTemplateSource, "relaxation"),
     "axis": (TemplateFitter, "axis"),
     "angle_step": (TemplateFitter, "angle_step"),
     "refine": (TemplateFitter, "refine"),
@@ -58,7 +57,6 @@ def decompose(
     template_file: str | None = None,
     n_fibres: int = 100,
     resolution: int = 15,
-    relaxation: int = 0,
     axis: str = "auto",
     angle_step: float = 5.0,
     refine: bool = False,
@@ -89,9 +87,9 @@ def decompose(
     superficial : vtkPolyData or algorithm, optional
         Fibres that are seen on the muscle's surface, a few polylines: the template is turned and twisted such
         that its fibres follow them.
-    template, template_file, n_fibres, resolution, relaxation
-        Kind, file with a template of your own, number of fibres, segments per fibre and steps of relaxation
-        of FibreTemplateSource.
+    template, template_file, n_fibres, resolution
+        Kind, file with a template of your own, number of fibres and segments per fibre of
+        FibreTemplateSource.
     axis, angle_step, refine, cube, mirror
         Of TemplateFitter.
     method, mapping, spread, slice_tolerance, continuity, twist
@@ -122,9 +120,7 @@ def decompose(
     >>> fibres.GetNumberOfCells()
     10
     """
-    source = FibreTemplateSource(
-        kind=template, file=template_file, n_fibres=n_fibres, resolution=resolution, relaxation=relaxation
-    )
+    source = FibreTemplateSource(kind=template, file=template_file, n_fibres=n_fibres, resolution=resolution)
     fitter = _connected(
         TemplateFitter(axis=axis, angle_step=angle_step, refine=refine, cube=cube, mirror=mirror),
         source,

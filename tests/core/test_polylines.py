@@ -97,5 +97,16 @@ def test_end_directions_pass_over_repeated_points():
         [[0.0, 0, 0], [0, 0, 0], [2, 0, 0], [2, 3, 0], [2, 3, 0], [7, 7, 7], [7, 7, 7], [1, 1, 1]]
     )
     starts, ends = end_directions(points, np.array([0, 5, 7, 8]))
-    assert_array_equal(starts, [[1, 0, 0], [0, 0, 0], [0, 0, 0]])
-    assert_array_equal(ends, [[0, 1, 0], [0, 0, 0], [0, 0, 0]])
+    # Corners of 90 degrees: the segments' own directions.
+    assert_allclose(starts, [[1, 0, 0], [0, 0, 0], [0, 0, 0]])
+    assert_allclose(ends, [[0, 1, 0], [0, 0, 0], [0, 0, 0]])
+
+
+def test_end_directions_are_tangents_of_a_curve_not_its_chords():
+    angle = np.linspace(0.0, 0.5, 6)  # chords are 2.9 degrees off
+    circle = 30 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    starts, ends = end_directions(np.vstack([circle, [[0, 0, 0], [0, 0, 9]]]), np.array([0, 6, 8]))
+    truth = np.array([[0, 1, 0], [-np.sin(0.5), np.cos(0.5), 0]])
+    assert np.degrees(np.arccos([starts[0] @ truth[0], ends[0] @ truth[1]])).max() < 0.2
+    assert_array_equal(starts[1], [0, 0, 1])
+    assert_array_equal(ends[1], [0, 0, 1])

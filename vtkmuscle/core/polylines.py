@@ -10,6 +10,9 @@ from vtkmuscle.core.jit import kernel
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+#: Cosine of the least turn between segments that is a corner and not part of a curve.
+CORNER = 0.5 * 3.0**0.5
+
 
 @kernel
 def smooth_polylines(points: Floats, offsets: Ints, k: float, iterations: int) -> Floats:
@@ -114,30 +117,51 @@ def evenly_spaced(points: Floats, count: int) -> Floats:
 def end_directions(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
     """Return the unit vectors in which polylines leave their first points and arrive at their last ones.
 
+    That is the tangent of the parabola through the end and the two points next to it, by arc length: a
+    segment is a chord, which differs from the tangent at its end by half the angle that a curve turns by
+    along it. The sharper the turn between the two segments, the less it counts; one of 30 degrees or more is
+    a corner, beyond which the line has the direction of its last segment.
+
     Parameters
     ----------
     points : (n, 3) array
         Positions.
-    offsets : (k + 1,) int array
+    offsets : (m + 1,) int array
         First point of each line, and n.
 
     Returns
     -------
-    starts, ends : (k, 3) arrays
-        Unit vectors, taken from the first segment with a length; 0 where a line has none.
+    starts, ends : (m, 3) arrays
+        Unit vectors, by the segments with a length; 0 where a line has none.
     """
     n_lines = len(offsets) - 1
     starts, ends = np.zeros((n_lines, 3)), np.zeros((n_lines, 3))
     for line in range(n_lines):
         first, last = offsets[line], offsets[line + 1] - 1
-        for i in range(first, last):
-            length = np.sqrt(((points[i + 1] - points[i]) ** 2).sum())
-            if length > 0.0:
-                starts[line] = (points[i + 1] - points[i]) / length
-                break
-        for i in range(last, first, -1):
-            length = np.sqrt(((points[i] - points[i - 1]) ** 2).sum())
-            if length > 0.0:
-                ends[line] = (points[i] - points[i - 1]) / length
-                break
+        starts[line] = -_arrival(points, last, first)
+        ends[line] = _arrival(points, first, last)
     return starts, ends
+
+
+@kernel
+def _arrival(points: Floats, start: int, end: int) -> Floats:
+    """Return the unit vector in which a line arrives at the point `end`, coming from `start`."""
+    step = 1 if end >= start else -1
+    found = 0
+    lengths, ways = np.zeros(2), np.zeros((2, 3))
+    i = end
+    while i != start and found < 2:
+        way = points[i] - points[i - step]
+        length = np.sqrt((way**2).sum())
+        if length > 0.0:
+            lengths[found] = length
+            ways[found] = way / length
+            found += 1
+        i -= step
+    result = ways[0]
+    if found == 2:
+        smooth = max(((ways[0] * ways[1]).sum() - CORNER) / (1.0 - CORNER), 0.0)
+        result = ways[0] + smooth * (ways[0] - ways[1]) * lengths[0] / (lengths[0] + lengths[1])
+    size = np.sqrt((result**2).sum())
+    tangent: Floats = result / size if size > 0.0 else result
+    return tangent

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh import triangle_normals
+from vtkmuscle.core.mesh import triangle_normals, unit_vectors
 from vtkmuscle.core.polylines import evenly_spaced, polyline_lengths, resample_polyline
 from vtkmuscle.core.sampling import dense_samples, even_samples
 
@@ -34,6 +34,8 @@ CUTS = (1.0, 0.8, 1.2, 0.6, 1.4, 0.4, 1.7, 0.2, 2.0, 0.0)
 CHECKS = (np.arange(16) + 0.5) / 16.0
 #: Ends nearer to each other than this share of an even spacing meet rather than spread over the area.
 LEAST_SPREAD = 0.1
+#: How much more a new segment counts by which it is longer than it goes ahead.
+TURNING = 2.0
 #: Fibres that share out an area together; the assignment costs the cube of their number.
 BATCH = 256
 
@@ -52,12 +54,16 @@ class EndArea:
         Triangles of the muscle.
     patch : (j,) int array
         Ids of the points that are attached.
+    distance : callable or None
+        From positions (i, 3) to how far they are from what the landmarks span (i,) [mm]; a fibre that ends
+        there ends on the area. None: only ends on the patch do.
     """
 
     landmarks: Floats
     points: Floats
     triangles: Ints
     patch: Ints
+    distance: Callable[[Floats], Floats] | None = None
 
 
 def trim_fibres(
@@ -158,7 +164,7 @@ def _new_ends(
         if there[mine].any():
             taken = np.unique(cKDTree(free).query(ends[mine[there[mine]]])[1])
             free = np.delete(free, taken[: len(free) - len(fibres)], axis=0)
-        places[fibres] = free[assign_places(departures[0, fibres], free)]
+        places[fibres] = free[assign_places(departures[0, fibres], rays[0, fibres], free)]
         levels[fibres] = _least_evil(
             departures[:, fibres], rays[:, fibres], places[fibres], into_muscle, tolerance
         )
@@ -210,6 +216,8 @@ def _already_there(ends: Floats, area: EndArea, tolerance: float) -> NDArray[np.
     faces = area.triangles[member[area.triangles].all(axis=1)]
     size = float(np.linalg.norm(triangle_normals(area.points, faces), axis=1).sum()) / 2.0
     on_area = cKDTree(candidates).query(ends)[0] <= tolerance + np.sqrt(size / len(candidates))
+    if area.distance is not None:
+        on_area |= area.distance(ends) <= tolerance
     apart = np.full(len(ends), True)
     if len(ends) > 1:
         apart = cKDTree(ends).query(ends, 2)[0][:, 1] >= LEAST_SPREAD * np.sqrt(size / len(ends))
@@ -278,19 +286,27 @@ def _cosines(a: Floats, b: Floats) -> Floats:
     return cosines
 
 
-def assign_places(departures: Floats, places: Floats) -> Ints:
+def assign_places(departures: Floats, rays: Floats, places: Floats) -> Ints:
     """Return which place each fibre ends at, no two fibres at the same: the new segments are short in all.
 
     The paper takes the place on the area that is closest to the ray, for each fibre by itself. Where the area
     is beside the rays rather than in front of them, that is the same place on its rim for many fibres, and
-    they meet in a point. So each fibre is given a place of its own, such that the sum of the distances is
-    least. Two segments that cross would be shorter exchanged: so they do not cross, and neighbours stay
-    neighbours. Where the area runs beside the fibres, the fibre next to it ends on its nearest part.
+    they meet in a point. So each fibre is given a place of its own, such that the sum of
+
+        |s| + 2 (|s| - s . u)
+
+    is least, s from where the fibre is left to its place, u the unit vector of its ray: a segment counts up
+    to five times where the fibre would have to turn back for it. Where all fibres run alike, the sum of s . u
+    is the same whatever goes where, and the sum of distances is least: two segments that cross would be
+    shorter exchanged, so they do not cross, and neighbours stay neighbours. Where the area runs beside the
+    fibres, the fibre next to it ends on its nearest part.
 
     Parameters
     ----------
     departures : (k, 3) array
         Where the new segments begin [mm].
+    rays : (k, 3) array
+        The way that the fibres go there, of any length.
     places : (j, 3) array
         Positions on the area, j >= k [mm].
 
@@ -299,7 +315,10 @@ def assign_places(departures: Floats, places: Floats) -> Ints:
     (k,) int array
         Numbers of places, all different.
     """
-    taken: Ints = linear_sum_assignment(cdist(departures, places))[1].astype(np.int64)
+    ahead = unit_vectors(rays)
+    along = ahead @ places.T - (ahead * departures).sum(axis=1, keepdims=True)
+    costs = (1.0 + TURNING) * cdist(departures, places) - TURNING * along
+    taken: Ints = linear_sum_assignment(costs)[1].astype(np.int64)
     return taken
 
 

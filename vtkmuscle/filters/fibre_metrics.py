@@ -29,7 +29,9 @@ from vtkmuscle.filters.arrays import (
     set_point_array,
     with_polylines,
 )
+from vtkmuscle.filters.attachments import attachments_of
 from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.inner_areas import inner_areas
 from vtkmuscle.filters.muscle_geometry import muscle_geometry
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
 
@@ -47,7 +49,7 @@ class FibreMetrics(Filter):
     one between a fibre's end segment and the surface of the muscle there, that is 90 degrees less the angle
     to the normal of the triangle nearest to the fibre's end: 0 for a fibre that runs along the surface, 90
     for one at right angles to it. For a fibre that ends on an aponeurosis that is its angle to the
-    aponeurosis.
+    aponeurosis; where that is within the muscle, as in a bipennate one, it is known from the attachments.
 
     :func:`vtkmuscle.io.write_fibre_table` writes what was measured as a table, and
     :func:`vtkmuscle.io.fibre_summary` gives mean, standard deviation and range.
@@ -95,6 +97,12 @@ class FibreMetrics(Filter):
     bones = InputPort(
         vtkMultiBlockDataSet, content="moving bones", optional=True, doc="Bones in the pose of the fibres."
     )
+    attachments = InputPort(
+        vtkMultiBlockDataSet,
+        content="attachments",
+        optional=True,
+        doc="Areas in the pose of the fibres; what those within the muscle span counts as its surface.",
+    )
     output = OutputPort(
         vtkPolyData,
         doc="The fibres with the cell arrays ``Length`` [mm], ``Tortuosity`` (length / distance of ends), "
@@ -109,7 +117,11 @@ class FibreMetrics(Filter):
     )
 
     def execute(
-        self, fibres: vtkPolyData, muscle: vtkPolyData | None, bones: vtkMultiBlockDataSet | None
+        self,
+        fibres: vtkPolyData,
+        muscle: vtkPolyData | None,
+        bones: vtkMultiBlockDataSet | None,
+        attachments: vtkMultiBlockDataSet | None,
     ) -> vtkPolyData:
         """Return the fibres with their measures."""
         lines = polylines_of(fibres, "FibreMetrics: fibres")
@@ -120,7 +132,7 @@ class FibreMetrics(Filter):
         if fibres.GetCellData().HasArray("RestLength"):
             set_cell_array(result, "Strain", _strain(fibres, lengths))
         if muscle is not None:
-            origin, insertion = _pennation(lines, muscle)
+            origin, insertion = _pennation(lines, muscle, attachments)
             set_cell_array(result, "PennationOrigin", origin)
             set_cell_array(result, "PennationInsertion", insertion)
         if bones is not None:
@@ -198,8 +210,15 @@ def _strain(fibres: vtkPolyData, lengths: Floats) -> Floats:
     return strain
 
 
-def _pennation(lines: Polylines, muscle: vtkPolyData) -> tuple[Floats, Floats]:
+def _pennation(
+    lines: Polylines, muscle: vtkPolyData, attachments: vtkMultiBlockDataSet | None
+) -> tuple[Floats, Floats]:
     points, triangles = checked_surface(muscle, "FibreMetrics: muscle")
+    if attachments is not None:
+        areas = attachments_of(attachments, "FibreMetrics: attachments")
+        inner, faces = inner_areas(areas, muscle_geometry(muscle, "FibreMetrics: muscle"))
+        triangles = np.vstack([triangles, faces + len(points)])
+        points = np.vstack([points, inner])
     normals = triangle_normals(points, triangles)
     sizes = np.linalg.norm(normals, axis=1)
     proper = sizes > 0

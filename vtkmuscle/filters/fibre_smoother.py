@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 
 #: Positions in the muscle by which fibres are spread: for each fibre, and at least.
-SAMPLES, LEAST_SAMPLES = 32, 2048
+SAMPLES, LEAST_SAMPLES = 64, 2048
 #: How far parallel fibres are moved by each pass.
 FILLING = 1.5
 

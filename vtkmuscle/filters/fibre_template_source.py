@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.relaxation import relaxed_points
 from vtkmuscle.core.template_files import read_template
-from vtkmuscle.core.templates import KINDS, TEMPLATES
+from vtkmuscle.core.templates import KINDS, TEMPLATES, sobol_points
 from vtkmuscle.filters.arrays import (
     Polylines,
     polylines_from,
@@ -24,9 +23,8 @@ class FibreTemplateSource(Filter):
 
     Each fibre is a Bezier curve from the origin area, at the bottom of the cube, to the insertion area, at
     its top; which curve is given by two parameters (r, s). The fibres' parameters are Sobol points, as in
-    the paper; ``relaxation`` steps of Lloyd's method move them apart until they are evenly spaced. The points
-    of a fibre are equally spaced in its parameter t. :mod:`vtkmuscle.core.templates` says what each kind is,
-    :mod:`vtkmuscle.core.template_files` how to write one of your own.
+    the paper. The points of a fibre are equally spaced in its parameter t. :mod:`vtkmuscle.core.templates`
+    says what each kind is, :mod:`vtkmuscle.core.template_files` how to write one of your own.
 
     Raises
     ------
@@ -53,12 +51,6 @@ class FibreTemplateSource(Filter):
     )
     n_fibres = Parameter(int, default=100, minimum=1, doc="Number of fibres.")
     resolution = Parameter(int, default=15, minimum=1, doc="Segments of each fibre, one less than points.")
-    relaxation = Parameter(
-        int,
-        default=0,
-        minimum=0,
-        doc="Steps that space the fibres evenly; 0 takes the Sobol points as they are.",
-    )
 
     output = OutputPort(
         vtkPolyData,
@@ -76,7 +68,7 @@ class FibreTemplateSource(Filter):
                 template = read_template(self.file)
             except ValueError as error:
                 raise ValueError(f"FibreTemplateSource.file: {error}") from error
-        r, s = relaxed_points(self.n_fibres, self.relaxation).T
+        r, s = sobol_points(self.n_fibres).T
         t = np.linspace(0.0, 1.0, self.resolution + 1)
         points = template.fibres(r, s, t).reshape(-1, 3)
         offsets = np.arange(0, len(points) + 1, len(t))

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.discs import discs_over
+from vtkmuscle.core.triangle_tree import triangle_tree
 from vtkmuscle.core.trimming import EndArea, trim_fibres
 from vtkmuscle.filters.arrays import Polylines, field_array, polylines_of, with_polylines
 from vtkmuscle.filters.attachments import AttachmentArea, attachments_of
 from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.inner_areas import inner_areas
 from vtkmuscle.filters.muscle_geometry import MuscleGeometry, muscle_geometry
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: How far a fibre's end may be from an area or leave the muscle, as a part of the mean length of its edges.
+TOLERANCE = 0.25
 
 
 class FibreTrimmer(Filter):
@@ -29,6 +36,10 @@ class FibreTrimmer(Filter):
     from a fibre whose new segment would leave the muscle (by more than a quarter of its mean edge length)
     or turn by more than 30 degrees. Where most fibres end on an area anyway without meeting, as pennate ones
     do, those that do keep their end.
+
+    An area may be within the muscle, as the tendon between the halves of a bipennate one is: more than half
+    of what its landmarks span deeper than a mean edge's length. Where most of the template's
+    fibres end on that, it is where they end.
 
     The axis is that of the fitted template where the fibres carry its field array ``Transform``, otherwise
     the direction from the origin's to the insertion's centroid. Each fibre keeps its number of points,
@@ -93,8 +104,8 @@ class FibreTrimmer(Filter):
                 "inside to keep fibres in; close its holes, and merge equal points (vtkCleanPolyData)"
             )
         areas = attachments_of(attachments, "FibreTrimmer: attachments")
-        origin = _end_area("origin", areas, geometry)
-        insertion = _end_area("insertion", areas, geometry)
+        origin = _end_area("origin", areas, geometry, lines.points[lines.offsets[:-1]])
+        insertion = _end_area("insertion", areas, geometry, lines.points[lines.offsets[1:] - 1])
         self.report_progress(0.2)
         trimmed = trim_fibres(
             lines.points,
@@ -103,16 +114,42 @@ class FibreTrimmer(Filter):
             origin=origin,
             insertion=insertion,
             into_muscle=geometry.distance.into,
-            tolerance=0.25 * geometry.mean_edge,
+            tolerance=TOLERANCE * geometry.mean_edge,
             largest_cut=self.largest_cut,
         )
         return with_polylines(fibres, Polylines(trimmed, lines.offsets))
 
 
-def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> EndArea:
+def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeometry, ends: Floats) -> EndArea:
     covered = geometry.attached(areas, role, "FibreTrimmer: attachments")
-    landmarks = np.vstack([area.landmarks for area in areas if area.role == role])
-    return EndArea(landmarks, geometry.points, geometry.triangles, covered)
+    mine = [area for area in areas if area.role == role]
+    landmarks = np.vstack([area.landmarks for area in mine])
+    tolerance = TOLERANCE * geometry.mean_edge
+    points, triangles = inner_areas(mine, geometry)
+    if len(triangles):
+        inner = _distance_to(points, triangles)
+        # The area may as well be hollow, or the landmarks off: the template's fibres tell where they end.
+        if (inner(ends) <= tolerance).mean() > 0.5:
+            return EndArea(landmarks, points, triangles, np.arange(len(points)), inner)
+    # What spans a ring around a hollow or bulging area is none of the surface.
+    flat = []
+    for ring in (area.landmarks for area in mine if area.closed):
+        points, triangles = discs_over([ring])
+        if geometry.distance.unsigned(points[triangles].mean(axis=1)).max() <= tolerance:
+            flat.append(ring)
+    points, triangles = discs_over(flat)
+    spanned = _distance_to(points, triangles) if flat else None
+    return EndArea(landmarks, geometry.points, geometry.triangles, covered, spanned)
+
+
+def _distance_to(points: Floats, triangles: Ints) -> Callable[[Floats], Floats]:
+    """Return the function from positions (n, 3) to their distances (n,) from triangles."""
+    tree = triangle_tree(points, triangles)
+
+    def distance(places: Floats) -> Floats:
+        return tree.nearest(places)[2]
+
+    return distance
 
 
 def _axis(fibres: vtkPolyData, origin: EndArea, insertion: EndArea) -> Floats:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from vtkmuscle.phantoms.cylinder_wrap import wrapping_cylinder
+from vtkmuscle.phantoms.fibre_blocks import fibre_block, pennate_block
 from vtkmuscle.phantoms.hinge_spindle import spindle_over_hinge
 from vtkmuscle.phantoms.hip_joint import hip
-from vtkmuscle.phantoms.pennation import pennate_block
 from vtkmuscle.phantoms.phantom import Phantom
 from vtkmuscle.phantoms.winding_spindle import winding_spindle
 
 __all__ = [
     "Phantom",
+    "fibre_block",
     "hip",
     "pennate_block",
     "spindle_over_hinge",

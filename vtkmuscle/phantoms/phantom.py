@@ -46,7 +46,7 @@ class Phantom:
     attachments: dict[str, vtkMultiBlockDataSet]
     motion: RigidMotion
     templates: dict[str, str]
-    known: dict[str, float | Callable[[float], float]] = field(default_factory=dict)
+    known: dict[str, float | Callable[..., float]] = field(default_factory=dict)
     superficial: dict[str, vtkPolyData] = field(default_factory=dict)
 
 
@@ -58,7 +58,7 @@ def phantom_from(
     areas: Mapping[str, Sequence[AttachmentArea]],
     motion: RigidMotion,
     templates: Mapping[str, str],
-    known: Mapping[str, float | Callable[[float], float]],
+    known: Mapping[str, float | Callable[..., float]],
     superficial: Mapping[str, vtkPolyData] | None = None,
 ) -> Phantom:
     """Return a phantom with VTK data sets of its own, from points and triangles."""
