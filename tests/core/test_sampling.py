@@ -3,7 +3,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.sampling import dense_samples, even_samples
+from vtkmuscle.core.sampling import PatchSamples, even_samples
 
 
 def sheet(size=8, spacing=5.0):
@@ -22,7 +22,7 @@ def nearest_other(places):
 def test_dense_samples_are_on_the_triangles_between_the_points_and_nowhere_else():
     points, triangles = sheet()
     patch = np.flatnonzero(points[:, 0] <= 20)
-    samples = dense_samples(points, triangles, patch, 1000)
+    samples = PatchSamples(points, triangles, patch).dense(1000)
     assert len(samples) >= 1000
     assert samples.min() >= 0
     assert samples[:, 0].max() <= 20
@@ -32,21 +32,21 @@ def test_dense_samples_are_on_the_triangles_between_the_points_and_nowhere_else(
 def test_dense_samples_are_of_even_density_whatever_the_triangles():
     points, triangles = sheet()
     points[points[:, 0] > 15, 0] += 60  # the fourth column of cells is 13 times as wide as the others
-    samples = dense_samples(points, triangles, np.arange(len(points)), 4000)
+    samples = PatchSamples(points, triangles, np.arange(len(points))).dense(4000)
     counts = np.histogram2d(samples[:, 0], samples[:, 1], bins=[10, 4], range=[[0, 100], [0, 40]])[0]
     assert_allclose(counts / len(samples), 1 / 40, rtol=0.1)
 
 
 def test_another_seed_gives_other_samples():
     points, triangles = sheet()
-    first, second = (dense_samples(points, triangles, np.arange(81), 64, seed=s) for s in (0, 1))
+    first, second = (PatchSamples(points, triangles, np.arange(81)).dense(64, seed=s) for s in (0, 1))
     assert cKDTree(first).query(second)[0].min() > 0
 
 
 @pytest.mark.parametrize("count", [1, 7, 50, 200])
 def test_even_samples_are_candidates_and_nearly_as_far_from_each_other_as_can_be(count):
     points, triangles = sheet()
-    candidates = dense_samples(points, triangles, np.arange(81), 16 * count)
+    candidates = PatchSamples(points, triangles, np.arange(81)).dense(16 * count)
     samples = even_samples(candidates, count)
     assert samples.shape == (count, 3)
     assert_array_equal(cKDTree(candidates).query(samples)[0], 0)
@@ -65,8 +65,8 @@ def test_even_samples_of_few_candidates_repeat_them():
 def test_points_without_a_common_triangle_are_sampled_along_edges_and_single_points_as_they_are():
     points, triangles = sheet()
     row = np.flatnonzero(points[:, 0] == 10)
-    samples = even_samples(dense_samples(points, triangles, row, 500), 20)
+    samples = even_samples(PatchSamples(points, triangles, row).dense(500), 20)
     assert_array_equal(samples[:, 0], 10)
     assert nearest_other(samples).min() > 0.4 * 40 / 20
-    assert_array_equal(dense_samples(points, triangles, row[:1], 500), points[row[:1]])
-    assert_array_equal(dense_samples(points, triangles, row[[0, 4]], 500), points[row[[0, 4]]])
+    assert_array_equal(PatchSamples(points, triangles, row[:1]).dense(500), points[row[:1]])
+    assert_array_equal(PatchSamples(points, triangles, row[[0, 4]]).dense(500), points[row[[0, 4]]])

@@ -92,6 +92,7 @@ def resample_polyline(points: Floats, arcs: Floats) -> Floats:
     return result
 
 
+@kernel
 def evenly_spaced(points: Floats, count: int) -> Floats:
     """Return a polyline of `count` points at equal distances along another, which has the same ends.
 
@@ -107,8 +108,10 @@ def evenly_spaced(points: Floats, count: int) -> Floats:
     (count, 3) array
         Positions [mm].
     """
-    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-    spaced: Floats = resample_polyline(points, np.linspace(0.0, length, count))
+    length = 0.0
+    for i in range(1, len(points)):
+        length += np.sqrt(((points[i] - points[i - 1]) ** 2).sum())
+    spaced = resample_polyline(points, np.linspace(0.0, length, count))
     spaced[0], spaced[-1] = points[0], points[-1]
     return spaced
 

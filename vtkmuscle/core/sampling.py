@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,8 @@ Ints = NDArray[np.int64]
 MOST_BLOCKS = 64
 #: Positions above each other in a column.
 LAYERS = 16
+#: Sets of evenly spread positions that are kept of an area.
+MOST_KEPT = 64
 
 
 def even_samples(candidates: Floats, count: int) -> Floats:
@@ -41,14 +45,27 @@ def even_samples(candidates: Floats, count: int) -> Floats:
         Some of the candidates [mm].
     """
     samples = candidates[_farthest(candidates, min(count, len(candidates)))]
-    tree = cKDTree(candidates)
     for _ in range(4):
         cells = cKDTree(samples).query(candidates)[1]
         sizes = np.bincount(cells, minlength=len(samples))
         sums = np.column_stack([np.bincount(cells, candidates[:, i], len(samples)) for i in range(3)])
         filled = sizes > 0
-        samples[filled] = candidates[tree.query(sums[filled] / sizes[filled, None])[1]]
+        samples[filled] = candidates[_nearest(candidates, sums[filled] / sizes[filled, None])]
     return samples[np.arange(count) % len(samples)]
+
+
+@kernel
+def _nearest(candidates: Floats, places: Floats) -> Ints:
+    """Return which candidate is nearest to each place."""
+    squares = np.empty(len(candidates))
+    result = np.empty(len(places), dtype=np.int64)
+    for k in range(len(places)):
+        x, y, z = places[k, 0], places[k, 1], places[k, 2]
+        for i in range(len(candidates)):
+            dx, dy, dz = candidates[i, 0] - x, candidates[i, 1] - y, candidates[i, 2] - z
+            squares[i] = dx * dx + dy * dy + dz * dz
+        result[k] = squares.argmin()
+    return result
 
 
 @kernel
@@ -77,8 +94,8 @@ def _farthest(candidates: Floats, count: int) -> Ints:
     return chosen
 
 
-def dense_samples(points: Floats, triangles: Ints, patch: Ints, count: int, *, seed: int = 0) -> Floats:
-    """Return positions of even density on the triangles between given points of a surface.
+class PatchSamples:
+    """Positions on the triangles between given points of a surface, each set of them found once.
 
     Where the points have no triangle in common the edges between them are sampled, and where there are no
     edges either the points themselves are returned.
@@ -91,38 +108,85 @@ def dense_samples(points: Floats, triangles: Ints, patch: Ints, count: int, *, s
         Point ids.
     patch : (j,) int array
         Ids of the points to stay between, j >= 1.
-    count : int
-        Least number of samples, >= 1.
-    seed : int, optional
-        Another number gives other samples.
-
-    Returns
-    -------
-    (k, 3) array
-        Positions on the surface, from a low-discrepancy sequence [mm].
     """
+
+    def __init__(self, points: Floats, triangles: Ints, patch: Ints) -> None:
+        member = np.zeros(len(points), dtype=np.bool_)
+        member[patch] = True
+        self._faces = triangles[member[triangles].all(axis=1)]
+        self._areas = np.linalg.norm(triangle_normals(points, self._faces), axis=1)
+        self._points, self._patch = points, patch
+        self._edges = unique_edges(triangles) if not self._areas.sum() > 0 else np.empty((0, 2), np.int64)
+        self._edges = self._edges[member[self._edges].all(axis=1)]
+        self._dense: dict[tuple[int, int], Floats] = {}
+        self._trees: dict[int, cKDTree] = {}
+        self._even: dict[tuple[Any, ...], Floats] = {}
+
+    @property
+    def area(self) -> float:
+        """Area of the triangles [mm^2]."""
+        return float(self._areas.sum()) / 2.0
+
+    def dense(self, count: int, *, seed: int = 0) -> Floats:
+        """Return at least `count` positions of even density, (k, 3); another seed gives others."""
+        exponent = int(np.ceil(np.log2(count)))
+        key = exponent, seed
+        if key not in self._dense:
+            self._dense[key] = self._sampled(_sobol(exponent, seed))
+        return self._dense[key]
+
+    def tree(self, count: int) -> cKDTree:
+        """Return the search tree of at least `count` positions of even density."""
+        if count not in self._trees:
+            self._trees[count] = cKDTree(self.dense(count))
+        return self._trees[count]
+
+    def even(self, count: int, *, direction: Floats, above: float, seed: int = 0) -> Floats:
+        """Return positions, (count, 3), spread over what is above a height along a direction.
+
+        If no more than a hundredth is above it, they are spread over all.
+        """
+        wanted = 16 * count
+        candidates = self.dense(wanted, seed=seed)
+        share = float((candidates @ direction > above).mean())
+        # Which candidates are above is known from how many.
+        key: tuple[Any, ...] = count, seed
+        if 0.01 < share < 1.0:
+            wanted = int(np.ceil(wanted / share))
+            candidates = self.dense(wanted, seed=seed)
+            candidates = candidates[candidates @ direction > above]
+            key = count, seed, wanted, len(candidates), direction.tobytes()
+        if key not in self._even:
+            if len(self._even) >= MOST_KEPT:
+                self._even.clear()
+            self._even[key] = even_samples(candidates, count)
+        return self._even[key]
+
+    def _sampled(self, u: Floats) -> Floats:
+        """Return the positions that go with numbers (k, 3) in [0, 1)."""
+        points = self._points
+        if self._areas.sum() > 0:
+            a, b, c = points[self._faces[_shares(self._areas, u[:, 0])]].transpose(1, 0, 2)
+            root = np.sqrt(u[:, 1:2])  # uniform over it: Osada et al. 2002, doi:10.1145/571647.571648
+            on_faces: Floats = (1.0 - root) * a + root * (1.0 - u[:, 2:]) * b + root * u[:, 2:] * c
+            return on_faces
+        lengths = np.linalg.norm(points[self._edges[:, 1]] - points[self._edges[:, 0]], axis=1)
+        if lengths.sum() > 0:
+            a, b = points[self._edges[_shares(lengths, u[:, 0])]].transpose(1, 0, 2)
+            on_edges: Floats = (1.0 - u[:, 1:2]) * a + u[:, 1:2] * b
+            return on_edges
+        return points[self._patch]
+
+
+@lru_cache(maxsize=16)
+def _sobol(exponent: int, seed: int) -> Floats:
+    """Return 2^exponent numbers (k, 3) in [0, 1) of a low-discrepancy sequence."""
     sequence = qmc.Sobol(3, scramble=False)
-    exponent = int(np.ceil(np.log2(count)))
     if seed:
         sequence.fast_forward(seed * 2**exponent)
-    u = sequence.random(2**exponent)
-    member = np.zeros(len(points), dtype=np.bool_)
-    member[patch] = True
-    faces = triangles[member[triangles].all(axis=1)]
-    areas = np.linalg.norm(triangle_normals(points, faces), axis=1)
-    if areas.sum() > 0:
-        a, b, c = (points[faces[_shares(areas, u[:, 0])][:, i]] for i in range(3))
-        root = np.sqrt(u[:, 1:2])  # uniform over the triangle: Osada et al. 2002, doi:10.1145/571647.571648
-        on_faces: Floats = (1.0 - root) * a + root * (1.0 - u[:, 2:]) * b + root * u[:, 2:] * c
-        return on_faces
-    edges = unique_edges(triangles)
-    edges = edges[member[edges].all(axis=1)]
-    lengths = np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1)
-    if lengths.sum() > 0:
-        a, b = (points[edges[_shares(lengths, u[:, 0])][:, i]] for i in range(2))
-        on_edges: Floats = (1.0 - u[:, 1:2]) * a + u[:, 1:2] * b
-        return on_edges
-    return points[patch]
+    numbers: Floats = sequence.random(2**exponent)
+    numbers.setflags(write=False)
+    return numbers
 
 
 def samples_inside(depth: Callable[[Floats], Floats], points: Floats, count: int) -> Floats:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,9 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh import triangle_normals, unit_vectors
+from vtkmuscle.core.mesh import unit_vectors
 from vtkmuscle.core.polylines import evenly_spaced, polyline_lengths, resample_polyline
-from vtkmuscle.core.sampling import dense_samples, even_samples
+from vtkmuscle.core.sampling import PatchSamples
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -64,6 +64,11 @@ class EndArea:
     triangles: Ints
     patch: Ints
     distance: Callable[[Floats], Floats] | None = None
+
+    @cached_property
+    def samples(self) -> PatchSamples:
+        """Positions on the area."""
+        return PatchSamples(self.points, self.triangles, self.patch)
 
 
 def trim_fibres(
@@ -112,16 +117,7 @@ def trim_fibres(
     backwards = points[_reversed_order(offsets)]
     starts = _new_ends(backwards, offsets, -axis, origin, into_muscle, tolerance, largest_cut)
     ends = _new_ends(points, offsets, axis, insertion, into_muscle, tolerance, largest_cut)
-    lengths = polyline_lengths(points, offsets)
-    result = np.empty_like(points)
-    for i, (first, last) in enumerate(pairwise(offsets)):
-        line = points[first:last]
-        arcs = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
-        low, high = starts.cuts[i], lengths[i] - ends.cuts[i]
-        inner = arcs[(arcs > low) & (arcs < high)]
-        kept = resample_polyline(line, np.concatenate([[low], inner, [high]]))
-        whole = np.vstack([starts.places[i], kept, ends.places[i]])
-        result[first:last] = evenly_spaced(whole, last - first)
+    result = _replaced_ends(points, offsets, starts.cuts, starts.places, ends.cuts, ends.places)
     inner = np.ones(len(result), dtype=np.bool_)
     inner[offsets[:-1]] = inner[offsets[1:] - 1] = False
     result[inner] = into_muscle(result[inner])
@@ -132,6 +128,30 @@ def trim_fibres(
 class _Ends:
     cuts: Floats  # (k,) length cut off each fibre [mm]
     places: Floats  # (k, 3) its new end [mm]
+
+
+@kernel
+def _replaced_ends(
+    points: Floats, offsets: Ints, cut_first: Floats, firsts: Floats, cut_last: Floats, lasts: Floats
+) -> Floats:
+    """Return fibres with lengths cut off both ends and other ends put there, their points spaced evenly."""
+    result = np.empty_like(points)
+    for i in range(len(offsets) - 1):
+        line = points[offsets[i] : offsets[i + 1]]
+        count = len(line)
+        arcs = np.zeros(count)
+        for j in range(1, count):
+            arcs[j] = arcs[j - 1] + np.sqrt(((line[j] - line[j - 1]) ** 2).sum())
+        low, high = cut_first[i], arcs[-1] - cut_last[i]
+        inner = arcs[(arcs > low) & (arcs < high)]
+        kept = np.empty(len(inner) + 2)
+        kept[0], kept[-1] = low, high
+        kept[1:-1] = inner
+        whole = np.empty((len(kept) + 2, 3))
+        whole[0], whole[-1] = firsts[i], lasts[i]
+        whole[1:-1] = resample_polyline(line, kept)
+        result[offsets[i] : offsets[i + 1]] = evenly_spaced(whole, count)
+    return result
 
 
 def _new_ends(
@@ -160,7 +180,10 @@ def _new_ends(
         fibres = mine[~there[mine]]
         if not len(fibres):
             continue
-        free = _places_in_front(area, direction, departures[0, fibres], len(mine), seed=batch)
+        # Behind the departures there is something only where the area reaches so far along the muscle that
+        # the cut was limited.
+        height = float((departures[0, fibres] @ direction).min())
+        free = area.samples.even(len(mine), direction=direction, above=height, seed=batch)
         if there[mine].any():
             taken = np.unique(cKDTree(free).query(ends[mine[there[mine]]])[1])
             free = np.delete(free, taken[: len(free) - len(fibres)], axis=0)
@@ -210,12 +233,8 @@ def _already_there(ends: Floats, area: EndArea, tolerance: float) -> NDArray[np.
     Templates whose fibres run from area to area, as the pennate one, need no new ends. But where fibres
     are pinched together in the tip of a muscle, that a few end on the area is no reason to keep those.
     """
-    candidates = dense_samples(area.points, area.triangles, area.patch, 64 * len(ends))
-    member = np.zeros(len(area.points), dtype=np.bool_)
-    member[area.patch] = True
-    faces = area.triangles[member[area.triangles].all(axis=1)]
-    size = float(np.linalg.norm(triangle_normals(area.points, faces), axis=1).sum()) / 2.0
-    on_area = cKDTree(candidates).query(ends)[0] <= tolerance + np.sqrt(size / len(candidates))
+    size, tree = area.samples.area, area.samples.tree(64 * len(ends))
+    on_area = tree.query(ends)[0] <= tolerance + np.sqrt(size / tree.n)
     if area.distance is not None:
         on_area |= area.distance(ends) <= tolerance
     apart = np.full(len(ends), True)
@@ -236,24 +255,6 @@ def _sharpest_turns(points: Floats, offsets: Ints) -> Floats:
             across = np.sqrt((np.cross(a, b) ** 2).sum())
             result[line] = max(result[line], np.degrees(np.arctan2(across, (a * b).sum())))
     return result
-
-
-def _places_in_front(
-    area: EndArea, direction: Floats, departures: Floats, count: int, *, seed: int
-) -> Floats:
-    """Return places spread over that part of an area which is not behind the fibres' departures.
-
-    Behind them there is something only where the area reaches so far along the muscle that the cut was
-    limited. If no more than a hundredth is in front, all of the area is used.
-    """
-    height = (departures @ direction).min()
-    candidates = dense_samples(area.points, area.triangles, area.patch, 16 * count, seed=seed)
-    share = float((candidates @ direction > height).mean())
-    if 0.01 < share < 1.0:
-        wanted = int(np.ceil(16 * count / share))
-        candidates = dense_samples(area.points, area.triangles, area.patch, wanted, seed=seed)
-        candidates = candidates[candidates @ direction > height]
-    return even_samples(candidates, count)
 
 
 @kernel

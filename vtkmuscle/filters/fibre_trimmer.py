@@ -123,22 +123,38 @@ class FibreTrimmer(Filter):
 def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeometry, ends: Floats) -> EndArea:
     covered = geometry.attached(areas, role, "FibreTrimmer: attachments")
     mine = [area for area in areas if area.role == role]
-    landmarks = np.vstack([area.landmarks for area in mine])
-    tolerance = TOLERANCE * geometry.mean_edge
-    points, triangles = inner_areas(mine, geometry)
-    if len(triangles):
-        inner = _distance_to(points, triangles)
-        # The area may as well be hollow, or the landmarks off: the template's fibres tell where they end.
-        if (inner(ends) <= tolerance).mean() > 0.5:
-            return EndArea(landmarks, points, triangles, np.arange(len(points)), inner)
+    rings = b"".join(area.landmarks.tobytes() + bytes([area.closed]) for area in mine)
+
+    def found() -> tuple[EndArea | None, EndArea]:
+        return _inner_area(mine, geometry), _area_on_surface(mine, geometry, covered)
+
+    inner, outer = geometry.once(("end areas", rings), found)
+    if inner is None or inner.distance is None:
+        return outer
+    # The area may as well be hollow, or the landmarks off: the template's fibres tell where they end.
+    there = inner.distance(ends) <= TOLERANCE * geometry.mean_edge
+    return inner if there.mean() > 0.5 else outer
+
+
+def _inner_area(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> EndArea | None:
+    """Return the part of the areas that is within the muscle, None where there is none."""
+    points, triangles = inner_areas(areas, geometry)
+    if not len(triangles):
+        return None
+    landmarks = np.vstack([area.landmarks for area in areas])
+    return EndArea(landmarks, points, triangles, np.arange(len(points)), _distance_to(points, triangles))
+
+
+def _area_on_surface(areas: Sequence[AttachmentArea], geometry: MuscleGeometry, covered: Ints) -> EndArea:
     # What spans a ring around a hollow or bulging area is none of the surface.
     flat = []
-    for ring in (area.landmarks for area in mine if area.closed):
+    for ring in (area.landmarks for area in areas if area.closed):
         points, triangles = discs_over([ring])
-        if geometry.distance.unsigned(points[triangles].mean(axis=1)).max() <= tolerance:
+        if geometry.distance.unsigned(points[triangles].mean(axis=1)).max() <= TOLERANCE * geometry.mean_edge:
             flat.append(ring)
     points, triangles = discs_over(flat)
     spanned = _distance_to(points, triangles) if flat else None
+    landmarks = np.vstack([area.landmarks for area in areas])
     return EndArea(landmarks, geometry.points, geometry.triangles, covered, spanned)
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Sequence
 from functools import cached_property
 from threading import Lock
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from vtkmuscle.filters.surface_distance import SurfaceDistance
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+T = TypeVar("T")
 
 #: Surfaces that are remembered: the muscles of a limb. One of 20 000 triangles takes about 10 MB.
 REMEMBERED = 8
@@ -81,6 +82,7 @@ class MuscleGeometry:
         self._surface = vtkPolyData()
         self._surface.DeepCopy(surface)  # the caller's may change
         self._patches: dict[bytes, Ints] = {}
+        self._found: dict[Hashable, Any] = {}
         self._patch_trees: dict[bytes, TriangleTree | None] = {}
         self._samples = np.empty((0, 3))
 
@@ -129,6 +131,13 @@ class MuscleGeometry:
         if not patches:
             raise ValueError(f"{where}: there is no area with the role {role!r}")
         return np.unique(np.concatenate(patches))
+
+    def once(self, key: Hashable, find: Callable[[], T]) -> T:
+        """Return what a function finds out about the surface; it is asked once for each key."""
+        if key not in self._found:
+            self._found[key] = find()
+        found: T = self._found[key]
+        return found
 
     def patch_tree(self, patch: Ints) -> TriangleTree | None:
         """Return the triangles between points (j,) of the surface, None if there are none."""
