@@ -192,8 +192,11 @@ def _keys(surface: vtkPolyData) -> tuple[Any, Any]:
     polys, points = surface.GetPolys(), surface.GetPoints()
     if points is None or polys.GetNumberOfCells() == 0:
         return None, None
-    faces = fingerprint(*map(vtk_to_numpy, (polys.GetOffsetsArray(), polys.GetConnectivityArray())))
-    return fingerprint(vtk_to_numpy(points.GetData())), (surface.GetNumberOfStrips(), faces)
+    # Whatever the arrays' types: copies may have others.
+    positions = np.asarray(vtk_to_numpy(points.GetData()), dtype=np.float64)
+    arrays = vtk_to_numpy(polys.GetOffsetsArray()), vtk_to_numpy(polys.GetConnectivityArray())
+    faces = fingerprint(*(np.asarray(array, dtype=np.int64) for array in arrays))
+    return fingerprint(positions), (surface.GetNumberOfStrips(), faces)
 
 
 def _remember(known: OrderedDict[Any, Any], key: Any, value: Any) -> None:
