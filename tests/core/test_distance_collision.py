@@ -9,7 +9,7 @@ from test_voxels import box
 from vtkmuscle.core.distance_collision import Clearance, resolve_distance_collisions
 from vtkmuscle.core.distance_grid import build_distance_grid
 from vtkmuscle.core.distance_lookup import rest_allowance, signed_distance
-from vtkmuscle.core.rigid import apply_transform, inverse
+from vtkmuscle.core.rigid import apply_transform, inverse, rotation_about
 
 STILL = np.eye(4)
 
@@ -275,6 +275,36 @@ def test_points_passed_over_as_they_are_clear_are_those_that_are_not_moved(globe
         x = p
     assert touched > 10
     assert passed_over > 100
+
+
+@pytest.mark.parametrize("pace", [0.1, 0.6])
+def test_what_is_known_of_points_moves_with_the_bone(globe, rng, pace):
+    """From step to step, on a bone that turns and shifts, also when the points are those of another time."""
+    known, free = Clearance(500), np.ones(500, dtype=bool)
+    outside = rng.normal(size=(500, 3))
+    outside *= rng.uniform(10.1, 20.0, (500, 1)) / np.linalg.norm(outside, axis=1, keepdims=True)
+    x, before = outside, np.eye(4)
+    passed_over = touched = 0
+    for number in range(12):
+        now = rotation_about([3.0, -2.0, 30.0], [1.0, 2.0, 0.5], 1.5 * number)
+        if number == 7:
+            x, before = apply_transform(now, outside[::-1]), now
+        step = now @ inverse(before)
+        known.begin(globe, now, step, x)
+        start = x
+        for _ in range(3):
+            p = x + rng.normal(scale=pace, size=x.shape)
+            passed_over += int((((p - known.seen_at) ** 2).sum(axis=1) < known.squares).sum())
+            expected, q = p.copy(), p.copy()
+            looked_at = resolve_distance_collisions(globe, now, step, start, expected, free)
+            moved = resolve_distance_collisions(globe, now, step, start, q, free, clearance=known)
+            assert np.array_equal(moved, looked_at)
+            assert np.array_equal(q, expected)
+            touched += int(moved.sum())
+            x, start, step = q, q, np.eye(4)
+        before = now
+    assert touched > 10
+    assert passed_over > 3000
 
 
 @pytest.mark.parametrize("far", [1e17, 1e150, 1e300])

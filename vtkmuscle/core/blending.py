@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.rigid import inverse
+from vtkmuscle.core.ring_rotations import nearest_rotation
 
 Floats = NDArray[np.float64]
 
@@ -39,7 +40,7 @@ def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats
     (n, 3) array
         Moved positions [mm].
     """
-    real = Rotation.from_matrix(transforms[:, :3, :3]).as_quat()  # (x, y, z, w)
+    real = np.array([_quaternion(transform) for transform in transforms])
     # q and -q are the same rotation: take the one that is nearer to the first, to blend the short way.
     real[real @ real[0] < 0.0] *= -1.0
     shift = transforms[:, :3, 3]
@@ -50,6 +51,27 @@ def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats
     moved = np.empty_like(points)
     _move(np.ascontiguousarray(weights), real, dual, np.ascontiguousarray(points), moved)
     return moved
+
+
+@kernel
+def _quaternion(transform: Floats) -> Floats:
+    """Return the quaternion (x, y, z, w) of the rotation nearest to a transform's, by its greatest component.
+
+    Shepperd 1978, *Quaternion from rotation matrix*, doi:10.2514/3.55767b.
+    """
+    r = transform[:3, :3].copy()
+    nearest_rotation(r, np.empty((6, 3)))  # motions from tables are rigid to a few digits only
+    trace = r[0, 0] + r[1, 1] + r[2, 2]
+    q = np.array([r[0, 0], r[1, 1], r[2, 2], trace])
+    i = q.argmax()
+    if i == 3:
+        q[0], q[1], q[2], q[3] = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], 1.0 + trace
+    else:
+        j, k = (i + 1) % 3, (i + 2) % 3
+        q[i] = 1.0 - trace + 2.0 * r[i, i]
+        q[j], q[k], q[3] = r[j, i] + r[i, j], r[k, i] + r[i, k], r[k, j] - r[j, k]
+    unit: Floats = q / np.sqrt((q * q).sum())
+    return unit
 
 
 @kernel

@@ -19,6 +19,9 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 
+#: A bone that does not move.
+_STILL = np.eye(4)
+
 #: A muscle with more than this part of its free points in a bone is taken to be swallowed by it.
 SWALLOWED = 0.9
 
@@ -148,7 +151,7 @@ class Contact:
         self._low, self._high = _moved_boxes(self._now, barrier.boxes[:, 0], barrier.boxes[:, 1])
         if not barrier.any_free:
             return
-        low, high = _box(x, barrier.free)
+        self._box = low, high = _box(x, barrier.free)
         self._from_low, self._from_high = _moved_boxes(self._steps, (low + high) / 2, (high - low) / 2)
         self._followed: dict[int, _Followed] = {}
 
@@ -171,8 +174,7 @@ class Contact:
             hit |= self._muscles.keep_out(p)
         if not (barrier.obstacles and barrier.any_free):
             return hit
-        box = _box(p, barrier.free)
-        waiting = self._in_reach(*box)
+        waiting = self._in_reach(p, 0)
         while waiting:
             number = waiting.pop(0)
             obstacle = barrier.obstacles[number]
@@ -182,6 +184,7 @@ class Contact:
                 if not self._meets(number, inverse(bone), p):
                     continue
                 met = self._followed[number] = _Followed(bone, barrier.memory(number))
+                obstacle.begin(met.clearance, bone, self._steps[number], self._x[number])
             first = not met.tested
             if first:
                 met.last[:] = p
@@ -198,15 +201,13 @@ class Contact:
             if first:
                 met.tested = True
                 self._look_at(number, met.bone, met.last, moved)
-            any_moved = moved.any()
-            if any_moved:
+            if moved.any():
                 hit |= moved
-                box = _box(p, barrier.free)
-                waiting = [other for other in self._in_reach(*box) if other > number]
+                waiting = self._in_reach(p, number + 1)
             if obstacle.slides:
                 met.last[:] = p
-                self._x[number], self._steps[number] = met.last, np.eye(4)
-                self._from_low[number], self._from_high[number] = box
+                self._x[number], self._steps[number] = met.last, _STILL
+                self._from_low[number], self._from_high[number] = self._box
         return hit
 
     def _look_at(self, number: int, bone: Floats, predicted: Floats, moved: Bools) -> None:
@@ -252,13 +253,20 @@ class Contact:
                 "beginning of a step; give the motion more frames, or use more substeps",
             )
 
-    def _in_reach(self, low: Floats, high: Floats) -> list[int]:
-        """Return the obstacles whose boxes, along the axes of the scene, the path to a box may meet."""
+    def _in_reach(self, p: Floats, first: int) -> list[int]:
+        """Return the obstacles, from the first on, that the path to p may meet.
+
+        These are the ones whose boxes, along the axes of the scene, the box of the path meets. Where all are
+        followed already, what is known of each point says more than the boxes.
+        """
+        if len(self._followed) == len(self._barrier.obstacles):
+            return list(range(first, len(self._followed)))
+        self._box = low, high = _box(p, self._barrier.free)
         apart = (np.maximum(self._from_high, high) < self._low) | (
             np.minimum(self._from_low, low) > self._high
         )
         numbers: list[int] = np.flatnonzero(~apart.any(axis=1)).tolist()
-        return numbers
+        return [number for number in numbers if number >= first]
 
     def _meets(self, number: int, to_axes: Floats, p: Floats) -> bool:
         """Return whether the path of the points may meet an obstacle's box along its own axes."""
@@ -289,7 +297,6 @@ class _Followed:
         self.tested = False
         #: Positions after the last test, and how far they may go from there.
         self.last, self.clearance = memory
-        self.clearance.forget()
 
 
 def _meet(start: Floats, end: Floats, low: Floats, high: Floats) -> Bools:

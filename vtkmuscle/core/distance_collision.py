@@ -136,6 +136,8 @@ def resolve_distance_collisions(
 class Clearance:
     """How far points were from a bone when they were last looked at.
 
+    That is a matter of where they were beside the bone: as the bone moves on, what is known moves with it.
+
     Parameters
     ----------
     n_points : int
@@ -152,10 +154,47 @@ class Clearance:
     def __init__(self, n_points: int) -> None:
         self.seen_at: Floats = np.zeros((n_points, 3))
         self.squares: Floats = np.zeros(n_points)
+        self._grid: DistanceGrid | None = None
+        self._bone: Floats = np.eye(4)
 
-    def forget(self) -> None:
-        """Begin anew, at another place of the bone."""
-        self.squares[:] = 0.0
+    def begin(self, grid: DistanceGrid, bone: Floats, step: Floats, x: Floats) -> None:
+        """Begin a step.
+
+        Parameters
+        ----------
+        grid : DistanceGrid
+            Of the bone; of another one than before nothing is known.
+        bone : (4, 4) array
+            Where it is now.
+        step : (4, 4) array
+            Motion of the bone from the previous frame to now.
+        x : (n, 3) array
+            Positions of the previous frame [mm]; the ways of the points begin there.
+        """
+        if grid is not self._grid:
+            self.squares[:] = 0.0
+        else:
+            _carry(bone @ inverse(self._bone), step, x, self.seen_at, self.squares)
+        self._grid, self._bone = grid, bone
+
+
+@kernel
+def _carry(since: Floats, step: Floats, x: Floats, seen_at: Floats, squares: Floats) -> None:
+    """Move where points were seen with the bone, and forget those that begin their ways farther off.
+
+    since, step : (4, 4), motions of the bone since they were seen, and in this step.
+    """
+    for i in range(len(squares)):
+        if squares[i] == 0.0:
+            continue
+        a, b, c = seen_at[i, 0], seen_at[i, 1], seen_at[i, 2]
+        way = 0.0
+        for k in range(3):
+            seen_at[i, k] = since[k, 0] * a + since[k, 1] * b + since[k, 2] * c + since[k, 3]
+            start = step[k, 0] * x[i, 0] + step[k, 1] * x[i, 1] + step[k, 2] * x[i, 2] + step[k, 3]
+            way += (start - seen_at[i, k]) ** 2
+        if not way < squares[i]:
+            squares[i] = 0.0
 
 
 @kernel
@@ -186,7 +225,7 @@ def _resolve(
         way = (p[i, 0] - seen_at[i, 0]) ** 2 + (p[i, 1] - seen_at[i, 1]) ** 2 + (p[i, 2] - seen_at[i, 2]) ** 2
         if way < squares[i] or not movable[i]:
             continue
-        apart, finite = False, True
+        apart, finite, beyond = False, True, 0.0
         for k in range(3):
             start[k] = (
                 to_start[k, 0] * x[i, 0]
@@ -200,13 +239,15 @@ def _resolve(
             high = origin[k] + cell * 8 * table.shape[k]
             apart = apart or max(start[k], end[k]) < origin[k] or min(start[k], end[k]) > high
             finite = finite and np.isfinite(start[k]) and np.isfinite(end[k])
+            outside = max(origin[k] - end[k], end[k] - high, 0.0)
+            beyond += outside * outside
         length = np.sqrt((end[0] - start[0]) ** 2 + (end[1] - start[1]) ** 2 + (end[2] - start[2]) ** 2)
         if not (finite and np.isfinite(length)):
             continue  # a path without a direction has no end either
         distance = distance_at(values, table, origin, cell, band, end[0], end[1], end[2])
-        # A cell, for what the interpolation between nodes can be wrong by.
-        clear = max(distance - (cell + skin), 0.0)
-        seen_at[i], squares[i] = p[i], clear * clear
+        # A cell, for what the interpolation between nodes can be wrong by. Beyond the grid there is nothing.
+        clear = max(distance, np.sqrt(beyond)) - (cell + skin)
+        seen_at[i], squares[i] = p[i], max(clear, 0.0) ** 2
         height = distance - (skin - allowance[i])
         if apart or (height >= 0.0 and height - zone >= length):
             continue  # too short a way to meet the bone

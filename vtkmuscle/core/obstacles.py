@@ -108,6 +108,22 @@ class Obstacle(ABC):
         """Return which of the points (n, 3) [mm], in the bone's axes, were in it: it moved some, (n,)."""
 
     @abstractmethod
+    def begin(self, clearance: Clearance, bone: Floats, step: Floats, x: Floats) -> None:
+        """Begin a step with what is known of the points that are away from the bone, where that is used.
+
+        Parameters
+        ----------
+        clearance : Clearance
+            Of the points.
+        bone : (4, 4) array
+            From the bone's axes to where it is now.
+        step : (4, 4) array
+            Motion of the bone from the previous frame to now.
+        x : (n, 3) array
+            Positions of the previous frame [mm].
+        """
+
+    @abstractmethod
     def keep_out(
         self,
         now: Floats,
@@ -201,6 +217,9 @@ class VoxelObstacle(Obstacle):
         """Return which points are in the bone's voxels: not all that are need have been moved."""
         inside: Bools = self.grid.contains(points)
         return inside
+
+    def begin(self, clearance: Clearance, bone: Floats, step: Floats, x: Floats) -> None:
+        """Do nothing: all points are looked at."""
 
     def keep_out(
         self,
@@ -355,6 +374,10 @@ class DistanceObstacle(Obstacle):
     def entered(self, points: Floats, moved: Bools) -> Bools:
         """Return the points that were moved: all that were in the bone."""
         return moved
+
+    def begin(self, clearance: Clearance, bone: Floats, step: Floats, x: Floats) -> None:
+        """Carry what is known along with the bone."""
+        clearance.begin(self.grid, bone, step, x)
 
     def keep_out(
         self,

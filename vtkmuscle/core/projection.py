@@ -90,7 +90,7 @@ class ColourOrder:
         hit = keep_out(p)
         if bones_last:
             return hit
-        _put(p, np.where(hit, 0.0, self._mass), places, records)
+        _put_hit(p, hit, places, records)
         self._batched.volume(records)
         _take(records, places, p)
         return hit
@@ -163,6 +163,17 @@ def _put(p: Floats, mass: Floats, places: Ints, records: Reals) -> None:
         for c in range(3):
             records[at + c] = p[i, c]
         records[at + 3] = mass[i]
+
+
+@kernel
+def _put_hit(p: Floats, hit: Bools, places: Ints, records: Reals) -> None:
+    """Copy those positions (n, 3) that were hit (n,) into the records, with no inverse mass."""
+    for i in range(len(places)):
+        if hit[i]:
+            at = RECORD * places[i]
+            for c in range(3):
+                records[at + c] = p[i, c]
+            records[at + 3] = 0.0
 
 
 @kernel

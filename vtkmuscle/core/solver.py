@@ -382,7 +382,8 @@ class MuscleSolver:
         collided = np.zeros(len(p), dtype=np.bool_)
         before = p
         for iteration in range(n):
-            before = p.copy()
+            if iteration == n - 1:
+                before = p.copy()
             collided |= self._projection.iterate(p, keep_out)
             progress((iteration + 1) / n)
         moved = float(np.sqrt(np.mean(np.sum((p - before) ** 2, axis=1))))

@@ -32,4 +32,5 @@ def times_of(info: Any) -> tuple[float, ...]:
     key = vtkStreamingDemandDrivenPipeline.TIME_STEPS()
     if info is None or not info.Has(key):
         return ()
-    return tuple(info.Get(key, i) for i in range(info.Length(key)))
+    times: tuple[float, ...] = info.Get(key)
+    return times
