@@ -115,6 +115,28 @@ def test_lengths_are_those_of_the_fibres(result):
         )
 
 
+def test_the_architecture_at_rest_and_smoothed_lengths_are_those_of_the_fibres(result):
+    found = result.report["muscles"]["spindle"]["architecture"]
+    lengths = polyline_lengths(*_arrays(result.rest_fibres("spindle")))
+    rest = result.rest_muscle("spindle")
+    volume = signed_volume(points_of(rest), triangles_of(rest, "spindle"))
+    assert found["muscle_volume_mm3"] == pytest.approx(volume)
+    assert found["pcsa_mm2"] == pytest.approx(volume / lengths.mean())
+    assert 0.8 * found["pcsa_mm2"] < found["pcsa_along_line_of_action_mm2"] <= found["pcsa_mm2"]
+    assert found["section_fibres"]["max"] <= 6
+    assert found["centroid_path_length_mm"] == pytest.approx(lengths.mean(), rel=0.1)
+    assert "architecture" not in result.report["muscles"]["plain"]
+    once = result.smoothed_lengths(passes=1)["spindle"]
+    values = result.lengths["spindle"]
+    np.testing.assert_allclose(once[1], (values[0] + 4 * values[1] + values[2]) / 6)
+    np.testing.assert_array_equal(result.smoothed_lengths()["spindle"][[0, -1]], values[[0, -1]])
+
+
+def _arrays(fibres):
+    lines = polylines_of(fibres, "fibres")
+    return lines.points, lines.offsets
+
+
 def test_the_report_says_what_the_geometry_says(result, scene):
     rows = result.report["muscles"]["plain"]["frames"]
     rest = result.rest_muscle("plain")
@@ -160,6 +182,7 @@ def test_penetration_is_measured_in_the_bone_where_it_is_now(scene):
             return np.maximum(-points[:, 2], 0.0)
 
     measure = MuscleMeasure(rest, ["upper", "lower"], {"lower": HalfSpace()}, 10.0)
+    assert MuscleMeasure(rest, ["upper", "lower"], {}, 10.0).depths(np.zeros((1, 3)), {}) is None
     lift = np.eye(4)
     lift[2, 3] = 7.0  # the half space is now z < 7
     free = point_array(rest, "FixedTo", "rest") == -1
@@ -222,6 +245,8 @@ def test_the_tables_hold_the_result(result, out):
         rest = result.lengths["spindle"][0, fibre]
         assert float(row["strain"]) == pytest.approx(float(row["length_mm"]) / rest - 1, abs=1e-3)
         assert 0 <= float(row["pennation_origin_deg"]) <= 90
+        assert 0 <= float(row["curvature_mean_per_mm"]) <= float(row["curvature_max_per_mm"]) < 0.2
+        assert 0 <= float(row["penetration_mm"]) < 5
     report = json.loads((out / "report.json").read_text())
     for row in report["muscles"]["spindle"]["fibre_measures"]:
         lengths = result.lengths["spindle"][row["frame"]]
@@ -361,6 +386,13 @@ def test_a_scene_in_metres_reports_the_same_millimetres(scene):
         for one, two in zip(mine["frames"], yours["frames"], strict=True):
             for key in ("volume_ratio", "edge_stretch_max", "penetration_max_mm", "penetration_p95_mm"):
                 assert two[key] == pytest.approx(one[key], rel=1e-5, abs=1e-5)
+    one, two = (r.report["muscles"]["spindle"] for r in (result, other))
+    assert two["architecture"].keys() == one["architecture"].keys()
+    for name, value in one["architecture"].items():
+        assert two["architecture"][name] == pytest.approx(value, rel=1e-5, abs=1e-9), name
+    for mine, yours in zip(one["fibre_measures"], two["fibre_measures"], strict=True):
+        for name in ("curvature_max_per_mm", "penetration_mm", "length_mm", "tortuosity"):
+            assert yours[name] == pytest.approx(mine[name], rel=1e-4, abs=1e-6), name
     assert other.report["muscles"]["spindle"]["fibres"] == pytest.approx(
         result.report["muscles"]["spindle"]["fibres"], rel=1e-6, abs=1e-6
     )

@@ -6,7 +6,9 @@ from numpy.testing import assert_allclose
 
 from vtkmuscle.filters.arrays import Polylines, cell_array, polylines_from, set_cell_array
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
-from vtkmuscle.io import fibre_summary, write_fibre_table
+from vtkmuscle.io import fibre_summary, muscle_summary, write_fibre_table
+from vtkmuscle.phantoms import fibre_block
+from vtkmuscle.pipelines import decompose
 
 
 @pytest.fixture
@@ -30,6 +32,27 @@ def test_the_summary_has_mean_sd_and_range(measured):
     summary = fibre_summary(measured)
     assert summary["Length"] == {"mean": 9.0, "sd": 2.0, "min": 7.0, "max": 11.0}
     assert "FibreId" not in summary
+
+
+def test_the_summary_of_a_muscle_is_that_of_a_block():
+    phantom = fibre_block("parallel")
+    muscle, attachments = phantom.muscles["block"], phantom.attachments["block"]
+    fibres = decompose(muscle, attachments, n_fibres=64).update().output
+    summary = muscle_summary(FibreMetrics(architecture=True, sections=6)(fibres, muscle))
+    assert summary["MuscleVolume"] == pytest.approx(96_000)
+    assert summary["PCSA"] == pytest.approx(800, rel=1e-3)
+    assert summary["PCSALine"] == pytest.approx(800, rel=2e-3)
+    assert_allclose(np.abs(summary["LineOfAction"]), [0, 0, 1], atol=1e-2)
+    assert summary["CentroidPathLength"] == pytest.approx(120, rel=1e-3)
+    assert summary["SectionArea"] == pytest.approx({"mean": 800, "sd": 0, "min": 800, "max": 800}, abs=1.0)
+    assert summary["SectionFibres"] == {"mean": 64.0, "sd": 0.0, "min": 64.0, "max": 64.0}
+    assert summary["SectionDensity"]["mean"] == pytest.approx(64 / 800, rel=1e-3)
+    assert muscle_summary(FibreMetrics()(fibres, muscle)) == {}
+    assert set(muscle_summary(FibreMetrics(sections=2)(fibres, muscle))) == {
+        "SectionArea",
+        "SectionFibres",
+        "SectionDensity",
+    }
 
 
 def test_fibres_without_measures_are_refused(tmp_path):

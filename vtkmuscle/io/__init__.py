@@ -6,7 +6,7 @@ keeps VTK's own messages off the terminal.
 
 from __future__ import annotations
 
-from vtkmuscle.io.fibre_table import fibre_summary, write_fibre_table
+from vtkmuscle.io.fibre_table import fibre_summary, muscle_summary, write_fibre_table
 from vtkmuscle.io.landmarks import read_landmarks
 from vtkmuscle.io.motion_table import read_motion_table, write_motion_table
 from vtkmuscle.io.series import Collection, Series
@@ -21,6 +21,7 @@ __all__ = [
     "Series",
     "TimeSeries",
     "fibre_summary",
+    "muscle_summary",
     "read_landmarks",
     "read_motion_table",
     "read_polydata",

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.filters.arrays import field_array
 from vtkmuscle.io.writing import write_text
 
 
@@ -59,14 +60,65 @@ def fibre_summary(fibres: vtkPolyData) -> dict[str, dict[str, float]]:
     {'mean': 5.0, 'sd': 0.0, 'min': 5.0, 'max': 5.0}
     """
     return {
-        name: {
-            "mean": float(values.mean()),
-            "sd": float(values.std()),
-            "min": float(values.min()),
-            "max": float(values.max()),
-        }
+        name: _spread(values)
         for name, values in fibre_columns(fibres).items()
         if name != "FibreId" and len(values)
+    }
+
+
+def muscle_summary(fibres: vtkPolyData) -> dict[str, float | list[float] | dict[str, float]]:
+    """Return what was measured of a muscle as a whole.
+
+    Parameters
+    ----------
+    fibres : vtkPolyData
+        From :class:`~vtkmuscle.filters.FibreMetrics` with ``architecture``, ``sections`` or both.
+
+    Returns
+    -------
+    dict
+        ``MuscleVolume``, ``PCSA`` and ``PCSALine`` as they are, ``LineOfAction`` as three numbers,
+        ``CentroidPathLength`` from end to end of the centroid path, and of ``SectionArea``, ``SectionFibres``
+        and ``SectionDensity`` the ``mean``, ``sd`` (of the population), ``min`` and ``max`` over the
+        sections; those of them that were measured.
+
+    Examples
+    --------
+    >>> from vtkmuscle.filters import FibreMetrics
+    >>> from vtkmuscle.io import muscle_summary
+    >>> from vtkmuscle.phantoms import fibre_block
+    >>> from vtkmuscle.pipelines import decompose
+    >>> phantom = fibre_block("parallel")
+    >>> muscle, attachments = phantom.muscles["block"], phantom.attachments["block"]
+    >>> fibres = decompose(muscle, attachments, n_fibres=20).update().output
+    >>> summary = muscle_summary(FibreMetrics(architecture=True)(fibres, muscle))
+    >>> round(summary["MuscleVolume"]), round(summary["PCSA"])
+    (96000, 800)
+    """
+    found: dict[str, float | list[float] | dict[str, float]] = {}
+    for name in ("MuscleVolume", "PCSA", "PCSALine"):
+        values = field_array(fibres, name)
+        if values is not None:
+            found[name] = float(values[0])
+    direction, path = field_array(fibres, "LineOfAction"), field_array(fibres, "CentroidPath")
+    if direction is not None:
+        found["LineOfAction"] = [float(component) for component in np.ravel(direction)]
+    if path is not None:
+        steps = np.linalg.norm(np.diff(np.asarray(path).reshape(-1, 3), axis=0), axis=1)
+        found["CentroidPathLength"] = float(steps.sum())
+    for name in ("SectionArea", "SectionFibres", "SectionDensity"):
+        values = field_array(fibres, name)
+        if values is not None:
+            found[name] = _spread(np.asarray(values, dtype=np.float64))
+    return found
+
+
+def _spread(values: NDArray[np.float64]) -> dict[str, float]:
+    return {
+        "mean": float(values.mean()),
+        "sd": float(values.std()),
+        "min": float(values.min()),
+        "max": float(values.max()),
     }
 
 

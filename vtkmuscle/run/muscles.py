@@ -12,7 +12,13 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 
-from vtkmuscle.filters.arrays import cell_array, multiblock_from, points_of
+from vtkmuscle.filters.arrays import (
+    cell_array,
+    multiblock_from,
+    points_of,
+    polylines_of,
+    set_cell_array,
+)
 from vtkmuscle.filters.base import AbortedError, Filter
 from vtkmuscle.filters.convergence_report import read_convergence
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
@@ -22,7 +28,7 @@ from vtkmuscle.filters.pbd_deformer import NEIGHBOURS, PBDDeformer
 from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.pipelines import PRUNE, TRANSPORT_SETTINGS, decompose, deform
 from vtkmuscle.run.folder import RunFolder
-from vtkmuscle.run.report import MuscleMeasure, fibres_at_rest, measures_of_fibres
+from vtkmuscle.run.report import MuscleMeasure, architecture_of, fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.result import MuscleTrack
 from vtkmuscle.scene.model import Scene
 
@@ -112,6 +118,9 @@ class MuscleRun:
             with self._timed("measuring"):
                 inside = fibres_at_rest(track.rest_fibres, track.rest, scene.millimetres)
                 track.report["fibres"] = inside
+                track.report["architecture"] = architecture_of(
+                    track.rest_fibres, track.rest, attachments, scene.millimetres
+                )
             track.report["fibre_measures"] = []
         bones = multiblock_from(self.bones)  # of its own: threads must not share what VTK writes to
         solver = scene.solver_of(name)
@@ -165,6 +174,7 @@ class MuscleRun:
                 transport.update(time=now)
             with self._timed("metrics", metrics):
                 fibres = _copy(metrics.update(time=now).output)
+                _add_penetration(fibres, measure, self.scene.motion.at(now))
         self._check_finite(points, number)
         with self._timed("measuring"):
             row = {
@@ -259,12 +269,20 @@ def _carried(
     """Return the filters that carry the fibres with the muscle and measure them."""
     if fibres is None:
         return None, None
-    transport, metrics = FibreTransport(**settings), FibreMetrics()
+    transport, metrics = FibreTransport(**settings), FibreMetrics(curvature=True)
     for port, algorithm in enumerate((fibres, rest, deformer)):
         transport.connect(port, algorithm)
     for port, algorithm in enumerate((transport, deformer)):
         metrics.connect(port, algorithm)
     return transport, metrics
+
+
+def _add_penetration(fibres: vtkPolyData, measure: MuscleMeasure, transforms: Mapping[str, Any]) -> None:
+    """Add the cell array ``Penetration``: how deep the deepest point of each fibre is in a bone."""
+    lines = polylines_of(fibres, "fibres")
+    depths = measure.depths(lines.points, transforms)
+    if depths is not None:
+        set_cell_array(fibres, "Penetration", np.maximum.reduceat(depths, lines.offsets[:-1]))
 
 
 def _copy(data: Any) -> Any:

@@ -9,21 +9,25 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.mesh import edge_lengths, signed_volume, unique_edges
 from vtkmuscle.core.muscle_contact import depth_in
 from vtkmuscle.core.rigid import apply_transform, inverse
 from vtkmuscle.filters.arrays import checked_surface, field_array, point_array, points_of, triangles_of
+from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.neighbours import outward_tree
 from vtkmuscle.filters.surface_distance import SurfaceDistance
-from vtkmuscle.io.fibre_table import fibre_columns, fibre_summary
+from vtkmuscle.io.fibre_table import fibre_columns, fibre_summary, muscle_summary
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 #: A fibre point counts as inside its muscle up to this far outside [mm].
 FIBRE_TOLERANCE = 0.5
+
+#: Sections across the centroid path in which fibres are counted.
+ARCHITECTURE_SECTIONS = 10
 
 #: What the numbers of a report mean; it is part of every report.
 DEFINITIONS = {
@@ -59,8 +63,13 @@ DEFINITIONS = {
     "superficial_angle_degrees": "angle between the superficial fibres given and those of the template "
     "on the surface, root mean square; superficial_angle_straight_degrees: the same without the twist",
     "fibre_measures": "per frame mean, standard deviation (of the population), least and largest over the "
-    "fibres, of length, strain (length / length at rest - 1), pennation (angle to the surface) and "
-    "tortuosity (length / distance of the ends)",
+    "fibres, of length, strain (length / length at rest - 1), pennation (angle to the surface), tortuosity "
+    "(length / distance of the ends), curvature (mean and largest along a fibre) and penetration (of a "
+    "fibre's deepest point into the exact surface of a bone; where a bone is closed)",
+    "architecture": "of the muscle at rest: volume; physiological cross-sectional area, volume / mean fibre "
+    "length, and its part along the line of action; the line of action, from the mean of the fibres' first "
+    "points to that of their last; length of the centroid path; over ten sections across that path mean, "
+    "standard deviation, least and largest of their area, of the number of fibres and of fibres per area",
     "seconds": "wall-clock time per stage; muscles run side by side",
 }
 
@@ -71,6 +80,20 @@ FIBRE_MEASURES = {
     "PennationOrigin": "pennation_origin_deg",
     "PennationInsertion": "pennation_insertion_deg",
     "Tortuosity": "tortuosity",
+    "CurvatureMean": "curvature_mean_per_mm",
+    "CurvatureMax": "curvature_max_per_mm",
+    "Penetration": "penetration_mm",
+}
+#: What :func:`vtkmuscle.io.muscle_summary` has, likewise, and the power of the length that it is.
+ARCHITECTURE = {
+    "MuscleVolume": ("muscle_volume_mm3", 3),
+    "PCSA": ("pcsa_mm2", 2),
+    "PCSALine": ("pcsa_along_line_of_action_mm2", 2),
+    "LineOfAction": ("line_of_action", 0),
+    "CentroidPathLength": ("centroid_path_length_mm", 1),
+    "SectionArea": ("section_area_mm2", 2),
+    "SectionFibres": ("section_fibres", 0),
+    "SectionDensity": ("section_density_per_mm2", -2),
 }
 
 #: Field arrays of SliceMorpher, likewise.
@@ -178,18 +201,29 @@ class MuscleMeasure:
             "overlapping_points": len(inside),
         }
 
-    def _penetration(self, points: Floats, now: Mapping[str, Floats]) -> dict[str, Any]:
-        free = points[self._fixed_to < 0]
-        if not self._distances or not len(free):
-            return {"penetration_max_mm": None, "penetration_p95_mm": None, "penetrating_points": None}
-        depths = np.zeros(len(free))
-        middle, half = (free.max(axis=0) + free.min(axis=0)) / 2, (free.max(axis=0) - free.min(axis=0)) / 2
+    def depths(self, points: Floats, transforms: Mapping[str, Floats]) -> Floats | None:
+        """Return how deep points (n, 3) are inside the exact surfaces of the closed bones, (n,).
+
+        In the scene's unit, 0 outside; None where no bone is closed.
+        """
+        if not self._distances:
+            return None
+        depths = np.zeros(len(points))
+        low, high = points.min(axis=0), points.max(axis=0)
+        middle, half = (high + low) / 2, (high - low) / 2
         for bone, distance in self._distances.items():
-            to_rest = inverse(now[bone])
+            to_rest = inverse(transforms.get(bone, np.eye(4)))
             there, reach = apply_transform(to_rest, middle[None])[0], np.abs(to_rest[:3, :3]) @ half
             low, high = distance.box
             if ((there + reach >= low) & (there - reach <= high)).all():
-                np.maximum(depths, distance.depth(apply_transform(to_rest, free)), out=depths)
+                np.maximum(depths, distance.depth(apply_transform(to_rest, points)), out=depths)
+        return depths
+
+    def _penetration(self, points: Floats, now: Mapping[str, Floats]) -> dict[str, Any]:
+        free = points[self._fixed_to < 0]
+        depths = self.depths(free, now) if len(free) else None
+        if depths is None:
+            return {"penetration_max_mm": None, "penetration_p95_mm": None, "penetrating_points": None}
         depths *= self._millimetres
         return {
             "penetration_max_mm": float(depths.max()),
@@ -258,10 +292,48 @@ def measures_of_fibres(fibres: vtkPolyData, millimetres: float) -> dict[str, dic
     """
     summary = fibre_summary(fibres)
     return {
-        name: {word: value * (millimetres if name.endswith("_mm") else 1.0) for word, value in found.items()}
+        name: {word: value * _scale(name, millimetres) for word, value in found.items()}
         for array, name in FIBRE_MEASURES.items()
         if (found := summary.get(array)) is not None
     }
+
+
+def _scale(name: str, millimetres: float) -> float:
+    """Return the factor from the scene's unit to that in a measure's name."""
+    if name.endswith("_per_mm"):
+        return 1.0 / millimetres
+    return millimetres if name.endswith("_mm") else 1.0
+
+
+def architecture_of(
+    fibres: vtkPolyData, muscle: vtkPolyData, attachments: vtkMultiBlockDataSet | None, millimetres: float
+) -> dict[str, Any]:
+    """Return what is published of a muscle as a whole, at rest.
+
+    Parameters
+    ----------
+    fibres, muscle : vtkPolyData
+        At rest.
+    attachments : vtkMultiBlockDataSet or None
+        Of the muscle.
+    millimetres : float
+        Millimetres per unit of length.
+
+    Returns
+    -------
+    dict
+        JSON-able, by the names of :data:`ARCHITECTURE`; see :data:`DEFINITIONS`.
+    """
+    metrics = FibreMetrics(architecture=True, sections=ARCHITECTURE_SECTIONS)
+    summary = muscle_summary(metrics(fibres, muscle, None, attachments))
+    result: dict[str, Any] = {}
+    for array, (name, power) in ARCHITECTURE.items():
+        found, scale = summary[array], millimetres**power
+        if isinstance(found, dict):
+            result[name] = {word: value * scale for word, value in found.items()}
+        else:
+            result[name] = found if isinstance(found, list) else found * scale
+    return result
 
 
 def fibre_rows(frames: Sequence[vtkPolyData], times: Sequence[float], millimetres: float) -> str:
@@ -280,10 +352,7 @@ def fibre_rows(frames: Sequence[vtkPolyData], times: Sequence[float], millimetre
     lines = [",".join(["fibre", "time", *(FIBRE_MEASURES[array] for array in arrays)])]
     for time, fibres in zip(times, frames, strict=True):
         columns = fibre_columns(fibres)
-        scaled = [
-            columns[array] * (millimetres if FIBRE_MEASURES[array].endswith("_mm") else 1.0)
-            for array in arrays
-        ]
+        scaled = [columns[array] * _scale(FIBRE_MEASURES[array], millimetres) for array in arrays]
         for fibre, row in enumerate(zip(*scaled, strict=True)):
             lines.append(",".join([str(fibre), repr(time), *(f"{value:.10g}" for value in row)]))
     return "\n".join(lines) + "\n"

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.fibre_measures import smoothed_curve
 from vtkmuscle.core.rigid import RigidMotion
 from vtkmuscle.filters.arrays import with_points
 from vtkmuscle.filters.bone_motion import BoneMotion
@@ -106,6 +107,21 @@ class Result:
     def __repr__(self) -> str:
         muscles = ", ".join(self.muscle_names)
         return f"Result({self.name!r}: {len(self.times)} frames of {muscles})"
+
+    def smoothed_lengths(self, *, passes: int = 5) -> dict[str, Floats]:
+        """Return the fibre lengths without their noise over the frames.
+
+        Parameters
+        ----------
+        passes : int, optional
+            How often l_i becomes (l_{i-1} + 4 l_i + l_{i+1}) / 6, the ends kept; P21, section 4.4, has five.
+
+        Returns
+        -------
+        dict of str to (frames, fibres) array
+            As ``lengths`` [mm].
+        """
+        return {name: smoothed_curve(lengths, passes=passes) for name, lengths in self.lengths.items()}
 
     def muscle(self, name: str, i: int) -> vtkPolyData:
         """Return a muscle in a kept frame, with the arrays it has at rest (``FixedTo`` and its own)."""
