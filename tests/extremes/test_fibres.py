@@ -11,6 +11,8 @@ from vtkmuscle.filters.arrays import cell_array, checked_surface, field_array, p
 from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, attachments_of
 from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.phantoms import spindle_over_hinge
+from vtkmuscle.phantoms.implicit import thick_curve
+from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution
 from vtkmuscle.pipelines import decompose
 
 PHANTOM = spindle_over_hinge()
@@ -48,6 +50,36 @@ def two_components():
     return surface_from(np.vstack([points, np.add(points, [200, 0, 0])]), both), ATTACHMENTS
 
 
+def with_a_handle():
+    """Return a muscle of two bellies, one beside the other, that share both ends."""
+    z = np.linspace(0.0, 100.0, 9)
+    bulge = 16.0 * np.sin(np.pi * z / 100.0)
+    bellies = [
+        thick_curve(np.column_stack([side * bulge, 0 * z, z]), np.full(9, 8.0)) for side in (-1.0, 1.0)
+    ]
+    points, triangles = mesh_of(bellies[0].joined(bellies[1], 2.0), 2.0, 3000)
+    angles = 2 * np.pi * np.arange(8) / 8
+    ring = np.column_stack([5 * np.cos(angles), 5 * np.sin(angles)])
+    ends = [
+        AttachmentArea(role, bone, np.column_stack([ring, np.full(8, height)]), closed=True)
+        for role, bone, height in (("origin", "a", -6.2), ("insertion", "b", 106.2))
+    ]
+    return surface_from(points, triangles), attachments_from(ends)
+
+
+def of_a_million_triangles():
+    """Return a spindle of 1 075 200 triangles."""
+    s = np.linspace(0.0, 1.0, 1041)
+    points, triangles = solid_of_revolution(120.0 * s, 8.0 + 8.0 * np.sin(np.pi * s) ** 2, 480)
+    angles = 2 * np.pi * np.arange(12) / 12
+    ring = np.column_stack([7 * np.cos(angles), 7 * np.sin(angles), np.zeros(12)])
+    ends = [
+        AttachmentArea("origin", "a", ring, closed=True),
+        AttachmentArea("insertion", "b", np.add(ring, [0, 0, 120.0]), closed=True),
+    ]
+    return surface_from(points, triangles), attachments_from(ends)
+
+
 EXTREMES = {
     "one fibre": (MUSCLE, ATTACHMENTS, {"n_fibres": 1}),
     "one segment": (MUSCLE, ATTACHMENTS, {"resolution": 1}),
@@ -59,6 +91,8 @@ EXTREMES = {
     "landmarks 20 mm off": (MUSCLE, each(lambda a: (np.add(a.landmarks, [0, 20, 0]), a.closed)), {}),
     "four triangles": (*tetrahedron(), {}),
     "two components": (*two_components(), {}),
+    "a handle": (*with_a_handle(), {}),
+    "a million triangles": (of_a_million_triangles, {}),
     "a hole": (surface_from(SHAPE[0], SHAPE[1][1:]), ATTACHMENTS, {}),
     "areas that overlap": (
         MUSCLE,
@@ -69,7 +103,7 @@ EXTREMES = {
 
 
 #: Those that take long.
-IN_THE_LONG_FORM = ("1000 segments", "10 000 fibres")
+IN_THE_LONG_FORM = ("1000 segments", "10 000 fibres", "a million triangles")
 GROUP = "Fibres, by planes and by a harmonic function"
 METHODS = SliceMorpher.__dict__["method"].choices
 
@@ -101,7 +135,8 @@ CAN_BE = [
 def test_fibres_of_extreme_input_are_finite_and_in_the_muscle(case, method, ledger):
     if not ledger.long and (case in IN_THE_LONG_FORM or method != "auto"):
         pytest.skip("in the long form")
-    muscle, attachments, settings = EXTREMES[case]
+    *made, settings = EXTREMES[case]
+    muscle, attachments = made if len(made) == 2 else made[0]()
     with warnings.catch_warnings():
         # That planes do not suit a muscle is told; any other warning is an error.
         warnings.filterwarnings("ignore", message="SliceMorpher: the muscle is bent too much")

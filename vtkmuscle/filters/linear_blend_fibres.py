@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -36,7 +37,10 @@ class LinearBlendFibres(Filter):
     to 1 at the insertion. Nothing keeps fibres out of the bones, and no volume is kept; ``a`` bends their
     course a little towards one bone. The paper has a = -0.042 for psoas and gluteus maximus, -0.024 for the
     iliacus and 0 for the gluteus medius, found by trial. With ``fit`` that one is chosen with which the
-    fibres enter the bones least in the pose of the present time.
+    fibres enter the bones least in the pose of the present time. Where they enter them the less the more they
+    follow one of the two bones, no ``a`` is best: the fit then ends at its bound ``largest_a``, with a
+    warning. With a = -1 fibres follow the origin's bone for most of their length, and near the insertion they
+    take up all of the motion: their lengths then say little.
 
     Raises
     ------
@@ -70,6 +74,7 @@ class LinearBlendFibres(Filter):
         float, default=0.0, minimum=-1.0, maximum=1.0, doc="Curvature of the weights over the fibre."
     )
     fit = Parameter(bool, default=False, doc="Choose ``a`` by the bones, instead of taking the one given.")
+    largest_a = Parameter(float, default=1.0, above=0.0, maximum=1.0, doc="Bound of abs(a) for the fit.")
     origin: Parameter[str | None] = Parameter(
         str, default=None, doc="Bone of the fibres' first points; None: the first block."
     )
@@ -107,7 +112,15 @@ class LinearBlendFibres(Filter):
         )
         a = self.a
         if self.fit:
-            a, _ = fitted_a(lines.points, lines.offsets, [pose], depth_in(list(blocks.values())))
+            depth = depth_in(list(blocks.values()))
+            a, left = fitted_a(lines.points, lines.offsets, [pose], depth, largest=self.largest_a)
+            if abs(a) >= self.largest_a:
+                warnings.warn(
+                    f"LinearBlendFibres: the fit of a ends at its bound, {a:g}: the fibres, {left:.3g} deep "
+                    "in the bones on the mean, enter them the less the more they follow one of the two; set "
+                    "largest_a to less, or a to a value of your own",
+                    stacklevel=2,
+                )
         moved = blend_fibres(lines.points, lines.offsets, *pose, a)
         result = with_polylines(rest_fibres, Polylines(moved, lines.offsets))
         set_cell_array(result, "RestLength", polyline_lengths(lines.points, lines.offsets))
