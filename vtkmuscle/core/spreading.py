@@ -154,26 +154,34 @@ def _nearest_place(
     sample: Floats, places: Floats, offsets: Ints, low: Floats, size: float, shape: Ints
 ) -> int:
     """Return which place is nearest to a sample (3,), looked for in shells of cells round it."""
-    here = np.empty(3, dtype=np.int64)
-    for axis in range(3):
-        here[axis] = min(int((sample[axis] - low[axis]) / size), shape[axis] - 1)
-    best, least, reach = -1, np.inf, 0
-    # What is `reach` cells away is at least reach - 1 cells' sizes away.
-    while best < 0 or (reach - 1) * size < np.sqrt(least):
-        for i in range(max(here[0] - reach, 0), min(here[0] + reach + 1, shape[0])):
-            on_i = abs(i - here[0]) == reach
-            for j in range(max(here[1] - reach, 0), min(here[1] + reach + 1, shape[1])):
-                step = 1 if on_i or abs(j - here[1]) == reach or reach == 0 else 2 * reach
-                for k in range(here[2] - reach, here[2] + reach + 1, step):
-                    if k < 0 or k >= shape[2]:
+    x, y, z = (sample[0] - low[0]) / size, (sample[1] - low[1]) / size, (sample[2] - low[2]) / size
+    a, b, c = min(int(x), shape[0] - 1), min(int(y), shape[1] - 1), min(int(z), shape[2] - 1)
+    # What is `reach` cells away is at least reach - 1 cells' sizes and the way to the nearest wall away.
+    wall = min(x - a, y - b, z - c, a + 1 - x, b + 1 - y, c + 1 - z)
+    # Cells that are farther away than the nearest place need no look, but for rounding.
+    best, least, bound, reach = -1, np.inf, np.inf, 0
+    while best < 0 or reach - 1 + wall < 0.0 or (reach - 1 + wall) ** 2 < bound:
+        for i in range(max(a - reach, 0), min(a + reach + 1, shape[0])):
+            on_i = abs(i - a) == reach
+            far_i = max(i - x, x - i - 1, 0.0) ** 2
+            if far_i > bound:
+                continue
+            for j in range(max(b - reach, 0), min(b + reach + 1, shape[1])):
+                far_j = far_i + max(j - y, y - j - 1, 0.0) ** 2
+                if far_j > bound:
+                    continue
+                step = 1 if on_i or abs(j - b) == reach or reach == 0 else 2 * reach
+                for k in range(c - reach, c + reach + 1, step):
+                    if k < 0 or k >= shape[2] or far_j + max(k - z, z - k - 1, 0.0) ** 2 > bound:
                         continue
                     cell = (i * shape[1] + j) * shape[2] + k
                     for at in range(offsets[cell], offsets[cell + 1]):
-                        distance = 0.0
-                        for axis in range(3):
-                            distance += (places[at, axis] - sample[axis]) ** 2
+                        dx, dy = places[at, 0] - sample[0], places[at, 1] - sample[1]
+                        dz = places[at, 2] - sample[2]
+                        distance = dx * dx + dy * dy + dz * dz
                         if distance < least:
                             best, least = at, distance
+                    bound = least * (1.0 + 1e-9) / (size * size)  # in cells' sizes
         reach += 1
     return best
 
