@@ -28,7 +28,7 @@ from vtkmuscle.core.mesh import edge_lengths
 from vtkmuscle.core.topology import mesh_topology
 from vtkmuscle.filters import FibreTransport, FixedPointDetector
 from vtkmuscle.filters.arrays import checked_surface, field_array, points_of
-from vtkmuscle.pipelines import decompose, deform
+from vtkmuscle.pipelines import PRUNE, decompose, deform
 from vtkmuscle.plotting import can_render, choose_view, make_plotter
 from vtkmuscle.plotting.views import View
 
@@ -100,7 +100,9 @@ class Chain:
         self.deformer = deform(
             self.marked, scene.bones_data(), case.motion, fibres=self.fibres, fixed=None, **solver
         )
-        self.transport = FibreTransport()
+        # P21 carries fibres with all weights (its eq. 8); a run with those that matter.
+        theirs = solver.get("order") == P21["order"]
+        self.transport = FibreTransport(prune=0.0 if theirs else PRUNE)
         for port, value in enumerate((self.fibres, self.marked, self.deformer)):
             self.transport.connect(port, value)
         self._times = case.motion.times
