@@ -32,11 +32,13 @@ def main() -> None:
     )
     parser.add_argument("--work", type=Path, default=Path("tradeoff_pages"), help="what is run is kept there")
     parser.add_argument("--docs", type=Path, default=DOCS, help="where tables and plots go")
+    parser.add_argument("--only", nargs="+", default=[], help="groups of settings, all by default")
     asked = parser.parse_args()
+    only = [word for group in asked.only for word in ("--only", group)]
     real = data_folder() / "scene.toml"
     pages = {
-        "phantom_hip": (["demo", *STEPS_OF_10], SHOWN),
-        "lhdl_hip": ([str(real), *STEPS_OF_10], SHOWN),
+        "phantom_hip": (["demo", *STEPS_OF_10, *only], SHOWN),
+        "lhdl_hip": ([str(real), *STEPS_OF_10, *only], SHOWN),
         "lhdl_hip_all_frames": ([str(real), "--frames", "0:46:5", "--only", "presets"], PRESETS_SHOWN),
     }
     for name, (arguments, shown) in pages.items():
