@@ -30,7 +30,7 @@ FLOOR = 1e-4
 
 @kernel
 def _gradients(p, quad, q):
-    """Write the gradients of Mueller et al. 2007, Appendix A, to q (4, 3); return cos of the angle, or 2."""
+    """Write q of Müller et al. 2007, Appendix A, minus the gradients of cos (4, 3); return cos, or 2."""
     a = p[quad[0]]
     p2, p3, p4 = p[quad[1]] - a, p[quad[2]] - a, p[quad[3]] - a
     n1, n2 = np.cross(p2, p3), np.cross(p2, p4)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import pyvista as pv
 
 FOLDER = Path(__file__).parents[2] / "benchmarks" / "paper"
 SCRIPTS = sorted(path.stem for path in FOLDER.glob("p[12]*.py"))
@@ -81,3 +82,39 @@ def test_a_step_is_timed_once_the_first_is_made(case):
         case.scene.muscles["iliacus"].surface.GetNumberOfPoints(),
         20,
     )
+
+
+def test_the_published_loop_has_minus_the_gradients_of_the_cosine(case, rng):
+    from published_loop import _gradients
+
+    points, quad, q = rng.normal(size=(4, 3)), np.arange(4), np.empty((4, 3))
+    _gradients(points, quad, q)
+    for i, j in np.ndindex(4, 3):
+        cosines = []
+        for step in (1e-6, -1e-6):
+            moved = points.copy()
+            moved[i, j] += step
+            cosines.append(_gradients(moved, quad, np.empty((4, 3))))
+        assert -q[i, j] == pytest.approx((cosines[0] - cosines[1]) / 2e-6, abs=1e-5)
+
+
+def test_the_published_loop_stays_at_rest_and_follows_a_bone(case):
+    from published_loop import run
+
+    from vtkmuscle.core.rigid import rotation_about
+    from vtkmuscle.core.topology import mesh_topology
+
+    body = pv.Sphere(radius=20.0, theta_resolution=16, phi_resolution=16)
+    points, triangles = np.asarray(body.points, dtype=float), body.regular_faces.astype(np.int64)
+    fixed_to = np.where(points[:, 2] < -15.0, 0, np.where(points[:, 2] > 15.0, 1, -1))
+    stiffness = np.ones(len(mesh_topology(len(points), triangles).edges))
+    still = np.array([[np.eye(4)] * 2])
+    moves, share, end = run(points, triangles, fixed_to, stiffness, still, 5)
+    assert moves.max() < 1e-9
+    assert share == 0.0
+    turned = np.array([[np.eye(4), rotation_about((0, 0, 0), (1, 0, 0), 10.0)]])
+    moves, share, end = run(points, triangles, fixed_to, stiffness, turned, 50)
+    assert moves.shape == (1, 50)
+    assert moves[0, 0] > 2.0 * moves[0, -1] > 0.0
+    held = fixed_to == 1
+    np.testing.assert_allclose(end[held], points[held] @ turned[0, 1, :3, :3].T, atol=1e-9)
