@@ -69,6 +69,7 @@ def test_more_iterations_come_nearer_to_the_reference_which_has_converged(done):
     assert rms["iterations=2"] > rms["iterations=10"] > rms["iterations=40"]
     assert study.rows[-1].setting.group == "reference"
     assert study.rows[-1].figures["all"]["rms_mm"] == 0.0
+    assert [doubling.muscle for doubling in study.doublings] == ["spindle"]
     assert study.doublings[-1].converged
     assert study.doublings[-1].rms_mm <= study_module.CONVERGED
     for row in study.rows:
@@ -83,7 +84,9 @@ def test_nothing_is_run_twice_and_what_is_lost_is_run_again(done, scene, monkeyp
     ran = []
     original = Bench.run
     monkeypatch.setattr(
-        Bench, "run", lambda bench, setting: ran.append(setting.name) or original(bench, setting)
+        Bench,
+        "run",
+        lambda bench, setting, *only: ran.append(setting.name) or original(bench, setting, *only),
     )
     compared = range(len(scene.motion.times))
     settings = [row.setting for row in study.rows[:-1]]
@@ -92,10 +95,38 @@ def test_nothing_is_run_twice_and_what_is_lost_is_run_again(done, scene, monkeyp
     assert ran == []
     assert [row.figures for row in again.rows] == [row.figures for row in study.rows]
     records = Records(out / "settings", scene, ["spindle"], list(compared))
-    (out / "settings" / f"{records.key(settings[1], study.rows[-1].setting)}.json").unlink()
+    against = {doubling.muscle: doubling.iterations for doubling in study.doublings}
+    (out / "settings" / f"{records.key(settings[1], against)}.json").unlink()
     trade_off(scene, out, compared=compared)
     assert ran == [settings[1].name]
     assert not list((out / "settings").glob(".*"))
+
+
+def test_each_muscle_has_iterations_of_its_own_in_the_reference(monkeypatch, tmp_path):
+    """One muscle has converged after the first doubling, one after the third, one does not at all."""
+    still = {"a": 0, "b": 400, "c": 10_000}
+    monkeypatch.setattr(study_module, "FIRST_ITERATIONS", 100)
+    monkeypatch.setattr(study_module, "MOST_ITERATIONS", 1600)
+
+    class Fake(Bench):
+        def run(self, setting, only=None):
+            (name,), n = only, setting.solver["iterations"]
+            frame = {
+                "time": 0.0, "volume_ratio": 1.0, "edge_stretch_p95": 1.0, "edge_stretch_max": 1.0,
+                "dihedral_error_p95": 0.0, "penetration_p95_mm": 0.0, "penetration_max_mm": 0.0,
+                "estimated_mm": None,
+            }  # fmt: skip
+            at = np.full((1, 2, 3), float(min(n, still[name])))
+            return Trial({name: MuscleTrial(at, np.empty((1, 0)), [frame], 1.0, 0.0, 0.0)}, None)
+
+    class Nothing:
+        trial = staticmethod(lambda *key: None)
+        keep_trial = staticmethod(lambda *what: None)
+
+    exact, doublings = study_module._reference(Fake(None, list(still), [0]), Nothing(), lambda words: None)
+    assert [d.iterations for d in doublings] == [200, 800, 1600]
+    assert [d.converged for d in doublings] == [True, True, False]
+    assert [exact.muscles[name].points[0, 0, 0] for name in still] == [0.0, 400.0, 1600.0]
 
 
 def test_the_key_tells_scenes_frames_settings_and_code_apart(scene, tmp_path, monkeypatch):
@@ -230,7 +261,7 @@ def test_the_command_says_what_it_found_and_refuses_an_unknown_muscle(tmp_path):
     ]
     run = CliRunner().invoke(app, arguments, catch_exceptions=False)
     assert run.exit_code == 0, run.output
-    assert "100 iterations instead of 50 move the reference by" in run.output
+    assert "spindle: 100 iterations instead of 50 move the reference by" in run.output
     assert (tmp_path / "out/tradeoff.md").read_text().count("\n| ") == 5
     presets = (tmp_path / "out/presets.rst").read_text()
     assert all(f"- {name}\n     - {of}\n" in presets for name in PRESETS for of in ("spindle", "all"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -48,13 +48,12 @@ class Records:
         what = [scene_digest(scene), list(muscles), list(compared), vtkmuscle.__version__, code_digest()]
         self._what = json.dumps(what)
 
-    def key(self, setting: Setting, against: Setting | None = None) -> str:
-        """Return the digest of a setting, and of the reference that it is compared with."""
-        plain = [self._what, setting.plain(), None if against is None else against.plain()]
-        text = json.dumps(plain, sort_keys=True)
+    def key(self, setting: Setting, beside: str | Mapping[str, int] | None = None) -> str:
+        """Return the digest of a setting, and of its muscle, or the iterations of a reference."""
+        text = json.dumps([self._what, setting.plain(), beside], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
-    def figures(self, setting: Setting, against: Setting | None) -> dict[str, Any] | None:
+    def figures(self, setting: Setting, against: Mapping[str, int] | None) -> dict[str, Any] | None:
         """Return what was measured of a setting, None where it has not been run."""
         path = self._folder / f"{self.key(setting, against)}.json"
         if not path.is_file():
@@ -62,7 +61,9 @@ class Records:
         found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["figures"]
         return found
 
-    def keep_figures(self, setting: Setting, against: Setting | None, figures: dict[str, Any]) -> None:
+    def keep_figures(
+        self, setting: Setting, against: Mapping[str, int] | None, figures: dict[str, Any]
+    ) -> None:
         """Keep what was measured of a setting."""
         record = {
             "name": setting.name,
@@ -73,9 +74,9 @@ class Records:
         path = self._folder / f"{self.key(setting, against)}.json"
         write_text(path, json.dumps(record, indent=1, allow_nan=False) + "\n")
 
-    def trial(self, setting: Setting) -> Trial | None:
-        """Return a whole trial that was kept, None where there is none."""
-        path = self._folder / f"{self.key(setting)}.npz"
+    def trial(self, setting: Setting, of: str) -> Trial | None:
+        """Return a whole trial of a muscle that was kept, None where there is none."""
+        path = self._folder / f"{self.key(setting, of)}.npz"
         if not path.is_file():
             return None
         with np.load(path) as arrays:
@@ -86,15 +87,18 @@ class Records:
             }
         return Trial(muscles, facts["memory_mb"])
 
-    def keep_trial(self, setting: Setting, trial: Trial) -> None:
-        """Keep a whole trial, points and all: that of a reference."""
+    def keep_trial(self, setting: Setting, of: str, trial: Trial) -> None:
+        """Keep a whole trial of a muscle, points and all: that of a reference."""
         arrays, muscles = {}, {}
         for i, (name, muscle) in enumerate(trial.muscles.items()):
             rest = dict(vars(muscle))
             arrays[f"points_{i}"], arrays[f"lengths_{i}"] = rest.pop("points"), rest.pop("lengths")
             muscles[name] = rest
         facts = json.dumps({"muscles": muscles, "memory_mb": trial.memory_mb})
-        with replacing(self._folder / f"{self.key(setting)}.npz") as beside, beside.open("wb") as file:
+        with (
+            replacing(self._folder / f"{self.key(setting, of)}.npz") as beside,
+            beside.open("wb") as file,
+        ):
             np.savez_compressed(file, allow_pickle=False, facts=np.array(facts), **arrays)
 
 

@@ -59,7 +59,7 @@ class Setting:
 def reference(iterations: int) -> Setting:
     """Return the setting whose result the others are compared with, at so many iterations per step."""
     solver = {**PRESETS["accurate"], "iterations": iterations, "tolerance": 0.0}
-    return Setting(f"reference, {iterations} iterations", "reference", solver)
+    return Setting("reference", "reference", solver)
 
 
 def grid() -> list[Setting]:

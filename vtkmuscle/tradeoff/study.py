@@ -13,10 +13,10 @@ from vtkmuscle.tradeoff.records import Records
 from vtkmuscle.tradeoff.settings import Setting, grid, reference
 from vtkmuscle.tradeoff.trial import Bench, Trial
 
-#: Iterations of the first reference; they are doubled until the muscles no longer move.
+#: Iterations of the first reference; they are doubled for each muscle until it no longer moves.
 FIRST_ITERATIONS = 400
-MOST_ITERATIONS = 6400
-#: The reference has converged when doubling its iterations moves no muscle by more than this, RMS [mm].
+MOST_ITERATIONS = 3200
+#: The reference of a muscle has converged when doubling its iterations moves it by no more, RMS [mm].
 CONVERGED = 0.05
 #: Frames that are compared, unless they are chosen: each so manieth, and the last.
 COMPARED_EVERY = 5
@@ -32,16 +32,19 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class Doubling:
-    """How far the reference moved when its iterations were doubled.
+    """How far the reference of a muscle moved when its iterations were doubled.
 
     Attributes
     ----------
+    muscle : str
+        Which.
     iterations : int
         After the doubling.
     rms_mm, max_mm : float
-        Distance to the one before: of the muscle where it is greatest, and of the point.
+        Distance to the one before: of the muscle, and of its point where it is greatest.
     """
 
+    muscle: str
     iterations: int
     rms_mm: float
     max_mm: float
@@ -63,7 +66,7 @@ class Study:
     muscles : sequence of str
         Those that took part.
     doublings : sequence of Doubling
-        How the reference converged.
+        The last of each muscle: how far its reference has converged.
     rows : sequence of Row
         In the order of the grid, the reference last.
     """
@@ -121,13 +124,15 @@ def trade_off(
     frames = sorted({*range(0, last + 1, COMPARED_EVERY), last}) if compared is None else sorted(compared)
     records = Records(out / "settings", scene, names, frames)
     bench = Bench(scene, names, frames, tell)
-    against, exact, doublings = _reference(bench, records, tell)
+    exact, doublings = _reference(bench, records, tell)
+    against = {doubling.muscle: doubling.iterations for doubling in doublings}
+    last_row = reference(max(against.values()))
     rows = []
-    for number, setting in enumerate([*settings, against]):
+    for number, setting in enumerate([*settings, last_row]):
         figures = records.figures(setting, against)
         if figures is None:
             tell(f"{number + 1} of {len(settings) + 1}: {setting.name}")
-            trial = exact if setting is against else bench.run(setting)
+            trial = exact if setting is last_row else bench.run(setting)
             figures = measured(trial, exact)
             records.keep_figures(setting, against, figures)
         rows.append(Row(setting, figures))
@@ -156,34 +161,39 @@ def _known(kind: str, wanted: Sequence[str], known: Sequence[str]) -> list[str]:
     return [name for name in known if not wanted or name in wanted]
 
 
-def _reference(
-    bench: Bench, records: Records, tell: Callable[[str], None]
-) -> tuple[Setting, Trial, list[Doubling]]:
-    """Double the iterations until the muscles stay where they are; return the last run, and the way there."""
+def _reference(bench: Bench, records: Records, tell: Callable[[str], None]) -> tuple[Trial, list[Doubling]]:
+    """Double each muscle's iterations until it stays where it is; return the last runs, and the last step."""
 
-    def run(setting: Setting) -> Trial:
-        trial = records.trial(setting)
+    def run(name: str, iterations: int) -> Trial:
+        setting = reference(iterations)
+        trial = records.trial(setting, name)
         if trial is None:
-            trial = bench.run(setting)
-            records.keep_trial(setting, trial)
+            trial = bench.run(setting, [name])
+            records.keep_trial(setting, name, trial)
         return trial
 
-    setting = reference(FIRST_ITERATIONS)
-    trial = run(setting)
-    doublings: list[Doubling] = []
-    while not (doublings and doublings[-1].converged) and setting.solver["iterations"] < MOST_ITERATIONS:
-        before = trial
-        setting = reference(2 * setting.solver["iterations"])
-        trial = run(setting)
-        moved = measured(before, trial)["all"]
-        doublings.append(Doubling(setting.solver["iterations"], moved["worst_rms_mm"], moved["max_mm"]))
-        tell(in_words(doublings[-1]))
-    return setting, trial, doublings
+    trials, doublings = [], []
+    for name in bench.muscles:
+        iterations, before = FIRST_ITERATIONS, run(name, FIRST_ITERATIONS)
+        while True:
+            iterations *= 2
+            now = run(name, iterations)
+            moved = measured(before, now)["all"]
+            doubling = Doubling(name, iterations, moved["rms_mm"], moved["max_mm"])
+            tell(in_words(doubling))
+            before = now
+            if doubling.converged or iterations >= MOST_ITERATIONS:
+                break
+        trials.append(now)
+        doublings.append(doubling)
+    memory = [trial.memory_mb for trial in trials if trial.memory_mb is not None]
+    muscles = {name: muscle for trial in trials for name, muscle in trial.muscles.items()}
+    return Trial(muscles, max(memory) if memory else None), doublings
 
 
 def in_words(doubling: Doubling) -> str:
     """Return what a doubling says of the reference."""
     return (
-        f"{doubling.iterations} iterations instead of {doubling.iterations // 2} move the reference by "
-        f"{doubling.rms_mm:.3f} mm (RMS, worst muscle), {doubling.max_mm:.3f} mm at most"
+        f"{doubling.muscle}: {doubling.iterations} iterations instead of {doubling.iterations // 2} move the "
+        f"reference by {doubling.rms_mm:.3f} mm (RMS), {doubling.max_mm:.3f} mm at most"
     )
