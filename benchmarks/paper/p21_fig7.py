@@ -75,6 +75,8 @@ class Trace:
 
     def at(self, number: int) -> str:
         """Return the mean over the frames after so many iterations, as text."""
+        if not len(self.moves):
+            return ""
         mean = float(self.moves[:, number].mean())
         return f"{mean:.4f}" if mean < 100.0 else f"{mean:.0e}"
 
@@ -82,7 +84,7 @@ class Trace:
     def end(self) -> str:
         """How it ended, as text."""
         if self.longest is None:
-            return f"leaves the range of numbers after {STEP * len(self.moves):g} degrees"
+            return f"leaves the range of numbers in the step to {STEP * (len(self.moves) + 1):g} degrees"
         return f"{self.longest:.1f}"
 
 
@@ -176,10 +178,12 @@ def tables(case: Case) -> list[Table]:
     if case.out is not None:
         figure, axes = curves("P21, Fig. 7", "iteration", "mean displacement [mm]")
         for title, trace in found.items():
+            if not len(trace.moves):
+                continue
             moves = trace.moves.mean(axis=0)
             axes.semilogy(np.arange(1, len(moves) + 1), moves, label=title)
-        axes.axhline(0.1, color="grey", lw=0.8)
-        axes.axhline(0.01, color="grey", lw=0.8)
+        for shown_by_the_paper in (0.1, 0.01):
+            axes.axhline(shown_by_the_paper, color="grey", lw=0.8)
         axes.legend()
         case.save(figure, "p21_fig7.png")
     return [table]
