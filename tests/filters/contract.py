@@ -31,7 +31,7 @@ import vtkmuscle
 from examples import OBJECTS, TIMES
 from vtkmuscle.filters.arrays import points_of, set_cell_array, set_field_array, set_point_array
 from vtkmuscle.filters.base import AbortedError
-from vtkmuscle.filters.provenance import add_provenance, provenance_of
+from vtkmuscle.filters.provenance import add_provenance, provenance_entry, provenance_of
 
 # -------------------------------------------------------------------- 2 data
 
@@ -74,7 +74,7 @@ def check_provenance_travels(case):
     """The output says which filters made it, with their parameters: those of all inputs, and this one."""
     inputs = case.inputs()
     for number, data in enumerate(inputs):
-        add_provenance(data, [], f"Earlier{number}", {"value": number})
+        add_provenance(data, [], provenance_entry(f"Earlier{number}", {"value": number}))
     algorithm = case.filter(*inputs)
     output = algorithm.update().output
     steps = provenance_of(output)

@@ -16,8 +16,10 @@ from vtkmuscle.core.blending import blend_motions, screw_between
 from vtkmuscle.core.coarse import Prolongation
 from vtkmuscle.core.constraints import VOLUME_FLOOR, per_iteration_stiffness, project_volume
 from vtkmuscle.core.contact import Barrier, Contact
+from vtkmuscle.core.convergence import root_mean_square_distance
 from vtkmuscle.core.fibre_stretch import THINNING, FibreStretch
 from vtkmuscle.core.harmonic import harmonic_weights
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh import edge_lengths
 from vtkmuscle.core.muscle_contact import MuscleContact, Neighbour
 from vtkmuscle.core.muscle_state import MuscleState
@@ -386,7 +388,7 @@ class MuscleSolver:
                 before = p.copy()
             collided |= self._projection.iterate(p, keep_out)
             progress((iteration + 1) / n)
-        moved = float(np.sqrt(np.mean(np.sum((p - before) ** 2, axis=1))))
+        moved = root_mean_square_distance(p.reshape(-1), before.reshape(-1), len(p))
         return p, collided, (n, moved, None)
 
     def _accelerated(
@@ -454,10 +456,12 @@ class MuscleSolver:
         shift = self._coarse.centre - self.centre
         return self._prolongation.prolong(before.positions + shift, now.positions + shift, x)
 
-    def _with_neighbours(self, points: Bools) -> Ints:
-        """Return the ids of points and of those that share an edge with them."""
-        edges = self.topology.edges
-        return np.unique(edges[points[edges].any(axis=1)]) if points.any() else np.empty(0, dtype=np.int64)
+    def _with_neighbours(self, points: Bools) -> Bools:
+        """Return which are points that are marked, or share an edge with one, (n,)."""
+        found = np.zeros_like(points)
+        if points.any():
+            _spread(points, self.topology.edges, found)
+        return found
 
     def _settle(self, p: Floats, keep_out: _KeepOut) -> Bools:
         """Take out of the bones what the last projection of the volume pushed in; return which points.
@@ -486,6 +490,15 @@ class MuscleSolver:
             stiffness,
             self._gradient,
         )
+
+
+@kernel
+def _spread(marked: Bools, edges: Ints, found: Bools) -> None:
+    """Mark both ends of edges (k, 2) that have a marked end."""
+    for e in range(len(edges)):
+        i, j = edges[e, 0], edges[e, 1]
+        if marked[i] or marked[j]:
+            found[i] = found[j] = True
 
 
 def _check_finite(*arrays: Floats) -> None:

@@ -25,7 +25,7 @@ from vtkmuscle.filters.failure_messages import failure_messages_off, silence_aft
 from vtkmuscle.filters.interrupts import interrupts_deferred
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
 from vtkmuscle.filters.pipeline_times import announce_times
-from vtkmuscle.filters.provenance import add_provenance
+from vtkmuscle.filters.provenance import add_provenance, provenance_entry
 from vtkmuscle.filters.pyvista_operator import mend_pyvista_operator
 
 _RESERVED = frozenset(dir(vtkAlgorithm)) | {"update", "apply", "execute", "parameters"}
@@ -94,6 +94,7 @@ class Filter(VTKPythonAlgorithmBase):
     def __init__(self, **parameters: Any) -> None:
         self._parameter_values: dict[str, Any] = {}
         self._failure: BaseException | None = None
+        self._provenance: tuple[int, str] | None = None
         self._progress_reached = 0.0
         self._producers: list[Any] = []
         #: Pipeline time of the request being executed; None where the pipeline has no time.
@@ -392,9 +393,16 @@ class Filter(VTKPythonAlgorithmBase):
         for port, result in enumerate(results if isinstance(results, tuple) else (results,)):
             output = outInfo.GetInformationObject(port).Get(vtkDataObject.DATA_OBJECT())
             output.ShallowCopy(result)
-            add_provenance(output, inputs, type(self).__name__, self._parameter_values)
+            add_provenance(output, inputs, self._entry_of_provenance())
             if self.request_time is not None:
                 output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), self.request_time)
+
+    def _entry_of_provenance(self) -> str:
+        """Return what the filter is; it is put into words again only where a parameter has changed."""
+        modified = self.GetMTime()
+        if self._provenance is None or self._provenance[0] != modified:
+            self._provenance = modified, provenance_entry(type(self).__name__, self._parameter_values)
+        return self._provenance[1]
 
     def _connected(self, port: int) -> bool:
         return bool(self.GetNumberOfInputConnections(port))

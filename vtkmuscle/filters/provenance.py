@@ -37,17 +37,22 @@ def provenance_of(data: Any) -> list[dict[str, Any]]:
     return [json.loads(entry) for entry in _entries(data)]
 
 
-def add_provenance(result: Any, inputs: Sequence[Any], name: str, parameters: Mapping[str, Any]) -> None:
+def provenance_entry(name: str, parameters: Mapping[str, Any]) -> str:
+    """Return what a filter with these parameters adds to what it makes."""
+    step = {"filter": name, "parameters": dict(parameters), "vtkmuscle": __version__}
+    return json.dumps(step, default=lambda value: type(value).__name__)
+
+
+def add_provenance(result: Any, inputs: Sequence[Any], entry: str) -> None:
     """Write into the field data of a result which filters made it: those of all inputs, then this one."""
     entries: dict[str, None] = {}
     for data in inputs:
         entries.update(dict.fromkeys([] if data is None else _entries(data)))
-    step = {"filter": name, "parameters": dict(parameters), "vtkmuscle": __version__}
-    entries[json.dumps(step, default=lambda value: type(value).__name__)] = None
+    entries[entry] = None
     array = vtkStringArray()
     array.SetName(PROVENANCE)
-    for entry in entries:
-        array.InsertNextValue(entry)
+    for each in entries:
+        array.InsertNextValue(each)
     result.GetFieldData().AddArray(array)
 
 
