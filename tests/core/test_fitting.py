@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.fitting import (
     ASSIGNMENTS,
+    SeenMuscle,
     centroid_axis,
     fit_box,
     lie_opposite,
@@ -49,7 +50,9 @@ def rectangle(low, high):
 def fit(points, origin, insertion, axis=None, angle_step=5.0, **areas):
     axis = centroid_axis(origin, insertion) if axis is None else axis
     areas = areas or PARALLEL
-    return fit_box(points, axis, origin=origin, insertion=insertion, angle_step=angle_step, **areas)
+    return fit_box(
+        SeenMuscle(points), axis, origin=origin, insertion=insertion, angle_step=angle_step, **areas
+    )
 
 
 def ends(points):
@@ -154,7 +157,7 @@ def test_aponeuroses_lie_on_the_template_faces_that_are_nearest_to_them(flip):
 
 
 def test_principal_axis_is_the_long_one_and_points_to_the_insertion():
-    points = block() - SIDES / 2
+    points = SeenMuscle(block() - SIDES / 2)
     top, bottom = np.array([[0.0, 0, 50]]), np.array([[0.0, 0, -50]])
     assert np.allclose(principal_axis(points, bottom, top), [0, 0, 1])
     assert np.allclose(principal_axis(points, top, bottom), [0, 0, -1])
@@ -196,7 +199,7 @@ def test_refinement_ends_in_a_minimum_that_a_fine_sweep_does_not_beat_nearby(see
     origin, insertion = ends(points)
     coarse, fine = (
         fit_box(
-            points,
+            SeenMuscle(points),
             np.array([0.0, 0, 1]),
             origin=origin,
             insertion=insertion,

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from bent_muscle import bent_tube, half_circle, letter_s
 
-from vtkmuscle.core.fitting import centroid_axis, fit_box
+from vtkmuscle.core.fitting import SeenMuscle, centroid_axis, fit_box
 from vtkmuscle.core.harmonic_morphing import attachment_field, morph_by_isolines, way_of_values
 from vtkmuscle.core.morphing import Slicing, morph_by_planes
 from vtkmuscle.core.rigid import apply_transform
@@ -21,7 +21,7 @@ def fitted(points, origin, insertion, n_fibres=40, resolution=15, kind="parallel
     areas = {"origin_area": BOTTOM, "insertion_area": BOTTOM + np.array([0.0, 0, 1])}
     ends = {"origin": points[origin], "insertion": points[insertion]}
     axis = centroid_axis(ends["origin"], ends["insertion"])
-    box = fit_box(points, axis, **ends, **areas, angle_step=5.0)
+    box = fit_box(SeenMuscle(points), axis, **ends, **areas, angle_step=5.0)
     cube = TEMPLATES[kind].fibres(*sobol_points(n_fibres).T, np.linspace(0, 1, resolution + 1))
     return box.transform, apply_transform(box.transform, cube.reshape(-1, 3)).reshape(cube.shape)
 

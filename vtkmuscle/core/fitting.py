@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,18 +92,86 @@ def centroid_axis(origin: Floats, insertion: Floats) -> Floats:
     return difference / length
 
 
-def principal_axis(points: Floats, origin: Floats, insertion: Floats) -> Floats:
+def principal_axis(muscle: SeenMuscle, origin: Floats, insertion: Floats) -> Floats:
     """Return the unit eigenvector of the points' covariance with the largest eigenvalue, (3,).
 
     Of its two directions, the one in which the insertion's centroid lies from the origin's.
     """
-    centred = points - points.mean(axis=0)
-    axis: Floats = np.linalg.eigh(centred.T @ centred)[1][:, -1]
+    axis = muscle.longest
     return axis if axis @ (insertion.mean(axis=0) - origin.mean(axis=0)) >= 0.0 else -axis
 
 
+class SeenMuscle:
+    """A muscle as it is seen along axes; what is found out about each axis is kept.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Points of its surface.
+    """
+
+    def __init__(self, points: Floats) -> None:
+        self.points = points
+        self._views: dict[bytes, View] = {}
+
+    @cached_property
+    def extent(self) -> float:
+        """Its size."""
+        return extent(self.points)
+
+    @cached_property
+    def longest(self) -> Floats:
+        """The unit eigenvector of the points' covariance with the largest eigenvalue, (3,), either way."""
+        centred = self.points - self.points.mean(axis=0)
+        axis: Floats = np.linalg.eigh(centred.T @ centred)[1][:, -1]
+        return axis
+
+    def along(self, axis: Floats) -> View:
+        """Return the muscle seen along a unit vector (3,); ValueError if all points lie in one plane."""
+        key = axis.tobytes()
+        if key not in self._views:
+            self._views[key] = self._seen(axis)
+        return self._views[key]
+
+    def _seen(self, axis: Floats) -> View:
+        heights = self.points @ axis
+        bottom, top = float(heights.min()), float(heights.max())
+        first, second = _perpendicular(axis)
+        seen = np.column_stack([self.points @ first, self.points @ second])
+        if not _has_area(seen) or not top > bottom:
+            raise ValueError(
+                "the points of the muscle lie in one plane, so that no box of any volume holds them"
+            )
+        outline = seen[ConvexHull(seen).vertices]
+        return View(bottom, top, first, second, outline, _least_rectangle_angle(outline, _marker(seen)))
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A muscle seen along an axis.
+
+    Attributes
+    ----------
+    bottom, top : float
+        Where it begins and ends along the axis.
+    first, second : (3,) arrays
+        Unit vectors across the axis.
+    outline : (k, 2) array
+        Its convex hull, along these.
+    angle : float
+        Of a side of the least rectangle around it [rad].
+    """
+
+    bottom: float
+    top: float
+    first: Floats
+    second: Floats
+    outline: Floats
+    angle: float
+
+
 def fit_box(
-    points: Floats,
+    muscle: SeenMuscle,
     axis: Floats,
     *,
     origin: Floats,
@@ -123,8 +192,8 @@ def fit_box(
 
     Parameters
     ----------
-    points : (n, 3) array
-        Points of the muscle's surface.
+    muscle : SeenMuscle
+        The muscle.
     axis : (3,) array
         Unit vector from origin to insertion.
     origin, insertion : (k, 3) array
@@ -151,14 +220,9 @@ def fit_box(
     ValueError
         If all points lie in one plane.
     """
-    heights = points @ axis
-    bottom, top = heights.min(), heights.max()
-    first, second = _perpendicular(axis)
-    seen = np.column_stack([points @ first, points @ second])
-    if not _has_area(seen) or not top > bottom:
-        raise ValueError("the points of the muscle lie in one plane, so that no box of any volume holds them")
-    outline = seen[ConvexHull(seen).vertices]
-    start = _least_rectangle_angle(outline, _marker(seen))
+    view = muscle.along(axis)
+    bottom, top, first, second = view.bottom, view.top, view.first, view.second
+    outline, start = view.outline, view.angle
     ends = ((origin_area, origin), (insertion_area, insertion))
 
     def boxes(degrees: Floats) -> tuple[Floats, Floats, Floats]:
@@ -187,7 +251,7 @@ def fit_box(
         result[:, :3, 3] = np.einsum("kij,kj->ki", frames, low)
         return result
 
-    unit = (len(origin_area) + len(insertion_area)) * extent(points)
+    unit = (len(origin_area) + len(insertion_area)) * muscle.extent
 
     def costs(degrees: Floats) -> Floats:
         total = errors(degrees) / unit

@@ -13,6 +13,7 @@ from vtkmuscle.core.fitting import (
     ASSIGNMENTS,
     TIE,
     Fit,
+    SeenMuscle,
     centroid_axis,
     fit_box,
     principal_axis,
@@ -22,7 +23,6 @@ from vtkmuscle.core.rigid import apply_transform
 from vtkmuscle.core.superficial import SeenFibres, angle_to_nearest
 from vtkmuscle.filters.arrays import (
     Polylines,
-    checked_surface,
     field_array,
     polylines_of,
     set_field_array,
@@ -30,6 +30,7 @@ from vtkmuscle.filters.arrays import (
 )
 from vtkmuscle.filters.attachments import AttachmentArea, attachments_of
 from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.muscle_geometry import muscle_geometry
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
 from vtkmuscle.filters.superficial import superficial_fibres
 
@@ -132,28 +133,33 @@ class TemplateFitter(Filter):
         """Return the fitted template."""
         lines = polylines_of(template, "TemplateFitter: template")
         origin_area, insertion_area = (_area(template, n) for n in ("OriginArea", "InsertionArea"))
-        points, triangles = checked_surface(muscle, "TemplateFitter: muscle")
-        points = points[np.bincount(triangles.reshape(-1), minlength=len(points)) > 0]
+        geometry = muscle_geometry(muscle, "TemplateFitter: muscle")
         areas = attachments_of(attachments, "TemplateFitter: attachments")
         origin, insertion = _landmarks(areas, "origin"), _landmarks(areas, "insertion")
         # The mirror image of the fit to the mirrored muscle.
         reflection = np.diag([-1.0, 1.0, 1.0, 1.0]) if self.mirror else np.eye(4)
-        points, origin, insertion = (apply_transform(reflection, p) for p in (points, origin, insertion))
+        origin, insertion = (apply_transform(reflection, p) for p in (origin, insertion))
+
+        def used_points() -> SeenMuscle:
+            uses = np.bincount(geometry.triangles.reshape(-1), minlength=len(geometry.points))
+            return SeenMuscle(apply_transform(reflection, geometry.points[uses > 0]))
+
+        shape = geometry.once(("seen", self.mirror), used_points)
         seen = None
         if superficial is not None:
-            seen = superficial_fibres(superficial, "TemplateFitter: superficial", points)
+            seen = superficial_fibres(superficial, "TemplateFitter: superficial", shape.points)
             seen = seen.within(np.zeros(3), reflection[:3, :3])
         try:
             fits = [
                 self._fit(
                     axis,
                     assignment,
-                    points,
+                    shape,
                     (origin, insertion),
                     (origin_area, insertion_area),
                     None if seen is None else _guide(seen, lines, turned_cube(assignment)),
                 )
-                for axis in self._axes(points, origin, insertion)
+                for axis in self._axes(shape, origin, insertion)
                 for assignment in (ASSIGNMENTS if self.cube == "any" else ASSIGNMENTS[:1])
             ]
         except ValueError as error:
@@ -168,7 +174,7 @@ class TemplateFitter(Filter):
         set_field_array(fitted, "FitError", best.error)
         return fitted
 
-    def _axes(self, points: Floats, origin: Floats, insertion: Floats) -> list[Floats]:
+    def _axes(self, muscle: SeenMuscle, origin: Floats, insertion: Floats) -> list[Floats]:
         """Return the axes to try, (3,) each."""
         axes = []
         if self.axis != "principal":
@@ -178,14 +184,14 @@ class TemplateFitter(Filter):
                 if self.axis == "attachments":
                     raise
         if self.axis != "attachments":
-            axes.append(principal_axis(points, origin, insertion))
+            axes.append(principal_axis(muscle, origin, insertion))
         return axes
 
     def _fit(
         self,
         axis: Floats,
         assignment: Floats,
-        points: Floats,
+        muscle: SeenMuscle,
         landmarks: tuple[Floats, Floats],
         areas: tuple[Floats, Floats],
         guide: Callable[[Floats], float] | None,
@@ -193,7 +199,7 @@ class TemplateFitter(Filter):
         """Return the best box with one of the cube's axes along an axis."""
         turn = turned_cube(assignment)
         fit = fit_box(
-            points,
+            muscle,
             axis,
             origin=landmarks[0],
             insertion=landmarks[1],
