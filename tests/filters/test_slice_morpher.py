@@ -6,6 +6,7 @@ import pytest
 from scipy.spatial import cKDTree
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
+from vtkmuscle import Scene
 from vtkmuscle.core.inside import points_inside
 from vtkmuscle.core.polylines import polyline_lengths
 from vtkmuscle.filters.arrays import (
@@ -26,6 +27,7 @@ from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, land
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.filters.slice_morpher import SliceMorpher
 from vtkmuscle.filters.template_fitter import TemplateFitter
+from vtkmuscle.io import read_polydata
 from vtkmuscle.phantoms import winding_spindle
 
 
@@ -290,6 +292,22 @@ def test_how_the_template_leans_itself_is_no_twist(twist):
     seen = polylines_from(Polylines(np.vstack(face), np.arange(len(face) + 1) * 5))
     found = SliceMorpher()(fitted, *chain, seen)
     assert field_array(found, "Twist")[0] == pytest.approx(twist, abs=6.0)
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("method", ["plane", "harmonic"])
+def test_dissected_fibres_of_a_flat_muscle_are_not_taken_for_a_twist(method, lhdl_hip):
+    scene = Scene.load(lhdl_hip / "scene.toml")
+    muscle, attachments = scene.muscles["gluteus_maximus"].surface, scene.attachments_data("gluteus_maximus")
+    seen = read_polydata(lhdl_hip / "fibres_dissection/gluteus_maximus_superficial.vtp")
+    fitted = TemplateFitter()(FibreTemplateSource()(), muscle, attachments, seen)
+    with pytest.warns(UserWarning, match="explains too little to be taken"):
+        fibres = SliceMorpher(method=method)(fitted, muscle, attachments, seen)
+    assert field_array(fibres, "Twist")[0] == 0.0
+    angle, straight = (
+        field_array(fibres, name)[0] for name in ("SuperficialAngle", "SuperficialAngleStraight")
+    )
+    assert 10 < angle == straight < 30
 
 
 def test_superficial_fibres_without_length_are_named():

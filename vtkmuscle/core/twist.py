@@ -31,6 +31,8 @@ N_LEVELS, MARGIN = 33, 0.02
 LARGEST, STEP = 360.0, 5.0
 #: To how many degrees a twist is found.
 FINEST = 1e-3
+#: Which part of the sum of squared angles a twist may leave.
+LARGEST_REST = 0.5
 #: Twists whose angles differ by less than this are equally good: the smaller is taken [rad].
 EQUALLY_GOOD = 1e-6
 
@@ -48,11 +50,14 @@ class Found:
         [degrees]; not a number where none were seen.
     straight_angle : float
         The same without a twist.
+    best_angle : float
+        The same with the best twist, also where that was not taken, as it explains too little.
     """
 
     twist: float = 0.0
     angle: float = np.nan
     straight_angle: float = np.nan
+    best_angle: float = np.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +159,9 @@ def fitted_twist(
     """Return the twist with which a template's fibres run most nearly like given ones.
 
     It minimises the sum of the squared angles between the given fibres and the morphed ones beside them, by
-    the length of the pieces of the former.
+    the length of the pieces of the former. A twist that leaves more than :data:`LARGEST_REST` of that sum is
+    not what the fibres show, and there is none then: on one side of a flat muscle fibres that run obliquely
+    look a little like a twist, which would cross them with those of the other side.
 
     Parameters
     ----------
@@ -204,7 +211,10 @@ def fitted_twist(
     )
     if found.fun < angle(best) - EQUALLY_GOOD:
         best = float(found.x)
-    return Found(best, float(np.degrees(angle(best))), float(np.degrees(angle(0.0))))
+    straight, least = angle(0.0), angle(best)
+    if least**2 > LARGEST_REST * straight**2:
+        best = 0.0
+    return Found(best, *(float(np.degrees(a)) for a in (angle(best), straight, least)))
 
 
 class BoundaryDrift:

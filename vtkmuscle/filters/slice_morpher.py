@@ -12,7 +12,7 @@ from vtkmuscle.core.fitting import lie_opposite
 from vtkmuscle.core.harmonic_morphing import morph_by_isolines
 from vtkmuscle.core.morphing import Box, Morph, Slicing, morph_by_planes
 from vtkmuscle.core.section_maps import MAPPINGS, SPREADS
-from vtkmuscle.core.twist import Twisting
+from vtkmuscle.core.twist import Found, Twisting
 from vtkmuscle.filters.arrays import (
     Polylines,
     field_array,
@@ -29,6 +29,8 @@ from vtkmuscle.filters.superficial import superficial_fibres
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+#: Deviations of superficial fibres that are told, root mean square [degrees].
+NOTICED = 10.0
 #: ``slice_tolerance=None`` as a part of the box's length.
 DEFAULT_TOLERANCE = 1e-3
 
@@ -71,7 +73,8 @@ class SliceMorpher(Filter):
     Fibres that wind around a muscle have sections turned along their contours on purpose: by ``twist``, the
     insertion against the origin, evenly from one to the other. Where superficial fibres are connected, that
     one is taken with which fibres of the template would run most nearly like them on the surface (least
-    squares of the angle, by length). A few fibres will do, whatever part of the surface they are on, also a
+    squares of the angle, by length), unless it leaves more than half of the squares: then a twist is not what
+    they show, and there is a warning. A few fibres will do, whatever part of the surface they are on, also a
     little off it. They are for templates whose areas are their bottom and their top; for others, and for a
     template that is not the same from all sides, TemplateFitter turns the box to suit them.
 
@@ -232,6 +235,7 @@ class SliceMorpher(Filter):
             text = str(error)
             raise ValueError(text if text.startswith("SliceMorpher") else f"SliceMorpher: {text}") from error
         _warn(result, method)
+        _warn_of_superficial(result.twist)
         moved = with_polylines(template, Polylines(result.points, lines.offsets))
         for name, value in (
             ("MorphMethod", method),
@@ -270,6 +274,18 @@ def _warn(result: Morph, method: str) -> None:
         )
     if remarks:
         warnings.warn("SliceMorpher: " + "; ".join(remarks), stacklevel=2)
+
+
+def _warn_of_superficial(found: Found) -> None:
+    """Warn where superficial fibres run otherwise than the template's, and no twist explains it."""
+    if found.angle == found.straight_angle and found.angle > NOTICED:
+        warnings.warn(
+            f"SliceMorpher: the superficial fibres deviate by {found.straight_angle:.0f} degrees from the "
+            f"template's (root mean square), and by {found.best_angle:.0f} with the best twist, which "
+            "explains too little to be taken; another template, or another axis or cube of TemplateFitter, "
+            "may do better",
+            stacklevel=2,
+        )
 
 
 def _runs_upwards(template: vtkPolyData, box: Floats) -> bool:
