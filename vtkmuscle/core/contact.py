@@ -215,17 +215,19 @@ class Contact:
         barrier, obstacle = self._barrier, self._barrier.obstacles[number]
         if obstacle.slides and not moved.any():
             return
+        # Those that slide along a bone were in it if they were moved.
+        ids = np.flatnonzero(barrier.free & moved if obstacle.slides else barrier.free)
         to_axes = inverse(bone)
-        start = apply_transform(to_axes @ self._steps[number], self._x[number])
-        end = apply_transform(to_axes, predicted)
-        inside = obstacle.entered(end, moved) & barrier.free
+        start = apply_transform(to_axes @ self._steps[number], self._x[number][ids])
+        end = apply_transform(to_axes, predicted[ids])
+        inside = obstacle.entered(end, moved[ids])
         low, high = obstacle.box_along_axes
         # Voxels do not see what a point has passed through: the box of its path has to do.
-        met = inside if obstacle.slides else barrier.free & _meet(start, end, low, high)
+        met = inside if obstacle.slides else _meet(start, end, low, high)
         if not met.any():
             return
         ways = np.linalg.norm(end[met] - start[met], axis=1)
-        farthest, way = np.flatnonzero(met)[ways.argmax()], float(ways.max())
+        farthest, way = ids[met][ways.argmax()], float(ways.max())
         thickness = float((high - low).min())
         if way > thickness:
             came_from = self._x[number][[farthest]]
@@ -271,8 +273,8 @@ class Contact:
     def _meets(self, number: int, to_axes: Floats, p: Floats) -> bool:
         """Return whether the path of the points may meet an obstacle's box along its own axes."""
         obstacle, free = self._barrier.obstacles[number], self._barrier.free
-        starts = _box(apply_transform(to_axes @ self._steps[number], self._x[number]), free)
-        ends = _box(apply_transform(to_axes, p), free)
+        starts = _box_seen_from(to_axes @ self._steps[number], self._x[number], free)
+        ends = _box_seen_from(to_axes, p, free)
         low, high = obstacle.box_along_axes
         lowest, highest = np.minimum(starts[0], ends[0]), np.maximum(starts[1], ends[1])
         if (highest < low - obstacle.margin).any() or (lowest > high + obstacle.margin).any():
@@ -336,6 +338,22 @@ def _box(points: Floats, free: Bools) -> tuple[Floats, Floats]:
             if free[i]:
                 # Unlike min() and max() this is one instruction: it need not care about NaN.
                 c = points[i, k]
+                least = c if c < least else least
+                greatest = c if c > greatest else greatest
+        low[k], high[k] = least, greatest
+    return low, high
+
+
+@kernel
+def _box_seen_from(transform: Floats, points: Floats, free: Bools) -> tuple[Floats, Floats]:
+    """Return the lowest and highest coordinates of the free points where a transform takes them."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for k in range(3):
+        least, greatest = np.inf, -np.inf
+        for i in range(len(points)):
+            if free[i]:
+                c = transform[k, 0] * points[i, 0] + transform[k, 1] * points[i, 1]
+                c = c + transform[k, 2] * points[i, 2] + transform[k, 3]
                 least = c if c < least else least
                 greatest = c if c > greatest else greatest
         low[k], high[k] = least, greatest
