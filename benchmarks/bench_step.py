@@ -2,9 +2,9 @@
 
 Run as ``python benchmarks/bench_step.py [--muscle NAME] [--iterations N] [--only SETTINGS ...] [--stages]``.
 A step is a frame of hip flexion (2 degrees): both bones move and are kept out of, fibres are given, and
-carried along as scenes have it. The whole motion is run several times, and all settings take turns with the
-bare iterations, so that they see the same machine. Times are of the processor, on one core; of each frame the
-least counts, and the median over the frames is printed.
+carried along as scenes have it. The whole motion is run several times with each of the settings in turn, and
+bare iterations before each step, so that both see the same machine. Times are of the processor, on one core;
+of each frame the least counts, and the median over the frames is printed.
 """
 
 from __future__ import annotations
@@ -174,27 +174,24 @@ def measure(
                 watch.wrap(owner, name, stage)
     profiler = cProfile.Profile(time.thread_time)
     least: dict[str, list[dict[str, float]]] = {name: [{} for _ in times[1:]] for name in chains}
-    for _ in range(rounds):
-        for _, transport in chains.values():
-            transport.update(time=times[0])
+    for name, (deformer, transport) in list(chains.items()) * rounds:
+        transport.update(time=times[0])
         watch.next_frame()
-        for frame, now in enumerate(times[1:]):
-            for name, (deformer, transport) in chains.items():
-                with watch.measured(BARE):
-                    bare.run(records, iterations)
-                if name == profiled:
-                    profiler.enable()
-                started = time.thread_time()
-                with watch.measured(OTHER):
-                    deformer.update(time=now)
-                done = time.thread_time()
-                with watch.measured(FIBRES):
-                    transport.update(time=now)
-                profiler.disable()
-                sums = {**watch.next_frame(), STEP: 1e3 * (done - started)}
-                best = least[name][frame]
-                for stage, ms in sums.items():
-                    best[stage] = min(best.get(stage, np.inf), ms)
+        for best, now in zip(least[name], times[1:], strict=True):
+            with watch.measured(BARE):
+                bare.run(records, iterations)
+            if name == profiled:
+                profiler.enable()
+            started = time.thread_time()
+            with watch.measured(OTHER):
+                deformer.update(time=now)
+            done = time.thread_time()
+            with watch.measured(FIBRES):
+                transport.update(time=now)
+            profiler.disable()
+            sums = {**watch.next_frame(), STEP: 1e3 * (done - started)}
+            for stage, ms in sums.items():
+                best[stage] = min(best.get(stage, np.inf), ms)
     if profiled:
         pstats.Stats(profiler).sort_stats("tottime").print_stats(40)
     return {
