@@ -74,7 +74,7 @@ def coverage(fibres: object, muscle: object) -> tuple[float, float, float]:
     """Return the 95th percentile of the distance of points in a muscle from a fibre, and two ideals.
 
     The first ideal is as many fibres evenly spaced in each section of the muscle from end to end, in
-    hexagonal packing: a random point in a hexagon of inner radius r is nearer than 1.006 r to its centre in
+    hexagonal packing: a random point in a hexagon of inner radius r is nearer than 1.035 r to its centre in
     95 % of cases (by sampling, below), and r follows the area of the sections across the muscle's course
     (by the sections across its longest side, times the cosine of the course's angle to that side). The second
     has the same spacing everywhere, and fibres of the same total length: a lower bound of what any

@@ -1,9 +1,15 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from scipy.spatial import ConvexHull, Delaunay
+from scipy.spatial import ConvexHull, Delaunay, cKDTree
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
+from vtkmuscle import Scene
+from vtkmuscle.core.mesh import signed_volume
+from vtkmuscle.core.packing import filling_radius
+from vtkmuscle.core.polylines import polyline_lengths
 from vtkmuscle.filters.arrays import (
     Polylines,
     cell_array,
@@ -131,3 +137,35 @@ def test_neighbours_by_their_parameters_stay_neighbours_in_every_slice_as_fibres
         # 1.8 for 95 % of them in the template; any two fibres are 5 apart on the mean.
         assert np.percentile(apart, 95) < 3.0
         assert apart.max() < 5.0
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize(
+    "name",
+    [
+        "gluteus_maximus",
+        "gluteus_medius",
+        "adductor_brevis",
+        pytest.param(
+            "iliacus",
+            marks=pytest.mark.xfail(
+                strict=True, reason="2.1: it fans out, and fibres end all over its origin"
+            ),
+        ),
+    ],
+)
+def test_a_hundred_fibres_cover_real_muscles_nearly_as_well_as_evenly_spaced_ones(name, lhdl_hip):
+    scene = Scene.load(lhdl_hip / "scene.toml")
+    muscle = scene.muscles[name].surface
+    lines = polylines_of(decompose(muscle, scene.attachments_data(name)).update().output, name)
+    geometry = muscle_geometry(muscle, name)
+    places = np.random.default_rng(1).uniform(geometry.points.min(0), geometry.points.max(0), (60_000, 3))
+    inside = places[geometry.distance.depth(places) > 0.0]
+    assert len(inside) > 5000
+    share = np.linspace(0.0, 1.0, 12)[:, None]
+    dense = [a + share * (b - a) for line in map(lines.line, range(100)) for a, b in pairwise(line)]
+    found = np.percentile(cKDTree(np.vstack(dense)).query(inside)[0], 95)
+    # 95 % of a hexagon of inner radius r is nearer than 1.035 r to its centre.
+    volume = abs(signed_volume(geometry.points, geometry.triangles))
+    even = 1.035 * filling_radius(volume, polyline_lengths(lines.points, lines.offsets).sum())
+    assert found <= 1.5 * even
