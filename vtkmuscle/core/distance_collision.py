@@ -110,7 +110,7 @@ def resolve_distance_collisions(
     movable = free if exempt is None else free & ~exempt
     known = Clearance(len(p)) if clearance is None else clearance
     moved = np.zeros(len(p), dtype=np.bool_)
-    to_rest = inverse(now)
+    to_rest = known.to_rest(now)
     _resolve(
         grid.values,
         grid.table,
@@ -156,6 +156,13 @@ class Clearance:
         self.squares: Floats = np.zeros(n_points)
         self._grid: DistanceGrid | None = None
         self._bone: Floats = np.eye(4)
+        self._to_rest: tuple[Floats, Floats] | None = None
+
+    def to_rest(self, bone: Floats) -> Floats:
+        """Return the inverse of where the bone is; one array is inverted once, however often it comes."""
+        if self._to_rest is None or self._to_rest[0] is not bone:
+            self._to_rest = bone, inverse(bone)
+        return self._to_rest[1]
 
     def begin(self, grid: DistanceGrid, bone: Floats, step: Floats, x: Floats) -> None:
         """Begin a step.
