@@ -24,7 +24,7 @@ from vtkmuscle.filters.attachments import attachments_of
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
 from vtkmuscle.filters.muscle_geometry import muscle_geometry
 from vtkmuscle.filters.surface_distance import SurfaceDistance
-from vtkmuscle.phantoms import fibre_block, spindle_over_hinge, winding_spindle
+from vtkmuscle.phantoms import fibre_block, hip, spindle_over_hinge, winding_spindle
 from vtkmuscle.pipelines import decompose
 
 
@@ -169,3 +169,13 @@ def test_a_hundred_fibres_cover_real_muscles_nearly_as_well_as_evenly_spaced_one
     volume = abs(signed_volume(geometry.points, geometry.triangles))
     even = 1.035 * filling_radius(volume, polyline_lengths(lines.points, lines.offsets).sum())
     assert found <= 1.5 * even
+
+
+def test_fibres_that_are_held_at_the_rim_of_a_broad_area_do_not_hook_there():
+    phantom = hip()
+    muscle, areas = phantom.muscles["gluteus_medius"], phantom.attachments["gluteus_medius"]
+    fibres = decompose(muscle, areas, n_fibres=100, resolution=15, method="harmonic").update().output
+    steps = np.diff(points_of(fibres).reshape(100, 16, 3), axis=1)
+    steps /= np.linalg.norm(steps, axis=2, keepdims=True)
+    turns = np.degrees(np.arccos((steps[:, 1:] * steps[:, :-1]).sum(axis=2).clip(-1, 1)))
+    assert turns.max() <= 60

@@ -26,6 +26,8 @@ STATIONS = 16
 LEAST_BLUR = 6
 #: At most so many pieces of the line between two stations are told apart.
 PIECES = 8
+#: How far along a fibre, as a part of it, points follow its end: less leaves hooks, more bare flanks.
+REACH = 0.11
 #: Most cells of the grid along a side.
 FINEST = 256
 
@@ -52,6 +54,30 @@ def steps_to_centres(points: Floats, offsets: Ints, samples: Floats) -> Floats:
     """
     lines = _stations(points, offsets)
     return _between(points, offsets, _station_steps(lines, samples))
+
+
+@kernel
+def move_ends(points: Floats, ends: Ints, others: Ints, places: Floats) -> None:
+    """Move one end of each fibre to a given place, and what is beside it with it.
+
+    A fibre that goes on while its end is held, at the rim of its area, hooks there. So the points beside it
+    follow, the less the farther they are, up to :data:`REACH` of the fibre's points.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Fibre points, changed in place [mm].
+    ends, others : (k,) int arrays
+        This end of each fibre, and its other one.
+    places : (k, 3) array
+        Where the ends go [mm].
+    """
+    for i in range(len(ends)):
+        step, count = (1 if others[i] > ends[i] else -1), abs(others[i] - ends[i])
+        way = places[i] - points[ends[i]]
+        points[ends[i]] = places[i]
+        for j in range(1, count):
+            points[ends[i] + step * j] += max(1.0 - j / (REACH * count), 0.0) * way
 
 
 @kernel

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.polylines import polyline_lengths, smooth_polylines
-from vtkmuscle.core.spreading import steps_to_centres
+from vtkmuscle.core.spreading import move_ends, steps_to_centres
 from vtkmuscle.core.triangle_tree import TriangleTree
 from vtkmuscle.filters.arrays import Polylines, field_string, polylines_of, set_cell_array, with_polylines
 from vtkmuscle.filters.attachments import attachments_of
@@ -125,8 +125,11 @@ class FibreSmoother(Filter):
             if len(samples):
                 steps = filling * steps_to_centres(points, lines.offsets, samples)
                 goals = points + steps
-                for end, area in zip(ends, areas, strict=True):
-                    goals[end] = points[end] if area is None else area.nearest(goals[end])[1]
+                for end, other, area in zip(ends, reversed(ends), areas, strict=True):
+                    if area is None:
+                        goals[end] = points[end]
+                    else:
+                        move_ends(goals, end, other, area.nearest(goals[end])[1])
                 points = goals
             points[inner] = geometry.distance.into(points[inner])
             self.report_progress((done + 1) / self.iterations)
