@@ -195,13 +195,14 @@ def test_damping_stops_a_body():
     assert np.allclose(state.positions, solver.rest)
 
 
-def test_substeps_follow_the_bones_on_their_arc():
-    coarse, fine = solver_of(substeps=1), solver_of(substeps=9)
-    steps = solver_of()
+@pytest.mark.parametrize(("solver", "end"), [("gauss-seidel", 90), ("anderson", 90), ("two-level", 60)])
+def test_substeps_follow_the_bones_on_their_arc(solver, end):
+    coarse, fine = solver_of(substeps=1, solver=solver), solver_of(substeps=end // 10, solver=solver)
+    steps = solver_of(solver=solver)
     state = steps.rest_state(2)
-    for angle in range(10, 91, 10):
+    for angle in range(10, end + 1, 10):
         state = steps.step(state, bent(angle))
-    at_once = fine.step(fine.rest_state(2), bent(90))
+    at_once = fine.step(fine.rest_state(2), bent(end))
     assert np.allclose(at_once.positions, state.positions, atol=1e-9)
     assert not np.allclose(coarse.step(coarse.rest_state(2), bent(90)).positions, state.positions, atol=0.1)
 

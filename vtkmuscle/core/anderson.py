@@ -19,7 +19,6 @@ from vtkmuscle.core.convergence import (
 from vtkmuscle.core.jit import kernel
 
 Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
 #: An accelerated step is taken back where its residual exceeds that of the step before so many times.
@@ -77,7 +76,9 @@ def anderson(
     tolerance: float = 0.0,
     window: int = 10,
     dimension: int = 3,
+    points: float | None = None,
     amplification: float | None = None,
+    corrected: bool = False,
     unsteady: Bools | None = None,
     admissible: Callable[[Floats], bool] | None = None,
     observe: Callable[[int, Floats, float], None] | None = None,
@@ -106,8 +107,13 @@ def anderson(
         Differences of past steps that are combined, >= 0; 0 is the plain iteration.
     dimension : int
         Components of a point; points are consecutive in x.
+    points : float, optional
+        Number of points to take means over; all by default. Fewer, where the rest cannot move.
     amplification : float, optional
         See :func:`~vtkmuscle.core.convergence.estimate_distance`. That of a typical muscle by default.
+    corrected : bool, optional
+        Whether g has a coarse correction in it: the distance then is estimated by
+        :func:`~vtkmuscle.core.convergence.estimate_corrected_distance`.
     unsteady : (n,) bool array, optional
         Components by whose residuals the combination is not chosen, as g is not smooth there: points on a
         bone. g may set more of them as it goes.
@@ -136,14 +142,14 @@ def anderson(
     True
     """
     n = len(start)
-    points = n / dimension
-    if amplification is None:
+    points = n / dimension if points is None else points
+    if amplification is None and not corrected:
         reference, typical = TYPICAL_AMPLIFICATION
         amplification = typical * (points / reference) ** AMPLIFICATION_GROWTH
     memory = Workspace(n, window) if workspace is None else workspace
     memory.clear()
     unsteady = np.zeros(n, dtype=np.bool_) if unsteady is None else unsteady
-    trail = Trail(points, amplification, memory.spare)
+    trail = Trail(points, None if corrected else amplification, memory.spare)
     x, image = memory.x, np.empty(n)
     x[:] = start
     plain = True
@@ -207,21 +213,17 @@ class Workspace:
         Components of the iterates.
     window : int
         Differences of past steps that are combined, >= 0.
-    unit : float
-        Unit of length in which differences are kept. One that is a length of the problem, such as an edge,
-        lets single precision round them alike in millimetres and in metres.
     """
 
-    def __init__(self, n: int, window: int = 10, *, unit: float = 1.0) -> None:
-        # Single precision halves the traffic, which is what acceleration costs, and only bends the search
-        # directions a little: residuals are computed in double precision from the iterates themselves.
-        self._residuals = np.empty((window, n), dtype=np.float32)
-        self._images = np.empty((window, n), dtype=np.float32)
+    def __init__(self, n: int, window: int = 10) -> None:
+        # Not in single precision, though that would halve the traffic: it rounds a muscle and the same one
+        # turned, or in another unit of length, differently, and a solve makes more of what differs.
+        self._residuals = np.empty((window, n))
+        self._images = np.empty((window, n))
         self._products = np.zeros((window, window))
         self._residual = np.empty(n)
         self._image = np.empty(n)
         self._window = window
-        self._scale = 1.0 / unit
         self._count = -1
         #: The iterate.
         self.x: Floats = np.empty(n)
@@ -241,7 +243,7 @@ class Workspace:
         used = min(self._count, self._window)
         dots = np.zeros((2, self._window))
         differences, now = (self._residuals, self._images), (self._residual, self._image)
-        _add_step(x, image, unsteady, *now, *differences, row, used, self._scale, dots)
+        _add_step(x, image, unsteady, *now, *differences, row, used, dots)
         if used == 0:
             return None
         self._products[row, :used] = self._products[:used, row] = dots[0, :used]
@@ -260,11 +262,10 @@ def _add_step(
     unsteady: Bools,
     residual: Floats,
     last_image: Floats,
-    residuals: Singles,
-    images: Singles,
+    residuals: Floats,
+    images: Floats,
     row: int,
     used: int,
-    scale: float,
     dots: Floats,
 ) -> None:
     """Store the differences to the step before and multiply them with all others, in one pass."""
@@ -280,16 +281,16 @@ def _add_step(
         newest, newest_image = residuals[row, first:last], images[row, first:last]
         for i in range(last - first):
             r = 0.0 if unsteady[first + i] else image[first + i] - x[first + i]
-            newest[i] = scale * (r - now[i])
-            newest_image[i] = scale * (image[first + i] - last_image[first + i])
+            newest[i] = r - now[i]
+            newest_image[i] = image[first + i] - last_image[first + i]
             now[i] = r
             last_image[first + i] = image[first + i]
         for j in range(used):
             other = residuals[j, first:last]
             a, b = 0.0, 0.0
             for i in range(last - first):
-                a += np.float64(other[i]) * np.float64(newest[i])
-                b += np.float64(other[i]) * now[i]
+                a += other[i] * newest[i]
+                b += other[i] * now[i]
             dots[0, j] += a
             dots[1, j] += b
 
@@ -323,7 +324,7 @@ def _least_squares(products: Floats, dots: Floats) -> Floats:
 
 
 @reduction
-def _combine(image: Floats, images: Singles, weights: Floats, x: Floats) -> None:
+def _combine(image: Floats, images: Floats, weights: Floats, x: Floats) -> None:
     """Write the image minus the weighted differences of images into x."""
     n = len(x)
     for first in range(0, n, _BLOCK):
@@ -335,4 +336,4 @@ def _combine(image: Floats, images: Singles, weights: Floats, x: Floats) -> None
             w = weights[j]
             row = images[j, first:last]
             for i in range(last - first):
-                out[i] -= w * np.float64(row[i])
+                out[i] -= w * row[i]

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.anderson import Workspace, anderson
+from vtkmuscle.core.anderson import AndersonResult, Workspace, anderson
 from vtkmuscle.core.batches import pack
 from vtkmuscle.core.blending import blend_motions, screw_between
 from vtkmuscle.core.coarse import Prolongation
@@ -20,9 +20,8 @@ from vtkmuscle.core.convergence import root_mean_square_distance
 from vtkmuscle.core.fibre_stretch import THINNING, FibreStretch
 from vtkmuscle.core.harmonic import harmonic_weights
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh import edge_lengths
 from vtkmuscle.core.muscle_contact import MuscleContact, Neighbour
-from vtkmuscle.core.muscle_state import MuscleState
+from vtkmuscle.core.muscle_state import MuscleState, Trend
 from vtkmuscle.core.obstacles import Obstacle
 from vtkmuscle.core.projection import ColourOrder, Projection, SequentialOrder
 from vtkmuscle.core.rest_shape import RestShape, ShapeReport
@@ -31,6 +30,7 @@ from vtkmuscle.core.solver_parameters import SolverParameters
 from vtkmuscle.core.stages import StageClock, add_stages
 from vtkmuscle.core.stretched_shape import StretchedShape
 from vtkmuscle.core.topology import MeshTopology, mesh_topology
+from vtkmuscle.core.two_level import CoarseCorrection, CoarseModel, has_coarse_model
 
 __all__ = ["MuscleSolver", "MuscleState", "SolverParameters"]
 
@@ -49,6 +49,14 @@ SETTLING_PASSES = 6
 OUT_OF_RANGE = (
     "the muscle left the range of floating point numbers; use a smaller external_force or another dt"
 )
+
+#: A step's trend is taken into the next at most so many times, where the bones go on or turn back.
+GOING_ON = (-1.0, 2.0)
+
+#: Coarse corrections are given up, for the rest of a step, where an iteration has to move the points so many
+#: times as far as the least of those before, or where so many in a row have to move them as far as that: a
+#: muscle about to buckle is not what its rest shape says of it.
+WORSE, STALLED = 20.0, 8
 
 #: Relative error of the volume that is as good as none.
 VOLUME_TOLERANCE = 1e-6
@@ -190,6 +198,7 @@ class MuscleSolver:
         stiffness = np.ones(len(self.topology.edges)) if edge_stiffness is None else edge_stiffness
         stiffness = self._per_iteration(settings.stiffness * stiffness)
         shape_stiffness = float(self._per_iteration(settings.shape_stiffness))
+        self._stiffness = stiffness, shape_stiffness
         made_from = (
             self._stretch,
             settings.order,
@@ -202,6 +211,7 @@ class MuscleSolver:
         if before is not None and before[0] == made_from and np.array_equal(before[1], stiffness):
             return
         self._projection_made_from = made_from, stiffness
+        self._coarse_model: CoarseModel | None = None
         if settings.order == "colour":
             packed = pack(
                 self.topology,
@@ -240,13 +250,13 @@ class MuscleSolver:
         A solve that runs to convergence ends where the ratios of the stiffnesses have it; if they depended on
         the number of iterations, so would the shape.
         """
-        if self.parameters.solver == "anderson":
+        if self.parameters.solver != "gauss-seidel":
             return np.asarray(stiffness, dtype=np.float64)
         return per_iteration_stiffness(stiffness, self.parameters.iterations)
 
     @cached_property
     def _workspace(self) -> Workspace:
-        return Workspace(self.rest.size, unit=float(edge_lengths(self.rest, self.topology.edges).mean()))
+        return Workspace(self.rest.size)
 
     @cached_property
     def _blend_weights(self) -> tuple[Ints, Floats]:
@@ -360,7 +370,7 @@ class MuscleSolver:
                 coarse = self._coarse._substep(state.coarse, transforms, neighbours, lambda _: progress(0.0))
             p = self._predict(state, now, before, dt, coarse)
             _check_finite(p)
-            solve = self._accelerated if self.parameters.solver == "anderson" else self._plain
+            solve = self._plain if self.parameters.solver == "gauss-seidel" else self._accelerated
             clock.switch("constraints")
             try:
                 p, collided, convergence = solve(p, keep_out, clock, progress)
@@ -374,7 +384,11 @@ class MuscleSolver:
         if self.parameters.contact_velocity == "zero":
             # P21 section 5: a colliding point's velocity would make spikes.
             velocities[collided] = 0.0
-        return MuscleState(p, velocities, transforms, int(collided.sum()), *convergence, clock.stop(), coarse)
+        trend = self._trend(state, before, now, p)
+        colliding = int(collided.sum())
+        return MuscleState(
+            p, velocities, transforms, colliding, *convergence, clock.stop(), coarse=coarse, trend=trend
+        )
 
     def _plain(
         self, p: Floats, keep_out: _KeepOut, clock: StageClock, progress: Callable[[float], None]
@@ -401,46 +415,94 @@ class MuscleSolver:
         unsteady = np.zeros(p.shape, dtype=np.bool_)
         # A muscle that momentum throws at a bone may touch it with all its points.
         follows = self.parameters.start != "inertial"
+        correction = self._correction(p)
+        touching = _Touching(keep_out)
+        best, least, stalled = p, np.inf, 0
         done = 0
 
         def iterate(flat: Floats) -> Floats:
-            nonlocal done
+            nonlocal best, least, stalled, done
             clock.switch("constraints")
-            image[:] = flat.reshape(-1, 3)
-            collided[:] = self._projection.iterate(image, keep_out, bones_last=follows)
+            x = flat.reshape(-1, 3)
+            image[:] = x
+            collided[:] = self._projection.iterate(image, touching.keep_out, bones_last=follows)
             if follows:
                 unsteady[self._with_neighbours(collided)] = True
             done += 1
             progress(done / n)
             clock.switch("acceleration")
+            if correction is not None:
+                residual = root_mean_square_distance(image.reshape(-1), flat, len(p))
+                stalled = 0 if residual < least else stalled + 1
+                if stalled == STALLED or residual > WORSE * least:
+                    raise _WorsenedError
+                if not stalled:
+                    best, least = image.copy(), residual
+                correction.touch(touching.contacts, touching.normals)
+                correction.add(image - x, image)
             return image.reshape(-1)
 
-        result = anderson(
-            iterate,
-            p.reshape(-1),
-            max_iterations=n,
-            tolerance=self.parameters.tolerance,
-            unsteady=unsteady.reshape(-1),
-            workspace=self._workspace,
+        def solve(start: Floats, iterations: int) -> AndersonResult:
+            return anderson(
+                iterate,
+                start.reshape(-1),
+                max_iterations=iterations,
+                tolerance=self.parameters.tolerance,
+                points=max(1, int(self._free.sum())),
+                corrected=correction is not None,
+                unsteady=unsteady.reshape(-1),
+                workspace=self._workspace,
+            )
+
+        try:
+            result = solve(p, n if correction is None else n - 1)
+        except _WorsenedError:
+            correction = None
+            result = solve(best, max(n - done, 1))
+        p = result.x.reshape(-1, 3)
+        if correction is not None:
+            # Volume and bones hold after an iteration, not after a correction.
+            clock.switch("constraints")
+            collided = self._projection.iterate(p, keep_out, bones_last=follows)
+            done += 1
+        progress(1.0)
+        return p, collided, (done, result.residual, result.distance)
+
+    @property
+    def _has_correction(self) -> bool:
+        """Whether iterations are corrected on a coarse level.
+
+        They are not where the muscle keeps its momentum: what that and forces do to it is what is left of
+        them after the iterations, and the end of the solve knows of neither. And not where a bone of voxels
+        takes points back the way they came: a map with such jumps has no use for it.
+        """
+        settings = self.parameters
+        return (
+            settings.solver == "two-level"
+            and settings.start != "inertial"
+            and all(obstacle.slides for obstacle in self._barrier.obstacles)
+            and has_coarse_model(self._free)
         )
-        if done < n:
-            progress(1.0)
-        return result.x.reshape(-1, 3), collided, (result.iterations, result.residual, result.distance)
+
+    def _correction(self, p: Floats) -> CoarseCorrection | None:
+        """Return the coarse correction of a step that starts at p, if there is one."""
+        if self.parameters.iterations == 1 or not self._has_correction:
+            return None
+        if self._coarse_model is None:
+            self._coarse_model = CoarseModel(self.rest, self.topology, self._free, *self._stiffness)
+        return CoarseCorrection(self._coarse_model, p, keeps_volume=self._volume_stiffness > 0.0)
 
     def _predict(
         self, state: MuscleState, now: Floats, before: Floats, dt: float, coarse: MuscleState | None
     ) -> Floats:
         """P21 Algorithm 2, lines 6 to 15."""
         settings = self.parameters
-        free = self._free
         push = dt * np.asarray(settings.external_force, dtype=np.float64)
         if coarse is not None and state.coarse is not None:
             p = self._prolonged(state.coarse, coarse, state.positions)
-        elif settings.start == "blend" and not free.all():
+        elif self._follows_bones:
             # The muscle follows the bones: it keeps no momentum of its own.
-            bones, weights = self._blend_weights
-            motions = np.array([now[bone] @ inverse(before[bone]) for bone in bones])
-            p = blend_motions(motions, weights, state.positions)
+            p = self._blended(before, now, state.positions + self._expected(state.trend, before, now))
             if push.any():
                 p += dt * (settings.damping * push)
         else:
@@ -448,6 +510,37 @@ class MuscleSolver:
         for bone, fixed in self._fixed:
             p[fixed] = apply_transform(now[bone], self.rest[fixed])
         return p
+
+    @property
+    def _follows_bones(self) -> bool:
+        return self.parameters.start == "blend" and not self._free.all()
+
+    def _blended(self, before: Floats, now: Floats, x: Floats) -> Floats:
+        """Return points moved as the bones have moved."""
+        bones, weights = self._blend_weights
+        return blend_motions(np.array([now[bone] @ inverse(before[bone]) for bone in bones]), weights, x)
+
+    def _expected(self, trend: Trend | None, before: Floats, now: Floats) -> Floats | float:
+        """Return what the muscle will do apart from following its bones, if it goes on as in the last step.
+
+        As much of the last step's as its fixed points go on in the same direction.
+        """
+        if trend is None:
+            return 0.0
+        last, further = 0.0, 0.0
+        for bone, fixed in self._fixed:
+            a, b, c = (apply_transform(t[bone], self.rest[fixed]) for t in (trend.transforms, before, now))
+            last += float(np.sum((b - a) ** 2))
+            further += float(np.sum((b - a) * (c - b)))
+        if last == 0.0:
+            return 0.0
+        return float(np.clip(further / last, *GOING_ON)) * trend.displacements
+
+    def _trend(self, state: MuscleState, before: Floats, now: Floats, p: Floats) -> Trend | None:
+        """Return how the muscle has moved apart from following its bones."""
+        if not (self._has_correction and self._follows_bones):
+            return None
+        return Trend(p - self._blended(before, now, state.positions), before)
 
     def _prolonged(self, before: MuscleState, now: MuscleState, x: Floats) -> Floats:
         """Return the full muscle moved as the coarse one has moved."""
@@ -499,6 +592,29 @@ def _spread(marked: Bools, edges: Ints, found: Bools) -> None:
         i, j = edges[e, 0], edges[e, 1]
         if marked[i] or marked[j]:
             found[i] = found[j] = True
+
+
+class _WorsenedError(Exception):
+    """Coarse corrections lead away from the end of the solve."""
+
+
+class _Touching:
+    """Notices which points touch bones, and the direction that these push them in."""
+
+    def __init__(self, keep_out: _KeepOut) -> None:
+        self._keep_out = keep_out
+        self.contacts: Ints = np.empty(0, dtype=np.int64)
+        self.normals: Floats = np.empty((0, 3))
+
+    def keep_out(self, p: Floats) -> Bools:
+        before = p.copy()
+        hit = self._keep_out(p)
+        touching = np.flatnonzero(hit)
+        pushed = p[touching] - before[touching]
+        length = np.linalg.norm(pushed, axis=1)
+        used = length > 0.0
+        self.contacts, self.normals = touching[used], pushed[used] / length[used, None]
+        return hit
 
 
 def _check_finite(*arrays: Floats) -> None:

@@ -21,16 +21,18 @@ class SolverParameters:
         Part of the velocity that is left after a (sub)step, in [0, 1].
     stiffness, shape_stiffness, volume_stiffness : float
         Of the distance, dihedral and volume constraints, in [0, 1]: per (sub)step with ``"gauss-seidel"``,
-        per iteration with ``"anderson"``.
+        per iteration with the others.
     external_force : (3,) tuple
         Force per mass on each free point [mm / s^2].
     start : str
         Where the solve of a step starts: ``"inertial"``, ``"blend"``, or ``"coarse"``, which needs a coarse
         muscle.
     solver : str
-        ``"gauss-seidel"`` or ``"anderson"``: the iteration as it is, or accelerated.
+        ``"gauss-seidel"``, ``"anderson"`` or ``"two-level"``: the iteration as it is, accelerated, or
+        accelerated and corrected on a coarse level.
     tolerance : float
-        With ``"anderson"``: stop at this estimated distance to the converged shape [mm]; 0 never stops.
+        Stop at this estimated distance to the converged shape [mm], except with ``"gauss-seidel"``; 0 never
+        stops.
     order : str
         ``"colour"`` or ``"sequential"``: many edges at once and the volume last, or P21's order.
     dtype : str
@@ -54,7 +56,7 @@ class SolverParameters:
     volume_stiffness: float = 1.0
     external_force: tuple[float, ...] = (0.0, 0.0, 0.0)
     start: str = "blend"
-    solver: str = "anderson"
+    solver: str = "two-level"
     tolerance: float = 0.0
     order: str = "colour"
     dtype: str = "float64"

@@ -42,17 +42,18 @@ from vtkmuscle.filters.time_path import input_at, path_to, request_time, request
 
 Ints = NDArray[np.int64]
 
-#: Parameters that say nothing unless another one has this value: a change of them alone changes no frame.
+#: Parameters that say nothing unless another one has one of these values: a change of them alone changes no
+#: frame.
 _ONLY_WITH = {
-    "cell": ("collision", "sdf"),
-    "skin": ("collision", "sdf"),
-    "friction": ("collision", "sdf"),
-    "n_max": ("collision", "voxel"),
-    "n_equal": ("collision", "voxel"),
-    "bone_push": ("collision", "voxel"),
-    "tolerance": ("solver", "anderson"),
-    "coarse_points": ("start", "coarse"),
-    "coarse_iterations": ("start", "coarse"),
+    "cell": ("collision", {"sdf"}),
+    "skin": ("collision", {"sdf"}),
+    "friction": ("collision", {"sdf"}),
+    "n_max": ("collision", {"voxel"}),
+    "n_equal": ("collision", {"voxel"}),
+    "bone_push": ("collision", {"voxel"}),
+    "tolerance": ("solver", {"anderson", "two-level"}),
+    "coarse_points": ("start", {"coarse"}),
+    "coarse_iterations": ("start", {"coarse"}),
 }
 
 
@@ -101,25 +102,23 @@ class PBDDeformer(Filter):
     thicker and does not buckle, and the solve converges soon. ``"stiffness"`` (P21) makes edges the less
     stiff the more they run along the fibres, k = 1 - abs(u . v), and leaves the rest shape as it is.
 
-    Each step starts from ``"coarse"``, ``"blend"`` or ``"inertial"``. From ``"blend"`` free points start
-    where the bones' motions, blended by harmonic weights, take them (they have no momentum then); from
-    ``"inertial"``, where their velocity takes them (P21). From ``"inertial"`` the muscle hangs back behind
-    the bones: on a right hip flexed by 90 degrees in steps of 2 edges are drawn out to more than 100 times
-    their length.
-
-    From ``"coarse"``, the default, a muscle of ``coarse_points`` points, in which a change wanders far in an
-    iteration, makes each step first, from its own blended start, and the full muscle starts where that takes
-    it. A muscle of fewer than twice as many points starts from ``"blend"``. Only the few points are kept out
-    of a bone by the coarse step: with fewer than the default a ridge of it may come through between them.
-    With 10 iterations from there the longest edge of that hip's adductor brevis at 90 degrees is 4.5 times as
-    long as at rest (10.9 times with 10 from ``"blend"``, 6.4 with 100), at about 45 ms of processor time per
-    frame.
+    Each step starts from ``"blend"``, ``"coarse"`` or ``"inertial"``. From ``"blend"``, the default, free
+    points start where the bones' motions, blended by harmonic weights, take them (they have no momentum
+    then); with ``solver="two-level"`` they also go on as they did in the last step apart from that. From
+    ``"inertial"``, they start where their velocity takes them (P21). From ``"inertial"`` the muscle hangs
+    back behind the bones: on a right hip flexed by 90 degrees in steps of 2 edges are drawn out to more than
+    100 times their length. From ``"coarse"`` a muscle of ``coarse_points`` points, in which a change wanders
+    far in an iteration, makes each step first, from its own blended start, and the full muscle starts where
+    that takes it. A muscle of fewer than twice as many points starts from ``"blend"``.
 
     ``solver="anderson"`` takes the iteration of ``"gauss-seidel"`` nearer to its end in the same number of
     iterations. Stiffnesses hold per iteration then, so that the shape it goes to does not depend on their
-    number; with ``"gauss-seidel"`` they hold per step. More iterations are not always better. After 50 of
-    them the muscles of that hip are smoother than after 10, the default; near the end of the solve, after
-    300, the iliacus bends sideways rather than shorten.
+    number; with ``"gauss-seidel"`` they hold per step. ``"two-level"``, the default, also corrects each
+    iteration by what a few nodes, which carry the points with them, see of all constraints together. It goes
+    to the same shape much sooner: on that hip 10 iterations end at most 0.25 mm from it (root mean square
+    over the points, any of four muscles), 20 at most 0.1 mm, where 10 with ``"anderson"`` leave 1 to 3 mm.
+    With ``start="inertial"``, ``collision="voxel"`` or in a muscle of fewer than 40 free points there is no
+    correction, and it is as ``"anderson"``.
 
     ``quality`` in the constructor, ``"preview"``, ``"balanced"`` or ``"accurate"``, stands for a few of the
     parameters; those that are given count more. On the phantom hip in steps of 10 degrees ``"preview"``
@@ -260,7 +259,7 @@ class PBDDeformer(Filter):
     )
     start = Parameter(
         str,
-        default="coarse",
+        default="blend",
         choices=("inertial", "blend", "coarse"),
         doc="Where free points start each step: where their velocity takes them (P21), where the bones' "
         "blended motions do, or where a muscle of fewer points goes.",
@@ -276,16 +275,18 @@ class PBDDeformer(Filter):
     )
     solver = Parameter(
         str,
-        default="anderson",
-        choices=("gauss-seidel", "anderson"),
-        doc="The iteration: as it is (P21), or accelerated towards the same shape.",
+        default="two-level",
+        choices=("gauss-seidel", "anderson", "two-level"),
+        doc="The iteration: as it is (P21), accelerated towards the same shape, or accelerated and corrected "
+        "on a coarse level, which takes it there soonest.",
     )
     tolerance = Parameter(
         float,
         default=0.0,
         minimum=0.0,
         units="mm",
-        doc="Stop at this estimated distance to the converged shape, with solver 'anderson'; 0 never stops.",
+        doc="Stop at this estimated distance to the converged shape, except with solver 'gauss-seidel'; 0 "
+        "never stops.",
     )
     order = Parameter(
         str,
@@ -442,8 +443,8 @@ class PBDDeformer(Filter):
         del settings["checkpoint_memory"], settings["verbose"]
         if self.collision != "none":  # the bones at rest are known then
             del settings["penetration"]
-        for name, (other, value) in _ONLY_WITH.items():
-            if settings[other] != value:
+        for name, (other, values) in _ONLY_WITH.items():
+            if settings[other] not in values:
                 del settings[name]
         return settings
 
