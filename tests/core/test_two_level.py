@@ -127,7 +127,7 @@ def test_a_correction_is_bounded(muscle, model, rng):
     points, _, _ = muscle
     moved = correction_of(model, points, 1e6 * rng.normal(size=points.shape))
     longest = np.linalg.norm(moved, axis=1).max()
-    assert longest == pytest.approx(LONGEST_MOVE * model.diagonal)
+    assert longest == pytest.approx(LONGEST_MOVE * model.size)
 
 
 def test_farthest_points_are_spread_and_all_different(rng):

@@ -42,7 +42,7 @@ HOLD = 1e-4
 #: Part of the scaled diagonal that is added to it: motions of the nodes that cancel in all points.
 REGULARISATION = 1e-9
 
-#: A correction moves no point by more than this part of the muscle's diagonal: beyond, it is not linear.
+#: A correction moves no point by more than this part of the muscle's size: beyond, it is not linear.
 LONGEST_MOVE = 0.05
 
 #: Points on bones that are respected by the correction, at most; of more, so many are picked and count more.
@@ -89,9 +89,10 @@ class CoarseModel:
         self.mass: Floats = free.astype(np.float64)
         self.neighbours: Ints = binding.neighbours
         self.weights: Floats = binding.weights
-        self.diagonal = float(np.linalg.norm(np.ptp(rest, axis=0)))
+        #: Twice the distance of the farthest point from the mean [mm].
+        self.size = 2.0 * float(np.linalg.norm(rest - rest.mean(axis=0), axis=1).max())
         #: A node's turn is measured by how far it takes a point at this distance [mm].
-        self.reach = self.diagonal / np.sqrt(len(picked))
+        self.reach = self.size / np.sqrt(len(picked))
         self.centres: Floats = self.means(rest, len(picked))
         size = 6 * len(picked)
         matrix = np.zeros((size, size))
@@ -241,7 +242,7 @@ class CoarseCorrection:
             self._centres,
             self._turns,
             model.reach,
-            LONGEST_MOVE * model.diagonal,
+            LONGEST_MOVE * model.size,
             points,
         )
 
