@@ -13,7 +13,7 @@ from typing import Any
 #: converged solve is uncertain by. The volume is kept to 1e-12, points end at most 0.04 mm in a bone.
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
-        "preview": {"iterations": 8, "max_triangles": 1000},
+        "preview": {"iterations": 25, "max_triangles": 1000},
         "balanced": {"iterations": 400, "tolerance": 0.3},
         "accurate": {"iterations": 1000, "tolerance": 0.05},
     }
