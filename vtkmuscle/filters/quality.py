@@ -6,11 +6,20 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-#: Measured on the phantom hip in steps of 10 degrees, all three muscles, by
-#: ``vtkmuscle tradeoff demo --every 5 --frames 0:10 --only presets``: processor time per step, and RMS
-#: distance to the converged solve, of all muscles and of the worst: ``preview`` 91 ms, 3.1 and 3.9 mm;
-#: ``balanced`` 245 ms, 0.20 and 0.29 mm; ``accurate`` 346 ms, 0.03 and 0.04 mm, which is as much as the
-#: converged solve is uncertain by. The volume is kept to 1e-12, points end at most 0.04 mm in a bone.
+#: Points of the front of docs/tradeoff.rst, over 90 degrees of hip flexion in steps of 10: processor time per
+#: step of all muscles, RMS distance to the converged solve, and that of each muscle.
+#:
+#: ========  ============================  ===============================================================
+#: preset    phantom hip, three muscles    real hip (LHDL data), four muscles
+#: ========  ============================  ===============================================================
+#: preview   57 ms, 3.1 mm (at most 3.9)   95 ms, 4.2 mm (maximus 6.8, medius 2.2, iliacus 3.4, adductor 2.6)
+#: balanced  178 ms, 0.22 mm (0.29)        1175 ms, 0.55 mm (0.18, 0.17, 0.32, adductor brevis 1.0)
+#: accurate  253 ms, 0.03 mm (0.04)        2313 ms, 0.23 mm (0.06, 0.02, 0.03, adductor brevis 0.47)
+#: ========  ============================  ===============================================================
+#:
+#: The converged solve of the adductor brevis is itself known to 0.8 mm only: from 70 degrees on it ends in
+#: one of several shapes. The volume is kept to 1e-11 %; 95 of 100 points are not in a bone at all, and
+#: none is deeper than 0.11 mm, where it is at rest.
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "preview": {"iterations": 25, "max_triangles": 1000},
