@@ -6,17 +6,12 @@ from scipy.spatial.transform import Rotation
 
 from tests.core.spindle import spindle
 from tests.core.test_solver import bent, box_bone, solver_of
+from vtkmuscle.core.coarse_matrix import HOLD
 from vtkmuscle.core.constraints import DIHEDRAL_FLOOR, dihedral_and_gradient, volume_and_gradient
+from vtkmuscle.core.nodes import farthest_points
 from vtkmuscle.core.solver import MuscleSolver, SolverParameters
 from vtkmuscle.core.topology import mesh_topology
-from vtkmuscle.core.two_level import (
-    HOLD,
-    LONGEST_MOVE,
-    CoarseCorrection,
-    CoarseModel,
-    farthest_points,
-    has_coarse_model,
-)
+from vtkmuscle.core.two_level import LONGEST_MOVE, CoarseCorrection, CoarseModel, has_coarse_model
 
 N_NODES = 12
 

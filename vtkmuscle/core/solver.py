@@ -10,7 +10,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.anderson import AndersonResult, Workspace, anderson
+from vtkmuscle.core.accelerated import AcceleratedSolve
+from vtkmuscle.core.anderson import Workspace
 from vtkmuscle.core.batches import pack
 from vtkmuscle.core.blending import blend_motions, screw_between
 from vtkmuscle.core.coarse import Prolongation
@@ -19,7 +20,6 @@ from vtkmuscle.core.contact import Barrier, Contact
 from vtkmuscle.core.convergence import root_mean_square_distance
 from vtkmuscle.core.fibre_stretch import THINNING, FibreStretch
 from vtkmuscle.core.harmonic import harmonic_weights
-from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.muscle_contact import MuscleContact, Neighbour
 from vtkmuscle.core.muscle_state import MuscleState, Trend
 from vtkmuscle.core.obstacles import Obstacle
@@ -52,11 +52,6 @@ OUT_OF_RANGE = (
 
 #: A step's trend is taken into the next at most so many times, where the bones go on or turn back.
 GOING_ON = (-1.0, 2.0)
-
-#: Coarse corrections are given up, for the rest of a step, where an iteration has to move the points so many
-#: times as far as the least of those before, or where so many in a row have to move them as far as that: a
-#: muscle about to buckle is not what its rest shape says of it.
-WORSE, STALLED = 20.0, 8
 
 #: Relative error of the volume that is as good as none.
 VOLUME_TOLERANCE = 1e-6
@@ -409,64 +404,23 @@ class MuscleSolver:
         self, p: Floats, keep_out: _KeepOut, clock: StageClock, progress: Callable[[float], None]
     ) -> _Solved:
         """Project all constraints, the iteration accelerated, until the shape is near its end."""
-        n = self.parameters.iterations
-        collided = np.zeros(len(p), dtype=np.bool_)
-        image = np.empty_like(p)
-        unsteady = np.zeros(p.shape, dtype=np.bool_)
-        # A muscle that momentum throws at a bone may touch it with all its points.
-        follows = self.parameters.start != "inertial"
-        correction = self._correction(p)
-        touching = _Touching(keep_out)
-        best, least, stalled = p, np.inf, 0
-        done = 0
-
-        def iterate(flat: Floats) -> Floats:
-            nonlocal best, least, stalled, done
-            clock.switch("constraints")
-            x = flat.reshape(-1, 3)
-            image[:] = x
-            collided[:] = self._projection.iterate(image, touching.keep_out, bones_last=follows)
-            if follows:
-                unsteady[self._with_neighbours(collided)] = True
-            done += 1
-            progress(done / n)
-            clock.switch("acceleration")
-            if correction is not None:
-                residual = root_mean_square_distance(image.reshape(-1), flat, len(p))
-                stalled = 0 if residual < least else stalled + 1
-                if stalled == STALLED or residual > WORSE * least:
-                    raise _WorsenedError
-                if not stalled:
-                    best, least = image.copy(), residual
-                correction.touch(touching.contacts, touching.normals)
-                correction.add(image - x, image)
-            return image.reshape(-1)
-
-        def solve(start: Floats, iterations: int) -> AndersonResult:
-            return anderson(
-                iterate,
-                start.reshape(-1),
-                max_iterations=iterations,
-                tolerance=self.parameters.tolerance,
-                points=max(1, int(self._free.sum())),
-                corrected=correction is not None,
-                unsteady=unsteady.reshape(-1),
-                workspace=self._workspace,
-            )
-
-        try:
-            result = solve(p, n if correction is None else n - 1)
-        except _WorsenedError:
-            correction = None
-            result = solve(best, max(n - done, 1))
-        p = result.x.reshape(-1, 3)
-        if correction is not None:
-            # Volume and bones hold after an iteration, not after a correction.
-            clock.switch("constraints")
-            collided = self._projection.iterate(p, keep_out, bones_last=follows)
-            done += 1
-        progress(1.0)
-        return p, collided, (done, result.residual, result.distance)
+        solve = AcceleratedSolve(
+            self._projection,
+            keep_out,
+            self.topology.edges,
+            self._correction(p),
+            # A muscle that momentum throws at a bone may touch it with all its points.
+            bones_last=self.parameters.start != "inertial",
+            clock=clock,
+            progress=progress,
+        )
+        return solve.run(
+            p,
+            iterations=self.parameters.iterations,
+            tolerance=self.parameters.tolerance,
+            movable=max(1, int(self._free.sum())),
+            workspace=self._workspace,
+        )
 
     @property
     def _has_correction(self) -> bool:
@@ -549,13 +503,6 @@ class MuscleSolver:
         shift = self._coarse.centre - self.centre
         return self._prolongation.prolong(before.positions + shift, now.positions + shift, x)
 
-    def _with_neighbours(self, points: Bools) -> Bools:
-        """Return which are points that are marked, or share an edge with one, (n,)."""
-        found = np.zeros_like(points)
-        if points.any():
-            _spread(points, self.topology.edges, found)
-        return found
-
     def _settle(self, p: Floats, keep_out: _KeepOut) -> Bools:
         """Take out of the bones what the last projection of the volume pushed in; return which points.
 
@@ -583,38 +530,6 @@ class MuscleSolver:
             stiffness,
             self._gradient,
         )
-
-
-@kernel
-def _spread(marked: Bools, edges: Ints, found: Bools) -> None:
-    """Mark both ends of edges (k, 2) that have a marked end."""
-    for e in range(len(edges)):
-        i, j = edges[e, 0], edges[e, 1]
-        if marked[i] or marked[j]:
-            found[i] = found[j] = True
-
-
-class _WorsenedError(Exception):
-    """Coarse corrections lead away from the end of the solve."""
-
-
-class _Touching:
-    """Notices which points touch bones, and the direction that these push them in."""
-
-    def __init__(self, keep_out: _KeepOut) -> None:
-        self._keep_out = keep_out
-        self.contacts: Ints = np.empty(0, dtype=np.int64)
-        self.normals: Floats = np.empty((0, 3))
-
-    def keep_out(self, p: Floats) -> Bools:
-        before = p.copy()
-        hit = self._keep_out(p)
-        touching = np.flatnonzero(hit)
-        pushed = p[touching] - before[touching]
-        length = np.linalg.norm(pushed, axis=1)
-        used = length > 0.0
-        self.contacts, self.normals = touching[used], pushed[used] / length[used, None]
-        return hit
 
 
 def _check_finite(*arrays: Floats) -> None:
