@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-#: Points of the front of docs/tradeoff.rst, over 90 degrees of hip flexion in steps of 10: processor time per
+#: Points of the front of docs/tradeoff.rst with ``solver="anderson"``, over 90 degrees of hip flexion in steps of 10: processor time per
 #: step of all muscles, RMS distance to the converged solve, and that of each muscle.
 #:
 #: ========  ============================  ===============================================================
