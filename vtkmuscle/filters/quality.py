@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-#: Points of the front of docs/tradeoff.rst with ``solver="anderson"``, over 90 degrees of hip flexion in steps of 10: processor time per
-#: step of all muscles, RMS distance to the converged solve, and that of each muscle.
+#: Points of the front of docs/tradeoff.rst, with ``solver="anderson"``, over 90 degrees of hip flexion in
+#: steps of 10: processor time per step of all muscles, RMS distance to the converged solve, and that of each.
 #:
 #: ========  ============================  ===============================================================
 #: preset    phantom hip, three muscles    real hip (LHDL data), four muscles
