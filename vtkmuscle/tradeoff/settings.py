@@ -85,6 +85,7 @@ def _around_centre() -> list[Setting]:
     vary("tolerance", 2.0, 1.0, 0.5, 0.2, 0.1, 0.03, iterations=1000)
     vary("substeps", 2, 4)
     vary("start", "inertial", "blend")
+    vary("solver", "anderson")
     vary("anisotropy", "stiffness", "off")
     vary("max_triangles", 500, 1000, 2000, 4000)
     vary("cell", 0.5, 1.0, 2.0, 4.0)
