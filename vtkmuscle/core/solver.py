@@ -199,6 +199,7 @@ class MuscleSolver:
             settings.order,
             settings.dtype,
             settings.threads,
+            settings.nodes,
             shape_stiffness,
             self._volume_stiffness,
         )
@@ -443,7 +444,8 @@ class MuscleSolver:
         if self.parameters.iterations == 1 or not self._has_correction:
             return None
         if self._coarse_model is None:
-            self._coarse_model = CoarseModel(self.rest, self.topology, self._free, *self._stiffness)
+            made = CoarseModel(self.rest, self.topology, self._free, *self._stiffness, self.parameters.nodes)
+            self._coarse_model = made
         return CoarseCorrection(self._coarse_model, p, keeps_volume=self._volume_stiffness > 0.0)
 
     def _predict(

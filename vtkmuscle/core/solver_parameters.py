@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from vtkmuscle.core.two_level import NODES
+
 
 @dataclass(frozen=True)
 class SolverParameters:
@@ -33,6 +35,8 @@ class SolverParameters:
     tolerance : float
         Stop at this estimated distance to the converged shape [mm], except with ``"gauss-seidel"``; 0 never
         stops.
+    nodes : int
+        With ``"two-level"``: nodes of the coarse correction, about.
     order : str
         ``"colour"`` or ``"sequential"``: many edges at once and the volume last, or P21's order.
     dtype : str
@@ -58,6 +62,7 @@ class SolverParameters:
     start: str = "blend"
     solver: str = "two-level"
     tolerance: float = 0.0
+    nodes: int = NODES
     order: str = "colour"
     dtype: str = "float64"
     threads: int = 0

@@ -15,6 +15,7 @@ from vtkmuscle.core.coarse import COARSE_ITERATIONS, COARSE_POINTS
 from vtkmuscle.core.muscle_contact import Neighbour
 from vtkmuscle.core.obstacles import Obstacle
 from vtkmuscle.core.solver import MuscleSolver, MuscleState
+from vtkmuscle.core.two_level import LEAST_NODES, NODES
 from vtkmuscle.core.voxels import DEFAULT_N_MAX
 from vtkmuscle.filters.arrays import (
     blocks_of,
@@ -52,6 +53,7 @@ _ONLY_WITH = {
     "n_equal": ("collision", {"voxel"}),
     "bone_push": ("collision", {"voxel"}),
     "tolerance": ("solver", {"anderson", "two-level"}),
+    "nodes": ("solver", {"two-level"}),
     "coarse_points": ("start", {"coarse"}),
     "coarse_iterations": ("start", {"coarse"}),
 }
@@ -293,6 +295,14 @@ class PBDDeformer(Filter):
         units="mm",
         doc="Stop at this estimated distance to the converged shape, except with solver 'gauss-seidel'; 0 "
         "never stops.",
+    )
+    nodes = Parameter(
+        int,
+        default=NODES,
+        minimum=LEAST_NODES,
+        maximum=600,
+        doc="Nodes of the coarse correction, about, with solver 'two-level'; fewer where there are not 8 "
+        "free points for each. What they add to an iteration's cost grows with their square.",
     )
     order = Parameter(
         str,

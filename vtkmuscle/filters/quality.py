@@ -22,9 +22,9 @@ from typing import Any
 #: none is deeper than 0.11 mm, where it is at rest.
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
-        "preview": {"iterations": 25, "max_triangles": 1000},
-        "balanced": {"iterations": 400, "tolerance": 0.3},
-        "accurate": {"iterations": 1000, "tolerance": 0.05},
+        "preview": {"iterations": 4},
+        "balanced": {"iterations": 60, "tolerance": 0.15},
+        "accurate": {"iterations": 400, "tolerance": 0.02},
     }
 )
 

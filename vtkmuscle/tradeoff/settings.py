@@ -81,11 +81,12 @@ def _around_centre() -> list[Setting]:
             solver = {**PRESETS[CENTRE], **also, name: value}
             settings.append(Setting(_words({name: value, **also}), name, solver))
 
-    vary("iterations", 3, 5, 10, 25, 50, 100, 200, tolerance=0.0)
-    vary("tolerance", 2.0, 1.0, 0.5, 0.2, 0.1, 0.03, iterations=1000)
+    vary("iterations", 2, 4, 6, 10, 20, 40, 100, tolerance=0.0)
+    vary("tolerance", 1.0, 0.3, 0.1, 0.03, 0.01, iterations=400)
+    vary("solver", "anderson", "gauss-seidel", tolerance=0.0)
+    vary("nodes", 50, 100, 250)
     vary("substeps", 2, 4)
-    vary("start", "inertial", "blend")
-    vary("solver", "anderson")
+    vary("start", "inertial", "coarse")
     vary("anisotropy", "stiffness", "off")
     vary("max_triangles", 500, 1000, 2000, 4000)
     vary("cell", 0.5, 1.0, 2.0, 4.0)
@@ -112,7 +113,7 @@ def _products() -> list[Setting]:
                 Setting(_words(changes), f"gauss-seidel, {dtype}", {**PRESETS[CENTRE], **changes})
             )
     for triangles in (1000, 2000):
-        for iterations in (10, 25, 200):
+        for iterations in (4, 10, 40):
             changes = {"max_triangles": triangles, "iterations": iterations, "tolerance": 0.0}
             settings.append(
                 Setting(_words(changes), f"max_triangles={triangles}", {**PRESETS[CENTRE], **changes})

@@ -14,8 +14,8 @@ from vtkmuscle.tradeoff.settings import Setting, grid, reference
 from vtkmuscle.tradeoff.trial import Bench, Trial
 
 #: Iterations of the first reference; they are doubled for each muscle until it no longer moves.
-FIRST_ITERATIONS = 400
-MOST_ITERATIONS = 1600
+FIRST_ITERATIONS = 100
+MOST_ITERATIONS = 800
 #: The reference of a muscle has converged when doubling its iterations moves it by no more, RMS [mm].
 CONVERGED = 0.05
 #: Frames that are compared, unless they are chosen: each so manieth, and the last.
