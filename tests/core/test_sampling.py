@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
-from vtkmuscle.core.sampling import PatchSamples, even_samples
+from vtkmuscle.core.sampling import PatchSamples, even_samples, samples_inside
 
 
 def sheet(size=8, spacing=5.0):
@@ -70,3 +71,41 @@ def test_points_without_a_common_triangle_are_sampled_along_edges_and_single_poi
     assert nearest_other(samples).min() > 0.4 * 40 / 20
     assert_array_equal(PatchSamples(points, triangles, row[:1]).dense(500), points[row[:1]])
     assert_array_equal(PatchSamples(points, triangles, row[[0, 4]]).dense(500), points[row[[0, 4]]])
+
+
+def in_rod(places):
+    return np.minimum(10.0 - np.hypot(places[:, 0], places[:, 1]), 50.0 - np.abs(places[:, 2]))
+
+
+def in_block(places):
+    return (np.array([20.0, 20.0, 50.0]) - np.abs(places)).min(axis=1)
+
+
+def rod():
+    turns, heights = np.meshgrid(2.0 * np.pi * np.arange(12) / 12, np.linspace(-50.0, 50.0, 11))
+    return np.column_stack([10.0 * np.cos(turns).ravel(), 10.0 * np.sin(turns).ravel(), heights.ravel()])
+
+
+def block():
+    signs = np.array(np.meshgrid([-1, 1], [-1, 1], np.linspace(-1.0, 1.0, 11))).reshape(3, -1).T
+    return signs * [20.0, 20.0, 50.0]
+
+
+@pytest.mark.parametrize(("points", "depth"), [(rod(), in_rod), (block(), in_block)], ids=["rod", "block"])
+def test_positions_in_a_symmetric_body_depend_neither_on_noise_nor_on_how_it_is_turned(points, depth):
+    expected = samples_inside(depth, points, 1000)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        turn, shift = Rotation.random(random_state=rng).as_matrix(), 100.0 * rng.normal(size=3)
+        noisy = points @ turn.T + shift + 1e-10 * rng.normal(size=points.shape)
+        samples = samples_inside(lambda places, r=turn, d=shift: depth((places - d) @ r), noisy, 1000)
+        assert_allclose(samples, expected @ turn.T + shift, atol=1e-6)
+
+
+def test_positions_in_a_body_are_of_even_density():
+    samples = samples_inside(in_rod, rod(), 3000)
+    assert len(samples) == 3000
+    assert (in_rod(samples) > 0.0).all()
+    shares = [np.mean(np.hypot(*samples[:, :2].T) < radius) for radius in (2.5, 5.0, 7.5)]
+    assert_allclose(shares, np.square([0.25, 0.5, 0.75]), atol=0.015)
+    assert_allclose(np.histogram(samples[:, 2], 4, (-50.0, 50.0))[0] / 3000, 0.25, atol=0.015)

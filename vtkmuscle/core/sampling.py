@@ -22,6 +22,12 @@ Ints = NDArray[np.int64]
 MOST_BLOCKS = 64
 #: Positions above each other in a column.
 LAYERS = 16
+#: Root of g^3 = g + 1: remainders of multiples of 1 / g and 1 / g^2 are spread evenly over a square, however
+#: many are taken (Roberts 2018, *The unreasonable effectiveness of quasirandom sequences*).
+GOLDEN = 1.324717957244746
+#: How much more some points of a body count than others for its axes: enough to decide between axes that are
+#: as long, and too little to turn others.
+UNEVEN = 0.1
 #: Sets of evenly spread positions that are kept of an area.
 MOST_KEPT = 64
 
@@ -211,19 +217,20 @@ def samples_inside(depth: Callable[[Floats], Floats], points: Floats, count: int
         has next to no volume.
     """
     centre = points.mean(axis=0)
-    axes = np.linalg.svd(points - centre, full_matrices=False)[2]
-    along = (points - centre) @ axes.T
-    # An axis may as well point the other way: the order of the points decides, in symmetric bodies too.
-    later = np.arange(len(points)) @ along
-    axes *= np.where(later < 0.0, -1.0, 1.0)[:, None]
+    # A round body has no second axis, and any axis may as well point the other way: rounding would decide.
+    # Points that count for more or less, by their numbers, decide instead.
+    weights = np.random.default_rng(0).random(len(points))
+    scales = np.sqrt(1.0 + UNEVEN * weights)[:, None]
+    axes = np.linalg.svd(scales * (points - centre), full_matrices=False)[2]
+    axes *= np.where(weights @ (points - centre) @ axes.T < 0.0, -1.0, 1.0)[:, None]
     along = (points - centre) @ axes.T
     low, high = along.min(axis=0), along.max(axis=0)
-    sequence = qmc.Sobol(2, scramble=False)
     block = 2 ** int(np.ceil(np.log2(8 * count / LAYERS)))
     layers = (np.arange(LAYERS) + 0.5) / LAYERS
     found = np.empty((0, 3))
-    for _ in range(MOST_BLOCKS):
-        across = np.repeat(sequence.random(block), LAYERS, axis=0)
+    for first in range(0, MOST_BLOCKS * block, block):
+        numbers = np.arange(first, first + block)[:, None] + 0.5
+        across = np.repeat(numbers * [1.0 / GOLDEN, 1.0 / GOLDEN**2] % 1.0, LAYERS, axis=0)
         shares = np.column_stack([np.tile(layers, block), across])
         places = centre + (low + shares * (high - low)) @ axes
         found = np.vstack([found, places[depth(places) > 0.0]])

@@ -2,8 +2,10 @@
 
 Lloyd's relaxation, 1982, doi:10.1109/TIT.1982.1056489, of curves instead of points: the cell of a fibre is
 the part of the muscle that is nearer to it than to the others, and each place along it goes to the centre of
-the cell's part there. The papers leave fibres where the map from the template puts them; that map is even in
-the template, but crowds them in the middle of the muscle's sections.
+the cell's part there. Cells overlap a little: what is between two fibres goes over from one to the other
+rather than jumping, so that rounding decides nothing, not even where fibres meet. The papers leave fibres
+where the map from the template puts them; that map is even in the template, but crowds them in the middle of
+the muscle's sections.
 """
 
 from __future__ import annotations
@@ -26,6 +28,9 @@ STATIONS = 16
 LEAST_BLUR = 6
 #: At most so many pieces of the line between two stations are told apart.
 PIECES = 8
+#: How far cells overlap: places have a share in what is around them if they are no farther from it, squared,
+#: than the nearest place is and this part of the squared space between fibres (a twentieth of it each way).
+OVERLAP = 0.1
 #: How far along a fibre, as a part of it, points follow its end: less leaves hooks, more bare flanks.
 REACH = 0.11
 #: Most cells of the grid along a side.
@@ -126,7 +131,8 @@ def _station_steps(lines: Floats, samples: Floats) -> Floats:
     size = max(spacing, float(extent.max()) / FINEST)
     shape = (extent / size).astype(np.int64) + 1
     places, owners, offsets = _sorted_pieces(lines, pieces, low, size, shape)
-    pulls, weights = _pulls(lines, pieces, samples, places, owners, offsets, low, size, shape)
+    band = OVERLAP * spacing**2
+    pulls, weights = _pulls(lines, pieces, samples, places, owners, offsets, low, size, shape, band)
     wide = spacing / max(float(steps.mean()), 1e-300)
     blur = _blur(int(np.clip(2.0 * wide**2, LEAST_BLUR, 2 * STATIONS**2)))
     pulls, weights = blur @ pulls, blur @ weights
@@ -176,17 +182,17 @@ def _sorted_pieces(
 
 
 @kernel
-def _nearest_place(
+def _nearest_square(
     sample: Floats, places: Floats, offsets: Ints, low: Floats, size: float, shape: Ints
-) -> int:
-    """Return which place is nearest to a sample (3,), looked for in shells of cells round it."""
+) -> float:
+    """Return the squared distance from a sample (3,) to the nearest place, looked for in shells of cells."""
     x, y, z = (sample[0] - low[0]) / size, (sample[1] - low[1]) / size, (sample[2] - low[2]) / size
     a, b, c = min(int(x), shape[0] - 1), min(int(y), shape[1] - 1), min(int(z), shape[2] - 1)
     # What is `reach` cells away is at least reach - 1 cells' sizes and the way to the nearest wall away.
     wall = min(x - a, y - b, z - c, a + 1 - x, b + 1 - y, c + 1 - z)
     # Cells that are farther away than the nearest place need no look, but for rounding.
-    best, least, bound, reach = -1, np.inf, np.inf, 0
-    while best < 0 or reach - 1 + wall < 0.0 or (reach - 1 + wall) ** 2 < bound:
+    least, bound, reach = np.inf, np.inf, 0
+    while least == np.inf or reach - 1 + wall < 0.0 or (reach - 1 + wall) ** 2 < bound:
         for i in range(max(a - reach, 0), min(a + reach + 1, shape[0])):
             on_i = abs(i - a) == reach
             far_i = max(i - x, x - i - 1, 0.0) ** 2
@@ -204,12 +210,10 @@ def _nearest_place(
                     for at in range(offsets[cell], offsets[cell + 1]):
                         dx, dy = places[at, 0] - sample[0], places[at, 1] - sample[1]
                         dz = places[at, 2] - sample[2]
-                        distance = dx * dx + dy * dy + dz * dz
-                        if distance < least:
-                            best, least = at, distance
+                        least = min(least, dx * dx + dy * dy + dz * dz)
                     bound = least * (1.0 + 1e-9) / (size * size)  # in cells' sizes
         reach += 1
-    return best
+    return least
 
 
 @kernel
@@ -223,22 +227,49 @@ def _pulls(
     low: Floats,
     size: float,
     shape: Ints,
+    band: float,
 ) -> tuple[Floats, Floats]:
-    """Return sums of offsets (k, STATIONS, 3) of the samples that are nearest to each place, and how many."""
+    """Return sums of offsets (k, STATIONS, 3) of the samples that are nearest to each place, and how many.
+
+    Places nearly as near, their squared distances within a band [mm^2] of the least, have a share in a
+    sample, which is 0 at the end of the band.
+    """
     n_lines, n_stations = lines.shape[0], lines.shape[1]
     n = (n_stations - 1) * pieces + 1
     pulls, weights = np.zeros((n_lines, n_stations, 3)), np.zeros((n_lines, n_stations, 1))
+    first, last = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
+    near, shares = np.empty(len(places), dtype=np.int64), np.empty(len(places))
     for sample in samples:
-        at = _nearest_place(sample, places, offsets, low, size, shape)
-        line, piece = owners[at] // n, owners[at] % n
-        station = min(piece // pieces, n_stations - 2)
-        ahead = lines[line, station + 1] - lines[line, station]
-        squared = (ahead * ahead).sum()
-        share = ((sample - lines[line, station]) * ahead).sum() / squared if squared > 0.0 else 0.0
-        share = min(max(share, 0.0), 1.0)
-        foot = lines[line, station] + share * ahead
-        for place, weight in ((station, 1.0 - share), (station + 1, share)):
-            weights[line, place, 0] += weight
-            for axis in range(3):
-                pulls[line, place, axis] += weight * (sample[axis] - foot[axis])
+        least = _nearest_square(sample, places, offsets, low, size, shape)
+        farthest = least * (1.0 + 1e-9) + max(band, 1e-300)  # farther than the nearest in any case
+        reach = np.sqrt(farthest)
+        for axis in range(3):
+            first[axis] = max(int((sample[axis] - reach - low[axis]) / size), 0)
+            last[axis] = min(int((sample[axis] + reach - low[axis]) / size), shape[axis] - 1)
+        count, total = 0, 0.0
+        for i in range(first[0], last[0] + 1):
+            for j in range(first[1], last[1] + 1):
+                row = (i * shape[1] + j) * shape[2]
+                # Cells of a row are one after the other.
+                for at in range(offsets[row + first[2]], offsets[row + last[2] + 1]):
+                    dx, dy = places[at, 0] - sample[0], places[at, 1] - sample[1]
+                    dz = places[at, 2] - sample[2]
+                    share = farthest - (dx * dx + dy * dy + dz * dz)
+                    if share > 0.0:
+                        near[count], shares[count] = owners[at], share
+                        count += 1
+                        total += share
+        for k in range(count):
+            line, piece = near[k] // n, near[k] % n
+            station = min(piece // pieces, n_stations - 2)
+            ahead = lines[line, station + 1] - lines[line, station]
+            squared = (ahead * ahead).sum()
+            along = ((sample - lines[line, station]) * ahead).sum() / squared if squared > 0.0 else 0.0
+            along = min(max(along, 0.0), 1.0)
+            foot = lines[line, station] + along * ahead
+            for place, part in ((station, 1.0 - along), (station + 1, along)):
+                weight = part * shares[k] / total
+                weights[line, place, 0] += weight
+                for axis in range(3):
+                    pulls[line, place, axis] += weight * (sample[axis] - foot[axis])
     return pulls, weights
