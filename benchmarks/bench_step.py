@@ -21,7 +21,17 @@ import numpy as np
 from muscle_problem import data_folder
 
 from vtkmuscle import Scene
-from vtkmuscle.core import coarse, contact, fibre_stretch, projection, rest_shape, solver, stretched_shape
+from vtkmuscle.core import (
+    accelerated,
+    coarse,
+    contact,
+    fibre_stretch,
+    projection,
+    rest_shape,
+    solver,
+    stretched_shape,
+    two_level,
+)
 from vtkmuscle.core.batched_iteration import BatchedIteration
 from vtkmuscle.core.batches import pack
 from vtkmuscle.core.topology import mesh_topology
@@ -38,7 +48,8 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "blend, gauss-seidel": {"start": "blend", "solver": "gauss-seidel"},
     "blend, anderson": {"start": "blend", "solver": "anderson"},
     "coarse, gauss-seidel": {"start": "coarse", "solver": "gauss-seidel"},
-    "coarse, anderson (default)": {"start": "coarse", "solver": "anderson"},
+    "blend, two-level (default)": {"start": "blend", "solver": "two-level"},
+    "coarse, anderson": {"start": "coarse", "solver": "anderson"},
     "P21": {
         "anisotropy": "stiffness",
         "start": "inertial",
@@ -59,7 +70,8 @@ STAGES: dict[str, list[tuple[Any, str]]] = {
     "prolongation": [(coarse.Prolongation, "prolong")],
     "constraints": [(projection.ColourOrder, "iterate"), (projection.SequentialOrder, "iterate")],
     "collision": [(contact.Contact, "__init__"), (contact.Contact, "keep_out")],
-    "acceleration": [(solver, "anderson")],
+    "acceleration": [(accelerated, "anderson")],
+    "correction": [(two_level.CoarseCorrection, name) for name in ("__init__", "touch", "add")],
     "settling": [(solver.MuscleSolver, "_settle")],
     "report": [(rest_shape.RestShape, "compare")],
     "provenance": [(base, "add_provenance")],
