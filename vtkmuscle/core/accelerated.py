@@ -18,10 +18,13 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-#: Coarse corrections are given up, for the rest of a step, where an iteration has to move the points so many
-#: times as far as the least of those before, or where so many in a row have to move them as far as that: a
-#: muscle about to buckle is not what its rest shape says of it.
+#: Coarse corrections pause where an iteration has to move the points so many times as far as the least of
+#: those before, or where so many in a row come no nearer: a muscle about to buckle is not what its rest shape
+#: says of it, and one that meets a bone with many points at once does not know yet with which.
 WORSE, STALLED = 20.0, 8
+
+#: Iterations of such a pause.
+PAUSE = 10
 
 
 class AcceleratedSolve:
@@ -35,8 +38,8 @@ class AcceleratedSolve:
         Moves positions (n, 3) out of the bones, in place, and returns which, (n,).
     edges : (k, 2) int array
         Of the muscle.
-    correction : CoarseCorrection or None
-        What is added to each iteration.
+    correct : callable
+        Returns what is added to each iteration from given points (n, 3) on: a CoarseCorrection or None.
     bones_last : bool
         Whether bones come last in an iteration, which acceleration needs to be smooth.
     clock : StageClock
@@ -50,7 +53,7 @@ class AcceleratedSolve:
         projection: Projection,
         keep_out: Callable[[Floats], Bools],
         edges: Ints,
-        correction: CoarseCorrection | None,
+        correct: Callable[[Floats], CoarseCorrection | None],
         *,
         bones_last: bool,
         clock: StageClock,
@@ -59,11 +62,12 @@ class AcceleratedSolve:
         self._projection = projection
         self._touching = _Touching(keep_out)
         self._edges = edges
-        self._correction = correction
+        self._correct = correct
+        self._correction: CoarseCorrection | None = None
         self._bones_last = bones_last
         self._clock, self._progress = clock, progress
         self._done, self._iterations = 0, 0
-        self._least, self._stalled = np.inf, 0
+        self._least_projected, self._least_corrected, self._stalled = np.inf, np.inf, 0
         self._best: Floats = np.empty((0, 3))
         self._image: Floats = np.empty((0, 3))
         self._unsteady: Bools = np.empty((0, 3), dtype=np.bool_)
@@ -113,11 +117,21 @@ class AcceleratedSolve:
                 workspace=workspace,
             )
 
-        try:
-            result = accelerate(p, iterations if self._correction is None else iterations - 1)
-        except _WorsenedError:
-            self._correction = None
-            result = accelerate(self._best, max(iterations - self._done, 1))
+        x = p
+        while True:
+            self._correction = self._correct(x) if iterations - self._done > 1 else None
+            self._least_projected, self._least_corrected, self._stalled = np.inf, np.inf, 0
+            try:
+                left = iterations - self._done
+                result = accelerate(x, left if self._correction is None else left - 1)
+                break
+            except _WorsenedError:
+                self._correction = None
+            left = max(iterations - self._done, 1)
+            result = accelerate(self._best, min(PAUSE, left))
+            if left <= PAUSE or result.converged:
+                break
+            x = result.x.reshape(-1, 3)
         x = result.x.reshape(-1, 3)
         if self._correction is not None:
             # Volume and bones hold after an iteration, not after a correction.
@@ -142,18 +156,29 @@ class AcceleratedSolve:
         self._progress(self._done / self._iterations)
         self._clock.switch("acceleration")
         if self._correction is not None:
-            self._watch(root_mean_square_distance(image.reshape(-1), flat, len(x)))
+            before = image.copy()
             self._correction.touch(self._touching.contacts, self._touching.normals)
             self._correction.add(image - x, image)
+            self._watch(flat, before)
         return image.reshape(-1)
 
-    def _watch(self, residual: float) -> None:
-        """Give corrections up where they lead away from the end."""
-        self._stalled = 0 if residual < self._least else self._stalled + 1
-        if self._stalled == STALLED or residual > WORSE * self._least:
+    def _watch(self, x: Floats, before: Floats) -> None:
+        """Give corrections up where they lead away from the end.
+
+        Corrections leave kinks that the projections have to mend, so that what these move may grow for a
+        while as the end comes nearer; and the other way round.
+        """
+        projected, corrected = (
+            root_mean_square_distance(moved.reshape(-1), x, len(before)) for moved in (before, self._image)
+        )
+        nearer = projected < self._least_projected or corrected < self._least_corrected
+        self._stalled = 0 if nearer else self._stalled + 1
+        if self._stalled == STALLED or projected > WORSE * self._least_projected:
             raise _WorsenedError
-        if not self._stalled:
-            self._best, self._least = self._image.copy(), residual
+        if corrected < self._least_corrected:
+            self._best = before
+        self._least_projected = min(projected, self._least_projected)
+        self._least_corrected = min(corrected, self._least_corrected)
 
 
 class _WorsenedError(Exception):

@@ -409,7 +409,7 @@ class MuscleSolver:
             self._projection,
             keep_out,
             self.topology.edges,
-            self._correction(p),
+            self._correction,
             # A muscle that momentum throws at a bone may touch it with all its points.
             bones_last=self.parameters.start != "inertial",
             clock=clock,
@@ -440,8 +440,8 @@ class MuscleSolver:
         )
 
     def _correction(self, p: Floats) -> CoarseCorrection | None:
-        """Return the coarse correction of a step that starts at p, if there is one."""
-        if self.parameters.iterations == 1 or not self._has_correction:
+        """Return the coarse correction of iterations from p on, if there is one."""
+        if not self._has_correction:
             return None
         if self._coarse_model is None:
             made = CoarseModel(self.rest, self.topology, self._free, *self._stiffness, self.parameters.nodes)
