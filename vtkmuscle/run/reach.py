@@ -13,17 +13,24 @@ from vtkmuscle.scene.model import Scene
 
 Floats = NDArray[np.float64]
 
+#: Muscles are taken so many times as large about their middles: one that shortens bulges, and a solve may
+#: pass through shapes that are larger than the one it ends at.
+BULGE = 1.1
+
 
 def bones_with_reach(scene: Scene) -> dict[str, vtkPolyData]:
     """Return the bones of a scene, each with the field array ``Reach`` for PBDDeformer.
 
-    It has the corners of the convex hull, seen from the bone, of all muscles where the bones that they are
-    attached to take them, at all times of the motion: not only at those that are asked for, and of all
-    muscles together, so that one grid does for all of them, and in later runs.
+    It has the corners of the convex hull, seen from the bone, of all muscles, somewhat enlarged, where the
+    bones that they are attached to take them, at all times of the motion: not only at those that are asked
+    for, and of all muscles together, so that one grid does for all of them, and in later runs.
     """
     frames = [scene.motion.at(float(time)) for time in scene.motion.times]
     muscles = [
-        (_corners(points_of(muscle.surface)), {area.bone for area in muscle.attachments} or set(scene.bones))
+        (
+            _bulging(_corners(points_of(muscle.surface))),
+            {area.bone for area in muscle.attachments} or set(scene.bones),
+        )
         for muscle in scene.muscles.values()
     ]
     blocks = {}
@@ -37,6 +44,12 @@ def bones_with_reach(scene: Scene) -> dict[str, vtkPolyData]:
         blocks[name].ShallowCopy(bone)
         set_field_array(blocks[name], "Reach", _corners(np.concatenate(swept)))
     return blocks
+
+
+def _bulging(corners: Floats) -> Floats:
+    middle = corners.mean(axis=0)
+    enlarged: Floats = middle + BULGE * (corners - middle)
+    return enlarged
 
 
 def _corners(points: Floats) -> Floats:
