@@ -6,20 +6,20 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-#: Points of the front of docs/tradeoff.rst, with ``solver="anderson"``, over 90 degrees of hip flexion in
-#: steps of 10: processor time per step of all muscles, RMS distance to the converged solve, and that of each.
+#: Points of the front of docs/tradeoff.rst, over 90 degrees of hip flexion in steps of 10: processor time per
+#: step of all muscles, RMS distance to the converged solve, and that of each.
 #:
-#: ========  ============================  ===============================================================
-#: preset    phantom hip, three muscles    real hip (LHDL data), four muscles
-#: ========  ============================  ===============================================================
-#: preview   57 ms, 3.1 mm (at most 3.9)   95 ms, 4.2 mm (maximus 6.8, medius 2.2, iliacus 3.4, adductor 2.6)
-#: balanced  178 ms, 0.22 mm (0.29)        1175 ms, 0.55 mm (0.18, 0.17, 0.32, adductor brevis 1.0)
-#: accurate  253 ms, 0.03 mm (0.04)        2313 ms, 0.23 mm (0.06, 0.02, 0.03, adductor brevis 0.47)
-#: ========  ============================  ===============================================================
+#: ========  ==============================  ===========================================================
+#: preset    phantom hip, three muscles      real hip (LHDL data), four muscles
+#: ========  ==============================  ===========================================================
+#: preview   47 ms, 0.14 mm (at most 0.18)   216 ms, 0.92 mm (maximus 1.3, medius 0.54, iliacus 0.69,
+#:                                           adductor brevis 0.91)
+#: balanced  65 ms, 0.042 mm (0.058)         395 ms, 0.23 mm (0.28, 0.19, 0.15, 0.27)
+#: accurate  88 ms, 0.005 mm (0.007)         729 ms, 0.044 mm (0.075, 0.013, 0.018, 0.040)
+#: ========  ==============================  ===========================================================
 #:
-#: The converged solve of the adductor brevis is itself known to 0.8 mm only: from 70 degrees on it ends in
-#: one of several shapes. The volume is kept to 1e-11 %; 95 of 100 points are not in a bone at all, and
-#: none is deeper than 0.11 mm, where it is at rest.
+#: The converged solve itself is known to 0.03 mm. The volume is kept to 1e-10 %; 95 of 100 points are not in
+#: a bone at all, and none is deeper than 0.11 mm, where it is at rest.
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "preview": {"iterations": 30, "tolerance": 1.0},
