@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from muscle_problem import data_folder
+from published import P21
 
 from vtkmuscle import Scene
 from vtkmuscle.core import (
@@ -50,15 +51,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "coarse, gauss-seidel": {"start": "coarse", "solver": "gauss-seidel"},
     "blend, two-level (default)": {"start": "blend", "solver": "two-level"},
     "coarse, anderson": {"start": "coarse", "solver": "anderson"},
-    "P21": {
-        "anisotropy": "stiffness",
-        "start": "inertial",
-        "solver": "gauss-seidel",
-        "order": "sequential",
-        "collision": "voxel",
-        "bone_push": "transform",
-        "contact_velocity": "keep",
-    },
+    "P21": P21,
 }
 BARE, STEP, FIBRES, OTHER = "bare iterations", "step of PBDDeformer", "fibres", "everything else"
 #: What stages are made of: functions by their owner.

@@ -34,19 +34,10 @@ from vtkmuscle.plotting.views import View
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from muscle_problem import data_folder
+from published import P21
 
 Floats = NDArray[np.float64]
 
-#: The settings of P21; its number of iterations differs between experiments.
-P21: dict[str, Any] = {
-    "anisotropy": "stiffness",
-    "start": "inertial",
-    "solver": "gauss-seidel",
-    "order": "sequential",
-    "collision": "voxel",
-    "bone_push": "transform",
-    "contact_velocity": "keep",
-}
 #: The muscles of P21, in the order of its Table 2.
 MUSCLES = ("gluteus_maximus", "adductor_brevis", "iliacus", "gluteus_medius")
 #: Cells of P21's voxels: as many as 64 along each axis, and its default.

@@ -62,23 +62,6 @@ def test_a_step_that_worsens_the_residual_is_taken_back():
     assert result.residual <= 2.0 * result.residuals[0]
 
 
-def test_points_that_are_not_admissible_are_never_iterated_from():
-    g, _ = contraction()
-    seen = []
-    result = anderson(
-        g,
-        np.zeros(60),
-        max_iterations=40,
-        admissible=lambda x: bool(np.abs(x).max() < 0.5),
-        observe=lambda _count, x, _residual: seen.append(np.abs(x).max()),
-    )
-    refusing = anderson(g, np.zeros(60), max_iterations=40, admissible=lambda _x: False)
-    plain = anderson(g, np.zeros(60), max_iterations=40, window=0)
-    assert result.refusals > 0
-    np.testing.assert_array_equal(refusing.x, plain.x)
-    assert refusing.refusals == 38 + 1
-
-
 def test_it_stops_at_the_estimated_distance():
     g, solution = contraction()
     result = anderson(g, np.zeros(60), max_iterations=500, tolerance=1e-2, amplification=1000.0)

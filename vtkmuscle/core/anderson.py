@@ -53,8 +53,6 @@ class AndersonResult:
         Iterations and the distance estimated after them [mm].
     restarts : int
         Accelerated steps taken back because their residual grew.
-    refusals : int
-        Accelerated points that were not admissible.
     """
 
     x: Floats
@@ -65,7 +63,6 @@ class AndersonResult:
     residuals: Floats
     estimates: Floats
     restarts: int
-    refusals: int
 
 
 def anderson(
@@ -80,7 +77,6 @@ def anderson(
     amplification: float | None = None,
     corrected: bool = False,
     unsteady: Bools | None = None,
-    admissible: Callable[[Floats], bool] | None = None,
     observe: Callable[[int, Floats, float], None] | None = None,
     workspace: Workspace | None = None,
 ) -> AndersonResult:
@@ -88,9 +84,9 @@ def anderson(
 
     The next iterate is the combination of the last images g(x_j) whose residuals g(x_j) - x_j, combined
     likewise, come nearest to zero: Anderson 1965, doi:10.1145/321296.321305; Walker, Ni 2011, *Anderson
-    acceleration for fixed-point iterations*, doi:10.1137/10078356X. The method is safeguarded: where an
-    accelerated step is not admissible, or its residual is more than :data:`GROWTH` times that of the step
-    before, the plain step is taken instead; in the second case the history is dropped, too.
+    acceleration for fixed-point iterations*, doi:10.1137/10078356X. The method is safeguarded: where
+    the residual of an accelerated step is more than :data:`GROWTH` times that of the step before, the plain
+    step is taken instead, and the history is dropped.
 
     Parameters
     ----------
@@ -117,8 +113,6 @@ def anderson(
     unsteady : (n,) bool array, optional
         Components by whose residuals the combination is not chosen, as g is not smooth there: points on a
         bone. g may set more of them as it goes.
-    admissible : callable, optional
-        Says whether g may be applied to an accelerated point (n,); refuses, for example, points in bones.
     observe : callable, optional
         Called with the number of evaluations before, the iterate and its residual [mm], at each; may raise.
     workspace : Workspace, optional
@@ -153,7 +147,7 @@ def anderson(
     x, image = memory.x, np.empty(n)
     x[:] = start
     plain = True
-    restarts = refusals = 0
+    restarts = 0
     residuals: list[float] = []
     last = math.inf
     converged = False
@@ -184,9 +178,8 @@ def anderson(
         plain = True
         if weights is not None and not converged:
             memory.combine(image, weights, x)
-            plain = admissible is not None and not admissible(x)
-            refusals += plain
-        if plain:
+            plain = False
+        else:
             x[:] = image
     return AndersonResult(
         x=image,
@@ -197,7 +190,6 @@ def anderson(
         residuals=np.array(residuals),
         estimates=np.array(trail.estimates).reshape(-1, 2),
         restarts=restarts,
-        refusals=refusals,
     )
 
 

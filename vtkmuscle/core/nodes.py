@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,34 @@ Ints = NDArray[np.int64]
 
 #: Points whose distances differ by less than this part count as equally far.
 AS_FAR = 1e-6
+
+
+class Nodes(NamedTuple):
+    """Points and the nodes that carry them, at one time.
+
+    Attributes
+    ----------
+    points : (n, 3) array
+        [mm].
+    mass : (n,) array
+        Inverse masses: 1 free, 0 fixed.
+    neighbours, weights : (n, m) arrays
+        Nodes that each point follows, and how much.
+    centres : (c, 3) array
+        Of the nodes [mm].
+    turns : (c, 3, 3) array
+        How they have turned since rest.
+    reach : float
+        Distance at which a turn is measured [mm].
+    """
+
+    points: Floats
+    mass: Floats
+    neighbours: Ints
+    weights: Floats
+    centres: Floats
+    turns: Floats
+    reach: float
 
 
 def farthest_points(points: Floats, count: int) -> Ints:
@@ -85,16 +115,11 @@ def covariances(
 @kernel
 def restrict(
     residual: Floats,
-    points: Floats,
-    mass: Floats,
-    neighbours: Ints,
-    weights: Floats,
-    centres: Floats,
-    turns: Floats,
-    reach: float,
+    nodes: Nodes,
     result: Floats,
 ) -> None:
     """Write P' r into result (6 c,)."""
+    points, mass, neighbours, weights, centres, turns, reach = nodes
     sums = np.zeros((len(centres), 6))
     for i in range(len(points)):
         if mass[i] == 0.0:
@@ -123,17 +148,12 @@ def restrict(
 @kernel
 def prolong(
     motion: Floats,
-    points: Floats,
-    mass: Floats,
-    neighbours: Ints,
-    weights: Floats,
-    centres: Floats,
-    turns: Floats,
-    reach: float,
+    nodes: Nodes,
     longest: float,
     result: Floats,
 ) -> None:
     """Add P q to result (n, 3), shortened so that no point moves by more than the longest move."""
+    points, mass, neighbours, weights, centres, turns, reach = nodes
     parts = np.empty((len(centres), 6))
     for j in range(len(centres)):
         for c in range(3):
@@ -174,18 +194,13 @@ def prolong(
 def contact_rows(
     contacts: Ints,
     normals: Floats,
-    points: Floats,
-    mass: Floats,
-    neighbours: Ints,
-    weights: Floats,
-    centres: Floats,
-    turns: Floats,
-    reach: float,
+    nodes: Nodes,
     inverse: Floats,
     rows: Floats,
     answers: Floats,
 ) -> None:
     """Write how far the nodes' motions move points along normals, (m, 6 c), and that times the inverse."""
+    points, mass, neighbours, weights, centres, turns, reach = nodes
     for m in range(len(contacts)):
         i = contacts[m]
         g = normals[m]

@@ -17,7 +17,7 @@ from vtkmuscle.core.coarse import bind
 from vtkmuscle.core.coarse_matrix import assemble
 from vtkmuscle.core.constraints import volume_and_gradient
 from vtkmuscle.core.dense import REGULARISATION, factorised, inverse_of, multiply, respect
-from vtkmuscle.core.nodes import contact_rows, covariances, farthest_points, gather, prolong, restrict
+from vtkmuscle.core.nodes import Nodes, contact_rows, covariances, farthest_points, gather, prolong, restrict
 from vtkmuscle.core.topology import MeshTopology
 
 Floats = NDArray[np.float64]
@@ -129,17 +129,15 @@ class CoarseCorrection:
 
     def __init__(self, model: CoarseModel, points: Floats, *, keeps_volume: bool) -> None:
         self._model = model
-        self._points = points.copy()
         count = len(model.centres)
-        self._centres = model.means(points, count)
+        centres = model.means(points, count)
         covariance = np.zeros((count, 3, 3))
-        covariances(
-            model.rest, points, model.neighbours, model.weights, model.centres, self._centres, covariance
-        )
+        covariances(model.rest, points, model.neighbours, model.weights, model.centres, centres, covariance)
         u, _, vt = np.linalg.svd(covariance)
         u[:, :, 2] *= np.where(np.linalg.det(u @ vt) < 0.0, -1.0, 1.0)[:, None]
-        #: How each node has turned since rest.
-        self._turns: Floats = u @ vt
+        self._nodes = Nodes(
+            points.copy(), model.mass, model.neighbours, model.weights, centres, u @ vt, float(model.reach)
+        )
         size = len(model.inverse)
         #: What a correction respects: a row for the volume, if any, and one for each contact.
         self._rows: Floats = np.zeros((int(keeps_volume), size))
@@ -174,20 +172,7 @@ class CoarseCorrection:
         # Sherman, Morrison, Woodbury: the nodes' matrix itself stays as it is.
         rows, answers = np.zeros((2, first + len(used), len(model.inverse)))
         rows[:first], answers[:first] = self._rows[:first], self._answers[:first]
-        contact_rows(
-            contacts[used],
-            normals[used],
-            self._points,
-            model.mass,
-            model.neighbours,
-            model.weights,
-            self._centres,
-            self._turns,
-            model.reach,
-            model.inverse,
-            rows[first:],
-            answers[first:],
-        )
+        contact_rows(contacts[used], normals[used], self._nodes, model.inverse, rows[first:], answers[first:])
         compliances = np.full(len(rows), 1.0 / every)
         compliances[:first] = 0.0  # the volume stays exactly
         self._rows, self._answers = rows, answers
@@ -195,19 +180,8 @@ class CoarseCorrection:
 
     def _restrict(self, residual: Floats) -> Floats:
         """Return forces and torques (6 c,) on the nodes, in their own frames."""
-        model = self._model
-        result = np.zeros(len(model.inverse))
-        restrict(
-            residual,
-            self._points,
-            model.mass,
-            model.neighbours,
-            model.weights,
-            self._centres,
-            self._turns,
-            model.reach,
-            result,
-        )
+        result = np.zeros(len(self._model.inverse))
+        restrict(residual, self._nodes, result)
         return result
 
     def add(self, residual: Floats, points: Floats) -> None:
@@ -225,18 +199,7 @@ class CoarseCorrection:
         motion = np.empty_like(forces)
         multiply(model.inverse, forces, motion)
         respect(self._rows, self._answers, self._factor, motion)
-        prolong(
-            motion,
-            self._points,
-            model.mass,
-            model.neighbours,
-            model.weights,
-            self._centres,
-            self._turns,
-            model.reach,
-            LONGEST_MOVE * model.size,
-            points,
-        )
+        prolong(motion, self._nodes, LONGEST_MOVE * model.size, points)
 
 
 def has_coarse_model(free: Bools) -> bool:
