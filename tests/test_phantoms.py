@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from taut_oracle import taut_length
 from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
 
 from vtkmuscle.core.mesh import survey
@@ -167,6 +168,29 @@ def test_strap_moment_arm_is_the_derivative_of_its_length(cylinder):
     length = cylinder.known["length"]
     slope = (length(20.0) - length(10.0)) / np.radians(10.0)
     assert cylinder.known["moment_arm"] == pytest.approx(-slope, rel=1e-12)
+
+
+def test_strap_touches_the_cylinder_from_end_to_end_of_its_range(cylinder):
+    wide = wrapping_cylinder(angles=np.arange(-60.0, 81.0, 5.0))
+    assert wide.known["moment_arm"] == cylinder.known["moment_arm"]
+    _, insertion = attachments_of(wide.attachments["strap"], "strap")
+    for angle in wide.motion.times:
+        moved = apply_transform(wide.motion.at(angle)["pulley"], insertion.landmarks)
+        turn = np.degrees(np.arctan2(moved[:, 1], moved[:, 2])) % 360.0
+        # On the cylinder past its top, where the straight part comes in, and not round to it again.
+        assert turn.min() == pytest.approx(80.0 + angle)
+        assert turn.min() > 15.0
+        assert turn.max() < 200.0
+    with pytest.raises(ValueError, match=r"-90 degrees.*from -80 to 200"):
+        wrapping_cylinder(angles=[-90.0, 0.0])
+
+
+@pytest.mark.parametrize("angle", [-79.0, -60.0, 0.0, 40.0, 80.0])
+def test_strap_is_as_long_as_a_string_round_its_cylinder(cylinder, angle):
+    turn = np.radians(80.0 + angle)
+    attached = 30.0 * np.array([np.sin(turn), np.cos(turn)])
+    taut = taut_length((-80.0, 30.0), attached, [((0.0, 0.0), 30.0)], outward=(0.0, 1.0))
+    assert cylinder.known["length"](angle) == pytest.approx(taut, rel=1e-6)
 
 
 def test_strap_is_wound_up_as_the_cylinder_turns(cylinder):
