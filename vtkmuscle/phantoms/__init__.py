@@ -6,6 +6,7 @@ from vtkmuscle.phantoms.cylinder_wrap import wrapping_cylinder
 from vtkmuscle.phantoms.fibre_blocks import fibre_block, pennate_block
 from vtkmuscle.phantoms.hinge_spindle import spindle_over_hinge
 from vtkmuscle.phantoms.hip_joint import hip
+from vtkmuscle.phantoms.lifting_strap import lifting_strap
 from vtkmuscle.phantoms.phantom import Phantom
 from vtkmuscle.phantoms.winding_spindle import winding_spindle
 
@@ -13,6 +14,7 @@ __all__ = [
     "Phantom",
     "fibre_block",
     "hip",
+    "lifting_strap",
     "pennate_block",
     "spindle_over_hinge",
     "winding_spindle",

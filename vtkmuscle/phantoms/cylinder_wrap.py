@@ -25,7 +25,7 @@ WRAPPED = 110.0
 ATTACHED = 30.0
 #: Least and largest angle of the cylinder [degrees]: below, the strap's free part touches the cylinder no
 #: more; above, the strap's end comes near the strap's straight part.
-UNWOUND, WOUND = ATTACHED - WRAPPED, 200.0
+UNWOUND, WOUND = ATTACHED - WRAPPED, 180.0
 
 
 def wrapping_cylinder(*, angles: ArrayLike | None = None) -> Phantom:
@@ -39,7 +39,7 @@ def wrapping_cylinder(*, angles: ArrayLike | None = None) -> Phantom:
     ----------
     angles : (k,) array_like, optional
         Of the motion, ascending, from rest [degrees]: above 0 the strap is wound up, below it is unwound.
-        Default 0 to 40 by 2. Within -80 to 200: at -80 the free part of the strap leaves the cylinder.
+        Default 0 to 40 by 2. Within -80 to 180: at -80 the free part of the strap leaves the cylinder.
 
     Returns
     -------
@@ -52,7 +52,7 @@ def wrapping_cylinder(*, angles: ArrayLike | None = None) -> Phantom:
     Raises
     ------
     ValueError
-        If an angle is below -80 or above 200 degrees, or if they do not ascend.
+        If an angle is below -80 or above 180 degrees, or if they do not ascend.
 
     Examples
     --------
