@@ -7,7 +7,7 @@ from taut_oracle import taut_length
 from vtkmuscle.core.rigid import apply_transform
 from vtkmuscle.filters.arrays import points_of
 from vtkmuscle.filters.attachments import attachments_of
-from vtkmuscle.phantoms import lifting_strap
+from vtkmuscle.phantoms import flexor_over_brim, lifting_strap
 from vtkmuscle.phantoms.planar import String, evenly
 
 
@@ -99,3 +99,77 @@ def test_lifting_strap_lies_on_its_roller_and_nowhere_else():
     assert turn.min() > -5.0
     assert turn.max() < 35.0
     assert np.hypot(points[:, 1], points[:, 2]).min() > 19.95
+
+
+# -------------------------------------------------------------------- over a brim, in a groove
+
+
+@pytest.mark.parametrize("angle", [0.0, 25.0, 50.0, 80.0])
+def test_flexor_is_as_long_as_a_string_over_its_brim(angle):
+    phantom = flexor_over_brim()
+    start, end = moved_centres(phantom, angle)
+    taut = taut_length(start, end, [((-16.0, 14.0), 15.0)], outward=(-1.0, 0.0))
+    assert phantom.known["length"](angle) == pytest.approx(taut, rel=1e-6)
+
+
+def test_flexors_moment_arms_are_derivatives_of_lengths():
+    phantom = flexor_over_brim()
+    known = phantom.known
+
+    def straight(angle):
+        start, end = moved_centres(phantom, angle)
+        return np.linalg.norm(end - start)
+
+    for angle in (0.0, 20.0, 47.0, 80.0):
+        assert known["moment_arm"](angle) == pytest.approx(-slope(known["length"], angle), abs=1e-5)
+    for angle in (13.0, 46.0):  # between rows the motion is that of the hinge, as well
+        assert known["straight_moment_arm"](angle) == pytest.approx(-slope(straight, angle), abs=1e-5)
+    assert [known["moment_arm"](angle) > 15.0 for angle in (0.0, 40.0)] == [True, True]
+    assert [known["straight_moment_arm"](angle) < 0.0 for angle in (0.0, 40.0)] == [True, True]
+
+
+def relaxed(start, end, groove, rounds=6000, count=61):
+    """Return the length of a string without friction, as far outside the brim as the muscle's radius says.
+
+    Pulled taut by averages of neighbours and pushed out along the ground's gradient, from 2 mm to the side.
+    """
+    line = np.linspace(0.0, 1.0, count)
+    corner = np.array([-60.0, 20.0])  # well in front of the brim
+    first, second = (2.0 * line[:, None], 2.0 * line[:, None] - 1.0)
+    way = np.where(first < 1.0, start + first * (corner - start), corner + second * (end - corner))
+    points = np.column_stack([2.0 * np.sin(np.pi * line), way])
+    for _ in range(rounds):
+        points[1:-1] = 0.25 * points[:-2] + 0.5 * points[1:-1] + 0.25 * points[2:]
+        x, away = points[1:-1, 0], points[1:-1, 1:] - [-16.0, 14.0]
+        distance = np.linalg.norm(away, axis=1)
+        value = distance - 15.0 - groove * np.sin(np.pi * x / 32.0) ** 2
+        slope = np.column_stack([-groove * np.pi / 32.0 * np.sin(np.pi * x / 16.0), away / distance[:, None]])
+        inside = (value < 0.0) & (np.abs(x) < 19.0)
+        points[1:-1] -= np.where(inside, value / (slope**2).sum(axis=1), 0.0)[:, None] * slope
+    return np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
+
+
+@pytest.mark.parametrize(("groove", "stays"), [(8.0, True), (-5.0, False)])
+def test_the_groove_holds_a_string_without_friction_and_the_ridge_does_not(groove, stays):
+    phantom = flexor_over_brim(groove=groove)
+    known = phantom.known["length"](0.0)
+    length = relaxed(*moved_centres(phantom, 0.0), groove)
+    assert (length == pytest.approx(known, rel=2e-3)) == stays
+    assert stays or length < known - 3.0
+
+
+@pytest.mark.parametrize("groove", [8.0, 0.0, -5.0])
+def test_the_brim_has_its_profile(groove):
+    phantom = flexor_over_brim(groove=groove)
+    bone = points_of(phantom.bones.GetBlock(0))
+    away = bone[:, 1:] - [-16.0, 14.0]
+    radius = np.linalg.norm(away, axis=1)
+    front = (np.abs(bone[:, 0]) < 14.0) & (away[:, 0] < -0.3 * radius) & (radius < 20.0)
+    assert np.count_nonzero(front) > 80
+    expected = 9.0 + groove * np.sin(np.pi * bone[front, 0] / 32.0) ** 2
+    np.testing.assert_allclose(radius[front], expected, atol=0.05)
+
+
+def test_a_groove_that_the_muscle_does_not_fit_in_is_refused():
+    with pytest.raises(ValueError, match=r"groove is 9.0.*-5 to 8 mm"):
+        flexor_over_brim(groove=9.0)

@@ -21,6 +21,7 @@ from vtkmuscle.filters.arrays import (
 from vtkmuscle.filters.attachments import attachments_of
 from vtkmuscle.phantoms import (
     fibre_block,
+    flexor_over_brim,
     hip,
     lifting_strap,
     pennate_block,
@@ -38,6 +39,7 @@ PHANTOMS = [
     spindle_over_hinge,
     wrapping_cylinder,
     lifting_strap,
+    flexor_over_brim,
     pennate_block,
     winding_spindle,
     hip,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from vtkmuscle.phantoms.brim_flexor import flexor_over_brim
 from vtkmuscle.phantoms.cylinder_wrap import wrapping_cylinder
 from vtkmuscle.phantoms.fibre_blocks import fibre_block, pennate_block
 from vtkmuscle.phantoms.hinge_spindle import spindle_over_hinge
@@ -13,6 +14,7 @@ from vtkmuscle.phantoms.winding_spindle import winding_spindle
 __all__ = [
     "Phantom",
     "fibre_block",
+    "flexor_over_brim",
     "hip",
     "lifting_strap",
     "pennate_block",
