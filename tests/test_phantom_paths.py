@@ -7,7 +7,7 @@ from taut_oracle import taut_length
 from vtkmuscle.core.rigid import apply_transform
 from vtkmuscle.filters.arrays import points_of
 from vtkmuscle.filters.attachments import attachments_of
-from vtkmuscle.phantoms import flexor_over_brim, lifting_strap
+from vtkmuscle.phantoms import flexor_over_brim, lifting_strap, strap_over_two_joints
 from vtkmuscle.phantoms.planar import String, evenly
 
 
@@ -173,3 +173,72 @@ def test_the_brim_has_its_profile(groove):
 def test_a_groove_that_the_muscle_does_not_fit_in_is_refused():
     with pytest.raises(ValueError, match=r"groove is 9.0.*-5 to 8 mm"):
         flexor_over_brim(groove=9.0)
+
+
+# -------------------------------------------------------------------- over two joints
+
+
+POSES = [(0.0, 0.0), (60.0, -20.0), (50.0, 60.0), (-40.0, 30.0), (20.0, 90.0), (-10.0, -20.0)]
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_strap_over_two_joints_is_as_long_as_a_string_over_its_rollers(pose):
+    phantom = strap_over_two_joints(coordinates=[pose])
+    lower_at_rest = np.array([-8.0, -100.0]) @ turn(-60.0).T
+    lower = (phantom.motion.at(0.0)["middle"] @ [0.0, *lower_at_rest, 1.0])[1:3]
+    start, end = moved_centres(phantom, 0.0)
+    taut = taut_length(start, end, [((0.0, 0.0), 26.0), (lower, 18.0)], outward=(-1.0, -1.0))
+    assert phantom.known["length"](*pose) == pytest.approx(taut, rel=1e-6)
+
+
+def turn(degrees):
+    """Return the rotation (2, 2) of (y, z) by flexion to the front."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([[c, s], [-s, c]])
+
+
+def test_moment_arms_over_two_joints_are_the_derivatives_of_the_length():
+    known = strap_over_two_joints().known
+    for upper, lower in POSES:
+        about_upper = slope(lambda q, at=lower: known["length"](q, at), upper)
+        about_lower = slope(lambda q, at=upper: known["length"](at, q), lower)
+        assert known["moment_arm_upper"] == pytest.approx(-about_upper, abs=1e-5)
+        assert known["moment_arm_lower"] == pytest.approx(-about_lower, abs=1e-5)
+
+
+def test_coordinates_go_round_a_loop_and_belong_to_the_frames():
+    phantom = strap_over_two_joints()
+    upper, lower = phantom.known["coordinates"].values()
+    assert len(upper) == len(lower) == len(phantom.motion.times)
+    assert [upper.max(), lower.max()] == [50.0, 60.0]
+    assert [upper[0], lower[0], upper[-1], lower[-1]] == [0.0] * 4
+    assert np.abs(np.diff(upper)).max() == np.abs(np.diff(lower)).max() == 5.0
+    # Frames of the same angles, on the way there and back, are the same pose.
+    other = strap_over_two_joints(coordinates=[(50.0, 60.0), (0.0, 30.0)])
+    for frame, place in ((0.0, 22), (1.0, 38)):
+        for bone, transform in other.motion.at(frame).items():
+            np.testing.assert_allclose(transform, phantom.motion.transforms[bone][place], atol=1e-12)
+
+
+def test_two_joints_stay_together():
+    phantom = strap_over_two_joints()
+    lower_at_rest = np.array([0.0, *(turn(-60.0) @ [-8.0, -100.0]), 1.0])
+    for time in phantom.motion.times:
+        transforms = phantom.motion.at(time)
+        np.testing.assert_allclose(transforms["middle"][:3, 3], 0.0, atol=1e-12)
+        ends = [transforms[bone] @ lower_at_rest for bone in ("middle", "distal")]
+        np.testing.assert_allclose(ends[0], ends[1], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("poses", "message"),
+    [
+        ([(61.0, 0.0)], "upper joint is at 61 degrees.*-40 to 60"),
+        ([(0.0, -21.0)], "lower joint is at -21 degrees.*-20 to 90"),
+        ([(0.0, np.nan)], "lower joint is at nan"),
+        ([0.0, 1.0], r"of shape \(2,\)"),
+    ],
+)
+def test_angles_without_known_answers_are_refused(poses, message):
+    with pytest.raises(ValueError, match=message):
+        strap_over_two_joints(coordinates=poses)

@@ -26,6 +26,7 @@ from vtkmuscle.phantoms import (
     lifting_strap,
     pennate_block,
     spindle_over_hinge,
+    strap_over_two_joints,
     winding_spindle,
     wrapping_cylinder,
 )
@@ -40,6 +41,7 @@ PHANTOMS = [
     wrapping_cylinder,
     lifting_strap,
     flexor_over_brim,
+    strap_over_two_joints,
     pennate_block,
     winding_spindle,
     hip,

@@ -9,6 +9,7 @@ from vtkmuscle.phantoms.hinge_spindle import spindle_over_hinge
 from vtkmuscle.phantoms.hip_joint import hip
 from vtkmuscle.phantoms.lifting_strap import lifting_strap
 from vtkmuscle.phantoms.phantom import Phantom
+from vtkmuscle.phantoms.two_joint_strap import strap_over_two_joints
 from vtkmuscle.phantoms.winding_spindle import winding_spindle
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "lifting_strap",
     "pennate_block",
     "spindle_over_hinge",
+    "strap_over_two_joints",
     "winding_spindle",
     "wrapping_cylinder",
 ]
