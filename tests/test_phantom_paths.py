@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from taut_oracle import taut_length
+from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
 
 from vtkmuscle.core.rigid import apply_transform
-from vtkmuscle.filters.arrays import points_of
+from vtkmuscle.filters.arrays import blocks_of, points_of, surface_from, triangles_of
 from vtkmuscle.filters.attachments import attachments_of
-from vtkmuscle.phantoms import flexor_over_brim, lifting_strap, strap_over_two_joints
+from vtkmuscle.phantoms import flexor_over_brim, lifting_strap, spindle_over_ball, strap_over_two_joints
 from vtkmuscle.phantoms.planar import String, evenly
 
 
@@ -233,12 +234,56 @@ def test_two_joints_stay_together():
 @pytest.mark.parametrize(
     ("poses", "message"),
     [
-        ([(61.0, 0.0)], "upper joint is at 61 degrees.*-40 to 60"),
-        ([(0.0, -21.0)], "lower joint is at -21 degrees.*-20 to 90"),
-        ([(0.0, np.nan)], "lower joint is at nan"),
-        ([0.0, 1.0], r"of shape \(2,\)"),
+        ([(61.0, 0.0)], "upper is 61 degrees.*-40 to 60"),
+        ([(0.0, -21.0)], "lower is -21 degrees.*-20 to 90"),
+        ([(0.0, np.nan)], "lower is nan"),
+        ([0.0, 1.0], r"of shape \(2,\).*upper and lower"),
     ],
 )
 def test_angles_without_known_answers_are_refused(poses, message):
     with pytest.raises(ValueError, match=message):
         strap_over_two_joints(coordinates=poses)
+
+
+# -------------------------------------------------------------------- over a ball joint
+
+
+def test_spindle_over_a_ball_is_as_long_as_the_way_between_its_moved_ends():
+    phantom = spindle_over_ball()
+    origin, insertion = (
+        area.landmarks.mean(axis=0) for area in attachments_of(phantom.attachments["spindle"], "test")
+    )
+    poses = np.column_stack(list(phantom.known["coordinates"].values()))
+    assert len(poses) == len(phantom.motion.times)
+    assert len(np.unique(poses, axis=0)) == 25
+    for time, pose in zip(phantom.motion.times, poses, strict=True):
+        moved = apply_transform(phantom.motion.at(time)["distal"], insertion[None])[0]
+        assert phantom.known["length"](*pose) == pytest.approx(np.linalg.norm(moved - origin), rel=1e-12)
+
+
+def test_moment_arms_over_a_ball_are_the_derivatives_of_the_length():
+    known = spindle_over_ball().known
+    for flexion, abduction in [(0.0, 0.0), (35.0, -20.0), (60.0, 20.0), (-10.0, 7.0)]:
+        about_flexion = slope(lambda q, at=abduction: known["length"](q, at), flexion)
+        about_abduction = slope(lambda q, at=flexion: known["length"](at, q), abduction)
+        arms = known["moment_arm_flexion"], known["moment_arm_abduction"]
+        assert arms[0](flexion, abduction) == pytest.approx(-about_flexion, abs=1e-5)
+        assert arms[1](flexion, abduction) == pytest.approx(-about_abduction, abs=1e-5)
+
+
+def test_no_bone_is_in_the_straight_way_over_a_ball():
+    corners = [(f, a) for f in (-10.0, 60.0) for a in (-20.0, 20.0)]
+    phantom = spindle_over_ball(coordinates=corners)
+    origin, insertion = (area.landmarks for area in attachments_of(phantom.attachments["spindle"], "test"))
+    for time in phantom.motion.times:
+        transform = phantom.motion.at(time)["distal"]
+        ends = apply_transform(transform, insertion)
+        # From 1 mm after each face on: the ends lie on the bones.
+        parts = np.linspace(0.01, 0.99, 60)[:, None, None]
+        ways = (origin + parts * (ends - origin)).reshape(-1, 3)
+        for name, bone in blocks_of(phantom.bones):
+            moved = transform if name in phantom.motion.transforms else np.eye(4)
+            surface = surface_from(apply_transform(moved, points_of(bone)), triangles_of(bone, "test"))
+            distance = vtkImplicitPolyDataDistance()
+            distance.SetInput(surface)
+            assert min(distance.EvaluateFunction(point) for point in ways) > 0.0, (name, time)

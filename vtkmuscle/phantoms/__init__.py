@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from vtkmuscle.phantoms.ball_spindle import spindle_over_ball
 from vtkmuscle.phantoms.brim_flexor import flexor_over_brim
 from vtkmuscle.phantoms.cylinder_wrap import wrapping_cylinder
 from vtkmuscle.phantoms.fibre_blocks import fibre_block, pennate_block
@@ -19,6 +20,7 @@ __all__ = [
     "hip",
     "lifting_strap",
     "pennate_block",
+    "spindle_over_ball",
     "spindle_over_hinge",
     "strap_over_two_joints",
     "winding_spindle",

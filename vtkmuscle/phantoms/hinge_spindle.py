@@ -83,7 +83,7 @@ def _insertion(angle: float) -> Floats:
     return moved
 
 
-def _profile() -> tuple[Floats, Floats]:
+def spindle_profile() -> tuple[Floats, Floats]:
     """Return heights and radii, r = r_end + (r_belly - r_end) sin^2(pi s) for s in 0 ... 1 [mm]."""
     s = np.linspace(0.0, 1.0, SLICES + 1)
     radii = END_RADIUS + (BELLY_RADIUS - END_RADIUS) * np.sin(np.pi * s) ** 2
@@ -92,7 +92,7 @@ def _profile() -> tuple[Floats, Floats]:
 
 def _volume() -> float:
     """Return the volume of the stack of frustums, h (a + sqrt(a b) + b) / 3 each, a and b their ends."""
-    heights, r = _profile()
+    heights, r = spindle_profile()
     polygon = SIDES / 2.0 * np.sin(2.0 * np.pi / SIDES)
     squares = r[:-1] ** 2 + r[:-1] * r[1:] + r[1:] ** 2
     return float(polygon / 3.0 * np.diff(heights) @ squares)
@@ -101,17 +101,17 @@ def _volume() -> float:
 @cache
 def _surfaces() -> tuple[dict[str, Surface], Surface]:
     bones = {
-        "proximal": mesh_of(_bone(ORIGIN, 1.0), 3.0, 3000),
-        "distal": mesh_of(_bone(INSERTION, -1.0), 3.0, 3000),
+        "proximal": mesh_of(bone_with_arm(ORIGIN, 1.0), 3.0, 3000),
+        "distal": mesh_of(bone_with_arm(INSERTION, -1.0), 3.0, 3000),
     }
-    points, triangles = solid_of_revolution(*_profile(), SIDES)
+    points, triangles = solid_of_revolution(*spindle_profile(), SIDES)
     return bones, (points + np.array([0.0, ORIGIN[1], 0.0]), triangles)
 
 
-def _bone(attachment: Floats, up: float) -> Solid:
+def bone_with_arm(attachment: Floats, up: float) -> Solid:
     """Return a shaft along z and an arm whose flat face carries the attachment."""
     arm_centre = attachment + np.array([0.0, 0.0, 7.0 * up])
-    arm = thick_curve([arm_centre * [1, 0, 1], arm_centre], [13.0, 13.0])
+    arm = thick_curve([arm_centre * [0, 0, 1], arm_centre], [13.0, 13.0])
     arm = arm.beside(attachment, (0, 0, -up), 1.0)
     shaft = thick_curve([(0, 0, 14 * up), (0, 0, attachment[2] + 50 * up)], [10.0, 11.0])
     return shaft.joined(arm, 4.0)

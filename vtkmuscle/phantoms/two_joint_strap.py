@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vtkmuscle.core.rigid import RigidMotion, apply_transform, rotation_about
 from vtkmuscle.filters.attachments import AttachmentArea
+from vtkmuscle.phantoms.coordinates import checked_poses
 from vtkmuscle.phantoms.implicit import block, rod, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
 from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
@@ -27,7 +28,7 @@ PARTS = (70.0, 100.0, 60.0)
 #: How far round each roller the strap lies at rest [degrees].
 WRAPS = (60.0, 20.0)
 #: Least and largest angle of each joint [degrees]: the strap wraps both rollers, and bones do not meet.
-LIMITS = ((-40.0, 60.0), (-20.0, 90.0))
+LIMITS = {"upper": (-40.0, 60.0), "lower": (-20.0, 90.0)}
 AXIS = (-1.0, 0.0, 0.0)
 #: The lower joint where the strap is straight (y, z); the upper one is at the origin [mm].
 LOWER = np.array([ARMS[1] - ARMS[0], -PARTS[1]])
@@ -74,8 +75,8 @@ def strap_over_two_joints(*, coordinates: ArrayLike | None = None) -> Phantom:
     >>> phantom.known["moment_arm_upper"], phantom.known["moment_arm_lower"]
     (26.0, -18.0)
     """
-    poses = _loop() if coordinates is None else np.asarray(coordinates, dtype=np.float64)
-    _check(poses)
+    given = _loop() if coordinates is None else coordinates
+    poses = checked_poses(given, LIMITS, "strap_over_two_joints")
     bones, muscle = _surfaces()
     line = _middle_line()
     transforms = [_transforms(*pose) for pose in poses]
@@ -108,19 +109,6 @@ def strap_length(upper: float, lower: float) -> float:
     """Return the length of the strap's middle line [mm] at angles [degrees] that it wraps both rollers at."""
     wraps = np.radians([WRAPS[0] - upper, WRAPS[1] + lower])
     return sum(PARTS) + float(np.array(ARMS) @ wraps)
-
-
-def _check(poses: Floats) -> None:
-    where = "strap_over_two_joints: coordinates"
-    if poses.ndim != 2 or poses.shape[1] != 2 or not len(poses):
-        raise ValueError(f"{where} of shape {poses.shape}: give (k, 2) angles, of the upper and lower joint")
-    for column, (name, (low, high)) in enumerate(zip(("upper", "lower"), LIMITS, strict=True)):
-        outside = poses[~((poses[:, column] >= low) & (poses[:, column] <= high)), column]
-        if len(outside):
-            raise ValueError(
-                f"{where}: the {name} joint is at {outside[0]:g} degrees, but answers are known from {low:g} "
-                f"to {high:g} only"
-            )
 
 
 def _loop() -> Floats:
