@@ -5,10 +5,17 @@ import pytest
 from taut_oracle import taut_length
 from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
 
+from vtkmuscle.core.mesh import survey
 from vtkmuscle.core.rigid import apply_transform
 from vtkmuscle.filters.arrays import blocks_of, points_of, surface_from, triangles_of
 from vtkmuscle.filters.attachments import attachments_of
-from vtkmuscle.phantoms import flexor_over_brim, lifting_strap, spindle_over_ball, strap_over_two_joints
+from vtkmuscle.phantoms import (
+    flexor_over_brim,
+    lifting_strap,
+    slivered_tendon,
+    spindle_over_ball,
+    strap_over_two_joints,
+)
 from vtkmuscle.phantoms.planar import String, evenly
 
 
@@ -287,3 +294,49 @@ def test_no_bone_is_in_the_straight_way_over_a_ball():
             distance = vtkImplicitPolyDataDistance()
             distance.SetInput(surface)
             assert min(distance.EvaluateFunction(point) for point in ways) > 0.0, (name, time)
+
+
+# -------------------------------------------------------------------- a tendon of slivers
+
+
+def aspect_ratios(points, triangles):
+    """Return the longest edge of each triangle by its least height."""
+    corners = points[triangles]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    return edges.max(axis=1) ** 2 / (2.0 * areas)
+
+
+def test_triangles_of_the_tendon_are_slivers_and_those_of_the_belly_are_not():
+    phantom = slivered_tendon()
+    points = points_of(phantom.muscles["muscle"])
+    triangles = triangles_of(phantom.muscles["muscle"], "test")
+    assert 1500 <= len(triangles) <= 4000
+    low, high = (points[triangles][..., 2].min(axis=1), points[triangles][..., 2].max(axis=1))
+    tendon = (high <= phantom.known["tendon_start"]) & (low < high)
+    ratios = aspect_ratios(points, triangles)
+    assert 10.0 < np.percentile(ratios[tendon], 95) < 20.0
+    assert ratios[tendon].min() > 10.0
+    assert np.median(ratios[low > phantom.known["tendon_start"] + 30.0]) < 2.0
+
+
+@pytest.mark.parametrize("pull", [0.0, 5.0, 50.0, 100.0])
+def test_slivered_tendon_is_as_long_as_a_string_round_its_edge(pull):
+    phantom = slivered_tendon(pulls=[0.0, 5.0, 50.0, 100.0])
+    start, end = moved_centres(phantom, pull)
+    taut = taut_length(start, end, [((0.0, 0.0), 18.0)], outward=(-1.0, -1.0))
+    assert phantom.known["length"](pull) == pytest.approx(taut, rel=1e-6)
+    if pull == 0.0:
+        np.testing.assert_allclose(end, [-18.0, -40.0], atol=1e-12)
+    if pull == 100.0:
+        np.testing.assert_allclose(end, [140.0 - 9.0 * np.pi, -18.0], atol=1e-9)
+
+
+def test_slivered_tendon_has_its_volume_and_the_steps_of_the_caller():
+    phantom = slivered_tendon(pulls=[0.0, 1.0, 40.0])
+    muscle = phantom.muscles["muscle"]
+    volume = survey(points_of(muscle), triangles_of(muscle, "test")).volume
+    assert phantom.known["volume"] == pytest.approx(volume, rel=1e-12)
+    np.testing.assert_array_equal(phantom.motion.times, [0.0, 1.0, 40.0])
+    with pytest.raises(ValueError, match=r"a pull is 101 mm.*0 to 100"):
+        slivered_tendon(pulls=[0.0, 101.0])

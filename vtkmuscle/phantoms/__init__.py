@@ -10,6 +10,7 @@ from vtkmuscle.phantoms.hinge_spindle import spindle_over_hinge
 from vtkmuscle.phantoms.hip_joint import hip
 from vtkmuscle.phantoms.lifting_strap import lifting_strap
 from vtkmuscle.phantoms.phantom import Phantom
+from vtkmuscle.phantoms.slivered_tendon import slivered_tendon
 from vtkmuscle.phantoms.two_joint_strap import strap_over_two_joints
 from vtkmuscle.phantoms.winding_spindle import winding_spindle
 
@@ -20,6 +21,7 @@ __all__ = [
     "hip",
     "lifting_strap",
     "pennate_block",
+    "slivered_tendon",
     "spindle_over_ball",
     "spindle_over_hinge",
     "strap_over_two_joints",

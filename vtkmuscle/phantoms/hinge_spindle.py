@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vtkmuscle.core.rigid import apply_transform, hinge, rotation_about
 from vtkmuscle.filters.attachments import AttachmentArea
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
-from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution
+from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution, volume_of_revolution
 from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
 
 Floats = NDArray[np.float64]
@@ -62,7 +62,11 @@ def spindle_over_hinge() -> Phantom:
         areas={"spindle": areas},
         motion=hinge("distal", centre=(0, 0, 0), axis=AXIS, angles=np.arange(0.0, 41.0, 2.0)),
         templates={"spindle": "parallel"},
-        known={"volume": _volume(), "length": line_length, "moment_arm": line_moment_arm},
+        known={
+            "volume": volume_of_revolution(*spindle_profile(), SIDES),
+            "length": line_length,
+            "moment_arm": line_moment_arm,
+        },
     )
 
 
@@ -88,14 +92,6 @@ def spindle_profile() -> tuple[Floats, Floats]:
     s = np.linspace(0.0, 1.0, SLICES + 1)
     radii = END_RADIUS + (BELLY_RADIUS - END_RADIUS) * np.sin(np.pi * s) ** 2
     return INSERTION[2] + s * (ORIGIN[2] - INSERTION[2]), radii
-
-
-def _volume() -> float:
-    """Return the volume of the stack of frustums, h (a + sqrt(a b) + b) / 3 each, a and b their ends."""
-    heights, r = spindle_profile()
-    polygon = SIDES / 2.0 * np.sin(2.0 * np.pi / SIDES)
-    squares = r[:-1] ** 2 + r[:-1] * r[1:] + r[1:] ** 2
-    return float(polygon / 3.0 * np.diff(heights) @ squares)
 
 
 @cache
