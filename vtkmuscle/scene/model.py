@@ -62,7 +62,7 @@ class Muscle:
     surface : vtkPolyData
         Closed surface of triangles that face outward, in the rest pose.
     attachments : sequence of AttachmentArea
-        Where it is attached.
+        Where it is attached, and the via rings that it passes through.
     fibres : mapping, optional
         Keyword arguments of :func:`vtkmuscle.pipelines.decompose`, and ``prune`` of FibreTransport, 0.3 where
         it is not given, 0 for exact transport; None for a muscle without fibres.

@@ -31,6 +31,7 @@
     attachments = [
       { role = "origin", bone = "pelvis", landmarks = "origin.vtp" },     # .vtp, .vtk, .csv, .json
       { role = "insertion", bone = "femur", landmarks = "insertion.csv", closed = true },
+      { role = "via", bone = "pelvis", landmarks = "ring.csv" },          # a ring round the muscle
     ]                                  # or "estimate": from where the muscle touches the bones
     solver = { iterations = 20 }       # optional: what differs from [solver]
     fixing = { method = "proximity" }  # optional: what differs from [fixing]
@@ -60,7 +61,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.rigid import RigidMotion, hinge
 from vtkmuscle.core.template_files import read_template
 from vtkmuscle.filters.arrays import multiblock_from
-from vtkmuscle.filters.attachments import AttachmentArea, attachments_of
+from vtkmuscle.filters.attachments import VIA, AttachmentArea, attachments_of
 from vtkmuscle.io import read_landmarks, read_motion_table, read_polydata, read_surface
 from vtkmuscle.pipelines import estimate_attachments
 from vtkmuscle.scene.checks import ESTIMATE, suggestion
@@ -258,9 +259,10 @@ def _attachments(
     for number, value in enumerate(listed):
         key = f"{muscle.key}.attachments[{number}]"
         table = _Table(muscle.file, key, value, ("role", "bone", "landmarks", "closed", "estimated"))
-        role, bone = table.text("role", '"origin" or "insertion"'), table.text("bone", '"NAME"')
+        role, bone = table.text("role", '"origin", "insertion" or "via"'), table.text("bone", '"NAME"')
         (landmarks, closed), files[f"{key}.landmarks"] = table.read("landmarks", '"FILE.vtp"', read_landmarks)
-        closed = table.flag("closed", "write true for a ring, false for an open curve", closed)
+        # A via ring is one whether or not its file repeats the first landmark.
+        closed = table.flag("closed", "write true for a ring, false for an open curve", closed or role == VIA)
         estimated = table.flag("estimated", "write true where nobody has seen the landmarks", False)
         areas.append(AttachmentArea(role, bone, landmarks, closed, estimated))
     return tuple(areas)
