@@ -5,8 +5,10 @@ import pytest
 from taut_oracle import taut_length
 from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
 
+from vtkmuscle import Scene
 from vtkmuscle.core.mesh import survey
 from vtkmuscle.core.rigid import apply_transform
+from vtkmuscle.core.via_rings import passes_through, via_ring, within_ring
 from vtkmuscle.filters.arrays import blocks_of, points_of, surface_from, triangles_of
 from vtkmuscle.filters.attachments import attachments_of
 from vtkmuscle.phantoms import (
@@ -15,6 +17,7 @@ from vtkmuscle.phantoms import (
     slivered_tendon,
     spindle_over_ball,
     strap_over_two_joints,
+    tendon_through_ring,
 )
 from vtkmuscle.phantoms.planar import String, evenly
 
@@ -340,3 +343,52 @@ def test_slivered_tendon_has_its_volume_and_the_steps_of_the_caller():
     np.testing.assert_array_equal(phantom.motion.times, [0.0, 1.0, 40.0])
     with pytest.raises(ValueError, match=r"a pull is 101 mm.*0 to 100"):
         slivered_tendon(pulls=[0.0, 101.0])
+
+
+# -------------------------------------------------------------------- through a ring
+
+
+@pytest.mark.parametrize("clearance", [0.0, 3.5])
+@pytest.mark.parametrize("angle", [0.0, 5.0, 12.0, 30.0, 60.0])
+def test_tendon_is_as_long_as_the_shortest_way_through_its_ring(angle, clearance):
+    phantom = tendon_through_ring()
+    origin, insertion, ring = attachments_of(phantom.attachments["muscle"], "test")
+    assert (ring.role, ring.bone, len(ring.landmarks)) == ("via", "proximal", 8)
+    start = origin.landmarks.mean(axis=0)
+    end = apply_transform(phantom.motion.at(angle)["distal"], insertion.landmarks).mean(axis=0)
+    # Over all places of the octagon, by a fine net of it, whose sides are moved in by the clearance.
+    centre = ring.landmarks.mean(axis=0)
+    part = np.linspace(0.0, 1.0, 401)[:, None, None]
+    corners = centre + (1.0 - clearance / 6.0) * (ring.landmarks - centre)
+    rim = (corners + part * (np.roll(corners, -1, axis=0) - corners)).reshape(-1, 3)
+    net = (centre + np.linspace(0.0, 1.0, 301)[:, None, None] * (rim - centre)).reshape(-1, 3)
+    shortest = (np.linalg.norm(net - start, axis=1) + np.linalg.norm(net - end, axis=1)).min()
+    assert phantom.known["length"](angle, clearance) == pytest.approx(shortest, abs=1e-3)
+
+
+def test_tendons_moment_arms_are_derivatives_of_lengths():
+    known = tendon_through_ring().known
+    for clearance in (0.0, 3.5):
+        for angle in (2.0, 25.0, 60.0):
+            by_length = -slope(lambda q, c=clearance: known["length"](q, c), angle)
+            assert known["moment_arm"](angle, clearance) == pytest.approx(by_length, abs=1e-5)
+    assert known["moment_arm"](0.0) == known["straight_moment_arm"](0.0) == pytest.approx(32.0)
+    # Without the ring it bowstrings.
+    assert known["straight_moment_arm"](60.0) > 1.5 * known["moment_arm"](60.0)
+    with pytest.raises(ValueError, match=r"clearance is 7.0.*0 to 6 mm"):
+        known["length"](10.0, 7.0)
+
+
+def test_the_tendon_passes_through_its_ring_at_rest():
+    phantom = tendon_through_ring()
+    muscle = phantom.muscles["muscle"]
+    _, _, area = attachments_of(phantom.attachments["muscle"], "test")
+    ring = via_ring(area.landmarks)
+    points = points_of(muscle)
+    assert passes_through(ring, points, triangles_of(muscle, "test"))
+    near = np.abs(points[:, 2] - ring.centre[2]) < 2.0
+    assert np.count_nonzero(near) > 20
+    assert within_ring(ring, points[near]).all()
+    radii = np.hypot(points[near, 0], points[near, 1] + 32.0)
+    np.testing.assert_allclose(radii, phantom.known["tendon_radius"], atol=0.3)
+    assert Scene.from_phantom(phantom).muscles["muscle"].attachments[2].role == "via"

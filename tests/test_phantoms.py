@@ -29,6 +29,7 @@ from vtkmuscle.phantoms import (
     spindle_over_ball,
     spindle_over_hinge,
     strap_over_two_joints,
+    tendon_through_ring,
     winding_spindle,
     wrapping_cylinder,
 )
@@ -46,6 +47,7 @@ PHANTOMS = [
     strap_over_two_joints,
     spindle_over_ball,
     slivered_tendon,
+    tendon_through_ring,
     pennate_block,
     winding_spindle,
     hip,
@@ -116,8 +118,8 @@ def test_landmarks_lie_on_bone_and_muscle(make):
     bones = dict(blocks_of(phantom.bones))
     for name, muscle in phantom.muscles.items():
         areas = attachments_of(phantom.attachments[name], name)
-        assert {area.role for area in areas} == {"origin", "insertion"}
-        for area in areas:
+        assert {area.role for area in areas} - {"via"} == {"origin", "insertion"}
+        for area in (area for area in areas if area.role != "via"):
             assert len(area.landmarks) >= 6
             assert np.abs(signed_distances(area.landmarks, bones[area.bone])).max() < 0.8, (name, area.role)
             assert np.abs(signed_distances(area.landmarks, muscle)).max() < 3.0, (name, area.role)

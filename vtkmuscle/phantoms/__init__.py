@@ -10,6 +10,7 @@ from vtkmuscle.phantoms.hinge_spindle import spindle_over_hinge
 from vtkmuscle.phantoms.hip_joint import hip
 from vtkmuscle.phantoms.lifting_strap import lifting_strap
 from vtkmuscle.phantoms.phantom import Phantom
+from vtkmuscle.phantoms.ring_tendon import tendon_through_ring
 from vtkmuscle.phantoms.slivered_tendon import slivered_tendon
 from vtkmuscle.phantoms.two_joint_strap import strap_over_two_joints
 from vtkmuscle.phantoms.winding_spindle import winding_spindle
@@ -25,6 +26,7 @@ __all__ = [
     "spindle_over_ball",
     "spindle_over_hinge",
     "strap_over_two_joints",
+    "tendon_through_ring",
     "winding_spindle",
     "wrapping_cylinder",
 ]
