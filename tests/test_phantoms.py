@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from taut_oracle import taut_length
+from phantom_oracles import taut_length
 from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
 
 from vtkmuscle.core.mesh import survey

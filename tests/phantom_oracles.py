@@ -1,7 +1,10 @@
-"""A taut string round circles in a plane, by a convex hull: an oracle for phantoms with known lengths."""
+"""What phantoms with known paths are tested against: a taut string by a convex hull, moved ends, slopes."""
 
 import numpy as np
 from scipy.spatial import ConvexHull
+
+from vtkmuscle.core.rigid import apply_transform
+from vtkmuscle.filters.attachments import attachments_of
 
 
 def taut_length(start, end, circles, outward, samples=20000):
@@ -26,3 +29,19 @@ def taut_length(start, end, circles, outward, samples=20000):
     # The way that lies outward of the other; a straight way holds no point of a circle.
     way = max(ways, key=lambda way: (way @ np.asarray(outward)).mean())
     return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+
+
+def moved_centres(phantom, time):
+    """Return (y, z) of the centres of the origin and the insertion landmarks at a time, origin first."""
+    (areas,) = phantom.attachments.values()
+    transforms = phantom.motion.at(time)
+    return [
+        apply_transform(transforms.get(area.bone, np.eye(4)), area.landmarks).mean(axis=0)[1:]
+        for area in attachments_of(areas, "test")
+        if area.role != "via"
+    ]
+
+
+def slope(length, angle, step=1e-4):
+    """Return dl/dq [mm] of a function of an angle [degrees], by central differences."""
+    return (length(angle + step) - length(angle - step)) / (2.0 * np.radians(step))
