@@ -221,7 +221,7 @@ class PBDDeformer(Filter):
         default=None,
         above=0.0,
         units="mm",
-        doc="Distance of the nodes of the signed distance grids; None is 1/400 of the diagonal of the bone's "
+        doc="Distance of the nodes of the signed distance grids; None is 1/600 of the diagonal of the bone's "
         "box along its principal axes.",
     )
     skin = Parameter(
