@@ -18,6 +18,7 @@ import typer
 from rich.console import Console
 
 from vtkmuscle import __version__
+from vtkmuscle.isolation import leave_out_working_folder
 
 if TYPE_CHECKING:
     from vtkmuscle.scene import Scene
@@ -115,6 +116,7 @@ def _with_run_options(command: Callable[..., None]) -> Callable[..., None]:
 
 def main() -> None:
     """Run the command line; the console entry point."""
+    leave_out_working_folder()
     app()
 
 

@@ -152,12 +152,16 @@ class RunFolder:
 
     def write_figures(self, result: Result) -> list[str]:
         """Draw the figures beside, move them to ``figures/``, and return their names."""
-        from vtkmuscle.plotting import write_figures  # noqa: PLC0415 -- only figures need PyVista
+        import matplotlib as mpl  # noqa: PLC0415 -- only figures need it, and PyVista
+
+        from vtkmuscle.plotting import write_figures  # noqa: PLC0415
 
         beside = self.path / f".figures.{os.getpid()}.partial"
         folder = self.path / "figures"
         try:
-            write_figures(beside, result)
+            with mpl.rc_context():
+                mpl.rcdefaults()  # a matplotlibrc in the working folder may be from elsewhere
+                write_figures(beside, result)
             folder.mkdir(exist_ok=True)
             drawn = sorted(beside.iterdir())
             for figure in drawn:
