@@ -39,8 +39,19 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+
+def _named(text: str) -> Path:
+    """Return a path; an empty text, as of a shell variable that is not set, is not the working folder."""
+    if not text:
+        raise typer.BadParameter("it is empty; give the name of a folder")
+    return Path(text)
+
+
 OutOption = Annotated[
-    Path | None, typer.Option("--out", "-o", help="Folder to write to.", show_default=False)
+    Path | None,
+    typer.Option(
+        "--out", "-o", metavar="PATH", parser=_named, help="Folder to write to.", show_default=False
+    ),
 ]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and warnings only.")]
 
@@ -80,6 +91,13 @@ class RunOptions:
         typer.Option(
             "--verbose",
             help="Print figures of each frame as it is done: how far the solve got, how the shape was kept.",
+        ),
+    ] = False
+    overwrite: Annotated[
+        bool,
+        typer.Option(
+            "--overwrite",
+            help="Replace results of another scene, and files that no run has written; never the inputs.",
         ),
     ] = False
     quality: Annotated[
@@ -168,11 +186,11 @@ def demo(
     folder = out or Path("vtkmuscle_demo")
     with _one_clear_error(folder):
         from vtkmuscle import phantoms
-        from vtkmuscle.run.folder import RunFolder
+        from vtkmuscle.run.unchanged import save_unless_changed
         from vtkmuscle.scene import Scene
 
-        path = Scene.from_phantom(phantoms.hip()).save(RunFolder(folder).path / "scene")
-        loaded = Scene.load(path)
+        scene = Scene.from_phantom(phantoms.hip())
+        loaded = Scene.load(path := save_unless_changed(scene, folder / "scene", overwrite=options.overwrite))
     _say(options.quiet, f"The scene is {path}: edit it, or put your own surfaces there, and run it with")
     _say(options.quiet, f"  vtkmuscle run {path}")
     _run(loaded, folder, options)
@@ -222,7 +240,12 @@ def tradeoff(
         str,
         typer.Argument(metavar="SCENE", help="A scene.toml, or 'demo': the phantom hip.", show_default=False),
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder to write to.", show_default=False)],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", "-o", metavar="PATH", parser=_named, help="Folder to write to.", show_default=False
+        ),
+    ],
     only: Annotated[
         list[str] | None,
         typer.Option(
@@ -283,7 +306,11 @@ def paraview_path(
     folder: Annotated[
         Path | None,
         typer.Option(
-            "--folder", help="Folder for the links; by default one in your cache.", show_default=False
+            "--folder",
+            metavar="PATH",
+            parser=_named,
+            help="Folder for the links; by default one in your cache.",
+            show_default=False,
         ),
     ] = None,
 ) -> None:
@@ -317,6 +344,7 @@ def _run(scene: Scene, out: Path, options: RunOptions) -> None:
             workers=options.workers,
             series=options.series,
             observe=_table(list(scene.muscles), console) if options.verbose else None,
+            overwrite=options.overwrite,
         )
     rows = result.report["muscles"]
     for name, muscle in rows.items():

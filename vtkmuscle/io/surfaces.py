@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 from vtkmodules.vtkIOGeometry import vtkOBJReader, vtkSTLReader
@@ -18,6 +15,7 @@ from vtkmodules.vtkIOPLY import vtkPLYReader
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle.filters.arrays import points_of, with_points
+from vtkmuscle.io.messages import first_line, vtk_messages
 
 _READERS: dict[str, Any] = {
     ".vtp": vtkXMLPolyDataReader,
@@ -62,10 +60,10 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
     check_is_file(path)
     reader = reader_class()
     reader.SetFileName(str(path))
-    with _vtk_messages() as messages:
+    with vtk_messages() as messages:
         reader.Update()
     data = reader.GetOutput()
-    complaint = _first_line(messages())
+    complaint = first_line(messages())
     if reader.GetErrorCode() or complaint:
         raise ValueError(
             f"{path}: the file cannot be read as {path.suffix}: {complaint or 'it is damaged'}; "
@@ -128,28 +126,6 @@ def check_is_file(path: Path) -> None:
     also = sorted(p.name for p in near.iterdir() if p.suffix == path.suffix)[:5] if near else []
     hint = f"; its folder holds {', '.join(also)}" if also else ""
     raise FileNotFoundError(f"{path}: there is no such file{hint}")
-
-
-@contextmanager
-def _vtk_messages() -> Iterator[Any]:
-    """Collect what VTK would print, and give a function that returns it."""
-    window, before = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
-    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
-    vtkOutputWindow.SetInstance(window)
-    try:
-        yield window.GetOutput
-    finally:
-        vtkOutputWindow.SetInstance(before)
-        vtkLogger.SetStderrVerbosity(verbosity)
-
-
-def _first_line(messages: str) -> str:
-    """Return the first complaint without VTK's source lines and addresses."""
-    for line in messages.splitlines():
-        if line and not line.startswith(("ERROR: In", "Warning: In", "Generic Warning: In")):
-            return line.partition("): ")[2].strip(" .") or line.strip(" .")
-    return ""
 
 
 def _check_point_ids(data: vtkPolyData, path: Path) -> None:

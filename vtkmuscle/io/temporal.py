@@ -112,7 +112,6 @@ def write_vtkhdf(
     writer.SetChunkSize(_CHUNK)
     writer.SetCompressionLevel(_COMPRESSION)
     with replacing(path) as beside:
-        beside.touch()
         writer.SetFileName(str(beside))
         written = writer.Write()
         if source.error is not None:

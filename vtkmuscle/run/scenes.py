@@ -14,6 +14,7 @@ from typing import Any
 
 from vtkmuscle.filters.base import AbortedError
 from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.run.claim import scene_file
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.muscles import MuscleRun, Observe, Progress
 from vtkmuscle.run.reach import bones_with_reach
@@ -105,7 +106,7 @@ def run_scene(
             jobs: dict[str, Future[None]] = {}
             runs: list[MuscleRun] = []
             if folder is not None:
-                folder.begin(report)
+                folder.begin(report, scene)
             for name, track in tracks.items():
                 others = tuple(runs) if scene.muscle_contact != "off" else ()
                 run = MuscleRun(scene, name, track, bones, distances, folder, stop, told, seen, others)
@@ -144,6 +145,7 @@ def _bone_distances(scene: Scene) -> dict[str, SurfaceDistance]:
 def _first_report(scene: Scene, numbers: range, tracks: dict[str, MuscleTrack]) -> dict[str, Any]:
     return {
         "scene": scene.name,
+        "scene_file": scene_file(scene),
         "units": scene.units,
         "complete": False,
         "versions": versions(),

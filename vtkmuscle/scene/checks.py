@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -24,12 +23,11 @@ from vtkmuscle.filters.quality import PRESETS
 from vtkmuscle.filters.superficial import checked_superficial
 from vtkmuscle.pipelines import FIBRE_SETTINGS, TRANSPORT_SETTINGS
 from vtkmuscle.scene.model import MILLIMETRES, Muscle, SceneError
+from vtkmuscle.scene.names import check_name
 
 if TYPE_CHECKING:
     from vtkmuscle.scene.model import Scene
 
-#: A name becomes part of file names: letters, digits, and a few signs that every file system takes.
-_NAME = re.compile(r"\w[\w .+-]*(?<![ .])")
 #: Names that the run writes itself, beside those of the muscles.
 _RESERVED = ("bones", "figures", "scene")
 #: What is done where muscles meet.
@@ -62,14 +60,12 @@ def checked_names(scene: Scene) -> None:
     if scene.quality is not None and scene.quality not in PRESETS:
         problem = f"there is no preset {scene.quality!r}"
         raise SceneError(problem, key="quality", mend=suggestion(str(scene.quality), PRESETS), file=file)
-    mend = "use letters, digits, spaces and _ - + . only, beginning and ending with a letter or digit"
     for key, name in [
         ("name", scene.name),
         *((f"bones.{bone}", bone) for bone in scene.bones),
         *((f"muscles.{muscle}", muscle) for muscle in scene.muscles),
     ]:
-        if not _NAME.fullmatch(name):
-            raise SceneError(f"{name!r} cannot be part of a file name", key=key, mend=mend, file=file)
+        check_name(name, key, file)
     for kind, names in (("bones", scene.bones), ("muscles", scene.muscles)):
         if not names:
             problem = f"the scene has no {kind}"
