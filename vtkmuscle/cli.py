@@ -401,7 +401,7 @@ def _one_clear_error(out: Path | None) -> Iterator[None]:
     console = Console(stderr=True, soft_wrap=True, highlight=False)
 
     def show(message: Warning | str, *_: Any, **__: Any) -> None:
-        console.print(f"warning: {message}", markup=False, style="yellow")
+        console.print(f"warning: {_one_line(str(message))}", markup=False, style="yellow")
 
     try:
         with warnings.catch_warnings():
@@ -412,15 +412,24 @@ def _one_clear_error(out: Path | None) -> Iterator[None]:
         # ValueErrors of the package say what was wrong with the input; a fault in it has a traceback.
         console.print(f"error: {_words(error)}", markup=False, style="bold red")
         raise typer.Exit(BAD_INPUT) from error
+    except MemoryError as error:
+        console.print("error: there is not enough memory for this", markup=False, style="bold red")
+        raise typer.Exit(BAD_INPUT) from error
     except KeyboardInterrupt:
         console.print(f"stopped. {_what_is_finished(out)}", markup=False, style="yellow")
         raise typer.Exit(INTERRUPTED) from None
 
 
 def _words(error: Exception) -> str:
+    words = str(error)
     if isinstance(error, OSError) and error.strerror:
-        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-    return str(error)
+        words = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return _one_line(words)
+
+
+def _one_line(words: str) -> str:
+    """Return a text without what a terminal would take for more than text."""
+    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in words)
 
 
 def _what_is_finished(out: Path | None) -> str:

@@ -13,6 +13,7 @@ from vtkmodules.vtkIOGeometry import vtkOBJReader, vtkSTLReader
 from vtkmodules.vtkIOLegacy import vtkGenericDataObjectReader
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
+from vtkmuscle.core.files import check_is_file
 from vtkmuscle.filters.arrays import points_of, with_points
 from vtkmuscle.io.in_child import read_in_child
 from vtkmuscle.io.messages import first_line, vtk_messages
@@ -129,18 +130,6 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
     surface.GetPointData().ShallowCopy(data.GetPointData())
     surface.GetFieldData().ShallowCopy(data.GetFieldData())
     return surface
-
-
-def check_is_file(path: Path) -> None:
-    """Raise a FileNotFoundError that says what is the matter where there is no file to read."""
-    if path.is_file():
-        return
-    if path.is_dir():
-        raise FileNotFoundError(f"{path}: this is a folder, not a file")
-    near = path.parent if path.parent.is_dir() else None
-    also = sorted(p.name for p in near.iterdir() if p.suffix == path.suffix)[:5] if near else []
-    hint = f"; its folder holds {', '.join(also)}" if also else ""
-    raise FileNotFoundError(f"{path}: there is no such file{hint}")
 
 
 def _check_point_ids(data: vtkPolyData, path: Path) -> None:

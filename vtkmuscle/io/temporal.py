@@ -14,10 +14,11 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkIOHDF import vtkHDFReader
 
+from vtkmuscle.core.files import check_is_file
 from vtkmuscle.filters.arrays import multiblock_from
 from vtkmuscle.filters.pipeline_times import announce_times, times_of
 from vtkmuscle.io.in_child import check_in_child
-from vtkmuscle.io.surfaces import check_is_file, read_polydata
+from vtkmuscle.io.surfaces import read_polydata
 from vtkmuscle.io.writing import replacing
 
 #: Suffixes of the files that :func:`read_series` reads.

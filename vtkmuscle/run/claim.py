@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
+from vtkmuscle.core.files import check_is_file
 from vtkmuscle.io.writing import left_behind
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ def remove_results(folder: Path, scene: Scene) -> None:
     scene : Scene
         What is run.
     """
-    report = _report(folder) or {}
+    report = read_report(folder) or {}
     names = {*scene.muscles, *(name for name in report.get("muscles", ()) if re.fullmatch(r"[^/\\]+", name))}
     for number, series in enumerate(("bones", *sorted(names), *(f"{name}_fibres" for name in sorted(names)))):
         _remove_series(folder, series, numbered=number > 0)
@@ -165,12 +166,11 @@ def _check_is_folder(path: Path) -> None:
 def _check_results(folder: Path, scene: Scene) -> None:
     """Raise a ValueError where there are results of another scene, or files that no run has written."""
     insist = "give another folder with --out, or --overwrite (overwrite=True) to replace them"
-    report = _report(folder)
+    report = read_report(folder)
     if report is None:
         places = [*_places(scene.muscles, folder=False), *_places(scene.muscles, folder=True)]
         for path in map(folder.joinpath, places):
-            holds = path.is_file() or path.is_symlink() or (path.is_dir() and any(path.iterdir()))
-            if holds:
+            if path.is_file() or path.is_symlink() or (path.is_dir() and _may_lose(path)):
                 raise ValueError(f"{path}: results would be written over what no run has made; {insist}")
         return
     before, now = report.get("scene_file"), scene_file(scene)
@@ -179,14 +179,20 @@ def _check_results(folder: Path, scene: Scene) -> None:
         raise ValueError(f"{folder}: it holds the results of the scene {report.get('scene')!r}{of}; {insist}")
 
 
+def _may_lose(folder: Path) -> bool:
+    """Return whether a folder holds what a run might write over: frames, figures, or folders of them."""
+    return any(path.is_dir() or path.suffix.lower() in (".vtp", ".png") for path in folder.iterdir())
+
+
 def scene_file(scene: Scene) -> str | None:
     """Return where a scene was read from, in full; None where it was made in Python."""
     return str(scene.files[""].resolve()) if "" in scene.files else None
 
 
-def _report(folder: Path) -> dict[str, Any] | None:
-    """Return the report of an earlier run, None where there is none."""
+def read_report(folder: Path) -> dict[str, Any] | None:
+    """Return the report of a run from its folder, None where there is none."""
     try:
+        check_is_file(folder / "report.json")
         report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return None

@@ -16,6 +16,7 @@ from vtkmuscle.filters.base import AbortedError
 from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.run.claim import scene_file
 from vtkmuscle.run.folder import RunFolder
+from vtkmuscle.run.memory import check_memory
 from vtkmuscle.run.muscles import MuscleRun, Observe, Progress
 from vtkmuscle.run.reach import bones_with_reach
 from vtkmuscle.run.report import DEFINITIONS, versions
@@ -91,6 +92,7 @@ def run_scene(
     numbers = frame_numbers(frames, len(scene.motion.times))
     if workers is not None and workers < 1:
         raise ValueError(f"workers is {workers}, but must be an integer >= 1")
+    check_memory(scene, numbers)
     folder = None if out is None else RunFolder(out, series=series)
     bones, distances = bones_with_reach(scene), _bone_distances(scene)
     tracks = {name: MuscleTrack() for name in scene.muscles}

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.mesh import survey
+from vtkmuscle.core.words import shown
 from vtkmuscle.filters.arrays import checked_surface, points_of, surface_from
 from vtkmuscle.filters.attachments import ROLES, AttachmentArea
 from vtkmuscle.filters.base import Filter
@@ -156,7 +157,7 @@ def _check_settings(
             declarations[name].check(value, key)
         except ValueError:
             raise SceneError(
-                f"{value!r} is not allowed",
+                f"{shown(value)} is not allowed",
                 key=f"{key}.{name}",
                 mend=f"it must be {declarations[name].allowed}",
                 file=file,
