@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import warnings
 from os import PathLike
 from pathlib import Path
 
@@ -62,6 +63,7 @@ def read_landmarks(path: str | PathLike[str]) -> tuple[Floats, bool]:
 
 def _from_csv(path: Path) -> Floats:
     rows: list[list[float]] = []
+    widths: dict[int, int] = {}
     header_passed = False
     with path.open(newline="", encoding="utf-8-sig") as lines:
         try:
@@ -79,10 +81,23 @@ def _from_csv(path: Path) -> Floats:
                     continue
                 if len(cells) < 3:
                     raise ValueError(f"{path}: line {number} has fewer than three numbers; give x, y, z")
+                widths.setdefault(len(cells), number)
         except UnicodeDecodeError as error:
             raise ValueError(f"{path}: the file is not text in UTF-8; export it as CSV again") from error
         except csv.Error as error:
             raise ValueError(f"{path}: the file is not a CSV table: {error}; export it again") from error
+    if len(widths) > 1:
+        (usual, _), (other, line) = sorted(widths.items(), key=lambda item: item[1])[:2]
+        raise ValueError(
+            f"{path}: line {line} has {other} cells, but those before it have {usual}; if numbers have a "
+            "decimal comma, write a point instead"
+        )
+    if next(iter(widths), 3) >= 6 and all(value == int(value) for row in rows for value in row):
+        warnings.warn(
+            f"{path}: each line has {next(iter(widths))} cells, the first of them whole numbers; if numbers "
+            "have a decimal comma, write a point instead",
+            stacklevel=4,
+        )
     if not rows:
         raise ValueError(f"{path}: the file holds no landmarks; give a line x, y, z for each")
     return np.array(rows, dtype=np.float64)

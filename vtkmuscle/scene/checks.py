@@ -38,6 +38,8 @@ ESTIMATE = "estimate"
 #: Landmarks farther from their muscle than this many of its diagonals are another muscle's, or in
 #: another unit.
 _FARTHEST_LANDMARKS = 1.0
+#: Coordinates beyond this are no length of anything, and their squares may be no numbers.
+_LARGEST = 1e60
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
@@ -172,6 +174,10 @@ def _checked_surface(scene: Scene, key: str, surface: vtkPolyData, *, closed: bo
         problem, _, mend = str(error).removeprefix("the surface: ").partition("; ")
         mend = mend or "correct them, or export the surface again"
         raise SceneError(problem, key=key, mend=mend, file=file) from error
+    if np.abs(points).max() > _LARGEST:
+        point = int(np.abs(points).max(axis=1).argmax())
+        problem = f"point {point} has a coordinate of {np.abs(points[point]).max():.4g}"
+        raise SceneError(problem, key=key, mend="correct that point, or remove it", file=file)
     report = survey(points, triangles)
     faults = [
         (

@@ -263,7 +263,8 @@ class Scene:
         Raises
         ------
         SceneError
-            If a stage cannot be done; the message names the muscle and the mend.
+            If a stage cannot be done, or something in the scene is surely not meant; the message names the
+            muscle and the mend.
         ValueError
             If no such frames exist, or something in the folder would be lost.
         OSError
@@ -273,9 +274,11 @@ class Scene:
         """
         from vtkmuscle.run.claim import claimed  # noqa: PLC0415
         from vtkmuscle.run.scenes import run_scene  # noqa: PLC0415
+        from vtkmuscle.scene.sense import check_sense  # noqa: PLC0415
 
         if out is not None and not str(out):
             raise ValueError("out is empty; give the name of a folder")
+        check_sense(self)
         target = None if out is None else Path(out)
         hold = nullcontext() if target is None else claimed(target, self, overwrite=overwrite)
         with hold:
