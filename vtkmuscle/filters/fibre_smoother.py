@@ -60,7 +60,7 @@ class FibreSmoother(Filter):
     4
     """
 
-    iterations = Parameter(int, default=5, minimum=0, doc="Number of smoothing passes.")
+    iterations = Parameter(int, default=5, minimum=0, maximum=10_000, doc="Number of smoothing passes.")
     k = Parameter(float, default=4.0, minimum=0.0, doc="Weight of the middle point.")
     filling: Parameter[float | None] = Parameter(
         float,

@@ -14,7 +14,9 @@ from typing import Any
 
 from vtkmuscle.filters.base import AbortedError
 from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.run.claim import scene_file
 from vtkmuscle.run.folder import RunFolder
+from vtkmuscle.run.memory import check_memory
 from vtkmuscle.run.muscles import MuscleRun, Observe, Progress
 from vtkmuscle.run.reach import bones_with_reach
 from vtkmuscle.run.report import DEFINITIONS, versions
@@ -90,6 +92,7 @@ def run_scene(
     numbers = frame_numbers(frames, len(scene.motion.times))
     if workers is not None and workers < 1:
         raise ValueError(f"workers is {workers}, but must be an integer >= 1")
+    check_memory(scene, numbers)
     folder = None if out is None else RunFolder(out, series=series)
     bones, distances = bones_with_reach(scene), _bone_distances(scene)
     tracks = {name: MuscleTrack() for name in scene.muscles}
@@ -105,7 +108,7 @@ def run_scene(
             jobs: dict[str, Future[None]] = {}
             runs: list[MuscleRun] = []
             if folder is not None:
-                folder.begin(report)
+                folder.begin(report, scene)
             for name, track in tracks.items():
                 others = tuple(runs) if scene.muscle_contact != "off" else ()
                 run = MuscleRun(scene, name, track, bones, distances, folder, stop, told, seen, others)
@@ -144,6 +147,7 @@ def _bone_distances(scene: Scene) -> dict[str, SurfaceDistance]:
 def _first_report(scene: Scene, numbers: range, tracks: dict[str, MuscleTrack]) -> dict[str, Any]:
     return {
         "scene": scene.name,
+        "scene_file": scene_file(scene),
         "units": scene.units,
         "complete": False,
         "versions": versions(),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -15,6 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.mesh import survey
 from vtkmuscle.core.via_rings import passes_through, via_ring
+from vtkmuscle.core.words import shown
 from vtkmuscle.filters.arrays import checked_surface, points_of, surface_from
 from vtkmuscle.filters.attachments import ROLES, VIA, AttachmentArea
 from vtkmuscle.filters.base import Filter
@@ -25,12 +25,11 @@ from vtkmuscle.filters.quality import PRESETS
 from vtkmuscle.filters.superficial import checked_superficial
 from vtkmuscle.pipelines import FIBRE_SETTINGS, TRANSPORT_SETTINGS
 from vtkmuscle.scene.model import MILLIMETRES, Muscle, SceneError
+from vtkmuscle.scene.names import check_name
 
 if TYPE_CHECKING:
     from vtkmuscle.scene.model import Scene
 
-#: A name becomes part of file names: letters, digits, and a few signs that every file system takes.
-_NAME = re.compile(r"\w[\w .+-]*(?<![ .])")
 #: Names that the run writes itself, beside those of the muscles.
 _RESERVED = ("bones", "figures", "scene")
 #: What is done where muscles meet.
@@ -40,6 +39,8 @@ ESTIMATE = "estimate"
 #: Landmarks farther from their muscle than this many of its diagonals are another muscle's, or in
 #: another unit.
 _FARTHEST_LANDMARKS = 1.0
+#: Coordinates beyond this are no length of anything, and their squares may be no numbers.
+_LARGEST = 1e60
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
@@ -63,14 +64,12 @@ def checked_names(scene: Scene) -> None:
     if scene.quality is not None and scene.quality not in PRESETS:
         problem = f"there is no preset {scene.quality!r}"
         raise SceneError(problem, key="quality", mend=suggestion(str(scene.quality), PRESETS), file=file)
-    mend = "use letters, digits, spaces and _ - + . only, beginning and ending with a letter or digit"
     for key, name in [
         ("name", scene.name),
         *((f"bones.{bone}", bone) for bone in scene.bones),
         *((f"muscles.{muscle}", muscle) for muscle in scene.muscles),
     ]:
-        if not _NAME.fullmatch(name):
-            raise SceneError(f"{name!r} cannot be part of a file name", key=key, mend=mend, file=file)
+        check_name(name, key, file)
     for kind, names in (("bones", scene.bones), ("muscles", scene.muscles)):
         if not names:
             problem = f"the scene has no {kind}"
@@ -161,7 +160,7 @@ def _check_settings(
             declarations[name].check(value, key)
         except ValueError:
             raise SceneError(
-                f"{value!r} is not allowed",
+                f"{shown(value)} is not allowed",
                 key=f"{key}.{name}",
                 mend=f"it must be {declarations[name].allowed}",
                 file=file,
@@ -176,6 +175,10 @@ def _checked_surface(scene: Scene, key: str, surface: vtkPolyData, *, closed: bo
         problem, _, mend = str(error).removeprefix("the surface: ").partition("; ")
         mend = mend or "correct them, or export the surface again"
         raise SceneError(problem, key=key, mend=mend, file=file) from error
+    if np.abs(points).max() > _LARGEST:
+        point = int(np.abs(points).max(axis=1).argmax())
+        problem = f"point {point} has a coordinate of {np.abs(points[point]).max():.4g}"
+        raise SceneError(problem, key=key, mend="correct that point, or remove it", file=file)
     report = survey(points, triangles)
     faults = [
         (
