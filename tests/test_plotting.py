@@ -71,6 +71,8 @@ class FakeResult:
     units: str = "mm"
     times: list = field(default_factory=lambda: [0.0, 10.0, 20.0, 30.0])
     muscle_names: list = field(default_factory=lambda: ["with_fibres", "bare"])
+    literature: dict = field(default_factory=dict)
+    time_label: str = "time"
 
     def __post_init__(self):
         self.lengths = {"with_fibres": np.array([[90.0, 90.0]]) * (1.0 + np.arange(4)[:, None] / 100.0)}

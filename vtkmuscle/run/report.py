@@ -70,6 +70,11 @@ DEFINITIONS = {
     "length, and its part along the line of action; the line of action, from the mean of the fibres' first "
     "points to that of their last; length of the centroid path; over ten sections across that path mean, "
     "standard deviation, least and largest of their area, of the number of fibres and of fibres per area",
+    "moment_arms": "by each coordinate of the motion, -dl/dq of the fibres' lengths by local regression, "
+    "positive where the muscle drives the coordinate up: mean, least and largest over fibres and frames, "
+    "mean standard error, how many values a window of the regression holds, and the root mean square of what "
+    "a quartic leaves of the lengths; positive: the coordinate's positive direction; reason, refused: why "
+    "there are none, by any or by some coordinates",
     "seconds": "wall-clock time per stage; muscles run side by side",
 }
 

@@ -15,6 +15,7 @@ from typing import Any
 from vtkmuscle.filters.base import AbortedError
 from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.run.folder import RunFolder
+from vtkmuscle.run.moment_arms import MomentArmTable
 from vtkmuscle.run.muscles import MuscleRun, Observe, Progress
 from vtkmuscle.run.reach import bones_with_reach
 from vtkmuscle.run.report import DEFINITIONS, versions
@@ -123,8 +124,19 @@ def run_scene(
         raise
     report["complete"] = True
     report["seconds"] = {"muscles": time.perf_counter() - began}
-    result = Result(scene.name, scene.units, scene.bones_data(), scene.motion, numbers, tracks, report)
+    result = Result(
+        scene.name,
+        scene.units,
+        scene.bones_data(),
+        scene.motion,
+        numbers,
+        tracks,
+        report,
+        literature={name: muscle.literature for name, muscle in scene.muscles.items()},
+    )
+    arms = _moment_arms(result, report)
     if folder is not None:
+        folder.write_moment_arms(arms)
         folder.write_tables(report, scene, numbers, tracks)
         if figures:
             _draw(folder, result, report)
@@ -133,6 +145,21 @@ def run_scene(
     else:
         report["seconds"]["total"] = time.perf_counter() - began
     return result
+
+
+def _moment_arms(result: Result, report: dict[str, Any]) -> MomentArmTable:
+    """Return the moment arms, and report them; where there are none, why."""
+    if not result.lengths or not result.motion.coordinates:
+        return MomentArmTable({})
+    try:
+        arms = result.moment_arms()
+    except ValueError as error:
+        report["moment_arms"] = {"reason": str(error)}
+        return MomentArmTable({})
+    report["moment_arms"] = {"refused": arms.refused}
+    for name in arms:
+        report["muscles"][name]["moment_arms"] = arms.report(name)
+    return arms
 
 
 def _bone_distances(scene: Scene) -> dict[str, SurfaceDistance]:
