@@ -32,12 +32,18 @@ class RunResult(Protocol):
 
     name: str
     units: str
+    frames: Sequence[int]
     times: Sequence[float]
     muscle_names: Sequence[str]
     lengths: Mapping[str, Floats]
     report: Mapping[str, Any]
     literature: Mapping[str, Sequence[LiteratureCurve]]
     time_label: str
+
+    verdicts: Mapping[str, str]
+
+    def finished(self, name: str) -> int:
+        """Return how many frames a muscle has: fewer than there are times where it failed on the way."""
 
     def moment_arms(self) -> Mapping[str, Mapping[str, JointArms]]:
         """Return the moment arms per muscle and coordinate; asked for where the report has some."""
@@ -284,34 +290,35 @@ def write_figures(folder: str | Path, result: RunResult) -> list[Path]:
             units=result.units,
         )
     ]
-    frames = sorted({0, (len(times) - 1) // 2, len(times) - 1})
-    bones = [result.bones(i) for i in frames]
     arms: Mapping[str, Mapping[str, JointArms]] = {}
     for name in names:
-        spoken = name.replace("_", " ")
+        frames = _telling_frames(result, name)
+        if not frames:
+            continue  # it failed in the first one that is kept
+        verdict = result.verdicts.get(name)
+        title = name.replace("_", " ") + (f": {verdict}" if verdict else "")
         fibres = [result.fibres(name, i) for i in frames]
         present = [lines for lines in fibres if lines is not None]
         written.append(
             plot_muscle(
                 out / f"{name}_frames.png",
                 [result.muscle(name, i) for i in frames],
-                bones,
+                [result.bones(i) for i in frames],
                 fibres=present if len(present) == len(frames) else None,
                 rest_fibres=result.rest_fibres(name),
                 labels=[_at(result.time_label, times[i]) for i in frames],
-                title=spoken,
+                title=title,
                 units=result.units,
             )
         )
         if name in result.lengths:
-            path = out / f"{name}_lengths.png"
-            written.append(
-                plot_lengths(path, times, result.lengths[name], title=spoken, time_label=result.time_label)
-            )
+            path, lengths = out / f"{name}_lengths.png", result.lengths[name]
+            at = times[: len(lengths)]
+            written.append(plot_lengths(path, at, lengths, title=title, time_label=result.time_label))
         if result.report["muscles"][name].get("moment_arms"):
             arms = arms or result.moment_arms()
             path, published = out / f"{name}_moment_arms.png", result.literature.get(name, ())
-            written.append(plot_moment_arms(path, arms[name], literature=published, title=spoken))
+            written.append(plot_moment_arms(path, arms[name], literature=published, title=title))
     rows = {name: result.report["muscles"][name]["frames"] for name in names}
     written.append(
         plot_volume(
@@ -323,6 +330,14 @@ def write_figures(folder: str | Path, result: RunResult) -> list[Path]:
         )
     )
     return written
+
+
+def _telling_frames(result: RunResult, name: str) -> list[int]:
+    """Return the first frame of a muscle, its worst one or else the middle, and the last; [] without any."""
+    count = result.finished(name)
+    reasons = result.report["muscles"][name].get("verdict", {}).get("reasons", ())
+    worst = [i for i in range(count) for reason in reasons[:1] if result.frames[i] == reason["frame"]]
+    return sorted({0, *(worst or [(count - 1) // 2]), count - 1}) if count else []
 
 
 def _at(label: str, time: float) -> str:

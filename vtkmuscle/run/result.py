@@ -39,6 +39,8 @@ class MuscleTrack:
         Fibre lengths per finished frame [mm].
     report : dict
         What is known of the muscle, JSON-able.
+    failure : (int, float, str) or None
+        Frame and time that could not be computed, and why; the frames before are there.
     """
 
     rest: vtkPolyData | None = None
@@ -47,6 +49,7 @@ class MuscleTrack:
     fibres: list[vtkPolyData] = field(default_factory=list)
     lengths: list[Floats] = field(default_factory=list)
     report: dict[str, Any] = field(default_factory=dict)
+    failure: tuple[int, float, str] | None = None
 
 
 class Result:
@@ -83,6 +86,8 @@ class Result:
         What these are: a coordinate with its unit, where they are one.
     muscle_names : list of str
         In the order of the scene.
+    verdicts : dict of str to str
+        Of each muscle ``"ok"``, ``"look"`` or ``"failed"``; ``report["muscles"][NAME]["verdict"]`` says why.
     lengths : dict of str to (frames, fibres) array
         Fibre lengths [mm] of the muscles that have fibres.
     """
@@ -105,11 +110,14 @@ class Result:
         self.literature: Mapping[str, Sequence[LiteratureCurve]] = dict(literature or {})
         self.units = units
         self.report: Mapping[str, Any] = report
-        self.frames = list(frames)
+        self.frames: Sequence[int] = list(frames)
         self.times: Sequence[float] = [float(motion.times[frame]) for frame in self.frames]
         self.muscle_names: Sequence[str] = list(tracks)
         self.lengths: Mapping[str, Floats] = {
             name: np.array(track.lengths) for name, track in tracks.items() if track.lengths
+        }
+        self.verdicts: Mapping[str, str] = {
+            name: track.report["verdict"]["verdict"] for name, track in tracks.items()
         }
         self._tracks = tracks
         self._bones = bones
@@ -117,8 +125,12 @@ class Result:
         self._mover.connect(0, bones)
 
     def __repr__(self) -> str:
-        muscles = ", ".join(self.muscle_names)
+        muscles = ", ".join(f"{name} ({self.verdicts[name]})" for name in self.muscle_names)
         return f"Result({self.name!r}: {len(self.times)} frames of {muscles})"
+
+    def finished(self, name: str) -> int:
+        """Return how many of the kept frames a muscle has: all, or those before the one that failed."""
+        return len(self._tracks[name].points)
 
     def smoothed_lengths(self, *, passes: int = 5) -> dict[str, Floats]:
         """Return the fibre lengths without their noise over the frames.
@@ -162,6 +174,8 @@ class Result:
         arms: dict[str, dict[str, JointArms]] = {}
         refused: dict[str, str] = {}
         for name, lengths in self.lengths.items():
+            if len(lengths) < len(self.frames):
+                continue  # it failed on the way
             arms[name], refused = joint_arms(lengths, motion, coordinates or None)
         return MomentArmTable(arms, refused)
 

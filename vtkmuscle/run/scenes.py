@@ -12,6 +12,10 @@ from os import cpu_count
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from vtkmuscle.core.closed_shells import closed_shells
+from vtkmuscle.filters.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.filters.base import AbortedError
 from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.run.folder import RunFolder
@@ -163,9 +167,22 @@ def _moment_arms(result: Result, report: dict[str, Any]) -> MomentArmTable:
 
 
 def _bone_distances(scene: Scene) -> dict[str, SurfaceDistance]:
-    """Return the exact distances of the closed bones; each is built when a muscle comes near."""
-    distances = {name: SurfaceDistance(bone) for name, bone in scene.bones.items()}
-    return {name: distance for name, distance in distances.items() if distance.closed}
+    """Return the exact distances of the bones that have an inside, holes closed as the collisions close them.
+
+    Each is built when a muscle comes near.
+    """
+    distances = {}
+    for name, bone in scene.bones.items():
+        distance = SurfaceDistance(bone)
+        if not distance.closed:
+            mended = closed_shells(points_of(bone), triangles_of(bone, name))
+            parts = [part for part, solid in zip(mended.shells, mended.solid, strict=True) if solid]
+            if not parts:
+                continue
+            distance = SurfaceDistance(surface_from(mended.points, np.concatenate(parts)))
+        if distance.closed:
+            distances[name] = distance
+    return distances
 
 
 def _first_report(scene: Scene, numbers: range, tracks: dict[str, MuscleTrack]) -> dict[str, Any]:
