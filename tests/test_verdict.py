@@ -52,6 +52,8 @@ GOOD = {
     "estimated_distance_mm": 0.05,
     "penetration_new_max_mm": 0.1,
     "penetration_new_p95_mm": 0.0,
+    "fibres_outside_max_mm": 0.1,
+    "fibres_penetration_new_max_mm": 0.1,
 }
 FRAMES = 20
 TIMES = np.arange(FRAMES) * 2.0
@@ -96,6 +98,8 @@ def test_a_good_muscle_is_ok_and_all_was_checked():
         ("estimate", "estimated_distance_mm", 2.0, 11.0),
         ("penetration", "penetration_new_max_mm", 1.0, 8.0),
         ("widespread penetration", "penetration_new_p95_mm", 0.2, 1.5),
+        ("fibres outside", "fibres_outside_max_mm", 7.0, 16.0),
+        ("fibres in bone", "fibres_penetration_new_max_mm", 7.0, 16.0),
     ],
 )
 def test_a_planted_fault_is_told_with_its_frame(check, column, look, failed):
@@ -147,7 +151,7 @@ def test_fibres_that_hang_loose_are_told_and_where_it_is_not_known_that_is_told(
     assert verdict(slackness=None)["not_checked"] == {"slack": "the fibres have no array TautLength"}
     bare = verdict(lengths=None, rest_lengths=None)
     assert bare["verdict"] == "ok"
-    assert bare["not_checked"]["jumps"] == "it has no fibres"
+    assert bare["not_checked"] == {"fibres": "it has none"}
 
 
 def test_what_has_no_figure_is_not_judged_and_told():
@@ -293,6 +297,30 @@ def test_what_was_in_a_bone_at_rest_is_not_new():
     measure = MuscleMeasure(ball(), ["bone"], {"bone": HalfSpace()}, 1.0)
     deeper = measure.frame(rest + np.array([0.75, 0.0, 0.0]), {})
     assert deeper["penetration_new_max_mm"] == pytest.approx(0.75)
+
+
+def test_fibres_that_leave_the_muscle_or_enter_a_bone_are_measured():
+    class HalfSpace:
+        box = np.array([3.0, -np.inf, -np.inf]), np.full(3, np.inf)
+
+        def depth(self, points):
+            return np.maximum(points[:, 0] - 3.0, 0.0)
+
+    measure = MuscleMeasure(ball(), ["bone"], {"bone": HalfSpace()}, 10.0)
+    lines, offsets = (
+        np.array([[0.0, 0, -30], [5, 0, 0], [0, 0, 30], [0, 0, -30], [0, 0, 30]]),
+        np.array([0, 3, 5]),
+    )
+    measure.take_fibres_at_rest(lines, offsets)
+    still = measure.fibres(lines, offsets, points_of(ball()), {})
+    assert still == {"fibres_outside_max_mm": 0.0, "fibres_penetration_new_max_mm": 0.0}
+    moved = lines.copy()
+    moved[1, 0], moved[4] = 6.5, [0.0, 0.0, 42.0]
+    found = measure.fibres(moved, offsets, points_of(ball()), {})
+    assert found["fibres_penetration_new_max_mm"] == pytest.approx(15.0)
+    assert found["fibres_outside_max_mm"] == pytest.approx(20.0, rel=0.02)
+    nowhere = MuscleMeasure(ball(), ["bone"], {}, 1.0).fibres(lines, offsets, points_of(ball()), {})
+    assert nowhere["fibres_penetration_new_max_mm"] is None
 
 
 def test_an_open_bone_is_measured_with_its_holes_closed(tmp_path):

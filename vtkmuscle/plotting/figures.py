@@ -343,7 +343,7 @@ def _telling_frames(result: RunResult, name: str) -> list[int]:
 def _at(label: str, time: float) -> str:
     """Return a time in words: ``time 3``, or ``hip flexion 30 deg``."""
     name, _, unit = label.partition(" [")
-    return f"{name} {time:g} {unit.removesuffix(']')}".strip()
+    return f"{name} {time:.4g} {unit.removesuffix(']')}".strip()
 
 
 def _capture(

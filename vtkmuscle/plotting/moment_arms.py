@@ -81,7 +81,7 @@ def _draw(axes: Axes, found: JointArms) -> None:
         color="black",
         alpha=0.3,
         linewidth=0,
-        label="its error (95 %)",
+        label="error of the mean (95 %)",
     )
     axes.plot(values, mean, color="black", linewidth=2.0, label="mean")
     if found.quartic is not None:

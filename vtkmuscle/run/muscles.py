@@ -118,6 +118,8 @@ class MuscleRun:
             with self._timed("fibres", fibres):
                 track.rest_fibres = fibres.update().output
             with self._timed("measuring"):
+                rested = polylines_of(track.rest_fibres, "fibres")
+                measure.take_fibres_at_rest(rested.points, rested.offsets)
                 inside = fibres_at_rest(track.rest_fibres, track.rest, scene.millimetres)
                 track.report["fibres"] = inside
                 track.report["architecture"] = architecture_of(
@@ -195,6 +197,9 @@ class MuscleRun:
                 **read_convergence(deformed, self.scene.millimetres),
                 **measure.frame(points, self.scene.motion.at(now)),
             }
+            if fibres is not None:
+                lines = polylines_of(fibres, "fibres")
+                row |= measure.fibres(lines.points, lines.offsets, points, self.scene.motion.at(now))
         if self.scene.muscle_contact != "off":
             with self._timed("measuring overlap"):
                 row.update(measure.overlap(points, self._others_at(now)))

@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.inside import points_inside
 from vtkmuscle.core.mesh import edge_lengths, signed_volume, unique_edges
 from vtkmuscle.core.muscle_contact import depth_in
 from vtkmuscle.core.rest_shape import dihedral_angles
 from vtkmuscle.core.rigid import apply_transform, inverse
 from vtkmuscle.core.topology import mesh_topology
+from vtkmuscle.core.triangle_tree import triangle_tree
 from vtkmuscle.filters.arrays import checked_surface, field_array, point_array, points_of, triangles_of
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.neighbours import outward_tree
@@ -65,6 +67,9 @@ DEFINITIONS = {
     "penetrating_points": "number of free points inside a bone",
     "penetration_new_max_mm": "by how much the depth of a free point has grown since rest, at most; "
     "penetration_new_p95_mm: 95th percentile over all free points, 0 where it has not",
+    "fibres_outside_max_mm": "how far the farthest point of a fibre is out of the muscle",
+    "fibres_penetration_new_max_mm": "by how much the deepest point of a fibre is deeper in a bone than that "
+    "of the same fibre at rest, at most",
     "rest": "how deep free points are in bones at rest: segmented muscles often begin so",
     "verdict": "ok, look (use the results, but look at what the reasons name) or failed (do not use them): "
     "the worst of its reasons. Each reason has the check, the worst frame and its time, the value there, the "
@@ -178,6 +183,7 @@ class MuscleMeasure:
         angles, defined = dihedral_angles(self._rest, self._quads)
         self._unfolded = defined & (np.abs(angles) < np.radians(NOT_FOLDED))
         self._rest_depths: Floats | None = None
+        self._fibre_rest_depths: Floats | None = None
 
     @property
     def n_edges(self) -> int:
@@ -264,6 +270,41 @@ class MuscleMeasure:
             if ((there + reach >= low) & (there - reach <= high)).all():
                 np.maximum(depths, distance.depth(apply_transform(to_rest, points)), out=depths)
         return depths
+
+    def fibres(
+        self, fibre_points: Floats, offsets: Ints, points: Floats, transforms: Mapping[str, Floats]
+    ) -> dict[str, Any]:
+        """Return how far fibres are out of the muscle, and how much deeper in bones than at rest.
+
+        Parameters
+        ----------
+        fibre_points : (p, 3) array
+            Points of the fibres now, the same fibres each time.
+        offsets : (k + 1,) int array
+            Where each fibre begins among them.
+        points : (n, 3) array
+            The deformed muscle.
+        transforms : mapping of str to (4, 4) array
+            Rest to now, of the bones that moved.
+        """
+        outside = fibre_points[~points_inside(fibre_points, points, self._triangles)]
+        farthest = 0.0
+        if len(outside):
+            farthest = float(triangle_tree(points, self._triangles).nearest(outside)[2].max())
+        depths, grown = self.depths(fibre_points, transforms), None
+        if depths is not None:
+            deepest = np.maximum.reduceat(depths, offsets[:-1])
+            rest = self._fibre_rest_depths
+            grown = float(np.maximum(deepest - (0.0 if rest is None else rest), 0.0).max())
+        return {
+            "fibres_outside_max_mm": farthest * self._millimetres,
+            "fibres_penetration_new_max_mm": None if grown is None else grown * self._millimetres,
+        }
+
+    def take_fibres_at_rest(self, fibre_points: Floats, offsets: Ints) -> None:
+        """Note how deep fibres are in bones at rest: (p, 3) points, (k + 1,) where each fibre begins."""
+        depths = self.depths(fibre_points, {bone: np.eye(4) for bone in self._bones})
+        self._fibre_rest_depths = None if depths is None else np.maximum.reduceat(depths, offsets[:-1])
 
     def _penetration(self, points: Floats, now: Mapping[str, Floats]) -> dict[str, Any]:
         free = points[self._fixed_to < 0]

@@ -144,6 +144,23 @@ CHECKS = {
         "one fibre in ten is {} times as long as one pulled taut, or more: it hangs loose",
         "do not use its lengths and moment arms there; take those of taut fibres, or a stiffer model",
     ),
+    # FibreTransport keeps points to rounding inside where the muscle does not fold; at rest 0.5 mm counts as
+    # inside. A fibre that is 15 mm off is anywhere.
+    "fibres outside": Check(
+        0.5,
+        15.0,
+        "mm",
+        "a fibre is {} outside of the muscle",
+        "look at the fibres there, and do not use those that are outside",
+    ),
+    # 15 mm deep is the middle of a femur's shaft.
+    "fibres in bone": Check(
+        1.0,
+        15.0,
+        "mm",
+        "a fibre is {} deeper in a bone than at rest",
+        "look at the fibres there, and do not use those that run through the bone",
+    ),
     # The limit is the solver's tolerance where it has one.
     "estimate": Check(
         1.0,
@@ -331,6 +348,8 @@ def _series(
         "crumpled": column("dihedral_error_p95_deg"),
         "folded": 100.0 * column("folded_edges") / n_edges,
         "estimate": column("estimated_distance_mm"),
+        "fibres outside": column("fibres_outside_max_mm"),
+        "fibres in bone": column("fibres_penetration_new_max_mm"),
         "penetration": column("penetration_new_max_mm"),
         "widespread penetration": column("penetration_new_p95_mm"),
     }
@@ -340,8 +359,7 @@ def _series(
     }
     missing = {name: why for name, why in missing.items() if np.isnan(values[name]).all()}
     if lengths is None or rest_lengths is None or not len(lengths):
-        for name in ("long fibres", "short fibres", "jumps", "slack"):
-            missing[name] = "it has no fibres"
+        missing["fibres"] = "it has none"
     else:
         ratios = lengths / np.maximum(rest_lengths, 1e-12)
         values["long fibres"] = np.percentile(ratios, 95, axis=1)
