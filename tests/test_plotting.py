@@ -71,11 +71,18 @@ class FakeResult:
     units: str = "mm"
     times: list = field(default_factory=lambda: [0.0, 10.0, 20.0, 30.0])
     muscle_names: list = field(default_factory=lambda: ["with_fibres", "bare"])
+    literature: dict = field(default_factory=dict)
+    time_label: str = "time"
 
     def __post_init__(self):
         self.lengths = {"with_fibres": np.array([[90.0, 90.0]]) * (1.0 + np.arange(4)[:, None] / 100.0)}
         rows = [{"time": t, "volume_ratio": 1.001} for t in self.times]
         self.report = {"muscles": {name: {"frames": rows} for name in self.muscle_names}}
+        self.frames = list(range(len(self.times)))
+        self.verdicts = dict.fromkeys(self.muscle_names, "ok")
+
+    def finished(self, name):
+        return len(self.times)
 
     def rest_bones(self):
         return two_bones()

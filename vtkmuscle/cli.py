@@ -23,7 +23,9 @@ from vtkmuscle.isolation import leave_out_working_folder
 if TYPE_CHECKING:
     from vtkmuscle.scene import Scene
 
-#: Exit status for input that cannot be used, and for Ctrl-C (128 + SIGINT, as shells have it).
+#: Exit status where a muscle failed and all else was written, for input that cannot be used, and for Ctrl-C
+#: (128 + SIGINT, as shells have it).
+FAILED = 1
 BAD_INPUT = 2
 INTERRUPTED = 130
 
@@ -331,6 +333,8 @@ def paraview_path(
 
 
 def _run(scene: Scene, out: Path, options: RunOptions) -> None:
+    from vtkmuscle.run.verdict import reasons_of
+
     if options.quality is not None:
         with _one_clear_error(None):
             scene = scene.with_quality(options.quality)
@@ -346,16 +350,34 @@ def _run(scene: Scene, out: Path, options: RunOptions) -> None:
             observe=_table(list(scene.muscles), console) if options.verbose else None,
             overwrite=options.overwrite,
         )
-    rows = result.report["muscles"]
-    for name, muscle in rows.items():
-        volumes = [row["volume_ratio"] for row in muscle["frames"]]
-        depths = [row["penetration_max_mm"] for row in muscle["frames"]]
-        deepest = "" if None in depths else f", at most {max(depths):.2f} mm inside a bone"
-        error = max(abs(volume - 1.0) for volume in volumes)
-        _say(options.quiet, f"{name}: {len(volumes)} frames, volume within {error:.2%}{deepest}")
+    for name, muscle in result.report["muscles"].items():
+        _say(options.quiet, f"{name}: {_found(muscle)}")
+        for reason in reasons_of(muscle["verdict"]):
+            # What failed is an error, and said with --quiet too.
+            if reason.verdict == "failed":
+                console.print(f"  {name}: {reason}", markup=False, style="bold red", soft_wrap=True)
+            else:
+                _say(options.quiet, f"  {reason}")
     _say(options.quiet, f"{result.report['seconds']['total']:.1f} s. Results are in {out}:")
     files = ", ".join(f"{name}.{options.series}" for name in ("NAME", "NAME_fibres", "bones"))
-    _say(options.quiet, f"  report.json, lengths.csv, figures/, and {files} for ParaView")
+    tables = "lengths.csv, " + ("moment_arms.csv, " if (out / "moment_arms.csv").is_file() else "")
+    _say(options.quiet, f"  report.json, {tables}figures/, and {files} for ParaView")
+    if "failed" in result.verdicts.values():
+        raise typer.Exit(FAILED)
+
+
+def _found(muscle: Mapping[str, Any]) -> str:
+    """Return in a line what a run found of a muscle."""
+    frames = muscle["frames"]
+    words = [f"{len(frames)} frames"]
+    if frames:
+        words.append(f"volume within {max(abs(row['volume_ratio'] - 1.0) for row in frames):.2%}")
+        depths = [row["penetration_new_max_mm"] for row in frames]
+        if None not in depths:
+            rest = muscle["rest"]["penetration_max_mm"]
+            at_rest = f", where it is {rest:.2f} mm" if rest else ""
+            words.append(f"at most {max(depths):.2f} mm deeper in a bone than at rest{at_rest}")
+    return f"{', '.join(words)}: {muscle['verdict']['verdict']}"
 
 
 def _table(muscles: list[str], console: Console) -> Callable[[str, Mapping[str, Any]], None]:

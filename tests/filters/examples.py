@@ -113,6 +113,16 @@ def fibres():
     return _lines(starts, (0.0, 0.0, -140.0))
 
 
+def fibres_over_time():
+    """Return fibres that have their lengths over the motion with them: a hinge with an arm of 20 to 25 mm."""
+    data = fibres()
+    times = PHANTOM.motion.times
+    arms = np.linspace(20.0, 25.0, data.GetNumberOfCells())
+    set_cell_array(data, "Lengths", 140.0 - arms[:, None] * np.radians(times))
+    set_field_array(data, "Times", times)
+    return data
+
+
 def superficial_fibres():
     """Return three lines beside the spindle's middle that wind a little."""
     along = np.linspace(-0.2, 0.2, 5)
@@ -140,6 +150,7 @@ EXAMPLES = {
     "template": template,
     "fitted template": fitted_template,
     "fibres": fibres,
+    "fibres over time": fibres_over_time,
     "superficial fibres": superficial_fibres,
 }
 

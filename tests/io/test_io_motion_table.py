@@ -1,12 +1,15 @@
 """Tables of transforms come back exactly, and every fault is named with its line."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vtkmuscle.core.coordinates import Coordinate
 from vtkmuscle.core.rigid import RigidMotion, hinge, rotation_about
-from vtkmuscle.io import read_motion_table, write_motion_table
+from vtkmuscle.io import motion_columns, read_motion_table, write_motion_table
 
 AXES = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda a: np.linalg.norm(a) > 0.1)
 
@@ -86,7 +89,7 @@ def test_a_mirror_is_not_rigid(tmp_path):
 
 def test_a_short_line_is_named(table):
     table.write_text(table.read_text() + "45.0,1,0\n")
-    with pytest.raises(ValueError, match=r"line 5 \(row 3\) has 3 cells, but the header has 17"):
+    with pytest.raises(ValueError, match=r"line 5 \(row 3\) has 3 cells, but the header has 18"):
         read_motion_table(table, "femur")
 
 
@@ -109,3 +112,61 @@ def test_a_motion_of_several_bones_is_written_bone_by_bone(tmp_path):
     np.testing.assert_array_equal(
         read_motion_table(tmp_path / "b.csv", "b").transforms["b"], both.transforms["b"]
     )
+
+
+# ------------------------------------------------------------------------------- coordinates
+
+
+def test_the_angle_of_a_hinge_comes_back_as_a_coordinate(tmp_path):
+    motion = hinge("tibia", (1, 2, 3), (0, 0, 1), [0, 10, 25], coordinate="knee_flexion")
+    write_motion_table(tmp_path / "knee.csv", motion, "tibia")
+    read = read_motion_table(tmp_path / "knee.csv", "tibia", time="time", coordinates=["knee_flexion"])
+    assert read.coordinates["knee_flexion"].values.tolist() == [0, 10, 25]
+    assert read.coordinates["knee_flexion"].positive == "as knee_flexion grows"
+    kinds = {"knee_flexion": {"unit": "rad", "positive": "flexion"}}
+    found = read_motion_table(tmp_path / "knee.csv", "tibia", coordinates=kinds).coordinates["knee_flexion"]
+    assert (found.unit, found.positive) == ("rad", "flexion")
+    assert motion_columns(tmp_path / "knee.csv") == ["time", "knee_flexion"]
+
+
+@pytest.mark.parametrize(
+    ("column", "values", "is_one"),
+    [
+        ("hip_flexion", [-10, 0, 10], True),
+        ("hip_flexion", [0, 1, 2], False),  # counts the rows
+        ("hip_flexion", [1, 2, 3], False),
+        ("time", [0, 10, 20], False),
+        ("Frame", [0, 10, 20], False),
+    ],
+)
+def test_the_time_is_a_coordinate_where_it_is_neither_a_time_nor_a_count(column, values, is_one, tmp_path):
+    path = tmp_path / "motion.csv"
+    motion = hinge("tibia", (0, 0, 0), (1, 0, 0), values)
+    write_motion_table(path, replace(motion, coordinates={}), "tibia")
+    path.write_text(path.read_text().replace("time,", f"{column},"))
+    found = read_motion_table(path, "tibia", time=column).coordinates
+    assert list(found) == ([column] if is_one else [])
+    assert list(read_motion_table(path, "tibia", coordinates=[column]).coordinates) == [column]
+    assert not read_motion_table(path, "tibia").coordinates
+
+
+def test_columns_that_do_not_change_are_no_coordinates(tmp_path):
+    angles, still = Coordinate([0.0, 10.0]), Coordinate([3.0, 3.0])
+    motion = replace(
+        hinge("b", (0, 0, 0), (1, 0, 0), [0, 10]), coordinates={"flexion": angles, "still": still}
+    )
+    write_motion_table(tmp_path / "m.csv", motion, "b")
+    assert list(read_motion_table(tmp_path / "m.csv", "b", coordinates=["flexion", "still"]).coordinates) == [
+        "flexion"
+    ]
+    with pytest.raises(
+        ValueError, match="no column 'knee' for a coordinate; the other columns are: time, fl"
+    ):
+        read_motion_table(tmp_path / "m.csv", "b", coordinates=["knee"])
+
+
+@pytest.mark.parametrize("name", ["T00", "time", "a,b", " a"])
+def test_a_coordinate_of_the_name_of_another_column_is_refused(name, tmp_path):
+    motion = replace(hinge("b", (0, 0, 0), (1, 0, 0), [0, 10]), coordinates={name: Coordinate([5.0, 6.0])})
+    with pytest.raises(ValueError, match="call it otherwise"):
+        write_motion_table(tmp_path / "m.csv", motion, "b")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
+from vtkmuscle.core.coordinates import Coordinate
 from vtkmuscle.core.jit import kernel
 
 Floats = NDArray[np.float64]
@@ -85,6 +86,8 @@ class RigidMotion:
         Per bone name, row major, mm.
     centre : (3,) array, optional
         Joint centre in the rest pose [mm]; the origin where it is not known.
+    coordinates : mapping of str to Coordinate, optional
+        Joint coordinates by name, a value for each time: what moment arms are taken by.
 
     Raises
     ------
@@ -95,6 +98,7 @@ class RigidMotion:
     times: Floats
     transforms: Mapping[str, Floats]
     centre: Floats | None = None
+    coordinates: Mapping[str, Coordinate] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         times = np.array(self.times, dtype=np.float64)
@@ -124,6 +128,12 @@ class RigidMotion:
             if centre.shape != (3,) or not np.isfinite(centre).all():
                 raise ValueError("the centre of a motion must be three finite numbers")
             object.__setattr__(self, "centre", _frozen(centre))
+        for name, coordinate in self.coordinates.items():
+            if len(coordinate.values) != len(times):
+                raise ValueError(
+                    f"coordinate {name!r}: {len(coordinate.values)} values, but there are {len(times)} times"
+                )
+        object.__setattr__(self, "coordinates", dict(self.coordinates))
 
     def at(self, time: float) -> dict[str, Floats]:
         """Return the 4 x 4 transform of each moving bone at a time; outside the table its end row."""
@@ -134,6 +144,16 @@ class RigidMotion:
         ends = slice(upper - 1, upper + 1)
         fraction = (time - self.times[upper - 1]) / (self.times[upper] - self.times[upper - 1])
         return {bone: self._between(table[ends], fraction) for bone, table in self.transforms.items()}
+
+    def part(self, frames: ArrayLike) -> RigidMotion:
+        """Return the motion at some of its times only, given by their numbers, ascending."""
+        kept = np.asarray(frames, dtype=np.int64)
+        return RigidMotion(
+            self.times[kept],
+            {bone: table[kept] for bone, table in self.transforms.items()},
+            self.centre,
+            {name: replace(one, values=one.values[kept]) for name, one in self.coordinates.items()},
+        )
 
     def _between(self, pair: Floats, fraction: float) -> Floats:
         centre = np.zeros(3) if self.centre is None else self.centre
@@ -146,7 +166,9 @@ class RigidMotion:
         return result
 
 
-def hinge(bone: str, centre: ArrayLike, axis: ArrayLike, angles: ArrayLike) -> RigidMotion:
+def hinge(
+    bone: str, centre: ArrayLike, axis: ArrayLike, angles: ArrayLike, *, coordinate: str | None = None
+) -> RigidMotion:
     """Return the motion of one bone about a fixed axis.
 
     Parameters
@@ -159,11 +181,13 @@ def hinge(bone: str, centre: ArrayLike, axis: ArrayLike, angles: ArrayLike) -> R
         Direction of the axis; positive angles turn right-handed about it.
     angles : (k,) array_like
         Ascending angles from rest, degrees; they are the pipeline's time.
+    coordinate : str, optional
+        What the angle is called, e.g. ``"knee_flexion"``; by default ``"BONE_angle"``.
 
     Returns
     -------
     RigidMotion
-        With one row per angle.
+        With one row per angle, and the angle as its coordinate.
 
     Raises
     ------
@@ -185,7 +209,11 @@ def hinge(bone: str, centre: ArrayLike, axis: ArrayLike, angles: ArrayLike) -> R
     if (np.diff(times) >= 180.0).any():
         raise ValueError("the angles of a hinge must follow each other by less than 180 degrees")
     table = np.array([rotation_about(centre, axis, angle) for angle in times])
-    return RigidMotion(times, {bone: table}, np.asarray(centre, dtype=np.float64))
+    direction = ", ".join(f"{component:g}" for component in np.asarray(axis, dtype=np.float64))
+    angle = Coordinate(times, "deg", f"right-handed about ({direction})")
+    return RigidMotion(
+        times, {bone: table}, np.asarray(centre, dtype=np.float64), {coordinate or f"{bone}_angle": angle}
+    )
 
 
 def _frozen(array: Floats) -> Floats:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
     from vtkmuscle.filters.harmonic_field import HarmonicField
     from vtkmuscle.filters.linear_blend_fibres import LinearBlendFibres
+    from vtkmuscle.filters.moment_arms import MomentArms
     from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
     from vtkmuscle.filters.pbd_deformer import PBDDeformer
     from vtkmuscle.filters.provenance import provenance_of
@@ -48,6 +49,7 @@ _SOURCES = {
     "HarmonicField": "harmonic_field",
     "InputPort": "parameters",
     "LinearBlendFibres": "linear_blend_fibres",
+    "MomentArms": "moment_arms",
     "OutputPort": "parameters",
     "PBDDeformer": "pbd_deformer",
     "Parameter": "parameters",
@@ -74,6 +76,7 @@ __all__ = [
     "HarmonicField",
     "InputPort",
     "LinearBlendFibres",
+    "MomentArms",
     "OutputPort",
     "PBDDeformer",
     "Parameter",

@@ -8,26 +8,39 @@ from __future__ import annotations
 
 from vtkmuscle.io.fibre_table import fibre_summary, muscle_summary, write_fibre_table
 from vtkmuscle.io.landmarks import read_landmarks
-from vtkmuscle.io.motion_table import read_motion_table, write_motion_table
+from vtkmuscle.io.literature import (
+    LITERATURE_COLUMNS,
+    LiteratureCurve,
+    curves_for,
+    read_literature,
+    write_literature,
+)
+from vtkmuscle.io.motion_table import motion_columns, read_motion_table, write_motion_table
 from vtkmuscle.io.series import Collection, Series
 from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, read_polydata, read_surface
 from vtkmuscle.io.temporal import SERIES_SUFFIXES, TimeSeries, read_series, write_vtkhdf
 from vtkmuscle.io.writing import write_polydata, write_text
 
 __all__ = [
+    "LITERATURE_COLUMNS",
     "SERIES_SUFFIXES",
     "SURFACE_SUFFIXES",
     "Collection",
+    "LiteratureCurve",
     "Series",
     "TimeSeries",
+    "curves_for",
     "fibre_summary",
+    "motion_columns",
     "muscle_summary",
     "read_landmarks",
+    "read_literature",
     "read_motion_table",
     "read_polydata",
     "read_series",
     "read_surface",
     "write_fibre_table",
+    "write_literature",
     "write_motion_table",
     "write_polydata",
     "write_text",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import islice
 from os import PathLike
 from pathlib import Path
@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vtkmuscle.core.coordinates import Coordinate
 from vtkmuscle.core.files import check_is_file
 from vtkmuscle.core.rigid import RigidMotion, is_rigid
 from vtkmuscle.io.writing import write_text
@@ -26,9 +27,18 @@ MOST_FRAMES = 20_000
 
 _LAST_ROW = {"T30": 0.0, "T31": 0.0, "T32": 0.0, "T33": 1.0}
 
+#: Columns that are times or counts; one of another name that is the pipeline's time is a coordinate as well.
+_TIMES = ("time", "times", "t", "s", "ms", "sec", "seconds", "percent", "cycle", "gait", "gait_cycle")
+_COUNTS = ("frame", "frames", "row", "rows", "step", "steps", "index", "number", "n")
+
 
 def read_motion_table(
-    path: str | PathLike[str], bone: str, *, time: str | None = None, centre: ArrayLike | None = None
+    path: str | PathLike[str],
+    bone: str,
+    *,
+    time: str | None = None,
+    centre: ArrayLike | None = None,
+    coordinates: Sequence[str] | Mapping[str, Mapping[str, str]] | None = None,
 ) -> RigidMotion:
     """Read how a bone moves from a CSV table, one row per time.
 
@@ -44,11 +54,16 @@ def read_motion_table(
         The column that is the pipeline's time; without it the number of the row.
     centre : (3,) array_like, optional
         Joint centre in the rest pose, in the unit of the table.
+    coordinates : sequence of str, or mapping of str to mapping, optional
+        Columns that are joint coordinates, in degrees; or, per column, ``unit`` and ``positive`` of a
+        :class:`~vtkmuscle.core.coordinates.Coordinate`. Without it the column of the time is one, unless its
+        name is that of a time (``time``, ``frame`` ...) or it counts the rows. Columns that do not change are
+        left out.
 
     Returns
     -------
     RigidMotion
-        Of this one bone.
+        Of this one bone, with its coordinates.
 
     Raises
     ------
@@ -82,29 +97,54 @@ def read_motion_table(
             f"{path}: there is no column {time!r} for the time; the other columns are: "
             + (", ".join(name for name in header if name not in TRANSFORM_COLUMNS) or "none")
         )
+    kinds = _kinds(coordinates, time)
+    for name in kinds:
+        if name not in header or name in TRANSFORM_COLUMNS:
+            raise ValueError(
+                f"{path}: there is no column {name!r} for a coordinate; the other columns are: "
+                + (", ".join(name for name in header if name not in TRANSFORM_COLUMNS) or "none")
+            )
     times, transforms = [], []
+    values: dict[str, list[float]] = {name: [] for name in kinds}
     for row, (line, cells) in enumerate(rows):
         where = f"{path}: line {line} (row {row})"
-        values = dict(zip(header, cells, strict=False))
+        given = dict(zip(header, cells, strict=False))
         if len(cells) != len(header):
             raise ValueError(f"{where} has {len(cells)} cells, but the header has {len(header)}; correct it")
-        times.append(float(row) if time is None else _number(values[time], time, where))
+        times.append(float(row) if time is None else _number(given[time], time, where))
         if row and times[-1] <= times[-2]:
             raise ValueError(
                 f"{where}: the times ({time}) must ascend, but {times[-1]:g} comes after {times[-2]:g}; sort "
                 "the rows, or leave out the time column so that rows are numbered"
             )
         transform = np.array(
-            [_number(values[c], c, where) if c in values else _LAST_ROW[c] for c in TRANSFORM_COLUMNS]
+            [_number(given[c], c, where) if c in given else _LAST_ROW[c] for c in TRANSFORM_COLUMNS]
         ).reshape(4, 4)
         if not is_rigid(transform):
             raise ValueError(f"{where}: the transform is not rigid: {_why_not_rigid(transform)}")
         transforms.append(transform)
+        for name in kinds:
+            values[name].append(_number(given[name], name, where))
+    found = {name: Coordinate(np.array(values[name]), **kinds[name]) for name in kinds}
+    if coordinates is None:
+        found = {name: one for name, one in found.items() if not _counts_rows(one.values)}
     return RigidMotion(
         np.array(times),
         {bone: np.array(transforms)},
         None if centre is None else np.asarray(centre, dtype=np.float64),
+        {name: one for name, one in found.items() if one.changes},
     )
+
+
+def motion_columns(path: str | PathLike[str]) -> list[str]:
+    """Return the columns of a table of transforms that are not part of a transform.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If there is no such file, or it is no table.
+    """
+    return [name for name in _rows(Path(path))[0] if name not in TRANSFORM_COLUMNS]
 
 
 def write_motion_table(path: str | PathLike[str], motion: RigidMotion, bone: str) -> None:
@@ -118,12 +158,40 @@ def write_motion_table(path: str | PathLike[str], motion: RigidMotion, bone: str
         With a table for the bone.
     bone : str
         Which bone.
+
+    Raises
+    ------
+    ValueError
+        If a coordinate of the motion has the name of another column.
     """
     tables: Mapping[str, Floats] = motion.transforms
-    lines = [",".join(("time", *TRANSFORM_COLUMNS))]
-    for time, transform in zip(motion.times, tables[bone], strict=True):
-        lines.append(",".join(repr(float(value)) for value in (time, *transform.reshape(-1))))
+    columns = {name: one.values for name, one in motion.coordinates.items()}
+    if "time" in columns and np.array_equal(columns["time"], motion.times):
+        del columns["time"]
+    for name in columns:
+        if name in ("time", *TRANSFORM_COLUMNS) or set(name) & set(',"\r\n') or name != name.strip():
+            raise ValueError(f"{path}: a coordinate cannot be a column {name!r}; call it otherwise")
+    lines = [",".join(("time", *TRANSFORM_COLUMNS, *columns))]
+    for row, transform in enumerate(tables[bone]):
+        found = (motion.times[row], *transform.reshape(-1), *(values[row] for values in columns.values()))
+        lines.append(",".join(repr(float(value)) for value in found))
     write_text(Path(path), "\n".join(lines) + "\n")
+
+
+def _kinds(
+    coordinates: Sequence[str] | Mapping[str, Mapping[str, str]] | None, time: str | None
+) -> dict[str, dict[str, str]]:
+    """Return the unit and positive direction of each coordinate, by its column."""
+    if coordinates is None:
+        named = [] if time is None or time.casefold() in _TIMES + _COUNTS else [time]
+    else:
+        named = list(coordinates)
+    given = coordinates if isinstance(coordinates, Mapping) else {}
+    return {name: {"positive": f"as {name} grows", **given.get(name, {})} for name in named}
+
+
+def _counts_rows(values: Floats) -> bool:
+    return any(np.array_equal(values, np.arange(first, first + len(values))) for first in (0, 1))
 
 
 def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:

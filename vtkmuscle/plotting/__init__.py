@@ -16,6 +16,7 @@ from vtkmuscle.plotting.figures import (
     plot_volume,
     write_figures,
 )
+from vtkmuscle.plotting.moment_arms import plot_moment_arms
 from vtkmuscle.plotting.preflight import can_render
 from vtkmuscle.plotting.surfaces import make_plotter
 from vtkmuscle.plotting.times import add_time_slider, show_time
@@ -31,6 +32,7 @@ __all__ = [
     "framed",
     "make_plotter",
     "plot_lengths",
+    "plot_moment_arms",
     "plot_muscle",
     "plot_rest_pose",
     "plot_volume",

@@ -14,8 +14,11 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike, NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.joint_arms import JointArms
 from vtkmuscle.core.polylines import polyline_lengths
 from vtkmuscle.filters.arrays import blocks_of, polylines_of
+from vtkmuscle.io.literature import LiteratureCurve
+from vtkmuscle.plotting.moment_arms import plot_moment_arms
 from vtkmuscle.plotting.preflight import can_render
 from vtkmuscle.plotting.sheets import Panel, curves, save, sheet
 from vtkmuscle.plotting.surfaces import FIBRE_MAP, MUSCLE_RED, PALETTE, fixed_bones, make_plotter
@@ -29,10 +32,21 @@ class RunResult(Protocol):
 
     name: str
     units: str
+    frames: Sequence[int]
     times: Sequence[float]
     muscle_names: Sequence[str]
     lengths: Mapping[str, Floats]
     report: Mapping[str, Any]
+    literature: Mapping[str, Sequence[LiteratureCurve]]
+    time_label: str
+
+    verdicts: Mapping[str, str]
+
+    def finished(self, name: str) -> int:
+        """Return how many frames a muscle has: fewer than there are times where it failed on the way."""
+
+    def moment_arms(self) -> Mapping[str, Mapping[str, JointArms]]:
+        """Return the moment arms per muscle and coordinate; asked for where the report has some."""
 
     def rest_bones(self) -> vtkMultiBlockDataSet:
         """Return the bones at rest."""
@@ -254,7 +268,7 @@ def write_figures(folder: str | Path, result: RunResult) -> list[Path]:
     -------
     list of Path
         ``rest_pose.png``, per muscle ``NAME_frames.png`` and (where it has fibres) ``NAME_lengths.png``,
-        and ``volume.png``.
+        ``NAME_moment_arms.png`` where the report has some, and ``volume.png``.
 
     Raises
     ------
@@ -276,27 +290,35 @@ def write_figures(folder: str | Path, result: RunResult) -> list[Path]:
             units=result.units,
         )
     ]
-    frames = sorted({0, (len(times) - 1) // 2, len(times) - 1})
-    bones = [result.bones(i) for i in frames]
+    arms: Mapping[str, Mapping[str, JointArms]] = {}
     for name in names:
-        spoken = name.replace("_", " ")
+        frames = _telling_frames(result, name)
+        if not frames:
+            continue  # it failed in the first one that is kept
+        verdict = result.verdicts.get(name)
+        title = name.replace("_", " ") + (f": {verdict}" if verdict else "")
         fibres = [result.fibres(name, i) for i in frames]
         present = [lines for lines in fibres if lines is not None]
         written.append(
             plot_muscle(
                 out / f"{name}_frames.png",
                 [result.muscle(name, i) for i in frames],
-                bones,
+                [result.bones(i) for i in frames],
                 fibres=present if len(present) == len(frames) else None,
                 rest_fibres=result.rest_fibres(name),
-                labels=[f"time {times[i]:g}" for i in frames],
-                title=spoken,
+                labels=[_at(result.time_label, times[i]) for i in frames],
+                title=title,
                 units=result.units,
             )
         )
         if name in result.lengths:
-            path = out / f"{name}_lengths.png"
-            written.append(plot_lengths(path, times, result.lengths[name], title=spoken))
+            path, lengths = out / f"{name}_lengths.png", result.lengths[name]
+            at = times[: len(lengths)]
+            written.append(plot_lengths(path, at, lengths, title=title, time_label=result.time_label))
+        if result.report["muscles"][name].get("moment_arms"):
+            arms = arms or result.moment_arms()
+            path, published = out / f"{name}_moment_arms.png", result.literature.get(name, ())
+            written.append(plot_moment_arms(path, arms[name], literature=published, title=title))
     rows = {name: result.report["muscles"][name]["frames"] for name in names}
     written.append(
         plot_volume(
@@ -304,9 +326,24 @@ def write_figures(folder: str | Path, result: RunResult) -> list[Path]:
             {name: [row["time"] for row in table] for name, table in rows.items()},
             {name: [row["volume_ratio"] for row in table] for name, table in rows.items()},
             title=result.name,
+            time_label=result.time_label,
         )
     )
     return written
+
+
+def _telling_frames(result: RunResult, name: str) -> list[int]:
+    """Return the first frame of a muscle, its worst one or else the middle, and the last; [] without any."""
+    count = result.finished(name)
+    reasons = result.report["muscles"][name].get("verdict", {}).get("reasons", ())
+    worst = [i for i in range(count) for reason in reasons[:1] if result.frames[i] == reason["frame"]]
+    return sorted({0, *(worst or [(count - 1) // 2]), count - 1}) if count else []
+
+
+def _at(label: str, time: float) -> str:
+    """Return a time in words: ``time 3``, or ``hip flexion 30 deg``."""
+    name, _, unit = label.partition(" [")
+    return f"{name} {time:.4g} {unit.removesuffix(']')}".strip()
 
 
 def _capture(

@@ -21,6 +21,7 @@ from vtkmuscle.run.poses import merged
 from vtkmuscle.run.report import fibre_rows
 
 if TYPE_CHECKING:
+    from vtkmuscle.run.moment_arms import MomentArmTable
     from vtkmuscle.run.result import MuscleTrack, Result
     from vtkmuscle.scene.model import Scene
 
@@ -34,6 +35,7 @@ class RunFolder:
 
     ``NAME.pvd`` and ``NAME_fibres.pvd`` per muscle with their frames in folders of these names,
     ``bones.pvd`` with ``bones/``, ``lengths.csv``, ``NAME_fibres.csv`` with all measures,
+    ``moment_arms.csv`` with ``moment_arms_summary.csv`` where the motion has a coordinate,
     ``report.json`` and ``figures/``.
 
     Parameters
@@ -145,6 +147,15 @@ class RunFolder:
                 table = fibre_rows(track.fibres, times, scene.millimetres)
                 write_text(self.path / f"{name}_fibres.csv", table)
         self._write_report(report)
+
+    def write_moment_arms(self, arms: MomentArmTable) -> None:
+        """Write moment_arms.csv and moment_arms_summary.csv; without moment arms, remove an earlier run's."""
+        tables = {"moment_arms.csv": arms.write, "moment_arms_summary.csv": arms.write_summary}
+        for name, write in tables.items():
+            if arms:
+                write(self.path / name)
+            else:
+                (self.path / name).unlink(missing_ok=True)
 
     def write_figures(self, result: Result) -> list[str]:
         """Draw the figures beside, move them to ``figures/``, and return their names."""

@@ -12,6 +12,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 
+from vtkmuscle.core.polylines import polyline_lengths
 from vtkmuscle.filters.arrays import (
     cell_array,
     multiblock_from,
@@ -31,6 +32,7 @@ from vtkmuscle.run.fixed_points import warn_of_fixed_points
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.report import MuscleMeasure, architecture_of, fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.result import MuscleTrack
+from vtkmuscle.run.verdict import judge, slackness_of
 from vtkmuscle.scene.model import Scene
 
 Progress = Callable[[str, str, float], None]
@@ -118,6 +120,8 @@ class MuscleRun:
             with self._timed("fibres", fibres):
                 track.rest_fibres = fibres.update().output
             with self._timed("measuring"):
+                rested = polylines_of(track.rest_fibres, "fibres")
+                measure.take_fibres_at_rest(rested.points, rested.offsets)
                 inside = fibres_at_rest(track.rest_fibres, track.rest, scene.millimetres)
                 track.report["fibres"] = inside
                 track.report["architecture"] = architecture_of(
@@ -136,7 +140,7 @@ class MuscleRun:
             **solver,
         )
         self.deformer = deformer
-        if self.others and scene.muscle_contact == "on":
+        if self._whole_others() and scene.muscle_contact == "on":
             deformer.connect(NEIGHBOURS, self._grouped_others())
         track.report["parameters"] = {
             "solver": deformer.parameters(),
@@ -148,6 +152,9 @@ class MuscleRun:
         for number in range(numbers[-1] + 1):
             self._tell("deforming", number / (numbers[-1] + 1))
             self._frame(number, number in numbers, deformer, transport, metrics, measure)
+            if track.failure is not None:
+                break
+        self._judge(numbers, measure)
         if self.folder is not None:
             with self._timed("writing"):
                 self.folder.finish(self.name)
@@ -164,8 +171,16 @@ class MuscleRun:
     ) -> None:
         now = float(self.scene.motion.times[number])
         before = time.perf_counter()
-        with self._timed("deforming", deformer):
-            deformed = deformer.update(time=now).output
+        try:
+            with self._timed("deforming", deformer):
+                deformed = deformer.update(time=now).output
+            self._check_finite(points_of(deformed), number)
+        except ValueError as error:
+            # In the first frame it is what was given that is wrong; later the muscle has gone astray.
+            if number == 0:
+                raise
+            self.track.failure = number, now, str(error)
+            return
         took = time.perf_counter() - before
         if not wanted:
             return
@@ -177,7 +192,6 @@ class MuscleRun:
             with self._timed("metrics", metrics):
                 fibres = _copy(metrics.update(time=now).output)
                 _add_penetration(fibres, measure, self.scene.motion.at(now))
-        self._check_finite(points, number)
         with self._timed("measuring"):
             row = {
                 "frame": number,
@@ -185,6 +199,9 @@ class MuscleRun:
                 **read_convergence(deformed, self.scene.millimetres),
                 **measure.frame(points, self.scene.motion.at(now)),
             }
+            if fibres is not None:
+                lines = polylines_of(fibres, "fibres")
+                row |= measure.fibres(lines.points, lines.offsets, points, self.scene.motion.at(now))
         if self.scene.muscle_contact != "off":
             with self._timed("measuring overlap"):
                 row.update(measure.overlap(points, self._others_at(now)))
@@ -203,17 +220,44 @@ class MuscleRun:
         self.track.report["frames"].append(row)
         self.observe(self.name, row)
 
+    def _judge(self, numbers: range, measure: MuscleMeasure) -> None:
+        """Add the verdict on the frames that are there to the report."""
+        track, millimetres = self.track, self.scene.millimetres
+        rows = track.report["frames"]
+        tolerance = track.report["parameters"]["solver"].get("tolerance")
+        lengths = rest_lengths = slackness = None
+        if track.lengths and track.rest_fibres is not None:
+            lines = polylines_of(track.rest_fibres, "fibres")
+            lengths, rest_lengths = np.array(track.lengths), polyline_lengths(lines.points, lines.offsets)
+            rest_lengths = rest_lengths * millimetres
+            slackness = slackness_of(track.fibres, track.lengths, track.rest_fibres, millimetres)
+        track.report["verdict"] = judge(
+            rows,
+            lengths=lengths,
+            rest_lengths=rest_lengths,
+            slackness=slackness,
+            motion=self.scene.motion.part(numbers[: len(rows)]) if rows else None,
+            n_edges=measure.n_edges,
+            size=measure.size,
+            tolerance=None if tolerance is None else tolerance * millimetres,
+            failure=track.failure,
+        )
+
     def _grouped_others(self) -> vtkGroupDataSetsFilter:
         group = vtkGroupDataSetsFilter()
         group.SetOutputTypeToMultiBlockDataSet()
-        for number, other in enumerate(self.others):
+        for number, other in enumerate(self._whole_others()):
             assert other.deformer is not None
             group.AddInputConnection(other.deformer.GetOutputPort())
             group.SetInputName(number, other.name)
         return group
 
+    def _whole_others(self) -> list[MuscleRun]:
+        """Return the other muscles, without those that failed on the way."""
+        return [other for other in self.others if other.track.failure is None]
+
     def _others_at(self, now: float) -> Iterator[Any]:
-        for other in self.others:
+        for other in self._whole_others():
             assert other.deformer is not None
             yield other.deformer.update(time=now).output
 

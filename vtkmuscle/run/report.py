@@ -11,9 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.inside import points_inside
 from vtkmuscle.core.mesh import edge_lengths, signed_volume, unique_edges
 from vtkmuscle.core.muscle_contact import depth_in
+from vtkmuscle.core.rest_shape import dihedral_angles
 from vtkmuscle.core.rigid import apply_transform, inverse
+from vtkmuscle.core.topology import mesh_topology
+from vtkmuscle.core.triangle_tree import triangle_tree
 from vtkmuscle.filters.arrays import checked_surface, field_array, point_array, points_of, triangles_of
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.neighbours import outward_tree
@@ -26,6 +30,13 @@ Ints = NDArray[np.int64]
 #: A fibre point counts as inside its muscle up to this far outside [mm].
 FIBRE_TOLERANCE = 0.5
 
+#: An edge is folded back where its triangles are within 30 degrees of lying on each other; it counts where it
+#: was at least 60 degrees off that at rest [degrees between their normals].
+FOLDED, NOT_FOLDED = 150.0, 120.0
+#: An edge that is shorter than this part of the mean edge at rest counts as that long: a sliver's is easily
+#: many times its own length.
+SHORT_EDGE = 0.25
+
 #: Sections across the centroid path in which fibres are counted.
 ARCHITECTURE_SECTIONS = 10
 
@@ -35,7 +46,11 @@ DEFINITIONS = {
     "volume_ratio": "volume / volume at rest",
     "edge_stretch_p95": "95th percentile, over the edges of the muscle, of length / length at rest; _p50 is "
     "the median",
+    "edge_stretch_p5": "5th percentile of it",
     "edge_stretch_max": "the largest of them",
+    "edge_stretch_floored_max": "the largest, where edges that are shorter at rest than a quarter of the "
+    "mean edge count as that long",
+    "folded_edges": "edges whose two triangles lie on each other, within 30 degrees, and did not at rest",
     "along_fibres_p5": "5th percentile of length / length at rest over the edges within 18 degrees of the "
     "fibres at rest; likewise _p50 and _p95; where the direction of the fibres is known",
     "across_fibres_p5": "the same for edges over 72 degrees from the fibres",
@@ -46,10 +61,19 @@ DEFINITIONS = {
     "estimated_distance_mm": "estimated distance to the converged shape (root mean square), where the solver "
     "knows one",
     "colliding_points": "points that met a bone in the last step",
-    "penetration_max_mm": "how deep the deepest free point is inside the exact surface of a bone; null where "
-    "no bone is closed",
+    "penetration_max_mm": "how deep the deepest free point is inside the exact surface of a bone, whose "
+    "holes count as closed; null where no bone has an inside",
     "penetration_p95_mm": "95th percentile of that depth over all free points, 0 outside the bones",
     "penetrating_points": "number of free points inside a bone",
+    "penetration_new_max_mm": "by how much the depth of a free point has grown since rest, at most; "
+    "penetration_new_p95_mm: 95th percentile over all free points, 0 where it has not",
+    "fibres_outside_max_mm": "how far the farthest point of a fibre is out of the muscle",
+    "fibres_penetration_new_max_mm": "by how much the deepest point of a fibre is deeper in a bone than that "
+    "of the same fibre at rest, at most",
+    "rest": "how deep free points are in bones at rest: segmented muscles often begin so",
+    "verdict": "ok, look (use the results, but look at what the reasons name) or failed (do not use them): "
+    "the worst of its reasons. Each reason has the check, the worst frame and its time, the value there, the "
+    "limit that it is beyond, and what to do; not_checked says what could not be judged",
     "fixed_error_max_mm": "largest distance of a fixed point from where its bone carries it",
     "overlap_max_mm": "how deep the deepest point is inside another muscle that comes before it in the scene",
     "overlap_p95_mm": "95th percentile of that depth over the points that are inside one",
@@ -70,6 +94,11 @@ DEFINITIONS = {
     "length, and its part along the line of action; the line of action, from the mean of the fibres' first "
     "points to that of their last; length of the centroid path; over ten sections across that path mean, "
     "standard deviation, least and largest of their area, of the number of fibres and of fibres per area",
+    "moment_arms": "by each coordinate of the motion, -dl/dq of the fibres' lengths by local regression, "
+    "positive where the muscle drives the coordinate up: mean, least and largest over fibres and frames, "
+    "mean standard error, how many values a window of the regression holds, and the root mean square of what "
+    "a quartic leaves of the lengths; positive: the coordinate's positive direction; reason, refused: why "
+    "there are none, by any or by some coordinates",
     "seconds": "wall-clock time per stage; muscles run side by side",
 }
 
@@ -127,7 +156,7 @@ class MuscleMeasure:
     bones : sequence of str
         Names of the bones, in the order that ``FixedTo`` counts.
     distances : mapping of str to SurfaceDistance
-        Of the closed bones, at rest.
+        Of the bones that have an inside, at rest.
     millimetres : float
         Millimetres per unit of length.
     """
@@ -148,7 +177,23 @@ class MuscleMeasure:
         edges = unique_edges(self._triangles)
         lengths = edge_lengths(self._rest, edges)
         self._edges, self._edge_lengths = edges[lengths > 0], lengths[lengths > 0]
+        self._floored = np.maximum(self._edge_lengths, SHORT_EDGE * self._edge_lengths.mean())
         self._volume = signed_volume(self._rest, self._triangles)
+        self._quads = mesh_topology(len(self._rest), self._triangles).quads
+        angles, defined = dihedral_angles(self._rest, self._quads)
+        self._unfolded = defined & (np.abs(angles) < np.radians(NOT_FOLDED))
+        self._rest_depths: Floats | None = None
+        self._fibre_rest_depths: Floats | None = None
+
+    @property
+    def n_edges(self) -> int:
+        """Number of edges."""
+        return max(len(self._edges), 1)
+
+    @property
+    def size(self) -> float:
+        """Diagonal of the muscle's box at rest [mm]."""
+        return float(np.linalg.norm(np.ptp(self._rest, axis=0))) * self._millimetres
 
     def at_rest(self) -> dict[str, Any]:
         """Return what the muscle is at rest."""
@@ -178,12 +223,19 @@ class MuscleMeasure:
             See :data:`DEFINITIONS`.
         """
         now = {bone: transforms.get(bone, np.eye(4)) for bone in self._bones}
-        stretch = edge_lengths(points, self._edges) / self._edge_lengths
+        lengths = edge_lengths(points, self._edges)
+        stretch = lengths / self._edge_lengths
+        angles, _ = dihedral_angles(points, self._quads)
+        folded = self._unfolded & (np.abs(angles) > np.radians(FOLDED))
         return {
             "volume_ratio": signed_volume(points, self._triangles) / self._volume,
+            "edge_stretch_p5": float(np.percentile(stretch, 5)),
             "edge_stretch_p95": float(np.percentile(stretch, 95)),
             "edge_stretch_max": float(stretch.max()),
+            "edge_stretch_floored_max": float((lengths / self._floored).max()),
+            "folded_edges": int(folded.sum()),
             **self._penetration(points, now),
+            **self._new_penetration(points, now),
             "fixed_error_max_mm": self._fixed_error(points, now),
         }
 
@@ -219,6 +271,41 @@ class MuscleMeasure:
                 np.maximum(depths, distance.depth(apply_transform(to_rest, points)), out=depths)
         return depths
 
+    def fibres(
+        self, fibre_points: Floats, offsets: Ints, points: Floats, transforms: Mapping[str, Floats]
+    ) -> dict[str, Any]:
+        """Return how far fibres are out of the muscle, and how much deeper in bones than at rest.
+
+        Parameters
+        ----------
+        fibre_points : (p, 3) array
+            Points of the fibres now, the same fibres each time.
+        offsets : (k + 1,) int array
+            Where each fibre begins among them.
+        points : (n, 3) array
+            The deformed muscle.
+        transforms : mapping of str to (4, 4) array
+            Rest to now, of the bones that moved.
+        """
+        outside = fibre_points[~points_inside(fibre_points, points, self._triangles)]
+        farthest = 0.0
+        if len(outside):
+            farthest = float(triangle_tree(points, self._triangles).nearest(outside)[2].max())
+        depths, grown = self.depths(fibre_points, transforms), None
+        if depths is not None:
+            deepest = np.maximum.reduceat(depths, offsets[:-1])
+            rest = self._fibre_rest_depths
+            grown = float(np.maximum(deepest - (0.0 if rest is None else rest), 0.0).max())
+        return {
+            "fibres_outside_max_mm": farthest * self._millimetres,
+            "fibres_penetration_new_max_mm": None if grown is None else grown * self._millimetres,
+        }
+
+    def take_fibres_at_rest(self, fibre_points: Floats, offsets: Ints) -> None:
+        """Note how deep fibres are in bones at rest: (p, 3) points, (k + 1,) where each fibre begins."""
+        depths = self.depths(fibre_points, {bone: np.eye(4) for bone in self._bones})
+        self._fibre_rest_depths = None if depths is None else np.maximum.reduceat(depths, offsets[:-1])
+
     def _penetration(self, points: Floats, now: Mapping[str, Floats]) -> dict[str, Any]:
         free = points[self._fixed_to < 0]
         depths = self.depths(free, now) if len(free) else None
@@ -229,6 +316,21 @@ class MuscleMeasure:
             "penetration_max_mm": float(depths.max()),
             "penetration_p95_mm": float(np.percentile(depths, 95)),
             "penetrating_points": int((depths > 0).sum()),
+        }
+
+    def _new_penetration(self, points: Floats, now: Mapping[str, Floats]) -> dict[str, Any]:
+        """Return by how much free points are deeper in the bones than at rest."""
+        free = self._fixed_to < 0
+        depths = self.depths(points[free], now) if free.any() else None
+        if depths is None:
+            return {"penetration_new_max_mm": None, "penetration_new_p95_mm": None}
+        if self._rest_depths is None:
+            self._rest_depths = self.depths(self._rest[free], {bone: np.eye(4) for bone in self._bones})
+        assert self._rest_depths is not None  # the bones have insides, as they had just now
+        grown = np.maximum(depths - self._rest_depths, 0.0) * self._millimetres
+        return {
+            "penetration_new_max_mm": float(grown.max()),
+            "penetration_new_p95_mm": float(np.percentile(grown, 95)),
         }
 
     def _fixed_error(self, points: Floats, now: Mapping[str, Floats]) -> float:

@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.fibre_measures import smoothed_curve
+from vtkmuscle.core.joint_arms import JointArms, joint_arms
 from vtkmuscle.core.rigid import RigidMotion
 from vtkmuscle.filters.arrays import with_points
 from vtkmuscle.filters.bone_motion import BoneMotion
+from vtkmuscle.io.literature import LiteratureCurve
+from vtkmuscle.run.moment_arms import MomentArmTable
 
 Floats = NDArray[np.float64]
 
@@ -36,6 +39,8 @@ class MuscleTrack:
         Fibre lengths per finished frame [mm].
     report : dict
         What is known of the muscle, JSON-able.
+    failure : (int, float, str) or None
+        Frame and time that could not be computed, and why; the frames before are there.
     """
 
     rest: vtkPolyData | None = None
@@ -44,6 +49,7 @@ class MuscleTrack:
     fibres: list[vtkPolyData] = field(default_factory=list)
     lengths: list[Floats] = field(default_factory=list)
     report: dict[str, Any] = field(default_factory=dict)
+    failure: tuple[int, float, str] | None = None
 
 
 class Result:
@@ -64,18 +70,24 @@ class Result:
     tracks : dict of str to MuscleTrack
         What became of each muscle.
     report : dict
-        See :func:`vtkmuscle.run.report.run_report`.
+        What was measured; ``report["definitions"]`` says what each number means.
+    literature : mapping of str to sequence of LiteratureCurve, optional
+        Published moment arms per muscle.
 
     Attributes
     ----------
-    name, units, report
+    name, units, report, motion, literature
         As given.
     frames : list of int
         Numbers of the kept frames in the motion; the methods below take positions in this list.
     times : list of float
         Their pipeline times.
+    time_label : str
+        What these are: a coordinate with its unit, where they are one.
     muscle_names : list of str
         In the order of the scene.
+    verdicts : dict of str to str
+        Of each muscle ``"ok"``, ``"look"`` or ``"failed"``; ``report["muscles"][NAME]["verdict"]`` says why.
     lengths : dict of str to (frames, fibres) array
         Fibre lengths [mm] of the muscles that have fibres.
     """
@@ -89,15 +101,23 @@ class Result:
         frames: Sequence[int],
         tracks: dict[str, MuscleTrack],
         report: dict[str, Any],
+        *,
+        literature: Mapping[str, Sequence[LiteratureCurve]] | None = None,
     ) -> None:
         self.name = name
+        self.motion = motion
+        self.time_label = _time_label(motion)
+        self.literature: Mapping[str, Sequence[LiteratureCurve]] = dict(literature or {})
         self.units = units
         self.report: Mapping[str, Any] = report
-        self.frames = list(frames)
+        self.frames: Sequence[int] = list(frames)
         self.times: Sequence[float] = [float(motion.times[frame]) for frame in self.frames]
         self.muscle_names: Sequence[str] = list(tracks)
         self.lengths: Mapping[str, Floats] = {
             name: np.array(track.lengths) for name, track in tracks.items() if track.lengths
+        }
+        self.verdicts: Mapping[str, str] = {
+            name: track.report["verdict"]["verdict"] for name, track in tracks.items()
         }
         self._tracks = tracks
         self._bones = bones
@@ -105,8 +125,12 @@ class Result:
         self._mover.connect(0, bones)
 
     def __repr__(self) -> str:
-        muscles = ", ".join(self.muscle_names)
+        muscles = ", ".join(f"{name} ({self.verdicts[name]})" for name in self.muscle_names)
         return f"Result({self.name!r}: {len(self.times)} frames of {muscles})"
+
+    def finished(self, name: str) -> int:
+        """Return how many of the kept frames a muscle has: all, or those before the one that failed."""
+        return len(self._tracks[name].points)
 
     def smoothed_lengths(self, *, passes: int = 5) -> dict[str, Floats]:
         """Return the fibre lengths without their noise over the frames.
@@ -122,6 +146,38 @@ class Result:
             As ``lengths`` [mm].
         """
         return {name: smoothed_curve(lengths, passes=passes) for name, lengths in self.lengths.items()}
+
+    def moment_arms(self, *coordinates: str) -> MomentArmTable:
+        """Return the moment arms of all fibres, -dl/dq, over the kept frames.
+
+        Parameters
+        ----------
+        *coordinates : str
+            Names of coordinates of the motion; default: all that change.
+
+        Returns
+        -------
+        MomentArmTable
+            Per muscle and coordinate arms, standard errors and a quartic fit [mm], see
+            :class:`~vtkmuscle.core.joint_arms.JointArms`; ``write``, ``columns`` and ``to_frame`` give a
+            table.
+
+        Raises
+        ------
+        ValueError
+            If no muscle has fibres, the motion has no such coordinate or none that changes, or the frames
+            have too few different values of it.
+        """
+        if not self.lengths:
+            raise ValueError("no muscle of the run has fibres, so there are no moment arms; give it fibres")
+        motion = self.motion.part(self.frames)
+        arms: dict[str, dict[str, JointArms]] = {}
+        refused: dict[str, str] = {}
+        for name, lengths in self.lengths.items():
+            if len(lengths) < len(self.frames):
+                continue  # it failed on the way
+            arms[name], refused = joint_arms(lengths, motion, coordinates or None)
+        return MomentArmTable(arms, refused)
 
     def muscle(self, name: str, i: int) -> vtkPolyData:
         """Return a muscle in a kept frame, with the arrays it has at rest (``FixedTo`` and its own)."""
@@ -153,3 +209,10 @@ class Result:
     def rest_bones(self) -> vtkMultiBlockDataSet:
         """Return the bones at rest."""
         return self._bones
+
+
+def _time_label(motion: RigidMotion) -> str:
+    for name, one in motion.coordinates.items():
+        if np.array_equal(one.values, motion.times):
+            return f"{name.replace('_', ' ')} [{one.unit}]"
+    return "time"

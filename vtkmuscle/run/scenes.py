@@ -12,11 +12,16 @@ from os import cpu_count
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from vtkmuscle.core.closed_shells import closed_shells
+from vtkmuscle.filters.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.filters.base import AbortedError
 from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.run.claim import scene_file
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.memory import check_memory
+from vtkmuscle.run.moment_arms import MomentArmTable
 from vtkmuscle.run.muscles import MuscleRun, Observe, Progress
 from vtkmuscle.run.reach import bones_with_reach
 from vtkmuscle.run.report import DEFINITIONS, versions
@@ -126,8 +131,19 @@ def run_scene(
         raise
     report["complete"] = True
     report["seconds"] = {"muscles": time.perf_counter() - began}
-    result = Result(scene.name, scene.units, scene.bones_data(), scene.motion, numbers, tracks, report)
+    result = Result(
+        scene.name,
+        scene.units,
+        scene.bones_data(),
+        scene.motion,
+        numbers,
+        tracks,
+        report,
+        literature={name: muscle.literature for name, muscle in scene.muscles.items()},
+    )
+    arms = _moment_arms(result, report)
     if folder is not None:
+        folder.write_moment_arms(arms)
         folder.write_tables(report, scene, numbers, tracks)
         if figures:
             _draw(folder, result, report)
@@ -138,10 +154,38 @@ def run_scene(
     return result
 
 
+def _moment_arms(result: Result, report: dict[str, Any]) -> MomentArmTable:
+    """Return the moment arms, and report them; where there are none, why."""
+    if not result.lengths or not result.motion.coordinates:
+        return MomentArmTable({})
+    try:
+        arms = result.moment_arms()
+    except ValueError as error:
+        report["moment_arms"] = {"reason": str(error)}
+        return MomentArmTable({})
+    report["moment_arms"] = {"refused": arms.refused}
+    for name in arms:
+        report["muscles"][name]["moment_arms"] = arms.report(name)
+    return arms
+
+
 def _bone_distances(scene: Scene) -> dict[str, SurfaceDistance]:
-    """Return the exact distances of the closed bones; each is built when a muscle comes near."""
-    distances = {name: SurfaceDistance(bone) for name, bone in scene.bones.items()}
-    return {name: distance for name, distance in distances.items() if distance.closed}
+    """Return the exact distances of the bones that have an inside, holes closed as the collisions close them.
+
+    Each is built when a muscle comes near.
+    """
+    distances = {}
+    for name, bone in scene.bones.items():
+        distance = SurfaceDistance(bone)
+        if not distance.closed:
+            mended = closed_shells(points_of(bone), triangles_of(bone, name))
+            parts = [part for part, solid in zip(mended.shells, mended.solid, strict=True) if solid]
+            if not parts:
+                continue
+            distance = SurfaceDistance(surface_from(mended.points, np.concatenate(parts)))
+        if distance.closed:
+            distances[name] = distance
+    return distances
 
 
 def _first_report(scene: Scene, numbers: range, tracks: dict[str, MuscleTrack]) -> dict[str, Any]:

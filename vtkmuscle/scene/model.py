@@ -16,6 +16,7 @@ from vtkmuscle.core.rigid import RigidMotion
 from vtkmuscle.filters.arrays import blocks_of, multiblock_from
 from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, attachments_of
 from vtkmuscle.filters.quality import PRESETS, with_preset
+from vtkmuscle.io.literature import LiteratureCurve
 
 if TYPE_CHECKING:
     from vtkmuscle.phantoms import Phantom
@@ -74,6 +75,8 @@ class Muscle:
     superficial_fibres : vtkPolyData, optional
         Polylines: fibres that somebody has seen on the surface, in the rest pose. They orient the template
         and the anisotropy.
+    literature : sequence of LiteratureCurve
+        Published moment arms of the muscle, drawn beside those of a run.
     """
 
     surface: vtkPolyData
@@ -82,6 +85,7 @@ class Muscle:
     solver: Mapping[str, Any] = field(default_factory=dict)
     fixing: Mapping[str, Any] = field(default_factory=dict)
     superficial_fibres: vtkPolyData | None = None
+    literature: tuple[LiteratureCurve, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,12 +18,14 @@
     transforms = "flexion.csv"         # columns T00 .. T33: rest to pose, row major
     time = "angle"                     # the column that is the time; optional: rows are numbered
     centre = [0.0, 0.0, 0.0]           # joint centre at rest; optional
+    coordinates = ["angle"]            # columns that are joint coordinates; optional: the time, if it is one
 
     [motion.hinge]                     # ... or a hinge, instead of the above
     bone = "femur"
     centre = [0.0, 0.0, 0.0]
     axis = [1.0, 0.0, 0.0]             # angles turn right-handed about it
     angles = [0, 90, 2]                # start, stop (included), step; degrees from rest
+    coordinate = "hip_flexion"         # what the angle is called; optional: "femur_angle"
 
     [muscles.iliacus]
     surface = "muscles/iliacus.vtp"    # closed
@@ -36,6 +38,7 @@
     solver = { iterations = 20 }       # optional: what differs from [solver]
     fixing = { method = "proximity" }  # optional: what differs from [fixing]
     superficial_fibres = "seen.vtp"    # optional: polylines seen on the surface, which orient the fibres
+    literature = "moment_arms.csv"     # optional: published moment arms, drawn beside those of a run
 
     [solver]                           # optional: parameters of PBDDeformer
     iterations = 10
@@ -59,13 +62,23 @@ from typing import Any, TypeVar
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.coordinates import ANGLES, TRANSLATIONS, Coordinate
 from vtkmuscle.core.files import MOST_TEXT, check_is_file
 from vtkmuscle.core.rigid import RigidMotion, hinge
 from vtkmuscle.core.template_files import read_template
 from vtkmuscle.core.words import shown
 from vtkmuscle.filters.arrays import multiblock_from
 from vtkmuscle.filters.attachments import VIA, AttachmentArea, attachments_of
-from vtkmuscle.io import read_landmarks, read_motion_table, read_polydata, read_surface
+from vtkmuscle.io import (
+    LiteratureCurve,
+    curves_for,
+    motion_columns,
+    read_landmarks,
+    read_literature,
+    read_motion_table,
+    read_polydata,
+    read_surface,
+)
 from vtkmuscle.pipelines import estimate_attachments
 from vtkmuscle.scene.checks import ESTIMATE, suggestion
 from vtkmuscle.scene.model import Muscle, Scene, SceneError
@@ -81,6 +94,8 @@ def _is_finite(value: float) -> bool:
         return math.isfinite(value)
     except OverflowError:  # an integer that no float is as large as
         return False
+
+_HINGE_KEYS = ("bone", "centre", "axis", "angles", "coordinate")
 
 
 class _Table:
@@ -174,7 +189,7 @@ def read_scene(path: Path) -> Scene:
         bones[name], files[f"{table.key}.surface"] = table.read("surface", '"FILE.vtp"', read_surface)
     motion = _motion(root, bones, files)
     muscles = {}
-    known = ("surface", "attachments", "fibres", "solver", "fixing", "superficial_fibres")
+    known = ("surface", "attachments", "fibres", "solver", "fixing", "superficial_fibres", "literature")
     for name, table in root.tables("muscles", known):
         surface, files[f"{table.key}.surface"] = table.read("surface", '"FILE.vtp"', read_surface)
         muscles[name] = Muscle(
@@ -184,6 +199,7 @@ def read_scene(path: Path) -> Scene:
             table.settings("solver"),
             table.settings("fixing"),
             _superficial(table, files) if "superficial_fibres" in table else None,
+            _literature(table, files, name) if "literature" in table else (),
         )
     return Scene(
         name=root.text("name", '"hip"') if "name" in root else path.stem,
@@ -204,6 +220,18 @@ def _superficial(table: _Table, files: dict[str, Path]) -> vtkPolyData:
     word = "superficial_fibres"
     data, files[table.path_to(word)] = table.read(word, '"FILE.vtp"', read_polydata)
     return data
+
+
+def _literature(table: _Table, files: dict[str, Path], muscle: str) -> tuple[LiteratureCurve, ...]:
+    """Return the published moment arms of a muscle: those of its name in a file."""
+    curves, file = table.read("literature", '"FILE.csv"', read_literature)
+    files[table.path_to("literature")] = file
+    mine = curves_for(curves, muscle=muscle)
+    if not mine:
+        names = sorted({curve.muscle for curve in curves})
+        problem = f"the file has no moment arms of {muscle!r}"
+        raise table.error("literature", problem, f"it has those of {', '.join(names)}", file=file)
+    return mine
 
 
 def _fibres(table: _Table, files: dict[str, Path]) -> dict[str, Any]:
@@ -308,7 +336,7 @@ def _estimated(
 
 def _motion(root: _Table, bones: Mapping[str, Any], files: dict[str, Path]) -> RigidMotion:
     values = root.required("motion", "a table [motion] with bone and transforms, or [motion.hinge]")
-    known = ("bone", "transforms", "time", "centre", "hinge")
+    known = ("bone", "transforms", "time", "centre", "coordinates", "hinge")
     table = _Table(root.file, "motion", values, known)
     if "hinge" in table:
         for name in known[:-1]:
@@ -317,36 +345,55 @@ def _motion(root: _Table, bones: Mapping[str, Any], files: dict[str, Path]) -> R
                 raise table.error(name, "stands beside motion.hinge", mend)
         return _hinge(table, bones)
     listed = table.required("transforms", 'transforms = "FILE.csv", or a table [motion.hinge]')
-    centre = table.numbers("centre", "[0.0, 0.0, 0.0]") if "centre" in table else None
-    time = table.text("time", '"COLUMN"') if "time" in table else None
+    options: dict[str, Any] = {
+        "time": table.text("time", '"COLUMN"') if "time" in table else None,
+        "centre": table.numbers("centre", "[0.0, 0.0, 0.0]") if "centre" in table else None,
+        "coordinates": _coordinates(table) if "coordinates" in table else None,
+    }
     if not isinstance(listed, dict):
         bone = _known_bone(table, bones)
         motion, files["motion.transforms"] = table.read(
-            "transforms",
-            '"FILE.csv"',
-            lambda path: read_motion_table(path, bone, time=time, centre=centre),
+            "transforms", '"FILE.csv"', lambda path: read_motion_table(path, bone, **options)
         )
         return motion
-    return _motion_of_several(table, bones, files, time, centre)
+    return _motion_of_several(table, bones, files, options)
+
+
+def _coordinates(motion: _Table) -> dict[str, dict[str, str]]:
+    """Return the columns that are joint coordinates, with unit and positive direction where given."""
+    listed = motion.values["coordinates"]
+    if isinstance(listed, list) and all(isinstance(name, str) for name in listed):
+        return {name: {} for name in listed}
+    if not isinstance(listed, dict):
+        mend = 'write ["COLUMN"], or { COLUMN = { unit = "deg", positive = "flexion" } }'
+        raise motion.error("coordinates", f"must be a list of columns, not {listed!r}", mend)
+    units = (*ANGLES, *TRANSLATIONS)
+    kinds: dict[str, dict[str, str]] = {}
+    for name, value in listed.items():
+        table = _Table(motion.file, motion.path_to(f"coordinates.{name}"), value, ("unit", "positive"))
+        kinds[name] = {word: table.text(word, '"deg"') for word in table.values}
+        if kinds[name].get("unit", "deg") not in units:
+            problem = f"there is no unit {kinds[name]['unit']!r}"
+            raise table.error("unit", problem, suggestion(kinds[name]["unit"], units))
+    return kinds
 
 
 def _motion_of_several(
     table: _Table,
     bones: Mapping[str, Any],
     files: dict[str, Path],
-    time: str | None,
-    centre: list[float] | None,
+    options: dict[str, Any],
 ) -> RigidMotion:
     if "bone" in table:
         mend = "leave out bone where transforms is a table of files by bone"
         raise table.error("bone", "stands beside a table of transforms", mend)
     inner = _Table(table.file, "motion.transforms", table.values["transforms"], ())
     motions: list[RigidMotion] = []
+    seen: set[str] = set()
     for bone in inner.values:
         if bone not in bones:
             raise inner.error(bone, f"there is no bone {bone!r}", suggestion(bone, bones))
-        read = _reader_for(bone, time, centre)
-        motion, files[inner.path_to(bone)] = inner.read(bone, '"FILE.csv"', read)
+        motion, files[inner.path_to(bone)] = inner.read(bone, '"FILE.csv"', _reader_for(bone, options, seen))
         if motions and not np.array_equal(motion.times, motions[0].times):
             mend = "give all tables the same times"
             raise inner.error(bone, "its times differ from those of the first table", mend)
@@ -354,11 +401,31 @@ def _motion_of_several(
     if not motions:
         raise table.error("transforms", "is empty", 'write transforms = "FILE.csv"')
     transforms = {bone: table for motion in motions for bone, table in motion.transforms.items()}
-    return RigidMotion(motions[0].times, transforms, motions[0].centre)
+    coordinates: dict[str, Coordinate] = {}
+    for motion in motions:
+        for name, coordinate in motion.coordinates.items():
+            known = coordinates.setdefault(name, coordinate)
+            if not np.array_equal(known.values, coordinate.values):
+                mend = "give it the same values in all tables, or another name in one"
+                raise table.error("coordinates", f"{name!r} differs from table to table", mend)
+    missing = sorted(set(options["coordinates"] or ()) - seen)
+    if missing:
+        problem = f"no table has the column {missing[0]!r}"
+        raise table.error("coordinates", problem, suggestion(missing[0], sorted(seen)))
+    return RigidMotion(motions[0].times, transforms, motions[0].centre, coordinates)
 
 
-def _reader_for(bone: str, time: str | None, centre: list[float] | None) -> Callable[[Path], RigidMotion]:
-    return lambda path: read_motion_table(path, bone, time=time, centre=centre)
+def _reader_for(bone: str, options: dict[str, Any], seen: set[str]) -> Callable[[Path], RigidMotion]:
+    """Return a reader of a bone's table, which takes those coordinates that it has, and notes its columns."""
+
+    def read(path: Path) -> RigidMotion:
+        columns, wanted = motion_columns(path), options["coordinates"]
+        seen.update(columns)
+        if wanted is not None:
+            wanted = {name: kind for name, kind in wanted.items() if name in columns}
+        return read_motion_table(path, bone, **{**options, "coordinates": wanted})
+
+    return read
 
 
 def _known_bone(table: _Table, bones: Mapping[str, Any]) -> str:
@@ -369,7 +436,7 @@ def _known_bone(table: _Table, bones: Mapping[str, Any]) -> str:
 
 
 def _hinge(motion: _Table, bones: Mapping[str, Any]) -> RigidMotion:
-    table = _Table(motion.file, "motion.hinge", motion.values["hinge"], ("bone", "centre", "axis", "angles"))
+    table = _Table(motion.file, "motion.hinge", motion.values["hinge"], _HINGE_KEYS)
     bone = _known_bone(table, bones)
     centre, axis = table.numbers("centre", "[0.0, 0.0, 0.0]"), table.numbers("axis", "[1.0, 0.0, 0.0]")
     if not np.linalg.norm(axis) > 0:
@@ -388,4 +455,5 @@ def _hinge(motion: _Table, bones: Mapping[str, Any]) -> RigidMotion:
         angles = np.append(angles, stop)
     else:
         angles[-1] = stop
-    return hinge(bone, centre, axis, angles)
+    coordinate = table.text("coordinate", '"knee_flexion"') if "coordinate" in table else None
+    return hinge(bone, centre, axis, angles, coordinate=coordinate)

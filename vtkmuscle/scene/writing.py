@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from vtkmuscle.filters.attachments import attachments_from
-from vtkmuscle.io import write_motion_table, write_polydata, write_text
+from vtkmuscle.io import write_literature, write_motion_table, write_polydata, write_text
 from vtkmuscle.scene.model import Muscle, Scene
 
 
@@ -23,6 +23,8 @@ def write_scene(scene: Scene, folder: Path) -> Path:
         write_polydata(folder / f"muscles/{name}.vtp", muscle.surface)
         if muscle.superficial_fibres is not None:
             write_polydata(folder / _superficial_file(name), muscle.superficial_fibres)
+        if muscle.literature:
+            write_literature(folder / _literature_file(name), muscle.literature)
         areas = attachments_from(muscle.attachments)
         for number in range(len(muscle.attachments)):
             write_polydata(folder / _landmark_file(name, number, muscle), areas.GetBlock(number))
@@ -44,19 +46,7 @@ def to_toml(scene: Scene) -> str:
     lines += [f"{key} = {_quoted(str(v))}" for key, (v, default) in optional.items() if v != default]
     for name in scene.bones:
         lines += ["", f"[bones.{_key(name)}]", f"surface = {_quoted(f'bones/{name}.vtp')}"]
-    lines += ["", "[motion]"]
-    moving = list(scene.motion.transforms)
-    if len(moving) == 1:
-        lines += [
-            f"bone = {_quoted(moving[0])}  # every other bone stays where it is",
-            f"transforms = {_quoted(_motion_file(scene, moving[0]))}  # T00..T33: rest to pose, row major",
-        ]
-    else:
-        listed = ", ".join(f"{_key(bone)} = {_quoted(_motion_file(scene, bone))}" for bone in moving)
-        lines.append(f"transforms = {{ {listed} }}")
-    lines.append('time = "time"  # the column that is the pipeline\'s time')
-    if scene.motion.centre is not None:
-        lines.append(f"centre = {_value(scene.motion.centre)}  # joint centre at rest")
+    lines += _motion_lines(scene)
     for name, muscle in scene.muscles.items():
         lines += ["", f"[muscles.{_key(name)}]", f"surface = {_quoted(f'muscles/{name}.vtp')}"]
         for word, settings in (
@@ -68,6 +58,8 @@ def to_toml(scene: Scene) -> str:
                 lines.append(f"{word} = {_inline(settings)}")
         if muscle.superficial_fibres is not None:
             lines.append(f"superficial_fibres = {_quoted(_superficial_file(name))}")
+        if muscle.literature:
+            lines.append(f"literature = {_quoted(_literature_file(name))}  # published moment arms")
         if muscle.attachments:
             lines.append("attachments = [")
             for number, area in enumerate(muscle.attachments):
@@ -85,12 +77,40 @@ def to_toml(scene: Scene) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _motion_lines(scene: Scene) -> list[str]:
+    lines = ["", "[motion]"]
+    moving = list(scene.motion.transforms)
+    if len(moving) == 1:
+        lines += [
+            f"bone = {_quoted(moving[0])}  # every other bone stays where it is",
+            f"transforms = {_quoted(_motion_file(scene, moving[0]))}  # T00..T33: rest to pose, row major",
+        ]
+    else:
+        listed = ", ".join(f"{_key(bone)} = {_quoted(_motion_file(scene, bone))}" for bone in moving)
+        lines.append(f"transforms = {{ {listed} }}")
+    lines.append('time = "time"  # the column that is the pipeline\'s time')
+    if scene.motion.centre is not None:
+        lines.append(f"centre = {_value(scene.motion.centre)}  # joint centre at rest")
+    if scene.motion.coordinates:
+        kinds = {
+            name: {"unit": one.unit, "positive": one.positive or None}
+            for name, one in scene.motion.coordinates.items()
+        }
+        listed = ", ".join(f"{_key(name)} = {_inline(kind)}" for name, kind in kinds.items())
+        lines.append(f"coordinates = {{ {listed} }}  # columns by which moment arms are taken")
+    return lines
+
+
 def _landmark_file(name: str, number: int, muscle: Muscle) -> str:
     return f"attachments/{name}_{muscle.attachments[number].role}_{number}.vtp"
 
 
 def _superficial_file(name: str) -> str:
     return f"superficial_fibres/{name}.vtp"
+
+
+def _literature_file(name: str) -> str:
+    return f"literature/{name}.csv"
 
 
 def _motion_file(scene: Scene, bone: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -183,12 +183,7 @@ class Bench:
 
 def thinned(motion: RigidMotion, every: int, last: int) -> RigidMotion:
     """Return each so manieth frame of a motion up to the last one, which is kept in any case."""
-    kept = sorted({*range(0, last + 1, every), last})
-    return replace(
-        motion,
-        times=motion.times[kept],
-        transforms={bone: poses[kept] for bone, poses in motion.transforms.items()},
-    )
+    return motion.part(sorted({*range(0, last + 1, every), last}))
 
 
 def trimmed_mean(values: Sequence[float]) -> float:

@@ -1,0 +1,266 @@
+"""Moment arms of a run: in the result, in tables, in the report and as a figure; from a scene's own words."""
+
+import csv
+import importlib.util
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tiny_scene import HINGE, TOML, write_tiny_scene
+
+from vtkmuscle import Scene, SceneError, hinge
+from vtkmuscle.core.coordinates import Coordinate
+from vtkmuscle.core.moment_arms import moment_arms
+from vtkmuscle.core.rigid import RigidMotion
+from vtkmuscle.plotting import can_render
+from vtkmuscle.plotting.figures import plot_moment_arms
+
+MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
+PUBLISHED = """source,muscle,part,dof,angle_deg,moment_arm_mm
+A1985,spindle,,knee,0,-10
+A1985,spindle,,knee,20,-14
+B2005,spindle,fibres_lower_bound,knee,0,-20
+B2005,spindle,fibres_lower_bound,knee,15,-18
+B2005,spindle,fibres_upper_bound,knee,5,-5
+B2005,spindle,fibres_upper_bound,knee,20,-4
+C1999,spindle,whole,knee,10,-12
+D,other,,knee,10,-12
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = write_tiny_scene(tmp_path_factory.mktemp("scene"))
+    (path.parent / "published.csv").write_text(PUBLISHED)
+    text = path.read_text().replace(MOTION, HINGE.replace("[0, 20, 5]", '[0, 20, 2.5]\ncoordinate = "knee"'))
+    surface = 'surface = "muscles/spindle.vtp"'
+    text = text.replace(surface, f'{surface}\nliterature = "published.csv"')
+    path.write_text(text)
+    return path.parent
+
+
+@pytest.fixture(scope="module")
+def scene(folder):
+    return Scene.load(folder / "scene.toml")
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    return tmp_path_factory.mktemp("out")
+
+
+@pytest.fixture(scope="module")
+def result(scene, out):
+    return scene.run(out, figures=can_render() is None)
+
+
+def table(path):
+    with path.open(newline="") as lines:
+        return list(csv.DictReader(lines))
+
+
+def test_moment_arms_are_the_slopes_of_the_lengths(result):
+    found = result.moment_arms()["spindle"]["knee"]
+    lengths, angles = result.lengths["spindle"], np.radians(result.times)
+    np.testing.assert_allclose(found.arms, moment_arms(lengths, angles).arms[..., 0], atol=1e-9)
+    np.testing.assert_allclose(found.mean, moment_arms(lengths.mean(axis=1), angles).arms[:, 0, 0], atol=1.0)
+    # It goes round the joint at a distance of some 15 mm; by the whole change of length as well.
+    whole = -(lengths[-1] - lengths[0]).mean() / angles[-1]
+    assert found.mean.mean() == pytest.approx(whole, rel=0.1)
+    assert 5.0 < abs(found.mean.mean()) < 30.0
+    assert (found.unit, found.positive) == ("deg", "right-handed about (1, 0, 0)")
+    np.testing.assert_array_equal(found.values, result.times)
+
+
+def test_the_table_is_short_to_look_at_and_complete_as_columns(result):
+    found = result.moment_arms("knee")
+    assert len(repr(found)) < 300
+    assert "spindle by knee, 0 to 20 deg: " in repr(found)
+    columns = found.columns()
+    assert {len(column) for column in columns.values()} == {6 * 9}
+    assert columns["moment_arm_mm"][9] == found["spindle"]["knee"].arms[0, 1]
+    with pytest.raises(KeyError, match="no moment arms of 'psoas'; there are those of: spindle"):
+        found["psoas"]
+    with pytest.raises(ValueError, match="the motion has no coordinate 'hip'; it has: 'knee'"):
+        result.moment_arms("hip")
+    if importlib.util.find_spec("pandas") is None:
+        with pytest.raises(ImportError, match=r"columns\(\) gives the same as arrays"):
+            found.to_frame()
+    else:
+        assert list(found.to_frame().columns) == list(columns)
+
+
+def test_tables_and_report_hold_them(result, out):
+    found = result.moment_arms()["spindle"]["knee"]
+    rows = table(out / "moment_arms.csv")
+    assert len(rows) == 6 * 9
+    for row in rows:
+        frame, fibre = result.times.index(float(row["value"])), int(row["fibre"])
+        assert (row["muscle"], row["coordinate"], row["unit"]) == ("spindle", "knee", "deg")
+        assert float(row["moment_arm_mm"]) == pytest.approx(found.arms[frame, fibre], rel=1e-9)
+        assert float(row["error_mm"]) == pytest.approx(found.errors[frame, fibre], rel=1e-9, abs=1e-12)
+        assert float(row["quartic_mm"]) == pytest.approx(found.quartic[frame, fibre], rel=1e-9)
+    summary = table(out / "moment_arms_summary.csv")
+    assert [float(row["value"]) for row in summary] == result.times
+    for frame, row in enumerate(summary):
+        assert float(row["mean_mm"]) == pytest.approx(found.mean[frame])
+        assert float(row["min_mm"]) == pytest.approx(found.arms[frame].min())
+        assert float(row["max_mm"]) == pytest.approx(found.arms[frame].max())
+    report = json.loads((out / "report.json").read_text())
+    mine = report["muscles"]["spindle"]["moment_arms"]["knee"]
+    assert mine["mean_mm"] == pytest.approx(found.arms.mean())
+    assert mine["positive"] == "right-handed about (1, 0, 0)"
+    assert "moment_arms" in report["definitions"]
+
+
+def test_there_is_a_figure(result, out):
+    reason = can_render()
+    if reason is not None:
+        pytest.skip(reason)
+    assert "spindle_moment_arms.png" in result.report["figures"]["written"]
+    assert (out / "figures/spindle_moment_arms.png").stat().st_size > 10_000
+
+
+def test_the_literature_is_drawn_where_its_coordinate_is_that_of_the_motion(result, tmp_path):
+    arms = result.moment_arms()["spindle"]
+    other = [replace(curve, dof="hip") for curve in result.literature["spindle"]]
+    plain = plot_moment_arms(tmp_path / "a.png", arms).read_bytes()
+    assert plot_moment_arms(tmp_path / "b.png", arms, literature=other).read_bytes() == plain
+    assert (
+        plot_moment_arms(tmp_path / "c.png", arms, literature=result.literature["spindle"]).read_bytes()
+        != plain
+    )
+
+
+def test_without_a_coordinate_nothing_is_written_and_what_was_there_goes(scene, result, out, tmp_path):
+    still = replace(scene, motion=replace(scene.motion, coordinates={}))
+    (tmp_path / "moment_arms.csv").write_text("old")
+    plain = still.run(tmp_path, frames="0:2", figures=False)
+    assert not (tmp_path / "moment_arms.csv").exists()
+    assert "moment_arms" not in plain.report
+    with pytest.raises(ValueError, match="no coordinate of the motion changes"):
+        plain.moment_arms()
+
+
+def test_too_few_frames_are_told_in_the_report(scene, tmp_path):
+    few = scene.run(tmp_path, frames="0:3", figures=False)
+    assert "3 different value(s), but 4 are needed" in few.report["moment_arms"]["reason"]
+    assert not (tmp_path / "moment_arms.csv").exists()
+
+
+def test_a_saved_scene_has_the_same_coordinates_and_literature(scene, tmp_path):
+    again = Scene.load(scene.save(tmp_path))
+    (name,) = again.motion.coordinates
+    one, other = scene.motion.coordinates[name], again.motion.coordinates[name]
+    assert (one.unit, one.positive) == (other.unit, other.positive)
+    np.testing.assert_array_equal(one.values, other.values)
+    mine, theirs = scene.muscles["spindle"].literature, again.muscles["spindle"].literature
+    assert [curve.part for curve in mine] == [curve.part for curve in theirs]
+    assert len(mine) == 4
+
+
+# ------------------------------------------------------------------------------- scenes
+
+
+def edited(folder, tmp_path, old, new):
+    text = (folder / "scene.toml").read_text()
+    assert old in text
+    path = folder / f"{tmp_path.name}.toml"
+    path.write_text(text.replace(old, new))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"published.csv"', '"no.csv"', "muscles.spindle.literature: there is no such file"),
+        (
+            '"published.csv"',
+            '"motion.csv"',
+            "column.s. source, muscle, dof, angle_deg, moment_arm_mm are missing",
+        ),
+        (
+            "[muscles.spindle]",
+            "[muscles.calf]",
+            "has no moment arms of 'calf'; it has those of other, spindle",
+        ),
+        ('coordinate = "knee"', "coordinate = 3", "motion.hinge.coordinate: must be a text"),
+    ],
+)
+def test_a_fault_of_a_scene_is_named(old, new, message, folder, tmp_path):
+    with pytest.raises(SceneError, match=message):
+        Scene.load(edited(folder, tmp_path, old, new))
+
+
+TABLE = """
+[motion]
+bone = "lower"
+transforms = "swing.csv"
+COORDINATES
+"""
+
+
+def table_scene(folder, tmp_path, coordinates):
+    swing = hinge("lower", (0, -15, 0), (1, 0, 0), [0, 5, 10])
+    swing = replace(swing, coordinates={"knee": Coordinate([0.0, 5, 10]), "slide": Coordinate([0.0, 1, 3])})
+    from vtkmuscle.io import write_motion_table
+
+    write_motion_table(folder / "swing.csv", swing, "lower")
+    text = (folder / "scene.toml").read_text()
+    old = text[text.index("[motion.hinge]") : text.index("[muscles")]
+    return edited(folder, tmp_path, old, TABLE.replace("COORDINATES", coordinates))
+
+
+@pytest.mark.parametrize(
+    ("coordinates", "found"),
+    [
+        ("", {}),
+        ('time = "time"', {}),
+        ('time = "knee"', {"knee": ("deg", "as knee grows")}),
+        ('coordinates = ["knee"]', {"knee": ("deg", "as knee grows")}),
+        (
+            'coordinates = { knee = { positive = "flexion" }, slide = { unit = "mm" } }',
+            {"knee": ("deg", "flexion"), "slide": ("mm", "as slide grows")},
+        ),
+    ],
+)
+def test_a_table_says_what_its_coordinates_are(coordinates, found, folder, tmp_path):
+    motion = Scene.load(table_scene(folder, tmp_path, coordinates)).motion
+    assert {name: (one.unit, one.positive) for name, one in motion.coordinates.items()} == found
+
+
+@pytest.mark.parametrize(
+    ("coordinates", "message"),
+    [
+        (
+            'coordinates = ["hip"]',
+            "no column 'hip' for a coordinate; the other columns are: time, knee, slide",
+        ),
+        ('coordinates = "knee"', "motion.coordinates: must be a list of columns, not 'knee'"),
+        ('coordinates = { knee = { unit = "degrees" } }', "motion.coordinates.knee.unit: there is no unit"),
+        ("coordinates = { knee = { up = true } }", "motion.coordinates.knee.up: there is no such key"),
+    ],
+)
+def test_a_fault_of_its_coordinates_is_named(coordinates, message, folder, tmp_path):
+    with pytest.raises(SceneError, match=message):
+        Scene.load(table_scene(folder, tmp_path, coordinates))
+
+
+def test_several_bones_share_their_coordinates(folder, tmp_path):
+    both = TABLE.replace('bone = "lower"\n', "").replace(
+        '"swing.csv"', '{ lower = "swing.csv", upper = "still.csv" }'
+    )
+    path = table_scene(folder, tmp_path, "")
+    motion = RigidMotion(
+        [0.0, 5, 10], {"upper": np.array([np.eye(4)] * 3)}, None, {"hip": Coordinate([0.0, 1, 5])}
+    )
+    from vtkmuscle.io import write_motion_table
+
+    write_motion_table(folder / "still.csv", motion, "upper")
+    text = path.read_text().replace(TABLE.replace("COORDINATES", ""), both)
+    path.write_text(text.replace("COORDINATES", 'time = "time"\ncoordinates = ["hip", "knee"]'))
+    assert sorted(Scene.load(path).motion.coordinates) == ["hip", "knee"]
+    path.write_text(text.replace("COORDINATES", 'time = "time"\ncoordinates = ["ankle"]'))
+    with pytest.raises(SceneError, match=r"motion\.coordinates: no table has the column 'ankle'"):
+        Scene.load(path)

@@ -1,0 +1,455 @@
+"""A planted fault of each kind is found, in its frame, and a good muscle is ok."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tiny_scene import ellipsoid, write_tiny_scene
+from typer.testing import CliRunner
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle import Scene, hinge
+from vtkmuscle.cli import app
+from vtkmuscle.core.length_jumps import even_stretches, length_jumps
+from vtkmuscle.core.mesh import edge_lengths, unique_edges
+from vtkmuscle.core.rigid import RigidMotion
+from vtkmuscle.filters import PBDDeformer
+from vtkmuscle.filters.arrays import (
+    Polylines,
+    points_of,
+    polylines_from,
+    set_cell_array,
+    set_point_array,
+    surface_from,
+    triangles_of,
+    with_points,
+)
+from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.plotting import can_render
+from vtkmuscle.run.report import DEFINITIONS, MuscleMeasure
+from vtkmuscle.run.scenes import _bone_distances
+from vtkmuscle.run.verdict import (
+    BEYOND,
+    CHECKS,
+    FULL_SIZE,
+    LONGEST,
+    SHORTEST,
+    judge,
+    reasons_of,
+    slackness_of,
+)
+
+#: What a good frame has.
+GOOD = {
+    "volume_ratio": 1.0 + 1e-12,
+    "fixed_error_max_mm": 1e-13,
+    "edge_stretch_p5": 0.9,
+    "edge_stretch_p95": 1.3,
+    "edge_stretch_floored_max": 2.0,
+    "dihedral_error_p95_deg": 15.0,
+    "folded_edges": 1,
+    "estimated_distance_mm": 0.05,
+    "penetration_new_max_mm": 0.1,
+    "penetration_new_p95_mm": 0.0,
+    "fibres_outside_max_mm": 0.1,
+    "fibres_penetration_new_max_mm": 0.1,
+}
+FRAMES = 20
+TIMES = np.arange(FRAMES) * 2.0
+MOTION = hinge("b", (0, 0, 0), (1, 0, 0), TIMES)
+
+
+def rows(**changed):
+    """Return the rows of good frames; a number in place of a figure is that of frame 13."""
+    table = [{"frame": i, "time": float(TIMES[i]), **GOOD} for i in range(FRAMES)]
+    for name, value in changed.items():
+        table[13][name] = value
+    return table
+
+
+def lengths(at=None, change=0.0):
+    """Return the lengths of ten fibres over the frames, one of them changed from a frame on."""
+    found = 120.0 + np.arange(10.0) + 20.0 * np.sin(np.radians(TIMES))[:, None]
+    if at is not None:
+        found[at:, 3] += change
+    return found
+
+
+def verdict(table=None, **given):
+    fibres = {"lengths": lengths(), "rest_lengths": lengths()[0], "slackness": np.ones((FRAMES, 10))}
+    return judge(table or rows(), **{**fibres, "motion": MOTION, "n_edges": 1000, **given})
+
+
+def test_a_good_muscle_is_ok_and_all_was_checked():
+    assert verdict() == {"verdict": "ok", "reasons": [], "not_checked": {}}
+
+
+@pytest.mark.parametrize(
+    ("check", "column", "look", "failed"),
+    [
+        ("volume", "volume_ratio", 0.98, 1.06),
+        ("fixed points", "fixed_error_max_mm", 0.02, 2.0),
+        ("long edges", "edge_stretch_p95", 1.7, 2.5),
+        ("short edges", "edge_stretch_p5", 0.45, 0.3),
+        ("longest edge", "edge_stretch_floored_max", 4.0, 23.0),
+        ("crumpled", "dihedral_error_p95_deg", 36.0, 55.0),
+        ("folded", "folded_edges", 8, 40),
+        ("estimate", "estimated_distance_mm", 2.0, 11.0),
+        ("penetration", "penetration_new_max_mm", 1.0, 8.0),
+        ("widespread penetration", "penetration_new_p95_mm", 0.2, 1.5),
+        ("fibres outside", "fibres_outside_max_mm", 7.0, 16.0),
+        ("fibres in bone", "fibres_penetration_new_max_mm", 7.0, 16.0),
+    ],
+)
+def test_a_planted_fault_is_told_with_its_frame(check, column, look, failed):
+    for value, expected in ((look, "look"), (failed, "failed"), (np.inf, "failed")):
+        if value == np.inf and check == "short edges":
+            continue
+        found = verdict(rows(**{column: value}))
+        assert found["verdict"] == expected
+        (reason,) = reasons_of(found)
+        assert (reason.check, reason.verdict, reason.frame, reason.time) == (check, expected, 13, 26.0)
+        assert reason.do
+        assert "frame 13" in str(reason)
+        assert np.isfinite(reason.value)
+        json.dumps(found, allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    ("check", "ratio", "expected"),
+    [
+        ("long fibres", 1.7, "look"),
+        ("long fibres", 2.6, "failed"),
+        ("short fibres", 0.45, "look"),
+        ("short fibres", 0.3, "failed"),
+    ],
+)
+def test_fibres_that_no_muscle_has_are_told(check, ratio, expected):
+    ramp = np.linspace(1.0, ratio, FRAMES)[:, None] * lengths()[0]
+    found = verdict(lengths=ramp)
+    assert [(reason.check, reason.verdict, reason.frame) for reason in reasons_of(found)] == [
+        (check, expected, FRAMES - 1)
+    ]
+
+
+@pytest.mark.parametrize(("change", "expected"), [(0.5, "ok"), (2.5, "look"), (18.0, "failed")])
+@pytest.mark.parametrize("at", [1, 9, FRAMES - 1])
+def test_a_length_that_jumps_is_told(change, expected, at):
+    found = verdict(lengths=lengths(at, change))
+    assert found["verdict"] == expected
+    assert [(r.check, r.frame) for r in reasons_of(found)] == ([] if expected == "ok" else [("jumps", at)])
+
+
+def test_fibres_that_hang_loose_are_told_and_where_it_is_not_known_that_is_told():
+    for slack, expected in ((1.03, "ok"), (1.08, "look"), (1.2, "failed")):
+        loose = np.ones((FRAMES, 10))
+        loose[7, :3] = slack
+        found = verdict(slackness=loose)
+        assert found["verdict"] == expected
+        assert [(r.check, r.frame) for r in reasons_of(found)] == ([] if expected == "ok" else [("slack", 7)])
+    assert verdict(slackness=None)["not_checked"] == {"slack": "the fibres have no array TautLength"}
+    bare = verdict(lengths=None, rest_lengths=None)
+    assert bare["verdict"] == "ok"
+    assert bare["not_checked"] == {"fibres": "it has none"}
+
+
+def test_what_has_no_figure_is_not_judged_and_told():
+    table = rows()
+    for row in table:
+        row["penetration_new_max_mm"] = row["penetration_new_p95_mm"] = None
+        del row["estimated_distance_mm"]
+    found = verdict(table)
+    assert found["verdict"] == "ok"
+    assert found["not_checked"] == {
+        "penetration": "no bone has an inside",
+        "estimate": "the solver gave none",
+    }
+
+
+def test_what_could_not_be_computed_failed_also_in_the_first_frame_kept():
+    for count in (5, 0):
+        whole = {"lengths": lengths()[:count], "slackness": np.ones((count, 10))}
+        failure = (5, 10.0, "out of range; use less force")
+        found = judge(rows()[:count], **whole, rest_lengths=lengths()[0], n_edges=1000, failure=failure)
+        (reason,) = reasons_of(found)
+        assert (found["verdict"], reason.frame, reason.do) == ("failed", 5, "use less force")
+        assert "out of range" in reason.says
+
+
+def test_the_worst_reason_comes_first_and_decides():
+    found = verdict(rows(volume_ratio=1.02, edge_stretch_floored_max=23.0, folded_edges=8))
+    assert found["verdict"] == "failed"
+    assert [reason.check for reason in reasons_of(found)] == ["longest edge", "volume", "folded"]
+
+
+def test_limits_that_are_lengths_are_less_for_a_small_muscle_and_the_solvers_tolerance_counts():
+    table = rows(penetration_new_max_mm=0.3)
+    assert verdict(table, size=FULL_SIZE)["verdict"] == "ok"
+    assert verdict(table, size=0.1 * FULL_SIZE)["verdict"] == "look"
+    near = rows(estimated_distance_mm=0.3)
+    assert verdict(near, tolerance=0.0)["verdict"] == "ok"
+    assert verdict(near, tolerance=0.1)["verdict"] == "look"
+    assert verdict(near, tolerance=0.5)["verdict"] == "ok"
+
+
+def test_the_limits_are_those_of_the_documentation(request):
+    page = (request.config.rootpath / "docs/your_data.rst").read_text()
+    section = page[page.index(".. _verdicts:") : page.index(".. _what-a-run-writes:")]
+    for name, check in CHECKS.items():
+        row = section[section.index(f"* - {name}\n") :].split("   * - ")[0]
+        cells = [cell.strip() for cell in row.split("     - ")[-2:]]
+        assert [float(cell.split()[0]) for cell in cells] == pytest.approx(
+            [check.look, check.failed], rel=0.01
+        ), name
+    assert (SHORTEST, LONGEST, BEYOND) == (0.5, 1.6, 1.5)
+    assert "verdict" in DEFINITIONS
+
+
+# ------------------------------------------------------------------------------- jumps
+
+
+def test_a_muscle_that_lifts_off_does_not_jump():
+    angles = np.radians(TIMES)
+    lifted = 100.0 + 30.0 * angles - 15.0 * np.maximum(angles - angles[10], 0.0)
+    assert length_jumps(lifted[:, None], TIMES).max() < 0.2
+
+
+@pytest.mark.parametrize("step", [1.0, 2.0, 10.0])
+def test_a_curved_length_does_not_jump_whatever_the_step(step):
+    angles = np.radians(np.arange(0.0, 91.0, step))
+    curve = 120.0 + 50.0 * np.sin(1.5 * angles)
+    assert length_jumps(curve[:, None], np.degrees(angles)).max() < 0.5
+    curve[5:] -= 4.0
+    jumps = length_jumps(curve[:, None], np.degrees(angles))[:, 0]
+    assert jumps.argmax() == 4
+    assert jumps[4] > 1.5
+
+
+def test_a_sweep_that_turns_back_is_no_jump():
+    angles = np.concatenate([np.arange(0.0, -31.0, -5.0), np.arange(-25.0, 61.0, 5.0)])
+    motion = hinge("b", (0, 0, 0), (1, 0, 0), np.arange(len(angles)))
+    table = np.array([hinge("b", (0, 0, 0), (1, 0, 0), [a]).transforms["b"][0] for a in angles])
+    motion = RigidMotion(motion.times, {"b": table})
+    curve = (120.0 + 40.0 * np.radians(angles))[:, None]
+    stretches = even_stretches(motion)
+    assert stretches[:6].max() == 0
+    assert stretches[6:].min() == 1
+    assert length_jumps(curve, motion.times).max() > 1.0
+    assert length_jumps(curve, motion.times, stretches).max() < 1e-9
+
+
+# ------------------------------------------------------------------------------- what is measured
+
+
+def ball():
+    surface = ellipsoid((20, 20, 40), (0, 0, 0), 24)
+    set_point_array(surface, "FixedTo", np.full(surface.GetNumberOfPoints(), -1, dtype=np.int32))
+    return surface
+
+
+def measured(points, distances=None):
+    measure = MuscleMeasure(ball(), ["bone"], distances or {}, 1.0)
+    return measure.frame(points, {}), measure
+
+
+def test_an_edge_that_folds_back_counts_and_one_that_was_folded_does_not():
+    points = points_of(ball())
+    row, measure = measured(points)
+    assert row["folded_edges"] == 0
+    assert measure.n_edges == len(unique_edges(triangles_of(ball(), "ball")))
+    side = int(points[:, 0].argmax())
+    points[side, 1] += 12.0  # slides over its neighbours: the triangles between lie on theirs
+    folded = measured(points)[0]["folded_edges"]
+    assert folded >= 2
+    measure = MuscleMeasure(with_points(ball(), points), ["bone"], {}, 1.0)
+    assert measure.frame(points, {})["folded_edges"] == 0
+
+
+def test_a_sliver_of_an_edge_does_not_count_for_its_own_length():
+    rest = ball()
+    points = points_of(rest)
+    edges = unique_edges(triangles_of(rest, "ball"))
+    mean = edge_lengths(points, edges).mean()
+    a, b = edges[100]
+    points[b] = points[a] + 0.001 * mean * np.array([1.0, 0.0, 0.0])
+    sliver = with_points(rest, points)
+    measure = MuscleMeasure(sliver, ["bone"], {}, 1.0)
+    now = points.copy()
+    now[b] = points[a] + 0.1 * mean * np.array([1.0, 0.0, 0.0])
+    row = measure.frame(now, {})
+    assert row["edge_stretch_max"] == pytest.approx(100.0)
+    assert row["edge_stretch_floored_max"] < 1.2
+
+
+def test_what_was_in_a_bone_at_rest_is_not_new():
+    class HalfSpace:
+        box = np.array([12.0, -np.inf, -np.inf]), np.full(3, np.inf)
+
+        def depth(self, points):
+            return np.maximum(points[:, 0] - 12.0, 0.0)
+
+    rest = points_of(ball())
+    same, measure = measured(rest, {"bone": HalfSpace()})
+    assert measure.at_rest()["rest"]["penetration_max_mm"] == pytest.approx(8.0, abs=0.3)
+    assert same["penetration_max_mm"] == pytest.approx(8.0, abs=0.3)
+    assert (same["penetration_new_max_mm"], same["penetration_new_p95_mm"]) == (0.0, 0.0)
+    measure = MuscleMeasure(ball(), ["bone"], {"bone": HalfSpace()}, 1.0)
+    deeper = measure.frame(rest + np.array([0.75, 0.0, 0.0]), {})
+    assert deeper["penetration_new_max_mm"] == pytest.approx(0.75)
+
+
+def test_fibres_that_leave_the_muscle_or_enter_a_bone_are_measured():
+    class HalfSpace:
+        box = np.array([3.0, -np.inf, -np.inf]), np.full(3, np.inf)
+
+        def depth(self, points):
+            return np.maximum(points[:, 0] - 3.0, 0.0)
+
+    measure = MuscleMeasure(ball(), ["bone"], {"bone": HalfSpace()}, 10.0)
+    lines, offsets = (
+        np.array([[0.0, 0, -30], [5, 0, 0], [0, 0, 30], [0, 0, -30], [0, 0, 30]]),
+        np.array([0, 3, 5]),
+    )
+    measure.take_fibres_at_rest(lines, offsets)
+    still = measure.fibres(lines, offsets, points_of(ball()), {})
+    assert still == {"fibres_outside_max_mm": 0.0, "fibres_penetration_new_max_mm": 0.0}
+    moved = lines.copy()
+    moved[1, 0], moved[4] = 6.5, [0.0, 0.0, 42.0]
+    found = measure.fibres(moved, offsets, points_of(ball()), {})
+    assert found["fibres_penetration_new_max_mm"] == pytest.approx(15.0)
+    assert found["fibres_outside_max_mm"] == pytest.approx(20.0, rel=0.02)
+    nowhere = MuscleMeasure(ball(), ["bone"], {}, 1.0).fibres(lines, offsets, points_of(ball()), {})
+    assert nowhere["fibres_penetration_new_max_mm"] is None
+
+
+def test_an_open_bone_is_measured_with_its_holes_closed(tmp_path):
+    scene = Scene.load(write_tiny_scene(tmp_path))
+    whole = scene.bones["upper"]
+    opened = surface_from(points_of(whole), triangles_of(whole, "bone")[3:])
+    distances = _bone_distances(replace(scene, bones={**scene.bones, "upper": opened}))
+    assert set(distances) == {"upper", "lower"}
+    middle = points_of(whole).mean(axis=0)[None]
+    exact = SurfaceDistance(whole).depth(middle)
+    np.testing.assert_allclose(distances["upper"].depth(middle), exact, rtol=0.05)
+    sheet = surface_from(np.array([[0.0, 0, 0], [9, 0, 0], [0, 9, 0]]), np.array([[0, 1, 2]]))
+    assert set(_bone_distances(replace(scene, bones={**scene.bones, "plate": sheet}))) == {"upper", "lower"}
+
+
+def test_slackness_is_against_the_taut_length_and_what_it_is_at_rest():
+    def fibres(length, taut):
+        lines = polylines_from(Polylines(np.array([[0.0, 0, 0], [length, 0, 0]]), np.array([0, 2])))
+        set_cell_array(lines, "Length", np.array([length]))
+        if taut is not None:
+            set_cell_array(lines, "TautLength", np.array([taut]))
+        return lines
+
+    frames = [fibres(11.0, 10.0), fibres(12.0, 10.0)]
+    found = [np.array([110.0]), np.array([120.0])]
+    assert isinstance(frames[0], vtkPolyData)
+    np.testing.assert_allclose(slackness_of(frames, found, None, 10.0)[:, 0], [1.1, 1.2])
+    np.testing.assert_allclose(
+        slackness_of(frames, found, fibres(10.5, 10.0), 10.0)[:, 0], [1.1 / 1.05, 1.2 / 1.05]
+    )
+    assert slackness_of([*frames, fibres(1.0, None)], [*found, found[0]], None, 10.0) is None
+    assert slackness_of([], [], None, 1.0) is None
+
+
+# ------------------------------------------------------------------------------- runs
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    path = write_tiny_scene(tmp_path / "scene")
+    text = path.read_text()
+    start, end = text.index("[muscles.spindle]"), text.index("[solver]")
+    other = text[start:end].replace("spindle]", "other]")
+    path.write_text(text[:end] + other + text[end:].replace("iterations = 3", "iterations = 30"))
+    return path
+
+
+def going_astray(monkeypatch, *, at, quiet=False):
+    """Let the first muscle's solve fail at a time, or give a point that is not finite."""
+    whole, chosen = PBDDeformer.execute, []
+
+    def execute(self, *inputs):
+        chosen.append(self) if not chosen else None
+        if self is chosen[0] and self.request_time == at:
+            raise ValueError("the muscle left the range of numbers; use a smaller force")
+        return whole(self, *inputs)
+
+    monkeypatch.setattr(PBDDeformer, "execute", execute)
+
+
+def run(path, out, *options):
+    arguments = ["run", str(path), "--out", str(out), "--workers", "1", *options]
+    return CliRunner().invoke(app, arguments, catch_exceptions=False)
+
+
+def test_a_good_run_is_ok_and_says_so(scene_file, tmp_path):
+    done = run(scene_file, tmp_path / "out", "--no-figures")
+    assert done.exit_code == 0
+    report = json.loads((tmp_path / "out/report.json").read_text())
+    for name in ("spindle", "other"):
+        assert report["muscles"][name]["verdict"]["verdict"] == "ok"
+        line = next(line for line in done.stdout.splitlines() if line.startswith(f"{name}: "))
+        assert line.endswith(": ok")
+        assert "deeper in a bone than at rest" in line
+
+
+def test_a_failed_muscle_is_exit_status_1_and_the_others_are_written(scene_file, tmp_path, monkeypatch):
+    going_astray(monkeypatch, at=15.0)
+    out = tmp_path / "out"
+    done = run(scene_file, out, "--quiet", "--no-figures")
+    assert done.exit_code == 1
+    assert done.stdout == ""
+    assert "spindle: failed, frame 3 (time 15): it could not be computed" in done.stderr
+    assert "use a smaller force" in done.stderr
+    report = json.loads((out / "report.json").read_text())
+    assert report["complete"] is True
+    assert report["muscles"]["spindle"]["verdict"]["verdict"] == "failed"
+    assert report["muscles"]["other"]["verdict"]["verdict"] == "ok"
+    assert [len(report["muscles"][name]["frames"]) for name in ("spindle", "other")] == [3, 5]
+    assert len(list((out / "other").iterdir())) == 5
+    assert len(list((out / "spindle").iterdir())) == 3
+    assert len((out / "lengths.csv").read_text().splitlines()) == 1 + 6 * (3 + 5)
+
+
+def test_a_fault_of_the_first_frame_is_an_error_of_what_was_given(scene_file, tmp_path, monkeypatch):
+    going_astray(monkeypatch, at=0.0)
+    assert run(scene_file, tmp_path / "out", "--quiet", "--no-figures").exit_code == 2
+
+
+def test_what_failed_has_figures_as_far_as_it_goes(scene_file, tmp_path, monkeypatch):
+    reason = can_render()
+    if reason is not None:
+        pytest.skip(reason)
+    going_astray(monkeypatch, at=15.0)
+    result = Scene.load(scene_file).run(tmp_path, workers=1)
+    assert (result.verdicts, result.finished("spindle")) == ({"spindle": "failed", "other": "ok"}, 3)
+    assert repr(result) == "Result('tiny': 5 frames of spindle (failed), other (ok))"
+    assert {"spindle_frames.png", "other_frames.png", "spindle_lengths.png"} <= set(
+        result.report["figures"]["written"]
+    )
+
+
+def test_muscles_in_contact_do_without_one_that_failed(scene_file, tmp_path, monkeypatch):
+    scene_file.write_text(
+        scene_file.read_text().replace('units = "mm"', 'units = "mm"\nmuscle_contact = "measure"')
+    )
+    going_astray(monkeypatch, at=15.0)
+    result = Scene.load(scene_file).run(workers=1)
+    assert result.finished("other") == 5
+    assert result.verdicts["spindle"] == "failed"
+
+
+def test_a_crumpled_surface_of_a_real_solve_fails(scene_file):
+    """P21's stiffnesses alone, few iterations and the insertion torn away: nothing keeps the shape."""
+    scene = Scene.load(scene_file)
+    away = np.tile(np.eye(4), (5, 1, 1))
+    away[:, 2, 3] = -np.arange(5) * 40.0
+    torn = replace(scene, motion=RigidMotion(scene.motion.times, {"lower": away}))
+    result = torn.run()
+    assert result.verdicts["spindle"] == "failed"
+    checks = {reason.check for reason in reasons_of(result.report["muscles"]["spindle"]["verdict"])}
+    assert "long fibres" in checks

@@ -1,0 +1,200 @@
+"""MomentArms: how much fibres shorten as a joint turns."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.core.coordinates import ANGLES, TRANSLATIONS, Coordinate
+from vtkmuscle.core.joint_arms import checked_coordinates, coordinate_samples
+from vtkmuscle.core.moment_arms import moment_arms
+from vtkmuscle.core.polylines import polyline_lengths
+from vtkmuscle.core.rigid import RigidMotion
+from vtkmuscle.filters.arrays import (
+    cell_array,
+    field_array,
+    polylines_of,
+    set_cell_array,
+    set_field_array,
+    with_polylines,
+)
+from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.pipeline_times import times_of
+from vtkmuscle.filters.time_path import input_at, requested_time, state_of_inputs
+
+Floats = NDArray[np.float64]
+
+#: Arrays of fibres that have their lengths of all times with them.
+LENGTHS, TIMES = "Lengths", "Times"
+
+
+class MomentArms(Filter):
+    """Add the moment arms of fibres about a joint, -dl/dq, from their lengths at all time steps.
+
+    A fibre that shortens as the coordinate q grows has a positive moment arm. The slope of its length is
+    taken by local regression in a window that is chosen against the noise of the lengths
+    (:func:`vtkmuscle.core.moment_arms.moment_arms`), and has a standard error. The fibres are asked for at
+    every time step that is announced; what was measured is kept until something upstream changes. Fibres
+    that announce no time steps must have their history with them: the cell array ``Lengths`` and the field
+    array ``Times``.
+
+    The coordinate is one of the ``motion``, or where none is given the pipeline's time. Of a motion with one
+    coordinate those frames count in which the bones' rotation depends on it alone, and not a way from rest
+    to the sweep's start. By several coordinates a moment arm is that with the others held; it is determined
+    where the poses about tell them apart.
+
+    Raises
+    ------
+    ValueError
+        If there are no fibres or a point is not finite, if there are neither time steps nor a history, if the
+        number of fibres changes with time, if the motion has no such coordinate, if it has too few different
+        values (4 for one coordinate), or if several coordinates only change together.
+
+    References
+    ----------
+    An, Takahashi, Harrigan, Chao 1984, *Determination of muscle orientations and moment arms*,
+    doi:10.1115/1.3138494.
+
+    Examples
+    --------
+    >>> from vtkmuscle.filters import BoneMotion, LinearBlendFibres, MomentArms
+    >>> from vtkmuscle.phantoms import spindle_over_hinge
+    >>> from vtkmuscle.pipelines import decompose
+    >>> phantom = spindle_over_hinge()
+    >>> rest = decompose(phantom.muscles["spindle"], phantom.attachments["spindle"], n_fibres=8)
+    >>> bones, blend = BoneMotion(motion=phantom.motion), LinearBlendFibres()
+    >>> bones.connect(0, phantom.bones)
+    >>> blend.connect(0, rest)
+    >>> blend.connect(1, bones)
+    >>> arms = MomentArms(motion=phantom.motion)
+    >>> arms.connect(0, blend)
+    >>> found = arms.apply(time=20.0)
+    >>> found["MomentArm"].shape, bool((found["MomentArmError"] < 0.5).all())
+    ((8,), True)
+    """
+
+    motion: Parameter[RigidMotion | None] = Parameter(
+        RigidMotion, default=None, doc="Has the coordinates; None: the pipeline's time is one."
+    )
+    coordinate: Parameter[str | None] = Parameter(
+        str, default=None, doc="Name of one of the motion's coordinates; None: all that change."
+    )
+    unit = Parameter(
+        str,
+        default="deg",
+        choices=(*ANGLES, *TRANSLATIONS),
+        doc="Unit of the pipeline's time, where that is the coordinate.",
+    )
+
+    fibres = InputPort(
+        vtkPolyData,
+        content="fibres over time",
+        doc="Polylines, the same number at each time step; or, without time steps, with the cell array "
+        "``Lengths`` (n_fibres, f) [mm] and the field array ``Times`` (f,).",
+    )
+    output = OutputPort(
+        vtkPolyData,
+        doc="The fibres with the cell arrays ``MomentArm`` and ``MomentArmError`` (standard error) [mm], and "
+        "the field arrays ``Coordinate`` (its name) and ``CoordinateValue`` (in its unit); by several "
+        "coordinates each of these arrays has _NAME after its own. In a pose in which a moment arm is not "
+        "determined, such as one before the sweep, its arrays are not there.",
+    )
+
+    def __init__(self, **parameters: Any) -> None:
+        self._steps: tuple[float, ...] = ()
+        self._measured: tuple[list[int], Floats] | None = None
+        super().__init__(**parameters)
+
+    def RequestUpdateExtent(self, request: Any, inInfo: Any, outInfo: Any) -> int:
+        """Note the time steps; the fibres at the other ones are asked for in :meth:`execute`."""
+        self._steps = times_of(inInfo[0].GetInformationObject(0))
+        self.request_time = requested_time(outInfo.GetInformationObject(0))
+        return 1
+
+    def execute(self, fibres: vtkPolyData) -> vtkPolyData:
+        """Return the fibres at the time asked for, with their moment arms."""
+        lines = polylines_of(fibres, "MomentArms: fibres")
+        if fibres.GetCellData().HasArray(LENGTHS):
+            times, lengths = _history(fibres, len(lines.offsets) - 1)
+        elif self._steps:
+            times, lengths = np.array(self._steps), self._lengths_over_time()
+        else:
+            raise ValueError(
+                "MomentArms: fibres: they announce no time steps, and have no cell array 'Lengths'; connect "
+                "a filter over time, e.g. FibreTransport behind PBDDeformer, or a reader of a .pvd series"
+            )
+        now = float(times[0]) if self.request_time is None else self.request_time
+        if self._steps:  # the input stands where it was asked for last
+            again = input_at(self, 0, now)
+            fibres = fibres if again is None else again
+            lines = polylines_of(fibres, "MomentArms: fibres")
+        result: vtkPolyData = with_polylines(fibres, lines)
+        self._add_arms(result, times, lengths, float(np.clip(now, times.min(), times.max())))
+        return result
+
+    def _lengths_over_time(self) -> Floats:
+        """Return the lengths (f, k) of the fibres at all time steps."""
+        state = state_of_inputs(self, (0,))
+        if self._measured is None or self._measured[0] != state:
+            rows: list[Floats] = []
+            for number, time in enumerate(self._steps):
+                self.report_progress(number / len(self._steps))
+                data = input_at(self, 0, time)
+                if data is None:
+                    raise RuntimeError(f"MomentArms: the fibres at time {time:g} could not be computed")
+                lines = polylines_of(data, f"MomentArms: fibres at time {time:g}")
+                rows.append(polyline_lengths(lines.points, lines.offsets))
+                if len(rows[-1]) != len(rows[0]):
+                    raise ValueError(
+                        f"MomentArms: fibres: at time {time:g} there are {len(rows[-1])}, at first "
+                        f"{len(rows[0])}; they must be the same fibres at all times"
+                    )
+            self._measured = state_of_inputs(self, (0,)), np.array(rows)
+        return self._measured[1]
+
+    def _add_arms(self, result: vtkPolyData, times: Floats, lengths: Floats, now: float) -> None:
+        motion = self.motion or RigidMotion(times, {}, None, {"time": Coordinate(times, self.unit)})
+        one_only = self.coordinate if self.motion is not None else None
+        try:
+            checked_coordinates(motion, [one_only] if one_only else ())
+            names, samples, counts = coordinate_samples(motion)
+            # Frames count where they and those about them do.
+            counted = counts.astype(np.float64)[:, None]
+            used = _interpolated(times, motion.times, counted)[:, 0] == 1.0
+            known = _interpolated(now, motion.times, counted)[0, 0] == 1.0
+            place = _interpolated(now, motion.times, samples)
+            among = _interpolated(times, motion.times, samples)[used]
+            found = moment_arms(lengths[used], among, at=place if known else None)
+        except ValueError as error:
+            raise ValueError(f"MomentArms: {str(error).removeprefix('moment arms: ')}") from error
+        for number, name in enumerate(names):
+            if not (known and found.determined[0, number]) or one_only not in (None, name):
+                continue
+            suffix = f"_{name}" if len(names) > 1 and one_only is None else ""
+            set_cell_array(result, f"MomentArm{suffix}", np.array(found.arms[0, :, number]))
+            set_cell_array(result, f"MomentArmError{suffix}", np.array(found.errors[0, :, number]))
+            set_field_array(result, f"Coordinate{suffix}", name)
+            value = float(place[0, number]) / motion.coordinates[name].factor
+            set_field_array(result, f"CoordinateValue{suffix}", value)
+
+
+def _interpolated(times: Floats | float, known: Floats, samples: Floats) -> Floats:
+    """Return samples (k, d), known at some times, at other ones (m, d)."""
+    return np.column_stack([np.interp(np.atleast_1d(times), known, column) for column in samples.T])
+
+
+def _history(fibres: vtkPolyData, count: int) -> tuple[Floats, Floats]:
+    """Return the times (f,) and lengths (f, k) that fibres have with them."""
+    lengths = np.asarray(cell_array(fibres, LENGTHS, "MomentArms: fibres"), dtype=np.float64)
+    times = field_array(fibres, TIMES)
+    if times is None or lengths.shape != (count, np.size(times)) or (np.diff(np.ravel(times)) <= 0).any():
+        shape = "missing" if times is None else f"of shape {times.shape}"
+        raise ValueError(
+            f"MomentArms: fibres: the cell array 'Lengths' is of shape {lengths.shape}, the field array "
+            f"'Times' {shape}; for {count} fibre(s) and f ascending times they must be ({count}, f) and (f,)"
+        )
+    return np.ravel(np.asarray(times, dtype=np.float64)), lengths.T

@@ -1,0 +1,176 @@
+"""Read and write published moment arms, to draw beside those of a run."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.io.surfaces import check_is_file
+from vtkmuscle.io.writing import write_text
+
+Floats = NDArray[np.float64]
+
+#: Columns that a table must have; ``part`` may be there too, others are passed over.
+LITERATURE_COLUMNS = ("source", "muscle", "dof", "angle_deg", "moment_arm_mm")
+#: Parts whose names end so are the two sides of a band.
+LOWER, UPPER = "lower_bound", "upper_bound"
+
+
+@dataclass(frozen=True, eq=False)
+class LiteratureCurve:
+    """Moment arms of a muscle by a coordinate, as one source has them.
+
+    Attributes
+    ----------
+    source, muscle, dof, part : str
+        Who published it, of which muscle, by which coordinate, and of which part or kind; ``part`` may be "".
+    angles, arms : (n,) arrays
+        Ascending [degrees], and the moment arm there [mm], -dl/dq.
+    """
+
+    source: str
+    muscle: str
+    dof: str
+    part: str
+    angles: Floats
+    arms: Floats
+
+
+def read_literature(path: str | PathLike[str]) -> tuple[LiteratureCurve, ...]:
+    """Read published moment arms from a CSV table, one row per point of a curve.
+
+    Parameters
+    ----------
+    path : path
+        With the columns ``source``, ``muscle``, ``dof`` (the coordinate, e.g. ``hip_flexion``),
+        ``angle_deg``, ``moment_arm_mm`` (-dl/dq: positive where the muscle drives the coordinate up), and
+        where there is one ``part``. Parts that end in ``lower_bound`` and ``upper_bound`` are the sides of a
+        band. Other columns, empty lines and lines that begin with # are passed over.
+
+    Returns
+    -------
+    tuple of LiteratureCurve
+        One for each source, muscle, coordinate and part, in the order of the table.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If a column is missing, a cell is no finite number or a name is empty; the message names the line.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import mkdtemp
+    >>> from vtkmuscle.io import read_literature
+    >>> table = Path(mkdtemp()) / "published.csv"
+    >>> with table.open("w") as file:
+    ...     print("source,muscle,dof,angle_deg,moment_arm_mm", file=file)
+    ...     print("Somebody1985,psoas,hip_flexion,0,30", file=file)
+    ...     print("Somebody1985,psoas,hip_flexion,9,31", file=file)
+    >>> read_literature(table)[0].arms
+    array([30., 31.])
+    """
+    path = Path(path)
+    check_is_file(path)
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as lines:
+            rows = list(enumerate(csv.reader(lines), start=1))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"{path}: the file is not a CSV table in UTF-8: {error}; export it again") from error
+    filled = [
+        (number, [cell.strip() for cell in cells])
+        for number, cells in rows
+        if any(cell.strip() for cell in cells) and not cells[0].lstrip().startswith("#")
+    ]
+    header = filled[0][1] if filled else []
+    missing = [name for name in LITERATURE_COLUMNS if name not in header]
+    if missing or len(filled) < 2:
+        problem = f"the column(s) {', '.join(missing)} are missing" if missing else "the table has no rows"
+        raise ValueError(
+            f"{path}: {problem}; published moment arms have the columns {', '.join(LITERATURE_COLUMNS)}, and "
+            "part where there are several curves of one source"
+        )
+    curves: dict[tuple[str, str, str, str], list[tuple[float, float]]] = {}
+    for line, cells in filled[1:]:
+        where = f"{path}: line {line}"
+        if len(cells) < len(header):
+            raise ValueError(f"{where} has {len(cells)} cells, but the header has {len(header)}; correct it")
+        row = dict(zip(header, cells, strict=False))
+        empty = [name for name in LITERATURE_COLUMNS if not row[name]]
+        if empty:
+            raise ValueError(f"{where}: {empty[0]} is empty; fill it in, or leave the line out")
+        key = (row["source"], row["muscle"], row["dof"], row.get("part", ""))
+        point = (
+            _number(row["angle_deg"], "angle_deg", where),
+            _number(row["moment_arm_mm"], "moment_arm_mm", where),
+        )
+        curves.setdefault(key, []).append(point)
+    return tuple(LiteratureCurve(*key, *np.array(sorted(points)).T) for key, points in curves.items())
+
+
+def write_literature(path: str | PathLike[str], curves: Sequence[LiteratureCurve]) -> None:
+    """Write published moment arms so that :func:`read_literature` gives the same back.
+
+    Parameters
+    ----------
+    path : path
+        The CSV file; replaced where it exists.
+    curves : sequence of LiteratureCurve
+        What to write.
+    """
+    lines = [("source", "muscle", "dof", "part", "angle_deg", "moment_arm_mm")]
+    for curve in curves:
+        names = (curve.source, curve.muscle, curve.dof, curve.part)
+        lines += [
+            (*names, repr(float(angle)), repr(float(arm)))
+            for angle, arm in zip(curve.angles, curve.arms, strict=True)
+        ]
+    write_text(Path(path), "".join(",".join(map(_quoted, line)) + "\n" for line in lines))
+
+
+def curves_for(
+    curves: Sequence[LiteratureCurve], *, muscle: str = "", coordinate: str = ""
+) -> tuple[LiteratureCurve, ...]:
+    """Return the curves of a muscle, by a coordinate, or both; sides, ``_r`` and ``_l``, need not be named.
+
+    Parameters
+    ----------
+    curves : sequence of LiteratureCurve
+        To choose from.
+    muscle, coordinate : str, optional
+        Names in the scene; "" for any.
+    """
+    return tuple(
+        curve
+        for curve in curves
+        if (not muscle or curve.muscle in _names(muscle))
+        and (not coordinate or curve.dof in _names(coordinate))
+    )
+
+
+def _names(name: str) -> tuple[str, ...]:
+    """Return a name, and the one without its side."""
+    return (name, name[:-2]) if name[-2:].casefold() in ("_r", "_l") else (name,)
+
+
+def _quoted(cell: str) -> str:
+    return '"' + cell.replace('"', '""') + '"' if set(cell) & set(',"\r\n#') else cell
+
+
+def _number(cell: str, column: str, where: str) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"{where}: {column} is {cell!r}, but must be a finite number")
+    return value

@@ -1,0 +1,132 @@
+"""Figures of moment arms: the band of the fibres, the mean, a quartic, and what is published."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from vtkmuscle.core.coordinates import ANGLES
+from vtkmuscle.core.joint_arms import JointArms
+from vtkmuscle.io.literature import LOWER, UPPER, LiteratureCurve, curves_for
+from vtkmuscle.plotting.sheets import DOTS_PER_INCH, save
+from vtkmuscle.plotting.surfaces import MUSCLE_RED, PALETTE
+
+#: Half width of the band about the mean, in standard errors: 95 per cent of a normal distribution.
+BAND = 1.96
+
+
+def plot_moment_arms(
+    path: str | Path,
+    arms: Mapping[str, JointArms],
+    *,
+    literature: Sequence[LiteratureCurve] = (),
+    title: str = "",
+) -> Path:
+    """Write the moment arms of a muscle by each coordinate, side by side.
+
+    Parameters
+    ----------
+    path : path-like
+        A .png file.
+    arms : mapping of str to JointArms
+        Per coordinate, at least one.
+    literature : sequence of LiteratureCurve, optional
+        Published ones of the muscle; those of a coordinate of this name are drawn.
+    title : str, optional
+        Above the panels.
+
+    Returns
+    -------
+    Path
+        The file.
+    """
+    figure = Figure(
+        figsize=(9.0 * len(arms), 4.8), dpi=DOTS_PER_INCH, facecolor="white", layout="constrained"
+    )
+    FigureCanvasAgg(figure)
+    if title:
+        figure.suptitle(title)
+    for number, (name, found) in enumerate(arms.items()):
+        axes = figure.add_subplot(1, len(arms), number + 1)
+        _draw(axes, found)
+        unit = ANGLES.get(found.unit)
+        if unit is not None:
+            _draw_literature(axes, curves_for(literature, coordinate=name), math.pi / 180.0 / unit)
+        axes.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.set_xlabel(f"{name.replace('_', ' ')} [{found.unit}], positive: {found.positive or 'upwards'}")
+        axes.set_ylabel("moment arm, -dl/dq [mm]" if unit is not None else "moment arm, -dl/dq [1]")
+        axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return save(figure, path)
+
+
+def _draw(axes: Axes, found: JointArms) -> None:
+    # A sweep up and down has values twice: curves are drawn by ascending value.
+    order = np.argsort(found.values, kind="stable")
+    values, mean, error = found.values[order], found.mean[order], BAND * found.mean_error[order]
+    low, high = found.arms.min(axis=1)[order], found.arms.max(axis=1)[order]
+    fibres = found.arms.shape[1]
+    axes.fill_between(values, low, high, color=MUSCLE_RED, alpha=0.18, linewidth=0, label=f"{fibres} fibres")
+    axes.fill_between(
+        values,
+        mean - error,
+        mean + error,
+        color="black",
+        alpha=0.3,
+        linewidth=0,
+        label="error of the mean (95 %)",
+    )
+    axes.plot(values, mean, color="black", linewidth=2.0, label="mean")
+    if found.quartic is not None:
+        quartic = found.quartic.mean(axis=1)[order]
+        axes.plot(values, quartic, color="black", linewidth=1.2, linestyle="--", label="mean of quartic fits")
+
+
+def _draw_literature(axes: Axes, curves: Sequence[LiteratureCurve], per_degree: float) -> None:
+    """Draw published curves: bands where a source has two sides, markers where it has single values."""
+    colours = itertools.cycle([colour for colour in PALETTE if colour != MUSCLE_RED])
+    of_source = {source: next(colours) for source in dict.fromkeys(curve.source for curve in curves)}
+    uppers = {_sides(curve): curve for curve in curves if curve.part.endswith(UPPER)}
+    lowers = {_sides(curve) for curve in curves if curve.part.endswith(LOWER)}
+    for curve in curves:
+        colour, angles = of_source[curve.source], curve.angles * per_degree
+        other = uppers.get(_sides(curve))
+        if curve.part.endswith(LOWER) and other is not None:
+            first, last = max(curve.angles[0], other.angles[0]), min(curve.angles[-1], other.angles[-1])
+            grid = np.linspace(first, last, 200)
+            low, high = (np.interp(grid, side.angles, side.arms) for side in (curve, other))
+            axes.fill_between(
+                grid * per_degree,
+                low,
+                high,
+                color=colour,
+                alpha=0.2,
+                linewidth=0,
+                label=f"{curve.source}, fibres",
+            )
+            continue
+        if curve.part.endswith(UPPER) and _sides(curve) in lowers:
+            continue  # drawn with the other side
+        label = ", ".join(word.replace("_", " ") for word in (curve.source, curve.part) if word)
+        single = len(angles) == 1
+        axes.plot(
+            angles,
+            curve.arms,
+            color=colour,
+            linewidth=1.5,
+            linestyle="" if single else "-",
+            marker="D" if single else "",
+            label=label,
+        )
+
+
+def _sides(curve: LiteratureCurve) -> tuple[str, str]:
+    """Return what the two sides of a band have in common."""
+    return curve.source, curve.part.removesuffix(LOWER).removesuffix(UPPER)

@@ -1,0 +1,159 @@
+"""The moment arms of a run: a table of all muscles, fibres and coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vtkmuscle.core.joint_arms import JointArms
+from vtkmuscle.io.writing import write_text
+
+#: Columns of the table: a row per muscle, coordinate, fibre and value of the coordinate.
+COLUMNS = ("muscle", "coordinate", "unit", "fibre", "value", "moment_arm_mm", "error_mm", "quartic_mm")
+#: Columns of its summary: a row per muscle, coordinate and value.
+SUMMARY = (
+    "muscle",
+    "coordinate",
+    "unit",
+    "value",
+    "mean_mm",
+    "error_mm",
+    "min_mm",
+    "max_mm",
+    "quartic_mean_mm",
+)
+
+
+class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
+    """Moment arms of muscles by coordinates: ``table["iliacus"]["hip_flexion_r"].mean``.
+
+    Parameters
+    ----------
+    arms : mapping of str to mapping of str to JointArms
+        Per muscle, per coordinate.
+    refused : mapping of str to str, optional
+        Coordinates by which there are none, and why.
+
+    Attributes
+    ----------
+    refused : dict of str to str
+        As given.
+    """
+
+    def __init__(
+        self, arms: Mapping[str, Mapping[str, JointArms]], refused: Mapping[str, str] | None = None
+    ) -> None:
+        self._arms = {muscle: dict(found) for muscle, found in arms.items()}
+        self.refused = dict(refused or {})
+
+    def __getitem__(self, muscle: str) -> Mapping[str, JointArms]:
+        if muscle not in self._arms:
+            known = ", ".join(self._arms) or "none"
+            raise KeyError(f"there are no moment arms of {muscle!r}; there are those of: {known}")
+        return self._arms[muscle]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._arms)
+
+    def __len__(self) -> int:
+        return len(self._arms)
+
+    def __repr__(self) -> str:
+        lines = ["MomentArmTable [mm], mean (least to largest of all fibres and values):"]
+        for muscle, found in self._arms.items():
+            for name, one in found.items():
+                low, high = one.values.min(), one.values.max()
+                lines.append(
+                    f"  {muscle} by {name}, {low:g} to {high:g} {one.unit}: {one.arms.mean():.1f} "
+                    f"({one.arms.min():.1f} to {one.arms.max():.1f}), {one.arms.shape[1]} fibres"
+                )
+        return "\n".join(lines if len(lines) > 1 else ["MomentArmTable: empty"])
+
+    def columns(self) -> dict[str, np.ndarray[Any, Any]]:
+        """Return the columns of the whole table as arrays, see :data:`COLUMNS`; NaN where no quartic is."""
+        columns: dict[str, list[Any]] = {name: [] for name in COLUMNS}
+        for row in self._rows():
+            for name, value in zip(COLUMNS, row, strict=True):
+                columns[name].append(np.nan if value is None else value)
+        return {name: np.array(values) for name, values in columns.items()}
+
+    def to_frame(self) -> Any:
+        """Return the whole table as a pandas DataFrame.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed; :meth:`columns` needs none.
+        """
+        try:
+            import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore] # noqa: PLC0415
+        except ImportError as error:
+            raise ImportError(
+                "a DataFrame needs pandas: python -m pip install pandas; columns() gives the same as arrays"
+            ) from error
+        return pandas.DataFrame(self.columns())
+
+    def write(self, path: str | PathLike[str]) -> Path:
+        """Write the whole table as comma-separated values, and return the file."""
+        return _write(Path(path), COLUMNS, self._rows())
+
+    def write_summary(self, path: str | PathLike[str]) -> Path:
+        """Write per muscle, coordinate and value the mean of the fibres, its error and their range."""
+        return _write(Path(path), SUMMARY, self._summary())
+
+    def report(self, muscle: str) -> dict[str, Any]:
+        """Return in short what is known of a muscle's moment arms, JSON-able."""
+        return {
+            name: {
+                "unit": found.unit,
+                "positive": found.positive,
+                "values": [float(found.values.min()), float(found.values.max())],
+                "mean_mm": float(found.arms.mean()),
+                "min_mm": float(found.arms.min()),
+                "max_mm": float(found.arms.max()),
+                "error_mean_mm": float(found.errors.mean()),
+                "window": found.window,
+                "quartic_residual_mean_mm": (
+                    None if found.quartic_residuals is None else float(found.quartic_residuals.mean())
+                ),
+            }
+            for name, found in self._arms.get(muscle, {}).items()
+        }
+
+    def _rows(self) -> Iterator[tuple[Any, ...]]:
+        for muscle, found in self._arms.items():
+            for name, one in found.items():
+                for fibre in range(one.arms.shape[1]):
+                    for i, value in enumerate(one.values):
+                        quartic = None if one.quartic is None else float(one.quartic[i, fibre])
+                        arm, error = float(one.arms[i, fibre]), float(one.errors[i, fibre])
+                        yield muscle, name, one.unit, fibre, float(value), arm, error, quartic
+
+    def _summary(self) -> Iterator[tuple[Any, ...]]:
+        for muscle, found in self._arms.items():
+            for name, one in found.items():
+                for i, value in enumerate(one.values):
+                    mean, error = float(one.mean[i]), float(one.mean_error[i])
+                    low, high = float(one.arms[i].min()), float(one.arms[i].max())
+                    quartic = None if one.quartic is None else float(one.quartic[i].mean())
+                    yield muscle, name, one.unit, float(value), mean, error, low, high, quartic
+
+
+def _write(path: Path, header: tuple[str, ...], rows: Iterator[tuple[Any, ...]]) -> Path:
+    lines = [",".join(header)]
+    lines += [",".join(_cell(value) for value in row) for row in rows]
+    write_text(path, "\n".join(lines) + "\n")
+    return path
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return f"{value:.10g}"
+    text = str(value)
+    return '"' + text.replace('"', '""') + '"' if set(text) & set(',"\r\n') else text
