@@ -42,6 +42,8 @@ class AcceleratedSolve:
         Returns what is added to each iteration from given points (n, 3) on: a CoarseCorrection or None.
     bones_last : bool
         Whether bones come last in an iteration, which acceleration needs to be smooth.
+    bound : float, optional
+        How many times the residual the end can be away, where that is known.
     clock : StageClock
         Is told which stage goes on.
     progress : callable
@@ -56,6 +58,7 @@ class AcceleratedSolve:
         correct: Callable[[Floats], CoarseCorrection | None],
         *,
         bones_last: bool,
+        bound: float | None = None,
         clock: StageClock,
         progress: Callable[[float], None],
     ) -> None:
@@ -64,7 +67,7 @@ class AcceleratedSolve:
         self._edges = edges
         self._correct = correct
         self._correction: CoarseCorrection | None = None
-        self._bones_last = bones_last
+        self._bones_last, self._bound = bones_last, bound
         self._clock, self._progress = clock, progress
         self._done, self._iterations = 0, 0
         self._least_projected, self._least_corrected, self._stalled = np.inf, np.inf, 0
@@ -113,6 +116,7 @@ class AcceleratedSolve:
                 tolerance=tolerance,
                 points=movable,
                 corrected=self._correction is not None,
+                bound=self._bound,
                 unsteady=self._unsteady.reshape(-1),
                 workspace=workspace,
             )

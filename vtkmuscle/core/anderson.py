@@ -76,6 +76,7 @@ def anderson(
     points: float | None = None,
     amplification: float | None = None,
     corrected: bool = False,
+    bound: float | None = None,
     unsteady: Bools | None = None,
     observe: Callable[[int, Floats, float], None] | None = None,
     workspace: Workspace | None = None,
@@ -110,6 +111,8 @@ def anderson(
     corrected : bool, optional
         Whether g has a coarse correction in it: the distance then is estimated by
         :func:`~vtkmuscle.core.convergence.estimate_corrected_distance`.
+    bound : float, optional
+        Where g is a contraction: see :class:`~vtkmuscle.core.convergence.Trail`.
     unsteady : (n,) bool array, optional
         Components by whose residuals the combination is not chosen, as g is not smooth there: points on a
         bone. g may set more of them as it goes.
@@ -143,7 +146,7 @@ def anderson(
     memory = Workspace(n, window) if workspace is None else workspace
     memory.clear()
     unsteady = np.zeros(n, dtype=np.bool_) if unsteady is None else unsteady
-    trail = Trail(points, None if corrected else amplification, memory.spare)
+    trail = Trail(points, None if corrected else amplification, memory.spare, bound=bound)
     x, image = memory.x, np.empty(n)
     x[:] = start
     plain = True

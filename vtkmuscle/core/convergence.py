@@ -119,6 +119,9 @@ class Trail:
         See :func:`estimate_distance`; None where the iterates have a coarse correction.
     spare : list of (n,) arrays, optional
         Memory of another trail that is not needed any more; what this one takes in addition is added.
+    bound : float, optional
+        Where the iteration is a contraction: how many times the residual an iterate can be away from the
+        end, which then is said instead of an estimate.
 
     Attributes
     ----------
@@ -128,8 +131,16 @@ class Trail:
         Iterations done, and the distance estimated then [mm].
     """
 
-    def __init__(self, points: float, amplification: float | None, spare: list[Floats] | None = None) -> None:
+    def __init__(
+        self,
+        points: float,
+        amplification: float | None,
+        spare: list[Floats] | None = None,
+        *,
+        bound: float | None = None,
+    ) -> None:
         self._points = points
+        self._bound = bound
         self._amplification = amplification
         corrected = amplification is None
         self._every = 1 if corrected else ESTIMATE_EVERY
@@ -146,6 +157,10 @@ class Trail:
     def add(self, count: int, x: Floats, residual: float) -> None:
         """Add the iterate of the evaluation with this number (from 1) and its residual [mm]."""
         self._count, self._x, self._residual = count, x, residual
+        if self._bound is not None:
+            self.distance = self._bound * residual
+            self.estimates.append((count, self.distance))
+            return
         if count % self._every == 0:
             self._estimate()
         if not self._kept or count >= 1.1 * self._kept[-1][0]:

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from vtkmuscle.core.taut.guidance import Guided
+
 Floats = NDArray[np.float64]
 
 
@@ -58,6 +60,8 @@ class MuscleState:
         The coarse muscle at that time, where steps start from one.
     trend : Trend or None
         What the next step may expect, where steps start from it.
+    guided : Guided or None
+        The taut strings and what they say of the muscle, where it follows some.
     """
 
     positions: Floats
@@ -70,10 +74,11 @@ class MuscleState:
     milliseconds: Mapping[str, float] = field(default_factory=dict)
     coarse: MuscleState | None = None
     trend: Trend | None = None
+    guided: Guided | None = None
 
     @property
     def nbytes(self) -> int:
         """Memory that it takes [bytes]."""
         own = self.positions.nbytes + self.velocities.nbytes + self.transforms.nbytes
-        parts = (self.coarse, self.trend)
+        parts = (self.coarse, self.trend, self.guided)
         return own + sum(part.nbytes for part in parts if part is not None)

@@ -18,8 +18,8 @@ from vtkmuscle.core.coarse import Prolongation
 from vtkmuscle.core.constraints import VOLUME_FLOOR, per_iteration_stiffness, project_volume
 from vtkmuscle.core.contact import Barrier, Contact
 from vtkmuscle.core.convergence import root_mean_square_distance
-from vtkmuscle.core.fibre_stretch import THINNING, FibreStretch
 from vtkmuscle.core.harmonic import harmonic_weights
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.muscle_contact import MuscleContact, Neighbour
 from vtkmuscle.core.muscle_state import MuscleState, Trend
 from vtkmuscle.core.obstacles import Obstacle
@@ -29,6 +29,7 @@ from vtkmuscle.core.rigid import apply_transform, centred, inverse
 from vtkmuscle.core.solver_parameters import SolverParameters
 from vtkmuscle.core.stages import StageClock, add_stages
 from vtkmuscle.core.stretched_shape import StretchedShape
+from vtkmuscle.core.taut.guidance import THINNING, Guidance, Guided
 from vtkmuscle.core.topology import MeshTopology, mesh_topology
 from vtkmuscle.core.two_level import CoarseCorrection, CoarseModel, has_coarse_model
 
@@ -76,8 +77,9 @@ class MuscleSolver:
         Settings.
     edge_stiffness : (k,) array, optional
         Anisotropic stiffness of each edge of ``mesh_topology(n, triangles)``; 1 by default.
-    stretch : FibreStretch, optional
-        What the rest lengths and angles follow; by default they stay as they are.
+    guidance : Guidance, optional
+        Taut strings that the rest lengths and angles follow, and that each iteration draws the points to; by
+        default there are none.
     obstacles : sequence of Obstacle, optional
         Bones that free points are kept out of.
     coarse : MuscleSolver, optional
@@ -101,7 +103,7 @@ class MuscleSolver:
         parameters: SolverParameters,
         *,
         edge_stiffness: Floats | None = None,
-        stretch: FibreStretch | None = None,
+        guidance: Guidance | None = None,
         obstacles: Sequence[Obstacle] = (),
         coarse: MuscleSolver | None = None,
         warns: bool = True,
@@ -120,17 +122,18 @@ class MuscleSolver:
         self._warns = warns
         self._barrier = Barrier((), self.rest, self.centre, self._free, bone_push=False)
         self._stretched: tuple[Floats, StretchedShape] | None = None
+        self._target: Floats | None = None
         self._projection_made_from: tuple[tuple[object, ...], Floats] | None = None
         self._coarse: MuscleSolver | None = None
         self._prolongation: Prolongation | None = None
-        self._prepare(parameters, edge_stiffness, stretch, obstacles, coarse)
+        self._prepare(parameters, edge_stiffness, guidance, obstacles, coarse)
 
     def adjusted(
         self,
         parameters: SolverParameters,
         *,
         edge_stiffness: Floats | None = None,
-        stretch: FibreStretch | None = None,
+        guidance: Guidance | None = None,
         obstacles: Sequence[Obstacle] = (),
         coarse: MuscleSolver | None = None,
     ) -> MuscleSolver:
@@ -141,18 +144,18 @@ class MuscleSolver:
 
         Parameters
         ----------
-        parameters, edge_stiffness, stretch, obstacles, coarse
+        parameters, edge_stiffness, guidance, obstacles, coarse
             As of the class.
         """
         other = copy(self)
-        other._prepare(parameters, edge_stiffness, stretch, obstacles, coarse)
+        other._prepare(parameters, edge_stiffness, guidance, obstacles, coarse)
         return other
 
     def _prepare(
         self,
         parameters: SolverParameters,
         edge_stiffness: Floats | None,
-        stretch: FibreStretch | None,
+        guidance: Guidance | None,
         obstacles: Sequence[Obstacle],
         coarse: MuscleSolver | None,
     ) -> None:
@@ -165,7 +168,7 @@ class MuscleSolver:
                 obstacles, self.rest, self.centre, self._free, bone_push=push, warns=self._warns
             )
         self._prepare_volume()
-        self._stretch = stretch
+        self._guidance = guidance
         self._prepare_projection(edge_stiffness)
 
     def _prepare_coarse(self, coarse: MuscleSolver | None) -> None:
@@ -195,7 +198,7 @@ class MuscleSolver:
         shape_stiffness = float(self._per_iteration(settings.shape_stiffness))
         self._stiffness = stiffness, shape_stiffness
         made_from = (
-            self._stretch,
+            self._guidance,
             settings.order,
             settings.dtype,
             settings.threads,
@@ -230,15 +233,17 @@ class MuscleSolver:
             volume_floor=self._volume_floor,
         )
 
-    def _follow_fibres(self, transforms: Floats) -> None:
-        """Stretch the rest lengths and angles as the bones have drawn the fibres' ends apart."""
-        if self._stretch is None:
-            return
-        directions = self._stretch.directions
+    def _follow_fibres(self, before: Guided | None, transforms: Floats) -> Guided | None:
+        """Stretch the rest lengths and angles as the fibres' taut paths have it; return what these say."""
+        if self._guidance is None:
+            return None
+        guided = self._guidance.follow(None if before is None else before.state, transforms)
+        directions = self._guidance.directions
         if self._stretched is None or self._stretched[0] is not directions:
             shape = StretchedShape(self.rest, self.topology, directions, thinning=THINNING)
             self._stretched = directions, shape
-        self._projection.set_rest(*self._stretched[1].at(self._stretch.at(transforms)))
+        self._projection.set_rest(*self._stretched[1].at(guided.stretch))
+        return guided
 
     def _per_iteration(self, stiffness: Floats | float) -> Floats:
         """Return a stiffness per iteration.
@@ -347,7 +352,8 @@ class MuscleSolver:
     ) -> MuscleState:
         """P21 Algorithm 2, lines 6 to 37."""
         clock = StageClock("prediction")
-        self._follow_fibres(transforms)
+        guided = self._follow_fibres(state.guided, transforms)
+        self._target = self._target_of(guided)
         now, before = centred(transforms, self.centre), centred(state.transforms, self.centre)
         dt = self.parameters.dt / self.parameters.substeps
         x = state.positions
@@ -380,11 +386,29 @@ class MuscleSolver:
         if self.parameters.contact_velocity == "zero":
             # P21 section 5: a colliding point's velocity would make spikes.
             velocities[collided] = 0.0
-        trend = self._trend(state, before, now, p)
-        colliding = int(collided.sum())
         return MuscleState(
-            p, velocities, transforms, colliding, *convergence, clock.stop(), coarse=coarse, trend=trend
+            p,
+            velocities,
+            transforms,
+            int(collided.sum()),
+            *convergence,
+            clock.stop(),
+            coarse=coarse,
+            trend=self._trend(state, before, now, p),
+            guided=guided,
         )
+
+    def _target_of(self, guided: Guided | None) -> Floats | None:
+        """Return where the points are drawn to, about the centre; None where they keep their momentum."""
+        if guided is None or self.parameters.start == "inertial" or self.parameters.guidance == 0.0:
+            return None
+        target: Floats = guided.carried.surface - self.centre
+        return target
+
+    def _draw(self, p: Floats) -> None:
+        """Draw the free points towards where the fibres carry them, in place."""
+        if self._target is not None:
+            _draw_to(p, self._target, self._free, self.parameters.guidance)
 
     def _plain(
         self, p: Floats, keep_out: _KeepOut, clock: StageClock, progress: Callable[[float], None]
@@ -396,6 +420,7 @@ class MuscleSolver:
         for iteration in range(n):
             if iteration == n - 1:
                 before = p.copy()
+            self._draw(p)
             collided |= self._projection.iterate(p, keep_out)
             progress((iteration + 1) / n)
         moved = root_mean_square_distance(p.reshape(-1), before.reshape(-1), len(p))
@@ -405,13 +430,15 @@ class MuscleSolver:
         self, p: Floats, keep_out: _KeepOut, clock: StageClock, progress: Callable[[float], None]
     ) -> _Solved:
         """Project all constraints, the iteration accelerated, until the shape is near its end."""
+        guidance = self.parameters.guidance if self._target is not None else 0.0
         solve = AcceleratedSolve(
-            self._projection,
+            self._projection if self._target is None else _Drawn(self._draw, self._projection),
             keep_out,
             self.topology.edges,
             self._correction,
             # A muscle that momentum throws at a bone may touch it with all its points.
             bones_last=self.parameters.start != "inertial",
+            bound=1.0 / guidance if guidance > 0.0 else None,
             clock=clock,
             progress=progress,
         )
@@ -434,6 +461,7 @@ class MuscleSolver:
         settings = self.parameters
         return (
             settings.solver == "two-level"
+            and self._target is None
             and settings.start != "inertial"
             and all(obstacle.slides for obstacle in self._barrier.obstacles)
             and has_coarse_model(self._free)
@@ -454,7 +482,9 @@ class MuscleSolver:
         """P21 Algorithm 2, lines 6 to 15."""
         settings = self.parameters
         push = dt * np.asarray(settings.external_force, dtype=np.float64)
-        if coarse is not None and state.coarse is not None:
+        if self._target is not None:
+            p = self._target.copy()
+        elif coarse is not None and state.coarse is not None:
             p = self._prolonged(state.coarse, coarse, state.positions)
         elif self._follows_bones:
             # The muscle follows the bones: it keeps no momentum of its own.
@@ -494,7 +524,7 @@ class MuscleSolver:
 
     def _trend(self, state: MuscleState, before: Floats, now: Floats, p: Floats) -> Trend | None:
         """Return how the muscle has moved apart from following its bones."""
-        if not (self._has_correction and self._follows_bones):
+        if self._target is not None or not (self._has_correction and self._follows_bones):
             return None
         return Trend(p - self._blended(before, now, state.positions), before)
 
@@ -532,6 +562,28 @@ class MuscleSolver:
             stiffness,
             self._gradient,
         )
+
+
+class _Drawn:
+    """A projection before which points are drawn to where the fibres carry them."""
+
+    def __init__(self, draw: Callable[[Floats], None], projection: Projection) -> None:
+        self._draw, self._projection = draw, projection
+        self.settles, self.set_rest = projection.settles, projection.set_rest
+
+    def iterate(self, p: Floats, keep_out: _KeepOut, *, bones_last: bool = False) -> Bools:
+        """See :meth:`Projection.iterate`."""
+        self._draw(p)
+        return self._projection.iterate(p, keep_out, bones_last=bones_last)
+
+
+@kernel
+def _draw_to(p: Floats, target: Floats, free: Bools, part: float) -> None:
+    """Move the free points (n, 3) a part of their way to a target, in place."""
+    for i in range(len(p)):
+        if free[i]:
+            for k in range(3):
+                p[i, k] += part * (target[i, k] - p[i, k])
 
 
 def _check_finite(*arrays: Floats) -> None:

@@ -26,6 +26,9 @@ class SolverParameters:
         per iteration with the others.
     external_force : (3,) tuple
         Force per mass on each free point [mm / s^2].
+    guidance : float
+        Part of its way to where the taut fibres carry it that each iteration draws a point, in [0, 1]; 0
+        leaves them to their rest shape.
     start : str
         Where the solve of a step starts: ``"inertial"``, ``"blend"``, or ``"coarse"``, which needs a coarse
         muscle.
@@ -59,6 +62,7 @@ class SolverParameters:
     shape_stiffness: float = 0.9
     volume_stiffness: float = 1.0
     external_force: tuple[float, ...] = (0.0, 0.0, 0.0)
+    guidance: float = 0.02
     start: str = "blend"
     solver: str = "two-level"
     tolerance: float = 0.0

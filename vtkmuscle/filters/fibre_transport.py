@@ -22,6 +22,8 @@ from vtkmuscle.core.vertex_groups import vertex_groups
 from vtkmuscle.filters.arrays import (
     Polylines,
     checked_surface,
+    field_array,
+    point_array,
     polylines_of,
     set_cell_array,
     set_field_array,
@@ -112,7 +114,12 @@ class _Rest:
 class FibreTransport(Filter):
     """Carry fibres from a muscle at rest into the deformed muscle.
 
-    Each fibre point is expressed by mean value coordinates in the vertices of the muscle at rest; the same
+    With ``method="carried"`` fibres go where the taut fibres of PBDDeformer are, moved on by what its solve
+    moved the surface from there: mean value coordinates take that to the fibre's points. It is small, and so
+    fibres stay in a muscle that is folded over a bone. It needs the arrays ``Carried`` and ``FibrePoints`` of
+    PBDDeformer for the very same fibres; where they are not there, ``"mean-value"`` takes the place.
+
+    With ``method="mean-value"``, that of the paper, each fibre point is expressed by mean value coordinates in the vertices of the muscle at rest; the same
     weighted mean of the deformed vertices is where it has moved. The weights are kept for as long as the rest
     fibres and the rest muscle are the same (in content), so that a frame costs one matrix product. Fibre
     points outside of the muscle are carried along as well, and counted.
@@ -153,6 +160,13 @@ class FibreTransport(Filter):
         "sum of their deviations, times the radius of the group by that of the muscle; 0 keeps all.",
     )
 
+    method = Parameter(
+        str,
+        default="carried",
+        choices=("carried", "mean-value"),
+        doc="What fibres follow: the taut fibres that the muscle was deformed with, or its surface alone.",
+    )
+
     rest_fibres = InputPort(vtkPolyData, content="fibres", doc="Polylines in the muscle at rest.")
     rest_muscle = InputPort(vtkPolyData, content="muscle", doc="The muscle at rest, closed, triangles.")
     deformed_muscle = InputPort(
@@ -184,7 +198,12 @@ class FibreTransport(Filter):
                 f"{len(points)}; both must be the same mesh, before and after the deformation"
             )
         rest = self._rest_of(lines.points, points, triangles)
-        moved = rest.moved(deformed, self.report_progress)
+        carried = self._carried(deformed_muscle, len(lines.points))
+        if carried is None:
+            moved = rest.moved(deformed, self.report_progress)
+        else:
+            surface, fibre_points = carried
+            moved = fibre_points + rest.moved(deformed - surface, self.report_progress)
         if rest.outside is None:
             distance = muscle_geometry(rest_muscle, "FibreTransport: rest_muscle").distance
             slack = _ON_SURFACE * float(np.linalg.norm(np.ptp(points, axis=0)))
@@ -195,6 +214,16 @@ class FibreTransport(Filter):
         set_field_array(result, "PointsOutside", rest.outside)
         set_field_array(result, "PruneError", rest.error)
         return result
+
+    def _carried(self, muscle: vtkPolyData, count: int) -> tuple[Floats, Floats] | None:
+        """Return where the taut fibres carry the surface and so many fibre points, None where nobody says."""
+        if self.method != "carried" or muscle.GetPointData().GetArray("Carried") is None:
+            return None
+        points = field_array(muscle, "FibrePoints")
+        if points is None or points.shape != (count, 3):
+            return None
+        surface = point_array(muscle, "Carried", "FibreTransport: deformed_muscle")
+        return np.array(surface, dtype=np.float64), np.array(points, dtype=np.float64)
 
     def _rest_of(self, fibre_points: Floats, points: Floats, triangles: Ints) -> _Rest:
         # Comparing content costs a hundredth of a frame, and unlike comparing modification times it is right

@@ -18,11 +18,14 @@ from vtkmuscle.core.anisotropy import (
     harmonic_directions,
 )
 from vtkmuscle.core.coarse import coarse_muscle
-from vtkmuscle.core.fibre_stretch import FibreStretch, stretch_of_fibres, stretch_of_harmonic
 from vtkmuscle.core.obstacles import Obstacle
-from vtkmuscle.core.solver import MuscleSolver, SolverParameters
+from vtkmuscle.core.solver import MuscleSolver, MuscleState, SolverParameters
 from vtkmuscle.core.superficial import directions_over_muscle, seen_fibres
+from vtkmuscle.core.taut.guidance import Guidance
+from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread, lines_on_surface
+from vtkmuscle.core.taut.paths import POINTS, TautPaths
 from vtkmuscle.core.topology import MeshTopology, mesh_topology
+from vtkmuscle.core.via_rings import ViaRing
 from vtkmuscle.filters.arrays import Polylines
 
 Floats = NDArray[np.float64]
@@ -38,6 +41,7 @@ class FixedMuscle:
     fixed_to: Ints
     fibres: Polylines | None
     superficial: Polylines | None = None
+    rings: tuple[tuple[int, ViaRing], ...] = ()
 
     def same_as(self, other: FixedMuscle | None) -> bool:
         """Return whether another muscle has the same content."""
@@ -53,16 +57,20 @@ class FixedMuscle:
                 return False
             if mine is not None and yours is not None:
                 pairs += [(mine.points, yours.points), (mine.offsets, yours.offsets)]
+        if [bone for bone, _ in self.rings] != [bone for bone, _ in other.rings]:
+            return False
+        for (_, mine), (_, yours) in zip(self.rings, other.rings, strict=True):
+            pairs += list(zip(mine, yours, strict=True))
         return all(np.array_equal(mine, yours) for mine, yours in pairs)
 
 
 @dataclass(frozen=True, eq=False)
 class Elasticity:
-    """Direction of the fibres at edges, how stiff they are by it, and what their rest lengths follow."""
+    """Direction of the fibres at edges, how stiff they are by it, and the taut fibres that all follow."""
 
     directions: Floats | None
     stiffness: Floats | None
-    stretch: FibreStretch | None
+    guidance: Guidance | None
 
 
 class KeptSolver:
@@ -79,8 +87,9 @@ class KeptSolver:
         self._muscle: FixedMuscle | None = None
         self._solver: MuscleSolver | None = None
         self._made_from: tuple[Any, ...] = ()
-        self._elasticity: tuple[str, Elasticity] | None = None
+        self._elasticity: tuple[tuple[str, tuple[Obstacle, ...]], Elasticity] | None = None
         self._coarse: tuple[int, FixedMuscle | None] | None = None
+        self._fibre_weights: tuple[Guidance, tuple[Ints, Floats]] | None = None
 
     def take(self, muscle: FixedMuscle) -> bool:
         """Work with this muscle from now on; return whether it is another than before."""
@@ -90,19 +99,44 @@ class KeptSolver:
         self._coarse = None
         return True
 
-    def elasticity(self, anisotropy: str) -> Elasticity:
-        """Return the elasticity of the edges; it depends on the muscle and its fibres alone.
+    def elasticity(self, anisotropy: str, obstacles: tuple[Obstacle, ...]) -> Elasticity:
+        """Return the elasticity of the edges; it depends on the muscle, its fibres and the bones at rest.
 
         Parameters
         ----------
         anisotropy : str
-            ``"stretch"``, ``"stiffness"`` or ``"off"``.
+            ``"taut"``, ``"stiffness"`` or ``"off"``.
+        obstacles : tuple of Obstacle
+            Bones that taut fibres keep away from.
         """
         assert self._muscle is not None
+        made_from = anisotropy, obstacles if anisotropy == "taut" else ()
         kept = self._elasticity
-        if kept is None or kept[0] != anisotropy:
-            kept = self._elasticity = anisotropy, _elasticity(self._muscle, anisotropy)
+        if kept is None or kept[0] != made_from:
+            try:
+                kept = self._elasticity = made_from, _elasticity(self._muscle, *made_from)
+            except ValueError as error:
+                raise ValueError(f"{self._where}: {error}") from error
         return kept[1]
+
+    def carried(
+        self, state: MuscleState, settings: Mapping[str, Any], obstacles: tuple[Obstacle, ...]
+    ) -> tuple[Floats, Floats | None] | None:
+        """Return where the taut fibres carry the surface (n, 3), and the points of the fibres (p, 3).
+
+        None where a state follows no fibres; no points where the fibres are lines that stand in for some.
+        """
+        guidance = self.elasticity(settings["anisotropy"], obstacles).guidance
+        assert self._muscle is not None
+        if guidance is None or state.guided is None:
+            return None
+        carried, fibres = state.guided.carried, self._muscle.fibres
+        if fibres is None:
+            return carried.surface, None
+        if self._fibre_weights is None or self._fibre_weights[0] is not guidance:
+            weights = guidance.fibre_weights(fibres.points, fibres.offsets)
+            self._fibre_weights = guidance, weights
+        return carried.surface, carried.points(fibres.points, *self._fibre_weights[1])
 
     def solver(self, settings: Mapping[str, Any], obstacles: tuple[Obstacle, ...]) -> MuscleSolver:
         """Return the solver.
@@ -126,7 +160,7 @@ class KeptSolver:
         parameters = SolverParameters(
             **{name: settings[name] for name in SolverParameters.__dataclass_fields__}
         )
-        elasticity = self.elasticity(settings["anisotropy"])
+        elasticity = self.elasticity(settings["anisotropy"], obstacles)
         coarse = self._coarse_muscle(settings["coarse_points"]) if parameters.start == "coarse" else None
         if parameters.start == "coarse" and coarse is None:
             parameters = replace(parameters, start="blend")
@@ -142,7 +176,7 @@ class KeptSolver:
                     muscle.fixed_to,
                     parameters,
                     edge_stiffness=elasticity.stiffness,
-                    stretch=elasticity.stretch,
+                    guidance=elasticity.guidance,
                     obstacles=obstacles,
                     coarse=coarse_solver,
                 )
@@ -152,7 +186,7 @@ class KeptSolver:
             self._solver = self._solver.adjusted(
                 parameters,
                 edge_stiffness=elasticity.stiffness,
-                stretch=elasticity.stretch,
+                guidance=elasticity.guidance,
                 obstacles=obstacles,
                 coarse=coarse_solver,
             )
@@ -174,7 +208,7 @@ def _coarse_solver(
     settings: Mapping[str, Any],
     obstacles: tuple[Obstacle, ...],
 ) -> MuscleSolver:
-    elasticity = _elasticity(coarse, settings["anisotropy"])
+    elasticity = _elasticity(coarse, settings["anisotropy"], obstacles)
     return MuscleSolver(
         coarse.points,
         coarse.triangles,
@@ -189,7 +223,7 @@ def _coarse_solver(
             tolerance=0.0,
         ),
         edge_stiffness=elasticity.stiffness,
-        stretch=elasticity.stretch,
+        guidance=elasticity.guidance,
         obstacles=obstacles,
         warns=False,
     )
@@ -229,24 +263,20 @@ def decimation(setting: str, otherwise: str) -> Iterator[None]:
         raise ValueError(f"{setting}: {error}; allow more, or {otherwise}") from error
 
 
-def _elasticity(muscle: FixedMuscle, anisotropy: str) -> Elasticity:
+def _elasticity(muscle: FixedMuscle, anisotropy: str, obstacles: tuple[Obstacle, ...]) -> Elasticity:
     points, fixed_to, fibres = muscle.points, muscle.fixed_to, muscle.fibres
     if anisotropy == "off":
         return Elasticity(None, None, None)
     topology = mesh_topology(len(points), muscle.triangles)
     edges = topology.edges
     seen = _seen_directions(muscle, topology)
-    if anisotropy == "stretch":
-        if fibres is not None:
-            stretch = stretch_of_fibres(points, topology, fixed_to, fibres.points, fibres.offsets)
-        else:
-            stretch = stretch_of_harmonic(points, topology, fixed_to)
-        if stretch is None:
+    if anisotropy == "taut":
+        paths = taut_paths(muscle, topology, obstacles)
+        if paths is None:
             return Elasticity(None, None, None)
-        if seen is not None:
-            stretch = replace(stretch, directions=seen)
-        stiffness = following_stiffness(points, edges, stretch.directions)
-        return Elasticity(stretch.directions, stiffness, stretch)
+        guidance = Guidance(paths, points, topology, fixed_to)
+        directions = guidance.directions if seen is None else seen
+        return Elasticity(directions, following_stiffness(points, edges, directions), guidance)
     directions: Floats | None
     if seen is not None:
         directions = seen
@@ -257,6 +287,46 @@ def _elasticity(muscle: FixedMuscle, anisotropy: str) -> Elasticity:
     if directions is None:
         return Elasticity(None, None, None)
     return Elasticity(directions, edge_stiffness(points, edges, directions), None)
+
+
+def taut_paths(
+    muscle: FixedMuscle, topology: MeshTopology, obstacles: tuple[Obstacle, ...]
+) -> TautPaths | None:
+    """Return a muscle's fibres, or lines over its surface where it has none, as taut strings.
+
+    Parameters
+    ----------
+    muscle : FixedMuscle
+        With points that are fixed to bones.
+    topology : MeshTopology
+        Of its surface.
+    obstacles : tuple of Obstacle
+        Bones that the strings keep away from.
+
+    Returns
+    -------
+    TautPaths or None
+        None where the muscle is not fixed to two bones: all of it goes with the one.
+    """
+    points, fixed_to = muscle.points, muscle.fixed_to
+    if len(np.unique(fixed_to[fixed_to >= 0])) < 2:
+        return None
+    lines: tuple[Floats, Ints] | None
+    if muscle.fibres is not None:
+        lines = muscle.fibres.points, muscle.fibres.offsets
+    else:
+        lines = lines_on_surface(points, topology, fixed_to)
+        if lines is None:
+            return None
+    fibres = evenly_spread(*lines, POINTS)
+    return TautPaths(
+        fibres,
+        *bones_at_ends(fibres, points, fixed_to),
+        points,
+        topology.triangles,
+        {bone.bone: (bone.points, bone.triangles, bone.axes) for bone in obstacles},
+        rings=muscle.rings,
+    )
 
 
 def _seen_directions(muscle: FixedMuscle, topology: MeshTopology) -> Floats | None:

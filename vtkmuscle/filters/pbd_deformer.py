@@ -54,6 +54,7 @@ _ONLY_WITH = {
     "bone_push": ("collision", {"voxel"}),
     "tolerance": ("solver", {"anderson", "two-level"}),
     "nodes": ("solver", {"two-level"}),
+    "guidance": ("anisotropy", {"taut"}),
     "coarse_points": ("start", {"coarse"}),
     "coarse_iterations": ("start", {"coarse"}),
 }
@@ -202,11 +203,19 @@ class PBDDeformer(Filter):
     )
     anisotropy = Parameter(
         str,
-        default="stretch",
-        choices=("stretch", "stiffness", "off"),
+        default="taut",
+        choices=("taut", "stiffness", "off"),
         aliases={True: "stiffness", False: "off"},
-        doc="How edges give way along the fibres: their rest lengths follow the distance of the fibres' "
-        "ends, or they are less stiff (P21; also True), or not at all (also False).",
+        doc="How edges give way along the fibres: they follow the fibres, pulled taut round the bones, or "
+        "they are less stiff (P21; also True), or not at all (also False).",
+    )
+    guidance = Parameter(
+        float,
+        default=0.02,
+        minimum=0.0,
+        maximum=1.0,
+        doc="Part of its way to where the taut fibres carry it that each iteration draws a point of the "
+        "surface; for anisotropy 'taut' and a start other than 'inertial'.",
     )
     external_force = Parameter(
         tuple,
@@ -403,7 +412,10 @@ class PBDDeformer(Filter):
         "``MillisecondsPrediction``, ``MillisecondsConstraints``, ``MillisecondsCollision``, "
         "``MillisecondsAcceleration`` and ``MillisecondsSettling``; with ``penetration`` "
         "``PenetrationMax`` and ``PenetrationP95`` [mm], how deep the free points are in the closed bones (0 "
-        "outside), and ``PenetratingPoints``, how many are inside.",
+        "outside), and ``PenetratingPoints``, how many are inside. With ``anisotropy`` 'taut' the point array "
+        "``Carried`` (3), where the taut fibres carry each point before edges, volume and bones are heeded "
+        "[mm], the field array ``FibrePoints`` (p, 3), where they carry the points of the fibres on port 2 "
+        "[mm], and ``UnsettledFibres``, how many fibres did not come to rest.",
     )
 
     def __init__(self, *, quality: str | None = None, **parameters: Any) -> None:
@@ -614,6 +626,14 @@ class PBDDeformer(Filter):
         set_point_array(result, "Velocity", shape.velocities)
         for name, value in self._convergence(frame).items():
             set_field_array(result, name, value)
+        carried = self._muscle.carried(frame.state, self.parameters(), self._obstacles())
+        if carried is not None:
+            surface, fibre_points = carried
+            set_point_array(result, "Carried", surface)
+            if fibre_points is not None:
+                set_field_array(result, "FibrePoints", fibre_points)
+            unsettled = frame.state.guided.state.unsettled if frame.state.guided is not None else 0
+            set_field_array(result, "UnsettledFibres", unsettled)
         return result
 
     def _shape_of(self, frame: _Frame) -> MuscleShape:

@@ -84,7 +84,9 @@ class SolvedMuscle:
             self._kept.take(full)
         else:
             its_fibres = full.fibres, full.superficial
-            self._kept.take(FixedMuscle(reduced.points, reduced.triangles, reduced.fixed_to, *its_fibres))
+            self._kept.take(
+                FixedMuscle(reduced.points, reduced.triangles, reduced.fixed_to, *its_fibres, full.rings)
+            )
         self._full, self._reduced, self._max_triangles = full, reduced, max_triangles
         return True
 
@@ -97,6 +99,14 @@ class SolvedMuscle:
     def solver(self, settings: Mapping[str, Any], obstacles: tuple[Obstacle, ...]) -> MuscleSolver:
         """Return the solver; see :meth:`KeptSolver.solver`."""
         return self._kept.solver(settings, obstacles)
+
+    def carried(
+        self, state: MuscleState, settings: Mapping[str, Any], obstacles: tuple[Obstacle, ...]
+    ) -> tuple[Floats, Floats | None] | None:
+        """Return where the fibres carry the full muscle; see :meth:`KeptSolver.carried`."""
+        if self._reduced is not None:
+            return None
+        return self._kept.carried(state, settings, obstacles)
 
     def shape(
         self, state: MuscleState, settings: Mapping[str, Any], obstacles: tuple[Obstacle, ...]
@@ -111,7 +121,7 @@ class SolvedMuscle:
     ) -> MuscleShape:
         solver, full = self.solver(settings, obstacles), self._full
         assert full is not None
-        report = solver.report(state, self._kept.elasticity(settings["anisotropy"]).directions)
+        report = solver.report(state, self._kept.elasticity(settings["anisotropy"], obstacles).directions)
         points = solver.points(state)
         if self._reduced is None:
             return MuscleShape(points, state.positions - solver.rest, state.velocities, report)

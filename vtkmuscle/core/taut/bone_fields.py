@@ -1,0 +1,219 @@
+"""Distances from bones far and near, computed where they are first asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.closed_shells import closed_shells
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.rigid import apply_transform, inverse
+from vtkmuscle.core.triangle_tree import TriangleTree, triangle_tree
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Table = NDArray[np.int32]
+
+#: Cells along an edge of a block; blocks are what is computed at a time.
+SIDE = 8
+
+#: Blocks of a bone's table, at most: 64 MB. Cells of a bone that would need more are larger.
+MOST_BLOCKS = 2**24
+
+#: What a table has for a block that was not computed yet.
+UNKNOWN = -1
+
+#: What stands for a distance that nobody needs to know.
+FAR = 1e30
+
+
+class BoneFields:
+    """Signed distances from several bones at rest, negative inside, on grids that are filled on demand.
+
+    A signed distance grid for collision knows a narrow band around a bone. Fibres keep the thickness of the
+    tissue away from it, centimetres, but only in a few places: blocks of 8 x 8 x 8 cells are computed when a
+    query first comes to them, from the triangles, and the values do not depend on the order of the queries.
+
+    Parameters
+    ----------
+    bones : sequence of (points (n, 3), triangles (m, 3), axes (4, 4))
+        Surfaces at rest [mm], and the rigid transform from the scene to the axes that the grid is laid along.
+    cell : float
+        Distance of neighbouring nodes [mm].
+    reach : sequence of float
+        How far from each bone distances are asked for [mm]; farther away they are :data:`FAR`.
+
+    Attributes
+    ----------
+    layout : (b, 8) array
+        Per bone the position of node (0, 0, 0) in its axes, the cell, the number of blocks along each axis,
+        and where the bone's table begins.
+    table : (t,) int32 array
+        Of all bones: which entry of ``values`` a block is.
+    values : (v, 9, 9, 9) array
+        At the nodes of each block [mm]; neighbours share the nodes of a face.
+    to_axes : (b, 4, 4) array
+        From the scene at rest to the axes of each bone.
+    """
+
+    def __init__(
+        self, bones: Sequence[tuple[Floats, Ints, Floats]], *, cell: float, reach: Sequence[float]
+    ) -> None:
+        self._surfaces = [(points, triangles) for points, triangles, _ in bones]
+        self._shells: list[list[tuple[TriangleTree, Floats, Floats]] | None] = [None] * len(bones)
+        self.to_axes: Floats = np.array([axes for _, _, axes in bones]).reshape(-1, 4, 4)
+        self.layout: Floats = np.zeros((len(bones), 8))
+        start = 0
+        for bone, ((points, _, axes), far) in enumerate(zip(bones, reach, strict=True)):
+            along = apply_transform(axes, points)
+            low, high = along.min(axis=0) - far - cell, along.max(axis=0) + far + cell
+            size = max(cell, float((np.prod(high - low) / MOST_BLOCKS) ** (1.0 / 3.0)) / SIDE)
+            counts = np.ceil((high - low) / (SIDE * size)).astype(np.int64) + 1
+            self.layout[bone] = [*low, size, *counts, start]
+            start += int(np.prod(counts))
+        self.table: Table = np.full(start, UNKNOWN, dtype=np.int32)
+        self.values: Floats = np.empty((0, SIDE + 1, SIDE + 1, SIDE + 1))
+        self._used = 0
+
+    def fill(self, missing: Ints) -> None:
+        """Compute blocks.
+
+        Parameters
+        ----------
+        missing : (k,) int array
+            Their places in the table.
+        """
+        wanted = np.unique(missing[self.table[missing] == UNKNOWN])
+        if self._used + len(wanted) > len(self.values):
+            room = max(2 * len(self.values), self._used + len(wanted), 16)
+            grown = np.empty((room, *self.values.shape[1:]))
+            grown[: self._used] = self.values[: self._used]
+            self.values = grown
+        starts = self.layout[:, 7].astype(np.int64)
+        bones = np.searchsorted(starts, wanted, side="right") - 1
+        nodes = np.stack(np.meshgrid(*[np.arange(SIDE + 1.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+        for bone in np.unique(bones):
+            blocks = wanted[bones == bone]
+            origin, cell = self.layout[bone, :3], self.layout[bone, 3]
+            counts = self.layout[bone, 4:7].astype(np.int64)
+            corners = np.column_stack(np.unravel_index(blocks - starts[bone], counts)).astype(np.float64)
+            at = origin + cell * (SIDE * corners[:, None, :] + nodes)
+            rest = apply_transform(inverse(self.to_axes[bone]), at.reshape(-1, 3))
+            places = np.arange(self._used, self._used + len(blocks))
+            self.values[places] = self.distances(int(bone), rest).reshape(-1, *self.values.shape[1:])
+            self.table[blocks] = places
+            self._used += len(blocks)
+
+    def distances(self, bone: int, points: Floats) -> Floats:
+        """Return the exact distances of points (n, 3) [mm], in the scene at rest, from a bone, (n,)."""
+        result = np.full(len(points), FAR)
+        low, high = points.min(axis=0), points.max(axis=0)
+        middle, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+        # Shells in the order of how near their boxes can be: most of many are beyond the nearest one.
+        shells = self._shells_of(bone)
+        apart = [
+            float(np.linalg.norm(np.maximum(np.maximum(a - middle, middle - b), 0.0))) for _, a, b in shells
+        ]
+        for number in np.argsort(apart, kind="stable"):
+            if apart[number] - radius > float(result.max()):
+                break
+            np.minimum(result, shells[number][0].signed(points)[0], out=result)
+        return result
+
+    def closest(self, bone: int, points: Floats) -> tuple[Floats, Floats]:
+        """Return exact distances (n,) and the directions (n, 3) in which they grow, 1 long or 0."""
+        best, direction = np.full(len(points), FAR), np.zeros((len(points), 3))
+        for tree, _, _ in self._shells_of(bone):
+            distances, _, normals = tree.tangent_planes(points)
+            nearer = distances < best
+            best[nearer], direction[nearer] = distances[nearer], normals[nearer]
+        return best, direction
+
+    def _shells_of(self, bone: int) -> list[tuple[TriangleTree, Floats, Floats]]:
+        """Return the solid parts of a bone with the corners of their boxes; made when first needed."""
+        known = self._shells[bone]
+        if known is None:
+            mended = closed_shells(*self._surfaces[bone])
+            known = []
+            for shell, solid in zip(mended.shells, mended.solid, strict=True):
+                if solid:
+                    corners = mended.points[shell.reshape(-1)]
+                    tree = triangle_tree(mended.points, shell)
+                    known.append((tree, corners.min(axis=0), corners.max(axis=0)))
+            self._shells[bone] = known
+        return known
+
+
+@kernel
+def field_at(layout: Floats, table: Table, values: Floats, x: float, y: float, z: float) -> tuple[float, int]:
+    """Return the trilinear distance at a position along a bone's axes, and the block that is missing.
+
+    Parameters
+    ----------
+    layout : (8,) array
+        Of the bone; this and the next two as of :class:`BoneFields`.
+    table, values
+        Of all bones.
+    x, y, z : float
+        Position along the bone's axes [mm].
+
+    Returns
+    -------
+    distance : float
+        [mm]; :data:`FAR` beyond the grid or where the block is missing.
+    missing : int
+        Place in the table of a block that has to be filled first; -1 where there is none.
+    """
+    cell = layout[3]
+    u, v, w = (x - layout[0]) / cell, (y - layout[1]) / cell, (z - layout[2]) / cell
+    nx, ny, nz = np.int64(layout[4]), np.int64(layout[5]), np.int64(layout[6])
+    if not (0.0 <= u < SIDE * nx and 0.0 <= v < SIDE * ny and 0.0 <= w < SIDE * nz):
+        return FAR, -1
+    i, j, k = np.int64(u), np.int64(v), np.int64(w)
+    place = np.int64(layout[7]) + ((i // SIDE) * ny + j // SIDE) * nz + k // SIDE
+    block = table[place]
+    if block == UNKNOWN:
+        return FAR, place
+    u, v, w = u - i, v - j, w - k
+    i, j, k = i % SIDE, j % SIDE, k % SIDE
+    c = values[block]
+    c00 = c[i, j, k] + w * (c[i, j, k + 1] - c[i, j, k])
+    c01 = c[i, j + 1, k] + w * (c[i, j + 1, k + 1] - c[i, j + 1, k])
+    c10 = c[i + 1, j, k] + w * (c[i + 1, j, k + 1] - c[i + 1, j, k])
+    c11 = c[i + 1, j + 1, k] + w * (c[i + 1, j + 1, k + 1] - c[i + 1, j + 1, k])
+    c0, c1 = c00 + v * (c01 - c00), c10 + v * (c11 - c10)
+    return c0 + u * (c1 - c0), -1
+
+
+@kernel
+def slope_at(
+    layout: Floats, table: Table, values: Floats, x: float, y: float, z: float, out: Floats
+) -> int:
+    """Write the unit direction in which the distance grows, by central differences over a cell.
+
+    They are continuous, where the slope of the trilinear distance jumps from cell to cell.
+
+    Returns
+    -------
+    int
+        A block that is missing, as of :func:`field_at`; -1 where there is none.
+    """
+    h = 0.5 * layout[3]
+    for axis in range(3):
+        dx, dy, dz = h * (axis == 0), h * (axis == 1), h * (axis == 2)
+        above, lacking = field_at(layout, table, values, x + dx, y + dy, z + dz)
+        if lacking >= 0:
+            return lacking
+        below, lacking = field_at(layout, table, values, x - dx, y - dy, z - dz)
+        if lacking >= 0:
+            return lacking
+        out[axis] = above - below
+    length = np.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
+    if length > 0.0 and length < FAR:
+        for axis in range(3):
+            out[axis] /= length
+    else:
+        out[:] = 0.0
+    return -1

@@ -1,0 +1,266 @@
+"""A muscle's surface and fibres, carried by the taut paths of its fibres."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.ring_rotations import nearest_rotation
+from vtkmuscle.core.taut.paths import TautPaths, TautState, half_thickness
+from vtkmuscle.core.taut.tissue import directions_along
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Points of strings that a point of the surface goes with; that a string's point shares its turn with; and
+#: strings beside it that it keeps its place among.
+CARRIERS, COMPANIONS, BESIDE = 32, 24, 24
+
+#: How much of a turn comes from the bones: it decides where strings do not, as all of them are on a line.
+FROM_BONES = 0.02
+
+#: Rounds in which strings that stray from those beside them lose weight.
+_ROUNDS = 5
+
+
+class Carrier:
+    """Takes a muscle along with its taut strings: where it is before edges, volume and bones are heeded.
+
+    Near each point of a string the muscle turns as the points around it have turned together, and is
+    stretched along the fibre by as much as the string is, and made thinner across. The muscle is one body: a
+    string keeps its place among those beside it, those that stray by more than the muscle's thickness count
+    the less. Points near the fixed ones go with these. At rest nothing moves.
+
+    Parameters
+    ----------
+    paths : TautPaths
+        The strings.
+    surface : (v, 3) array
+        The muscle at rest [mm].
+    triangles : (m, 3) int array
+        Point ids.
+    fixed_to : (v,) int array
+        Bone that each point is fixed to, -1 for free ones.
+    thinning : float
+        Part of a constant volume's thinning across the fibres: by l^(-thinning / 2) for a stretch l.
+    """
+
+    def __init__(
+        self, paths: TautPaths, surface: Floats, triangles: Ints, fixed_to: Ints, *, thinning: float
+    ) -> None:
+        fibres = paths.fibres
+        f, n, _ = fibres.shape
+        self._paths, self._thinning = paths, thinning
+        self._width = 2.0 * half_thickness(surface, triangles)
+        self._rest: Floats = fibres.reshape(-1, 3)
+        self._tangents: Floats = directions_along(fibres).reshape(-1, 3)
+        self._surface = np.ascontiguousarray(surface)
+        self._tree = cKDTree(self._rest)
+        near, self._companions = _nearest(self._tree, self._rest, COMPANIONS)
+        self._shares = _falling_off(near)
+        near, self._carriers = _nearest(self._tree, self._surface, CARRIERS)
+        self._weights = _falling_off(near)
+        self._beside = np.empty((n, f, min(BESIDE, f)), dtype=np.int64)
+        self._parts = np.empty(self._beside.shape)
+        for i in range(n):
+            near, found = _nearest(cKDTree(fibres[:, i]), fibres[:, i], BESIDE)
+            parts = np.exp(-0.5 * (near / self._width) ** 2)
+            self._beside[i], self._parts[i] = found * n + i, parts / parts.sum(axis=1, keepdims=True)
+        self._beside = self._beside.transpose(1, 0, 2).reshape(f * n, -1).copy()
+        self._parts = self._parts.transpose(1, 0, 2).reshape(f * n, -1).copy()
+        fixed = np.flatnonzero(fixed_to >= 0)
+        apart, nearest = cKDTree(surface[fixed]).query(surface)
+        #: How much each point goes with the bone of the fixed point nearest to it.
+        self._with_bone: Floats = np.exp(-0.5 * (2.0 * apart / self._width) ** 2)[:, None]
+        self._bone: Ints = fixed_to[fixed[nearest]]
+
+    def fibre_weights(self, points: Floats, offsets: Ints) -> tuple[Ints, Floats]:
+        """Return for points (p, 3) of the fibres the strings' points that carry them, and their shares."""
+        n = self._paths.fibres.shape[1]
+        carriers, shares = np.empty((len(points), 2), dtype=np.int64), np.empty((len(points), 2))
+        for fibre, (first, last) in enumerate(zip(offsets[:-1], offsets[1:], strict=True)):
+            steps = np.linalg.norm(np.diff(points[first:last], axis=0), axis=1)
+            along = np.concatenate([[0.0], np.cumsum(steps)])
+            at = along / max(along[-1], np.finfo(float).tiny) * (n - 1)
+            low = np.minimum(at.astype(np.int64), n - 2)
+            carriers[first:last] = fibre * n + low[:, None] + np.arange(2)
+            shares[first:last] = np.column_stack([1.0 - (at - low), at - low])
+        return carriers, shares
+
+    def at(self, state: TautState) -> Carried:
+        """Return the muscle carried by the strings in a pose."""
+        paths = self._paths
+        n = paths.fibres.shape[1]
+        stretch = np.repeat(state.lengths / paths.rest.lengths, n)
+        taut_rest, taut = paths.rest.points.reshape(-1, 3), state.points.reshape(-1, 3)
+        turns = _turns(paths, state.transforms)
+        frames = np.empty((len(taut), 3, 3))
+        near = self._companions, self._shares
+        _frames(taut_rest, taut, *near, turns, self._tangents, stretch, self._thinning, frames)
+        places = np.empty_like(taut)
+        _keep_among(
+            self._rest, taut_rest, taut, frames, self._beside, self._parts, self._width, _ROUNDS, places
+        )
+        stretch = (stretch[self._beside] * self._parts).sum(axis=1)
+        _frames(self._rest, places, *near, turns, self._tangents, stretch, self._thinning, frames)
+        moved = np.empty_like(self._surface)
+        _carry(self._rest, places, frames, self._carriers, self._weights, self._surface, moved)
+        bones = state.transforms[self._bone]
+        with_bones = np.einsum("vij,vj->vi", bones[:, :3, :3], self._surface) + bones[:, :3, 3]
+        moved += self._with_bone * (with_bones - moved)
+        return Carried(self._rest, places, frames, moved)
+
+
+class Carried:
+    """A muscle where its strings carry it.
+
+    Attributes
+    ----------
+    surface : (v, 3) array
+        Points of the surface [mm].
+    """
+
+    def __init__(self, rest: Floats, places: Floats, frames: Floats, surface: Floats) -> None:
+        self._rest, self._places, self._frames = rest, places, frames
+        self.surface = surface
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes, but for what all poses share [bytes]."""
+        return self._places.nbytes + self._frames.nbytes + self.surface.nbytes
+
+    def points(self, points: Floats, carriers: Ints, shares: Floats) -> Floats:
+        """Return where points (p, 3) of the muscle at rest are carried to, by carriers and shares (p, c)."""
+        moved = np.empty_like(points)
+        _carry(self._rest, self._places, self._frames, carriers, shares, points, moved)
+        return moved
+
+
+def _nearest(tree: cKDTree, points: Floats, count: int) -> tuple[Floats, Ints]:
+    """Return distances and numbers of the nearest points, (q, count) or as many as there are."""
+    distances, found = tree.query(points, k=range(1, min(count, tree.n) + 1))
+    return distances, found
+
+
+def _falling_off(near: Floats) -> Floats:
+    """Return weights for distances (m, k), ascending: Gaussian, 0 at the last, rows sum to 1."""
+    width = np.maximum(near[:, -1:] / 2.0, np.finfo(float).tiny)
+    values: Floats = np.exp(-0.5 * (near / width) ** 2)
+    falling = values - values[:, -1:]
+    values = np.where(falling.sum(axis=1, keepdims=True) > 0, falling, values)
+    values /= values.sum(axis=1, keepdims=True)
+    return values
+
+
+def _turns(paths: TautPaths, transforms: Floats) -> Floats:
+    """Return the bones' rotations, blended from end to end of each string, (f n, 3, 3); not orthogonal."""
+    part = np.linspace(0.0, 1.0, paths.fibres.shape[1])[None, :, None, None]
+    first, last = (transforms[bones][:, None, :3, :3] for bones in (paths.start_bones, paths.end_bones))
+    turns: Floats = np.ascontiguousarray((1.0 - part) * first + part * last).reshape(-1, 3, 3)
+    return turns
+
+
+@kernel
+def _frames(
+    before: Floats,
+    after: Floats,
+    companions: Ints,
+    shares: Floats,
+    turns: Floats,
+    tangents: Floats,
+    stretch: Floats,
+    thinning: float,
+    frames: Floats,
+) -> None:
+    """Write how the muscle turns and stretches at each point: F = R (g I + (l - g) t t^T).
+
+    R is the rotation that takes a point's companions from before to after best, in the least squares sense
+    (Arun, Huang, Blostein 1987, doi:10.1109/TPAMI.1987.4767965).
+    """
+    r, work, a, b = np.empty((3, 3)), np.empty((6, 3)), np.empty(3), np.empty(3)
+    for i in range(len(before)):
+        a[:], b[:], r[:] = 0.0, 0.0, 0.0
+        for j in range(companions.shape[1]):
+            k, w = companions[i, j], shares[i, j]
+            for q in range(3):
+                a[q] += w * before[k, q]
+                b[q] += w * after[k, q]
+        size = 0.0
+        for j in range(companions.shape[1]):
+            k, w = companions[i, j], shares[i, j]
+            for q in range(3):
+                size += w * (before[k, q] - a[q]) ** 2
+                for s in range(3):
+                    r[q, s] += w * (after[k, q] - b[q]) * (before[k, s] - a[s])
+        for q in range(3):
+            for s in range(3):
+                r[q, s] += FROM_BONES * size * turns[i, q, s]
+        nearest_rotation(r, work)
+        along, across = stretch[i], stretch[i] ** (-0.5 * thinning)
+        for q in range(3):
+            turned = r[q, 0] * tangents[i, 0] + r[q, 1] * tangents[i, 1] + r[q, 2] * tangents[i, 2]
+            for s in range(3):
+                frames[i, q, s] = across * r[q, s] + (along - across) * turned * tangents[i, s]
+
+
+@kernel
+def _keep_among(
+    rest: Floats,
+    taut_rest: Floats,
+    taut: Floats,
+    frames: Floats,
+    beside: Ints,
+    parts: Floats,
+    width: float,
+    rounds: int,
+    places: Floats,
+) -> None:
+    """Write the mean of where the strings beside a point say that it is; those far off count the less.
+
+    Weights 1 / (1 + d^2 / width^2)^2 by the distance d from the mean, taken anew in each round (iteratively
+    reweighted least squares; Holland, Welsch 1977, doi:10.1080/03610927708827533).
+    """
+    count = beside.shape[1]
+    said, w = np.empty((count, 3)), np.empty(count)
+    for i in range(len(rest)):
+        for j in range(count):
+            g, w[j] = beside[i, j], parts[i, j]
+            f = frames[g]
+            x, y, z = rest[i, 0] - taut_rest[g, 0], rest[i, 1] - taut_rest[g, 1], rest[i, 2] - taut_rest[g, 2]
+            for q in range(3):
+                said[j, q] = taut[g, q] + f[q, 0] * x + f[q, 1] * y + f[q, 2] * z
+        for _ in range(rounds):
+            total, x, y, z = 0.0, 0.0, 0.0, 0.0
+            for j in range(count):
+                total += w[j]
+                x, y, z = x + w[j] * said[j, 0], y + w[j] * said[j, 1], z + w[j] * said[j, 2]
+            x, y, z = x / total, y / total, z / total
+            for j in range(count):
+                off2 = (said[j, 0] - x) ** 2 + (said[j, 1] - y) ** 2 + (said[j, 2] - z) ** 2
+                w[j] = parts[i, j] / (1.0 + off2 / (width * width)) ** 2
+        places[i, 0], places[i, 1], places[i, 2] = x, y, z
+
+
+@kernel
+def _carry(
+    rest: Floats,
+    places: Floats,
+    frames: Floats,
+    carriers: Ints,
+    weights: Floats,
+    points: Floats,
+    moved: Floats,
+) -> None:
+    """Write where points go: the weighted mean of where each carrier takes them."""
+    for v in range(len(points)):
+        x, y, z = 0.0, 0.0, 0.0
+        for j in range(carriers.shape[1]):
+            k, w = carriers[v, j], weights[v, j]
+            a, b, c = points[v, 0] - rest[k, 0], points[v, 1] - rest[k, 1], points[v, 2] - rest[k, 2]
+            f = frames[k]
+            x += w * (places[k, 0] + f[0, 0] * a + f[0, 1] * b + f[0, 2] * c)
+            y += w * (places[k, 1] + f[1, 0] * a + f[1, 1] * b + f[1, 2] * c)
+            z += w * (places[k, 2] + f[2, 0] * a + f[2, 1] * b + f[2, 2] * c)
+        moved[v, 0], moved[v, 1], moved[v, 2] = x, y, z

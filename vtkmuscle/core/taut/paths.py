@@ -1,0 +1,300 @@
+"""The shortest ways of fibres between their ends, round the bones, at rest and as the bones move."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.blending import screw_between
+from vtkmuscle.core.mesh import signed_volume
+from vtkmuscle.core.rigid import inverse
+from vtkmuscle.core.taut.bone_fields import BoneFields
+from vtkmuscle.core.taut.strings import Fields, Memory, Rings, Tissue, pull_taut
+from vtkmuscle.core.taut.tissue import directions_along, tissue_between
+from vtkmuscle.core.triangle_tree import triangle_tree
+from vtkmuscle.core.via_rings import ViaRing, in_ring_plane, is_inside, moved_ring, nearest_on_polygon
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+#: Points of a string. Strings of 17 points round a cylinder of 30 mm have moment arms 1 % less than those of
+#: 33 and 65, which agree (`benchmarks/bench_taut.py`).
+POINTS = 33
+
+#: Cells of the bones' distance fields per segment of a string.
+CELLS_PER_SEGMENT = 2.0
+
+#: An iteration that moves no point by more than this part of a segment ends the pulling.
+TOLERANCE = 1e-3
+
+#: Iterations for a string in one pose, at most; 5 to 10 is what most take.
+ITERATIONS = 60
+
+#: Bones go from one pose to another in parts, in which they carry no end of a string farther than this, in
+#: segments: a string does not jump over what lies between.
+LARGEST_STEP = 4.0
+
+#: Passes of averaging over neighbours along the fibre, of what was measured between it and the bones.
+THICKNESS_PASSES, ASIDE_PASSES = 2, 4
+
+#: A bone's normal must be this much across a fibre, as a sine, to tell which way is aside; from half more on
+#: it is sure.
+LEAST_ACROSS = 0.3
+
+_MISSING = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class TautState:
+    """Strings in one pose of the bones.
+
+    Attributes
+    ----------
+    points : (f, n, 3) array
+        [mm].
+    transforms : (b, 4, 4) array
+        Of the bones, rest to now.
+    place : (b, f, n) int array
+        Segment of the fibre at rest that each point is nearest to, seen from each bone.
+    pushed : (b, f, n) bool array
+        Which points each bone pushes.
+    unsettled : int
+        Strings that did not come to rest.
+    """
+
+    points: Floats
+    transforms: Floats
+    place: Ints
+    pushed: Bools
+    unsettled: int = 0
+
+    @property
+    def lengths(self) -> Floats:
+        """Length of each string, (f,) [mm]."""
+        lengths: Floats = np.linalg.norm(np.diff(self.points, axis=1), axis=2).sum(axis=1)
+        return lengths
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes [bytes]."""
+        return self.points.nbytes + self.transforms.nbytes + self.place.nbytes + self.pushed.nbytes
+
+
+class TautPaths:
+    """Fibres as strings, pulled taut round moving bones.
+
+    A string goes from end to end of its fibre, each end fixed to its bone. It keeps away from the bones by
+    what of the muscle lies between the fibre and them at rest, and where the muscle lies on the bone of its
+    origin it does not slip off sideways: there it keeps to its course over that bone, but may slide along it
+    and lift off. It passes through via rings. Otherwise it has no friction and no stiffness, and so the least
+    length: -dl/dq is the lever of its pull about the axis of q.
+
+    Parameters
+    ----------
+    fibres : (f, n, 3) array
+        Points at rest, evenly spread along each fibre, n >= 3, origin to insertion [mm].
+    start_bones, end_bones : (f,) int arrays
+        Which bones the ends are fixed to.
+    surface : (v, 3) array
+        The muscle at rest [mm].
+    triangles : (m, 3) int array
+        Point ids, outward, closed.
+    bones : mapping of int to (points (p, 3), triangles (q, 3), axes (4, 4))
+        By their number: the bones that strings keep away from, at rest, and the rigid transform to the axes
+        that their fields are laid along.
+    rings : sequence of (int, ViaRing)
+        The bone that each via ring moves with, and the ring at rest.
+    hold : float, optional
+        Gap between tissue and bone up to which a fibre is held aside [mm]; by default V / A, half the mean
+        thickness of a muscle of volume V and surface A, 0 for no guide.
+
+    Attributes
+    ----------
+    rest : TautState
+        Pulled taut at rest.
+
+    Raises
+    ------
+    ValueError
+        If a fibre has no length.
+    """
+
+    def __init__(
+        self,
+        fibres: Floats,
+        start_bones: Ints,
+        end_bones: Ints,
+        surface: Floats,
+        triangles: Ints,
+        bones: Mapping[int, tuple[Floats, Ints, Floats]],
+        *,
+        rings: Sequence[tuple[int, ViaRing]] = (),
+        hold: float | None = None,
+    ) -> None:
+        self.fibres: Floats = np.ascontiguousarray(fibres, dtype=np.float64)
+        self.start_bones, self.end_bones = start_bones, end_bones
+        f, n, _ = self.fibres.shape
+        segments = np.linalg.norm(np.diff(self.fibres, axis=1), axis=2)
+        if not (segments.sum(axis=1) > 0.0).all():
+            raise ValueError(f"fibre {int(segments.sum(axis=1).argmin())} has no length")
+        self._segment = float(segments.mean())
+        #: See the parameter.
+        self.hold = half_thickness(surface, triangles) if hold is None else hold
+        self._rings = tuple(rings)
+        cell = self._segment / CELLS_PER_SEGMENT
+        self._numbers = list(bones)
+        near = BoneFields(list(bones.values()), cell=cell, reach=[0.0] * len(bones))
+        self._tissue, reach = self._between(near, surface, triangles, cell)
+        self._bones = BoneFields(list(bones.values()), cell=cell, reach=reach)
+        self._outside = self._outside_at_rest()
+        last = max([*self._numbers, int(start_bones.max()), int(end_bones.max()), *(b for b, _ in self._rings)])
+        still = np.zeros((last + 1, 4, 4)) + np.eye(4)
+        start = np.broadcast_to(np.minimum(np.arange(n), n - 2), (len(bones), f, n))
+        at_rest = TautState(self.fibres, still, start, np.zeros((len(bones), f, n), dtype=np.bool_))
+        self.rest: TautState = self._pulled(at_rest, still)
+
+    def _between(
+        self, bones: BoneFields, surface: Floats, triangles: Ints, cell: float
+    ) -> tuple[Tissue, list[float]]:
+        """Return the tissue between fibres and bones, and how far from each bone distances are needed."""
+        shape = (len(self._numbers), *self.fibres.shape[:2])
+        thickness, guide, aside = np.zeros(shape), np.zeros(shape), np.zeros((*shape, 3))
+        muscle = triangle_tree(surface, triangles)
+        tangents = directions_along(self.fibres)
+        for bone, number in enumerate(self._numbers):
+            distance, outward, tissue = tissue_between(self.fibres, tangents, bones, bone, muscle)
+            thickness[bone] = np.minimum(_smoothed(tissue, THICKNESS_PASSES), distance)
+            side = _smoothed(np.cross(tangents, outward), ASIDE_PASSES)
+            across = np.linalg.norm(side, axis=2)
+            aside[bone] = side / np.maximum(across, np.finfo(float).tiny)[:, :, None]
+            if self.hold > 0.0:
+                gap = np.clip((distance - thickness[bone]) / self.hold, 0.0, 1.0)
+                sure = np.clip(2.0 * (across - LEAST_ACROSS), 0.0, 1.0)
+                from_here = (self.start_bones == number)[:, None]
+                guide[bone] = _smoothed(from_here * sure * (1.0 - gap**2) ** 2, THICKNESS_PASSES)
+        within = thickness.max(axis=2)
+        guided = (guide > 0.0).any(axis=2)
+        within[guided] += self.hold
+        reach = [max(float(most), 0.0) + 2.0 * cell for most in within.max(axis=1, initial=0.0)]
+        tissue_of = Tissue(self.fibres, thickness, within, guide, aside, guided, max(self.hold, 1e-300))
+        return tissue_of, reach
+
+    def follow(self, before: TautState, transforms: Floats) -> TautState:
+        """Return the strings in another pose of the bones, which these reach along their screws.
+
+        Parameters
+        ----------
+        before : TautState
+            Where the strings were; not changed.
+        transforms : (b, 4, 4) array
+            Of the bones, rest to now.
+        """
+        transforms = np.array(transforms, dtype=np.float64)
+        known = np.array(transforms)
+        known[: len(before.transforms)] = before.transforms[: len(transforms)]
+        steps = math.ceil(self._carried(known, transforms) / (LARGEST_STEP * self._segment))
+        state = before
+        for number in range(1, steps):
+            part = number / steps
+            pairs = zip(known, transforms, strict=True)
+            state = self._pulled(state, np.array([screw_between(a, b, part) for a, b in pairs]))
+        return self._pulled(state, transforms)
+
+    def _carried(self, before: Floats, now: Floats) -> float:
+        """Return how far the bones carry the strings' ends against each other's bones, at most [mm]."""
+        farthest = 0.0
+        for mine, others, ends in (
+            (self.start_bones, self.end_bones, self.fibres[:, 0]),
+            (self.end_bones, self.start_bones, self.fibres[:, -1]),
+        ):
+            a, b = (_seen_from(t, mine, others, ends) for t in (before, now))
+            farthest = max(farthest, float(np.linalg.norm(b - a, axis=1).max()))
+        return farthest
+
+    def _pulled(self, start: TautState, transforms: Floats) -> TautState:
+        x = start.points.copy()
+        x[:, 0] = _carried_by(transforms[self.start_bones], self.fibres[:, 0])
+        x[:, -1] = _carried_by(transforms[self.end_bones], self.fibres[:, -1])
+        to_rest = np.array([inverse(transforms[bone]) for bone in self._numbers]).reshape(-1, 4, 4)
+        memory = Memory(start.place.copy(), start.pushed.copy())
+        unfinished = np.ones(len(x), dtype=np.bool_)
+        missing, done = np.zeros(_MISSING, dtype=np.int64), np.zeros(len(x), dtype=np.int64)
+        rings, tolerance = self._rings_at(transforms), TOLERANCE * self._segment
+        while unfinished.any():
+            bones = self._bones
+            fields = Fields(bones.to_axes, bones.layout, bones.table, bones.values)
+            lacking = pull_taut(
+                x,
+                to_rest,
+                fields,
+                self._tissue,
+                rings,
+                memory,
+                self._segment / CELLS_PER_SEGMENT,
+                tolerance,
+                ITERATIONS,
+                unfinished,
+                missing,
+                done,
+            )
+            if lacking:
+                bones.fill(missing[:lacking])
+        unsettled = int((done > ITERATIONS).sum())
+        return TautState(x, transforms, memory.place, memory.pushed, unsettled)
+
+    def _rings_at(self, transforms: Floats) -> Rings:
+        """Return the via rings where their bones are."""
+        moved = [moved_ring(ring, transforms[bone]) for bone, ring in self._rings]
+        frames = np.array([[ring.centre, ring.normal, *ring.axes] for ring in moved]).reshape(-1, 4, 3)
+        corners = np.concatenate([np.empty((0, 2)), *(ring.corners for ring in moved)])
+        offsets = np.cumsum([0, *(len(ring.corners) for ring in moved)])
+        return Rings(frames, corners, offsets, self._outside)
+
+    def _outside_at_rest(self) -> Floats:
+        """Return how far outside of each ring each fibre crosses its plane at rest, (r, f) [mm]."""
+        outside = np.zeros((len(self._rings), len(self.fibres)))
+        for number, (_, ring) in enumerate(self._rings):
+            for fibre, points in enumerate(self.fibres):
+                places, heights = in_ring_plane(ring, points)
+                cut = np.flatnonzero((heights[1:] < 0.0) != (heights[:-1] < 0.0))
+                if not len(cut):
+                    continue
+                part = (heights[cut] / (heights[cut] - heights[cut + 1]))[:, None]
+                crossings = places[cut] + part * (places[cut + 1] - places[cut])
+                s, t = crossings[np.linalg.norm(crossings, axis=1).argmin()]
+                if not is_inside(ring.corners, s, t):
+                    u, v = nearest_on_polygon(ring.corners, s, t)
+                    outside[number, fibre] = math.hypot(u - s, v - t)
+        return outside
+
+
+def half_thickness(surface: Floats, triangles: Ints) -> float:
+    """Return V / A of a closed surface, half the mean thickness of what is flat [mm]."""
+    a, b, c = (surface[triangles[:, corner]] for corner in range(3))
+    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    return abs(signed_volume(surface, triangles)) / max(area, np.finfo(float).tiny)
+
+
+def _smoothed(values: Floats, passes: int) -> Floats:
+    """Return values (f, n, ...) averaged along n with their neighbours, 1 : 2 : 1, some times over."""
+    result = values.copy()
+    for _ in range(passes):
+        result[:, 1:-1] = 0.25 * result[:, :-2] + 0.5 * result[:, 1:-1] + 0.25 * result[:, 2:]
+    return result
+
+
+def _carried_by(transforms: Floats, points: Floats) -> Floats:
+    moved: Floats = np.einsum("fij,fj->fi", transforms[:, :3, :3], points) + transforms[:, :3, 3]
+    return moved
+
+
+def _seen_from(transforms: Floats, mine: Ints, others: Ints, points: Floats) -> Floats:
+    """Return points (f, 3) that go with some bones, seen from others."""
+    moved = _carried_by(transforms[mine], points) - transforms[others, :3, 3]
+    seen: Floats = np.einsum("fji,fj->fi", transforms[others, :3, :3], moved)
+    return seen

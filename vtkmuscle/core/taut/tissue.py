@@ -1,0 +1,84 @@
+"""What lies between fibres and bones at rest: how near fibres may come, and where they are held."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.taut.bone_fields import BoneFields
+from vtkmuscle.core.triangle_tree import TriangleTree
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: A bone in whose direction less than this part points aside of a fibre lies ahead of it: the thickness there
+#: is that at the nearest points of the fibre where it does not.
+BESIDE = 0.1
+
+#: Steps of the search for the muscle's surface.
+_STEPS = 30
+
+
+def directions_along(points: Floats) -> Floats:
+    """Return the unit tangents (f, n, 3) of polylines (f, n, 3)."""
+    tangents = np.gradient(points, axis=1)
+    length = np.linalg.norm(tangents, axis=-1, keepdims=True)
+    unit: Floats = np.divide(tangents, length, out=np.zeros_like(tangents), where=length > 0)
+    return unit
+
+
+def tissue_between(
+    points: Floats, tangents: Floats, fields: BoneFields, bone: int, muscle: TriangleTree
+) -> tuple[Floats, Floats, Floats]:
+    """Return what of a muscle lies between its fibres and a bone.
+
+    A fibre lies against a bone with its side. So the tissue counts from the fibre's point at right angles to
+    the fibre, towards the bone, as far as it is in the muscle: a muscle wound round a cylinder has the same
+    thickness below its fibres along all of its length, also where it has not come to the cylinder yet.
+
+    Parameters
+    ----------
+    points, tangents : (f, n, 3) arrays
+        Points of the fibres at rest [mm], and the fibres' unit directions there.
+    fields : BoneFields
+        Of all bones.
+    bone : int
+        Which one.
+    muscle : TriangleTree
+        The muscle's surface at rest, closed, facing outward.
+
+    Returns
+    -------
+    distance : (f, n) array
+        From the bone [mm].
+    outward : (f, n, 3) array
+        Unit direction away from the bone.
+    thickness : (f, n) array
+        Of the tissue between them, at most the distance [mm].
+    """
+    shape = points.shape[:2]
+    at, along = points.reshape(-1, 3), tangents.reshape(-1, 3)
+    distance, outward = fields.closest(bone, at)
+    ahead = np.einsum("ij,ij->i", outward, along)
+    beside = -(outward - ahead[:, None] * along)
+    size = np.linalg.norm(beside, axis=1)
+    sure = size >= BESIDE
+    beside[sure] /= size[sure, None]
+    way = np.zeros(len(at))
+    depth = np.maximum(-muscle.signed(at)[0], 0.0)
+    nearest, inside = depth.copy(), depth > 0.0
+    going = np.flatnonzero(sure & inside)
+    for _ in range(_STEPS):
+        # No surface is nearer than the depth: go on by that much.
+        way[going] += depth[going]
+        going = going[way[going] < distance[going]]
+        if not len(going):
+            break
+        depth[going] = -muscle.signed(at[going] + way[going, None] * beside[going])[0]
+        going = going[depth[going] > 1e-4 * way[going]]
+    thickness = np.where(sure, way, nearest).reshape(shape)
+    for fibre, known in zip(thickness, (sure & inside).reshape(shape), strict=True):
+        if known.any() and not known.all():
+            fibre[~known] = np.interp(np.flatnonzero(~known), np.flatnonzero(known), fibre[known])
+    distance = distance.reshape(shape)
+    return distance, outward.reshape(*shape, 3), np.minimum(thickness, distance)
