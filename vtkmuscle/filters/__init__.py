@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from vtkmuscle.filters.pbd_deformer import PBDDeformer
     from vtkmuscle.filters.provenance import provenance_of
     from vtkmuscle.filters.slice_morpher import SliceMorpher
+    from vtkmuscle.filters.taut_fibres import TautFibres
     from vtkmuscle.filters.template_fitter import TemplateFitter
 
 _SOURCES = {
@@ -54,6 +55,7 @@ _SOURCES = {
     "PBDDeformer": "pbd_deformer",
     "Parameter": "parameters",
     "SliceMorpher": "slice_morpher",
+    "TautFibres": "taut_fibres",
     "TemplateFitter": "template_fitter",
     "attachments_from": "attachments",
     "attachments_of": "attachments",
@@ -81,6 +83,7 @@ __all__ = [
     "PBDDeformer",
     "Parameter",
     "SliceMorpher",
+    "TautFibres",
     "TemplateFitter",
     "attachments_from",
     "attachments_of",
