@@ -28,7 +28,7 @@ FULL_SIZE = 100.0
 
 # A muscle exerts no active force below half of its optimal length, nor above 1.6 to 1.7 times of it: Zajac
 # 1989, "Muscle and tendon", Crit Rev Biomed Eng 17:359; Gordon, Huxley, Julian 1966,
-# doi:10.1113/jphysiol.1966.sp007909 (sarcomeres of 1.27 and 3.65 um, where the optimum is 2.0 to 2.25). Half
+# doi:10.1113/jphysiol.1966.sp007909 (sarcomeres of 1.27 and 3.65 um, where the optimum is 2.05 to 2.2). Half
 # as much again is what no fibre survives.
 SHORTEST, LONGEST = 0.5, 1.6
 BEYOND = 1.5
