@@ -47,8 +47,8 @@ def moment_arms(
     """Return moment arms, -dl/dq, from lengths of fibres at values of joint coordinates.
 
     A fibre that shortens as a coordinate grows has a positive moment arm: its pull drives the coordinate up
-    (principle of virtual work; An et al. 1984, for any coordinate Sherman et al. 2013). The slope is that of a
-    cubic fitted about each place, in a window that is chosen against the noise of the lengths; see
+    (principle of virtual work; An et al. 1984, for any coordinate Sherman et al. 2013). The slope is that of
+    a cubic fitted about each place, in a window that is chosen against the noise of the lengths; see
     :func:`~vtkmuscle.core.local_regression.local_regression`.
 
     Parameters
