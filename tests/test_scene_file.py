@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tiny_scene import HINGE, TOML, ellipsoid, write_tiny_scene
+from tiny_scene import HINGE, TOML, ellipsoid, ring, write_tiny_scene
 from vtkmodules.vtkFiltersCore import vtkAppendPolyData
 from vtkmodules.vtkFiltersSources import vtkCubeSource
 
@@ -262,6 +262,63 @@ def test_a_surface_in_place_of_superficial_fibres_is_named(scene_file):
     assert "no such file" in failure(scene_file).problem
 
 
+def via(scene_file, landmarks, *, keys=""):
+    """Add a via ring to the scene, from a file of landmarks; it is on the second line of attachments."""
+    text = "\n".join(",".join(map(str, row)) for row in landmarks)
+    (scene_file.parent / "ring.csv").write_text(text)
+    entry = f'{{ role = "via", bone = "lower", landmarks = "ring.csv"{keys} }}'
+    edit(scene_file, f"  {ORIGIN},\n", f"  {ORIGIN},\n  {entry},\n")
+
+
+@pytest.mark.parametrize("repeated", [False, True])
+def test_a_via_ring_is_read_as_a_ring_and_saved(scene_file, tmp_path, repeated):
+    landmarks = ring(5.0) * [1.2, 1.2, 1.0]
+    via(scene_file, np.vstack([landmarks, landmarks[:1]]) if repeated else landmarks)
+    scene = Scene.load(scene_file)
+    for loaded in (scene, Scene.load(scene.save(tmp_path / "again"))):
+        areas = loaded.muscles["spindle"].attachments
+        assert [(a.role, a.bone, len(a.landmarks), a.closed) for a in areas] == [
+            ("origin", "upper", 8, True),
+            ("via", "lower", 8, True),
+            ("insertion", "lower", 8, True),
+        ]
+        np.testing.assert_allclose(areas[1].landmarks, landmarks, atol=1e-12)
+    assert 'role = "via"' in (tmp_path / "again" / "scene.toml").read_text()
+
+
+def test_a_via_ring_takes_the_place_of_no_end(scene_file):
+    via(scene_file, ring(5.0))
+    edit(scene_file, f"  {ORIGIN},\n", "")
+    assert "no attachment with role 'origin'" in failure(scene_file).problem
+    edit(scene_file, FIBRES, "")
+    edit(scene_file, INSERTION, "")
+    error = failure(scene_file)  # what holds the muscle without fibres is an end as well
+    assert (error.key, error.problem) == (
+        "muscles.spindle.attachments",
+        "there is no attachment with role 'origin'",
+    )
+
+
+@pytest.mark.parametrize(
+    ("landmarks", "keys", "key", "problem", "mend"),
+    [
+        (ring(5.0), ", closed = false", "closed", "a via ring is closed", "closed = true"),
+        (ring(5.0)[:2], "", "landmarks", "needs 3", "add landmarks"),
+        (ring(5.0) * [1.0, 0.0, 1.0], "", "landmarks", "on a line", "in order"),
+        (ring(5.0)[[0, 1, 2, 4, 3, 5, 6, 7]], "", "landmarks", "turns back after landmark", "in order"),
+        (np.add(ring(5.0), [20.0, 0.0, 0.0]), "", "landmarks", "does not pass through", "same unit"),
+        (np.add(ring(5.0), [0.0, 0.0, 60.0]), "", "landmarks", "does not pass through", "same unit"),
+    ],
+)
+def test_a_via_ring_that_does_not_hold_the_muscle_is_refused(scene_file, landmarks, keys, key, problem, mend):
+    via(scene_file, landmarks, keys=keys)
+    error = failure(scene_file)
+    assert error.key == f"muscles.spindle.attachments[1].{key}"
+    assert problem in error.problem
+    assert mend in error.mend
+    assert error.file == (scene_file if key == "closed" else scene_file.parent / "ring.csv")
+
+
 def test_a_muscle_without_fibres_needs_no_insertion(scene_file):
     edit(scene_file, 'fibres = { template = "parallel", n_fibres = 6, resolution = 5 }\n', "")
     edit(
@@ -273,6 +330,7 @@ def test_a_muscle_without_fibres_needs_no_insertion(scene_file):
 # ------------------------------------------------------------------------------- what is refused
 
 LIST = TOML[TOML.index("attachments = [") : TOML.index("]\n\n[solver]") + 1]
+INSERTION = '  { role = "insertion", bone = "lower", landmarks = "attachments/insertion.vtp" },\n'
 ORIGIN = '{ role = "origin", bone = "upper", landmarks = "attachments/origin.vtp" }'
 FIBRES = 'fibres = { template = "parallel", n_fibres = 6, resolution = 5 }'
 FAULTS = [

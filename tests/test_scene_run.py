@@ -260,7 +260,10 @@ def test_the_tables_hold_the_result(result, out):
 def test_other_files_of_the_folder_are_left_alone(scene, tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     (tmp_path / "spindle.pvd").write_text("old")
-    scene.run(tmp_path, frames="0:1", figures=False)
+    with pytest.raises(ValueError, match="no run has made"):
+        scene.run(tmp_path, frames="0:1", figures=False)
+    assert (tmp_path / "spindle.pvd").read_text() == "old"
+    scene.run(tmp_path, frames="0:1", figures=False, overwrite=True)
     assert (tmp_path / "notes.txt").read_text() == "mine"
     assert pyvista.get_reader(tmp_path / "spindle.pvd").time_values == [0.0]
 
@@ -417,7 +420,7 @@ def test_figures_are_moved_into_place(scene, tmp_path, monkeypatch):
 
     monkeypatch.setattr(vtkmuscle.plotting, "can_render", lambda: None)
     monkeypatch.setattr(vtkmuscle.plotting, "write_figures", draw)
-    (tmp_path / "figures").mkdir()
+    scene.run(tmp_path, frames=0)
     (tmp_path / "figures/mine.png").write_bytes(b"")
     result = scene.run(tmp_path, frames=0)
     assert result.report["figures"] == {"written": ["volume.png"]}

@@ -18,6 +18,7 @@ import typer
 from rich.console import Console
 
 from vtkmuscle import __version__
+from vtkmuscle.isolation import leave_out_working_folder
 
 if TYPE_CHECKING:
     from vtkmuscle.scene import Scene
@@ -40,8 +41,19 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+
+def _named(text: str) -> Path:
+    """Return a path; an empty text, as of a shell variable that is not set, is not the working folder."""
+    if not text:
+        raise typer.BadParameter("it is empty; give the name of a folder")
+    return Path(text)
+
+
 OutOption = Annotated[
-    Path | None, typer.Option("--out", "-o", help="Folder to write to.", show_default=False)
+    Path | None,
+    typer.Option(
+        "--out", "-o", metavar="PATH", parser=_named, help="Folder to write to.", show_default=False
+    ),
 ]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and warnings only.")]
 
@@ -83,6 +95,13 @@ class RunOptions:
             help="Print figures of each frame as it is done: how far the solve got, how the shape was kept.",
         ),
     ] = False
+    overwrite: Annotated[
+        bool,
+        typer.Option(
+            "--overwrite",
+            help="Replace results of another scene, and files that no run has written; never the inputs.",
+        ),
+    ] = False
     quality: Annotated[
         str | None,
         typer.Option(
@@ -117,6 +136,7 @@ def _with_run_options(command: Callable[..., None]) -> Callable[..., None]:
 
 def main() -> None:
     """Run the command line; the console entry point."""
+    leave_out_working_folder()
     app()
 
 
@@ -168,11 +188,11 @@ def demo(
     folder = out or Path("vtkmuscle_demo")
     with _one_clear_error(folder):
         from vtkmuscle import phantoms
-        from vtkmuscle.run.folder import RunFolder
+        from vtkmuscle.run.unchanged import save_unless_changed
         from vtkmuscle.scene import Scene
 
-        path = Scene.from_phantom(phantoms.hip()).save(RunFolder(folder).path / "scene")
-        loaded = Scene.load(path)
+        scene = Scene.from_phantom(phantoms.hip())
+        loaded = Scene.load(path := save_unless_changed(scene, folder / "scene", overwrite=options.overwrite))
     _say(options.quiet, f"The scene is {path}: edit it, or put your own surfaces there, and run it with")
     _say(options.quiet, f"  vtkmuscle run {path}")
     _run(loaded, folder, options)
@@ -222,7 +242,12 @@ def tradeoff(
         str,
         typer.Argument(metavar="SCENE", help="A scene.toml, or 'demo': the phantom hip.", show_default=False),
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder to write to.", show_default=False)],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", "-o", metavar="PATH", parser=_named, help="Folder to write to.", show_default=False
+        ),
+    ],
     only: Annotated[
         list[str] | None,
         typer.Option(
@@ -283,7 +308,11 @@ def paraview_path(
     folder: Annotated[
         Path | None,
         typer.Option(
-            "--folder", help="Folder for the links; by default one in your cache.", show_default=False
+            "--folder",
+            metavar="PATH",
+            parser=_named,
+            help="Folder for the links; by default one in your cache.",
+            show_default=False,
         ),
     ] = None,
 ) -> None:
@@ -319,6 +348,7 @@ def _run(scene: Scene, out: Path, options: RunOptions) -> None:
             workers=options.workers,
             series=options.series,
             observe=_table(list(scene.muscles), console) if options.verbose else None,
+            overwrite=options.overwrite,
         )
     for name, muscle in result.report["muscles"].items():
         _say(options.quiet, f"{name}: {_found(muscle)}")
@@ -396,7 +426,7 @@ def _one_clear_error(out: Path | None) -> Iterator[None]:
     console = Console(stderr=True, soft_wrap=True, highlight=False)
 
     def show(message: Warning | str, *_: Any, **__: Any) -> None:
-        console.print(f"warning: {message}", markup=False, style="yellow")
+        console.print(f"warning: {_one_line(str(message))}", markup=False, style="yellow")
 
     try:
         with warnings.catch_warnings():
@@ -407,15 +437,24 @@ def _one_clear_error(out: Path | None) -> Iterator[None]:
         # ValueErrors of the package say what was wrong with the input; a fault in it has a traceback.
         console.print(f"error: {_words(error)}", markup=False, style="bold red")
         raise typer.Exit(BAD_INPUT) from error
+    except MemoryError as error:
+        console.print("error: there is not enough memory for this", markup=False, style="bold red")
+        raise typer.Exit(BAD_INPUT) from error
     except KeyboardInterrupt:
         console.print(f"stopped. {_what_is_finished(out)}", markup=False, style="yellow")
         raise typer.Exit(INTERRUPTED) from None
 
 
 def _words(error: Exception) -> str:
+    words = str(error)
     if isinstance(error, OSError) and error.strerror:
-        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-    return str(error)
+        words = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return _one_line(words)
+
+
+def _one_line(words: str) -> str:
+    """Return a text without what a terminal would take for more than text."""
+    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in words)
 
 
 def _what_is_finished(out: Path | None) -> str:

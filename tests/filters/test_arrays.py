@@ -27,7 +27,13 @@ from vtkmuscle.filters.arrays import (
     with_points,
     with_polylines,
 )
-from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, attachments_of
+from vtkmuscle.filters.attachments import (
+    AttachmentArea,
+    attachments_from,
+    attachments_of,
+    end_areas,
+    via_rings_of,
+)
 
 POINTS = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
 TRIANGLES = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
@@ -242,17 +248,47 @@ def test_blocks_without_names_are_called_by_number():
 
 # -------------------------------------------------------------------- attachment areas
 
+TRIANGLE = np.array([(0.0, 0.0, 1.0), (4.0, 0.0, 1.0), (0.0, 4.0, 1.0)])
+
 
 def test_attachment_areas_round_trip():
     areas = [
         AttachmentArea("origin", "pelvis", POINTS, closed=True),
         AttachmentArea("insertion", "femur", POINTS + 1, closed=False),
         AttachmentArea("origin", "sacrum", POINTS + 2, closed=True),
+        AttachmentArea("via", "femur", TRIANGLE, closed=True),
     ]
     back = attachments_of(attachments_from(areas), "here")
     assert [(a.role, a.bone, a.closed) for a in back] == [(a.role, a.bone, a.closed) for a in areas]
     for one, other in zip(areas, back, strict=True):
         np.testing.assert_array_equal(one.landmarks, other.landmarks)
+
+
+def test_ends_and_via_rings_are_told_apart():
+    areas = [
+        AttachmentArea("via", "femur", TRIANGLE, closed=True),
+        AttachmentArea("origin", "pelvis", POINTS, closed=True),
+        AttachmentArea("insertion", "femur", POINTS + 1, closed=False),
+    ]
+    data = attachments_from(areas)
+    assert [area.role for area in attachments_of(data, "here")] == ["via", "origin", "insertion"]
+    assert [area.role for area in end_areas(data, "here")] == ["origin", "insertion"]
+    (ring,) = via_rings_of(data, "here")
+    assert (ring.role, ring.bone, ring.closed) == ("via", "femur", True)
+    np.testing.assert_array_equal(ring.landmarks, TRIANGLE)
+
+
+@pytest.mark.parametrize(
+    ("ring", "message"),
+    [
+        (AttachmentArea("via", "femur", TRIANGLE, closed=False), "must be closed; end its polyline"),
+        (AttachmentArea("via", "femur", TRIANGLE[[0, 1, 1]], closed=True), "3 landmarks or more"),
+        (AttachmentArea("via", "femur", TRIANGLE * [1, 0.001, 1], closed=True), "on a line"),
+    ],
+)
+def test_a_via_ring_that_is_none_is_refused_with_its_block(ring, message):
+    with pytest.raises(ValueError, match=f"here, block 'via_0': .*{message}"):
+        attachments_of(attachments_from([ring]), "here")
 
 
 def test_ring_is_a_polyline_whose_last_point_is_its_first():

@@ -1,5 +1,7 @@
 """What `vtkmuscle paraview-path` makes and prints."""
 
+import json
+import os
 import subprocess
 import sys
 
@@ -45,8 +47,15 @@ def test_the_commands_set_the_variables(tmp_path):
 
 
 def test_links_are_made_anew(tmp_path):
-    (tmp_path / "numpy").symlink_to(tmp_path / "gone")
     link_packages(tmp_path)
+    gone = str(tmp_path / "gone")  # as of an environment that has been moved since
+    (tmp_path / "numpy").unlink()
+    (tmp_path / "numpy").symlink_to(gone)
+    record = tmp_path / ".made_by_vtkmuscle.json"
+    record.write_text(json.dumps(json.loads(record.read_text()) | {"numpy": gone, "old": gone}))
+    (tmp_path / "old").symlink_to(gone)
+    link_packages(tmp_path)
+    assert not (tmp_path / "old").is_symlink()
     assert (tmp_path / "numpy" / "__init__.py").is_file()
 
 
@@ -56,6 +65,22 @@ def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path):
     assert done.exit_code == BAD_INPUT
     assert "mine.txt is not a link" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_links_of_the_user_are_left_alone_all_of_them(tmp_path):
+    for name in ("a", "numpy", "z"):
+        (tmp_path / name).symlink_to("/somewhere")
+    done = run("--folder", tmp_path)
+    assert done.exit_code == BAD_INPUT
+    assert "a is a link that was not made here" in done.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "numpy", "z"]
+    assert all(os.readlink(path) == "/somewhere" for path in tmp_path.iterdir())
+
+
+def test_an_empty_name_is_no_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run("--folder", "").exit_code == BAD_INPUT
+    assert not list(tmp_path.iterdir())
 
 
 def test_without_a_cache_a_folder_must_be_given(monkeypatch):

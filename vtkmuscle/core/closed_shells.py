@@ -166,21 +166,28 @@ def _consistent(triangles: Ints) -> tuple[Ints, int]:
     # 1: as they are; 2: one of them must be turned. Equal entries of a matrix are summed, hence minimum.
     relation = 1 + (directions[pairs[:, 0]] == directions[pairs[:, 1]]).astype(np.int64)
     key, at = np.unique(one * len(triangles) + other, return_index=True)
-    graph = coo_array(
-        (relation[at], (key // len(triangles), key % len(triangles))), shape=(len(triangles),) * 2
-    ).tocsr()
-    graph = graph.maximum(graph.T).tocsr()
+    count = len(triangles)
+    graph = coo_array((relation[at], (key // count, key % count)), shape=(count, count)).tocsr()
     n_parts, part = connected_components(graph, directed=False)
-    turn = np.zeros(len(triangles), dtype=np.bool_)
-    for number in range(n_parts):
-        members = np.flatnonzero(part == number)
-        reached, before = breadth_first_order(graph, members[0], directed=False)
-        if len(reached) > 1:
-            steps = np.asarray(graph[before[reached[1:]], reached[1:]]).reshape(-1) == 2
-            for triangle, differs in zip(reached[1:].tolist(), steps.tolist(), strict=True):
-                turn[triangle] = turn[before[triangle]] != differs
-        if turn[members].sum() > len(members) / 2:
-            turn[members] = ~turn[members]
+    # One triangle of each part hangs on a root, so that one search goes through all parts.
+    first = np.unique(part, return_index=True)[1]
+    ones = np.ones(n_parts, dtype=np.int64)
+    rooted = coo_array(
+        (
+            np.concatenate([relation[at], ones]),
+            (np.r_[key // count, np.full(n_parts, count)], np.r_[key % count, first]),
+        ),
+        shape=(count + 1, count + 1),
+    ).tocsr()
+    rooted = rooted.maximum(rooted.T).tocsr()
+    reached, before = breadth_first_order(rooted, count, directed=False)
+    steps = np.asarray(rooted[before[reached[1:]], reached[1:]]).reshape(-1) == 2
+    turn = np.zeros(count + 1, dtype=np.bool_)
+    for triangle, differs in zip(reached[1:].tolist(), steps.tolist(), strict=True):
+        turn[triangle] = turn[before[triangle]] != differs
+    turn = turn[:count]
+    most = np.bincount(part, weights=turn) > 0.5 * np.bincount(part)
+    turn ^= most[part]
     result = triangles.copy()
     result[turn] = result[turn][:, ::-1]
     return result, int(turn.sum())

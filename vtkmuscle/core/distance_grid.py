@@ -18,8 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vtkmuscle.core.closed_shells import closed_shells
 from vtkmuscle.core.distance_blocks import SIDE, with_far_faces
-from vtkmuscle.core.distance_refinement import refined_blocks
-from vtkmuscle.core.distance_shell import Lattice, ShellDistance, known_up_to, shell_distance
+from vtkmuscle.core.distance_shell import Lattice, ShellDistance, shell_distance
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -47,9 +46,9 @@ class DistanceGrid:
         Up to this distance values are those to the triangles; outside they never exceed it [mm].
     table : (bx, by, bz) int32 array
         Which entry of ``values`` a block of 8 x 8 x 8 cells is; -1 where all of it is beyond the band,
-        outside; -2 - i for a block that entries i to i + 7 divide into eighths, in the order of z, y, x.
+        outside.
     values : (n, 9, 9, 9) float32 array
-        At the nodes of each block or eighth [mm]; neighbours share the nodes of a face.
+        At the nodes of each block [mm]; neighbours share the nodes of a face.
     remarks : tuple of str
         What was wrong with the surface, in words.
     """
@@ -86,12 +85,10 @@ def build_distance_grid(
     """Return the signed distance from a surface of one or several shells, which may overlap.
 
     Within the band, distances are those to the triangles and the side is told by angle-weighted normals
-    (Baerentzen, Aanaes 2005, doi:10.1109/TVCG.2005.49); next to the surface the nodes get the values with
-    which the trilinear interpolant is best between them, and where that is not good enough, at thin and
-    sharp parts, there are nodes halfway between them. Farther inside, the distance is that of a front
+    (Baerentzen, Aanaes 2005, doi:10.1109/TVCG.2005.49). Farther inside, the distance is that of a front
     that moves inward at unit speed from the band (Zhao 2005, doi:10.1090/S0025-5718-04-01678-3), to first
     order. Each shell has an inside of its own, whether it faces outward or inward; of several the least
-    distance counts.
+    distance counts. Shells may lie anywhere: what is out of the region's reach costs nothing.
 
     Parameters
     ----------
@@ -145,13 +142,14 @@ def build_distance_grid(
             f"cells of {cell:g} mm are too small for a box of {np.ptp([base, top], axis=0).round(1)} mm; "
             "use larger cells or a smaller region"
         )
+    threads = threads or os.cpu_count() or 1
     lattice = Lattice(base + SIDE * cell * first, float(cell), tuple(int(n) for n in count))
 
     def measured(number: int) -> ShellDistance:
         shell, solid = surface.shells[number], surface.solid[number]
         return shell_distance(surface.points, shell, lattice, band=band, solid=solid, threads=threads)
 
-    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
+    with ThreadPoolExecutor(threads) as pool:
         parts = list(pool.map(measured, range(len(surface.shells))))
     table, values = _united(parts, lattice, band)
     return DistanceGrid(lattice.origin, lattice.cell, band, table, values, surface.remarks)
@@ -171,19 +169,7 @@ def _united(parts: Sequence[ShellDistance], lattice: Lattice, band: float) -> tu
     table = lattice.table(blocks)
     whole = np.empty((len(blocks), SIDE + 1, SIDE + 1, SIDE + 1), dtype=np.float32)
     with_far_faces(values, table, lattice.places(blocks), band, whole)
-    poor = np.unique(np.concatenate([part.poor for part in parts]))
-    children = refined_blocks(
-        whole[table.reshape(-1)[poor]],
-        lattice.places(poor),
-        lattice.table(poor),
-        [(part.fine, part.fine_table) for part in parts],
-        limit=known_up_to(lattice.cell),
-    )
-    kept = np.setdiff1d(blocks, poor)
-    whole = whole[table.reshape(-1)[kept]]
-    table = lattice.table(kept)
-    table.reshape(-1)[poor] = -2 - len(kept) - 8 * np.arange(len(poor), dtype=np.int32)
-    return table, np.concatenate([whole, children])
+    return table, whole
 
 
 def _before(blocks: Ints, values: Singles, lattice: Lattice, band: float) -> Ints:
@@ -195,7 +181,7 @@ def _before(blocks: Ints, values: Singles, lattice: Lattice, band: float) -> Int
         in_band = values[:, i, j, k] < np.float32(band)
         before = places[in_band.any(axis=tuple(range(1, in_band.ndim)))] - np.array(shift)
         before = before[(before >= 0).all(axis=1)]
-        result.append(np.ravel_multi_index(tuple(before.T), lattice.shape))
+        result.append(lattice.numbers(before))
     return np.concatenate(result)
 
 

@@ -64,12 +64,8 @@ def distance_at(
         return band
     i, j, k = np.int64(u), np.int64(v), np.int64(w)
     block = table[i >> 3, j >> 3, k >> 3]
-    if block == -1:
+    if block < 0:
         return band
-    if block < -1:  # divided into eighths of half the cells
-        u, v, w = 2.0 * u, 2.0 * v, 2.0 * w
-        i, j, k = np.int64(u), np.int64(v), np.int64(w)
-        block = -2 - block + ((i >> 3) & 1) * 4 + ((j >> 3) & 1) * 2 + ((k >> 3) & 1)
     u, v, w = u - i, v - j, w - k
     i, j, k = i & 7, j & 7, k & 7
     c = values[block]

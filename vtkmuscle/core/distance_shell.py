@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -10,14 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
-from vtkmuscle.core.distance_blocks import (
-    SIDE,
-    fill_band,
-    fill_inside,
-    triangles_of_blocks,
-    with_far_faces,
-)
-from vtkmuscle.core.distance_fit import fit_nodes, sample_cells
+from vtkmuscle.core.distance_blocks import SIDE, fill_band, fill_inside, triangles_of_blocks
 from vtkmuscle.core.triangle_distance import pseudonormals, winding_number
 
 Floats = NDArray[np.float64]
@@ -28,15 +20,6 @@ Table = NDArray[np.int32]
 
 #: Blocks that a thread works on at a time.
 _BLOCKS_PER_TASK = 256
-
-#: Distance of a corner from the surface up to which a cell takes part in the fit [cells].
-_NEAR = 0.5
-
-#: Distance from the surface up to which samples are taken [cells].
-SAMPLED = 0.8
-
-#: Error of a sample next to the surface that calls for half the cells [cells].
-_POOR = 0.1
 
 #: The blocks around a block.
 _AROUND = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]])
@@ -52,19 +35,10 @@ class ShellDistance:
         Those with a node in the band or inside.
     values : (k, 8, 8, 8) float32 array
         At their nodes [mm], the band where it is more outside.
-    fine : (l, 8, 8, 8) float32 array
-        At the nodes of blocks of half the cells, where it is less than ``SAMPLED`` cells.
-    fine_table : (2 bx, 2 by, 2 bz) int32 array
-        Which of these is where, -1 for none.
-    poor : (r,) int array
-        Blocks where trilinear values miss too much.
     """
 
     blocks: Ints
     values: Singles
-    fine: Singles
-    fine_table: Table
-    poor: Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,15 +63,25 @@ class Lattice:
         """Return where blocks are, (n, 3) [blocks]."""
         return np.column_stack(np.unravel_index(blocks, self.shape)).astype(np.int64)
 
+    def numbers(self, places: Ints) -> Ints:
+        """Return the numbers of the blocks at places (n, 3), (n,)."""
+        numbers: Ints = np.ravel_multi_index(tuple(places.T), self.shape)
+        return numbers
+
     def table(self, blocks: Ints) -> Table:
         """Return which of the blocks is where, -1 where there is none."""
         table = np.full(self.shape, -1, dtype=np.int32)
         table.reshape(-1)[blocks] = np.arange(len(blocks), dtype=np.int32)
         return table
 
-    def halved(self) -> Lattice:
-        """Return the lattice of half the cells, twice the blocks along each axis."""
-        return Lattice(self.origin, self.cell / 2.0, tuple(2 * n for n in self.shape))
+    def part(self, low: Floats, high: Floats) -> tuple[Lattice, Ints] | None:
+        """Return the blocks that meet a box, as a lattice, and the place of its first; None without any."""
+        side = SIDE * self.cell
+        first = np.clip(np.floor((low - self.origin) / side), 0, self.shape).astype(np.int64)
+        last = np.clip(np.floor((high - self.origin) / side), -1, np.array(self.shape) - 1).astype(np.int64)
+        if (first > last).any():
+            return None
+        return Lattice(self.origin + side * first, self.cell, tuple((last - first + 1).tolist())), first
 
     def beside(self, blocks: Ints, side: int) -> tuple[Bools, Ints]:
         """Return which of the blocks have one beside them in the lattice, (n,), and where that is, (k, 3)."""
@@ -110,6 +94,9 @@ def shell_distance(
     points: Floats, shell: Ints, lattice: Lattice, *, band: float, solid: bool, threads: int
 ) -> ShellDistance:
     """Return the signed distance from a closed shell where it is less than the band.
+
+    The work is done in the blocks that the shell's box meets, so that a speck of bone costs what a speck
+    does, wherever it lies and however large the grid is.
 
     Parameters
     ----------
@@ -124,18 +111,34 @@ def shell_distance(
     solid : bool
         False for a shell that encloses nothing: the distance is then without sign.
     threads : int
-        0 for one per processor.
+        At most so many work at a time.
+
+    Returns
+    -------
+    ShellDistance
+        Without blocks where the grid does not reach the shell.
     """
+    used, numbers = np.unique(shell, return_inverse=True)
+    points, shell = points[used], numbers.reshape(-1, 3).astype(np.int64)
+    near = lattice.part(points.min(axis=0) - band, points.max(axis=0) + band)
+    if near is None:
+        return ShellDistance(np.empty(0, np.int64), np.empty((0, SIDE, SIDE, SIDE), np.float32))
+    part, first = near
+    blocks, values = _distance_in(part, points, shell, band=band, solid=solid, threads=threads)
+    return ShellDistance(lattice.numbers(part.places(blocks) + first), values)
+
+
+def _distance_in(
+    lattice: Lattice, points: Floats, shell: Ints, *, band: float, solid: bool, threads: int
+) -> tuple[Ints, Singles]:
+    """Return the blocks with a node in the band or inside, and the values there."""
     triangles = _within_reach(points, shell, lattice, band)
     if not len(triangles):
         return _all_or_nothing(points, shell, lattice, band, solid)
     corners = np.ascontiguousarray(points[triangles])
-    normals = pseudonormals(points, triangles)
-    blocks, values = _band_values(corners, normals, lattice, band, threads)
-    fine, fine_table = _halved(corners, normals, lattice, threads)
-    poor = _fit(blocks, values, fine, fine_table, lattice, band)
+    blocks, values = _band_values(corners, pseudonormals(points, triangles), lattice, band, threads)
     if not solid:
-        return ShellDistance(blocks, np.abs(values), np.abs(fine), fine_table, poor)
+        return blocks, np.abs(values)
     inside = _blocks_inside(points, shell, lattice, blocks, values)
     deep = np.full((len(inside), SIDE, SIDE, SIDE), -band, dtype=np.float32)
     blocks, values = np.concatenate([blocks, inside]), np.concatenate([values, deep])
@@ -144,7 +147,7 @@ def shell_distance(
         exists, places = lattice.beside(blocks, side)
         neighbours[exists, side] = table[tuple(places.T)]
     fill_inside(values, neighbours, lattice.cell, float(np.float32(band)))
-    return ShellDistance(blocks, values, fine, fine_table, poor)
+    return blocks, values
 
 
 def _within_reach(points: Floats, shell: Ints, lattice: Lattice, band: float) -> Ints:
@@ -161,14 +164,14 @@ def _within_reach(points: Floats, shell: Ints, lattice: Lattice, band: float) ->
     return shell if near.all() else shell[touched[shell].any(axis=1)]
 
 
-def _all_or_nothing(points: Floats, shell: Ints, lattice: Lattice, band: float, solid: bool) -> ShellDistance:
+def _all_or_nothing(
+    points: Floats, shell: Ints, lattice: Lattice, band: float, solid: bool
+) -> tuple[Ints, Singles]:
     """Return all blocks where the grid is wholly within a shell, else none."""
     blocks = np.arange(int(np.prod(lattice.shape)))
-    none = blocks[:0]
     if not (solid and _winds_round(points, shell, lattice, blocks[0])):
-        blocks = none
-    values = np.full((len(blocks), SIDE, SIDE, SIDE), -band, dtype=np.float32)
-    return ShellDistance(blocks, values, values[:0], lattice.halved().table(none), none)
+        blocks = blocks[:0]
+    return blocks, np.full((len(blocks), SIDE, SIDE, SIDE), -band, dtype=np.float32)
 
 
 def _winds_round(points: Floats, shell: Ints, lattice: Lattice, block: np.int64) -> bool:
@@ -191,52 +194,14 @@ def _band_values(
         of_part = blocks[part], places[part], offsets, members, corners, normals
         fill_band(*of_part, lattice.origin, lattice.cell, band, values[part], in_band[part])
 
-    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
-        list(pool.map(fill, range(0, len(blocks), _BLOCKS_PER_TASK)))
+    tasks = range(0, len(blocks), _BLOCKS_PER_TASK)
+    if len(tasks) > 1 and threads > 1:
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(fill, tasks))
+    else:
+        for task in tasks:
+            fill(task)
     return blocks[in_band], values[in_band]
-
-
-def _halved(corners: Floats, normals: Floats, lattice: Lattice, threads: int) -> tuple[Singles, Table]:
-    """Return the distances next to the surface at nodes twice as dense, and which block of them is where."""
-    halved = lattice.halved()
-    blocks, values = _band_values(corners, normals, halved, SAMPLED * lattice.cell, threads)
-    return values, halved.table(blocks)
-
-
-def _fit(
-    blocks: Ints, values: Singles, fine: Singles, fine_table: Table, lattice: Lattice, band: float
-) -> Ints:
-    """Change the values of nodes next to the surface to those that are best between the nodes.
-
-    Returns the blocks where even these are not good enough.
-    """
-    table, places = lattice.table(blocks), lattice.places(blocks)
-    nearest = np.empty((len(blocks), SIDE + 1, SIDE + 1, SIDE + 1), dtype=np.float32)
-    with_far_faces(values, table, places, band, nearest)
-    np.abs(nearest, out=nearest)
-    for axis in (1, 2, 3):  # from nodes to cells: the least of the corners
-        lower, upper = nearest.take(range(SIDE), axis), nearest.take(range(1, SIDE + 1), axis)
-        nearest = np.minimum(lower, upper)
-    of_block, *in_block = np.nonzero(nearest < _NEAR * lattice.cell)
-    nodes = SIDE * places[of_block] + np.column_stack(in_block)
-    cells = np.empty((len(nodes), 8), dtype=np.int64)
-    for corner, shift in enumerate(np.ndindex(2, 2, 2)):
-        place, within = np.divmod(nodes + np.array(shift), SIDE)
-        exists = (place < lattice.shape).all(axis=1)
-        place[~exists] = 0
-        block = np.where(exists, table[tuple(place.T)], -1).astype(np.int64)
-        flat = np.ravel_multi_index(tuple(within.T), (SIDE, SIDE, SIDE))
-        cells[:, corner] = np.where(block >= 0, block * SIDE**3 + flat, -1)
-    complete = (cells >= 0).all(axis=1)
-    samples = np.empty((int(complete.sum()), 27), dtype=np.float32)
-    sample_cells(nodes[complete], fine, fine_table, known_up_to(lattice.cell), samples)
-    worst = fit_nodes(values.reshape(-1), cells[complete], samples, lattice.cell)
-    return np.unique(blocks[of_block[complete][worst > _POOR * lattice.cell]])
-
-
-def known_up_to(cell: float) -> float:
-    """Return the distance below which values at the nodes of half cells are known [mm]."""
-    return SAMPLED * cell * (1.0 - 1e-6)  # the limit itself stands for all that is farther
 
 
 def _blocks_inside(points: Floats, shell: Ints, lattice: Lattice, blocks: Ints, values: Singles) -> Ints:

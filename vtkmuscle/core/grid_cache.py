@@ -26,7 +26,7 @@ Ints = NDArray[np.int64]
 FOLDER_VARIABLE = "VTKMUSCLE_CACHE"
 
 #: To be raised with every change of what is stored or how it is computed.
-FORMAT = 2
+FORMAT = 3
 
 #: What the files of a cache may take [bytes]; beyond it the ones longest unused are removed.
 MOST_BYTES = 2 * 1024**3

@@ -30,7 +30,7 @@ UNEVENNESS = 1e-3
 #: Cells of a distance grid along the diagonal of a bone's box along its axes, where no size is given: 1.0 mm
 #: on a pelvis, 1.2 mm on a femur. Measured there over hip flexion: points end at most 0.1 mm within the bone
 #: with cells of 1 mm, and 0.2 mm with 2 mm.
-CELLS_PER_DIAGONAL = 400.0
+CELLS_PER_DIAGONAL = 600.0
 
 #: By how much a grid goes beyond where muscles are foreseen, as a part of the diagonal of that: they bulge.
 BULGE = 0.05

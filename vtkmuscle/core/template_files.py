@@ -25,7 +25,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vtkmuscle.core.files import MOST_TEXT, check_is_file
 from vtkmuscle.core.templates import FibreTemplate
+from vtkmuscle.core.words import shown
 
 Floats = NDArray[np.float64]
 
@@ -54,15 +56,16 @@ def read_template(path: str | Path) -> FibreTemplate:
         place in the file and what is allowed there.
     """
     file = Path(path)
-    try:
-        text = file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"the template {file} cannot be read: {error}") from error
     if file.suffix not in (".toml", ".json"):
         raise ValueError(f"the template {file} must be a .toml or a .json file")
     try:
+        check_is_file(file, most=MOST_TEXT)
+        text = file.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise ValueError(f"the template {file} cannot be read: {error}") from error
+    try:
         content = tomllib.loads(text) if file.suffix == ".toml" else json.loads(text)
-    except (tomllib.TOMLDecodeError, json.JSONDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # no TOML or JSON, an endless number, too many brackets
         raise ValueError(f"the template {file} is not {file.suffix[1:].upper()}: {error}") from error
     return template_from(content, str(file))
 
@@ -114,7 +117,7 @@ def _sheets(value: Any, where: str) -> Floats:
     """Return sheets of control points, (degree + 1, 4, 3)."""
     least, most = DEGREES[0] + 1, DEGREES[-1] + 1
     if not isinstance(value, list) or not least <= len(value) <= most:
-        found = f"{len(value)} sheets" if isinstance(value, list) else repr(value)
+        found = f"{len(value)} sheets" if isinstance(value, list) else shown(value)
         raise ValueError(
             f"{where}: {found}, but must be a list of {least} to {most} sheets, for Bezier curves of degree "
             f"{DEGREES[0]} to {DEGREES[-1]}"
@@ -129,8 +132,8 @@ def _sheets(value: Any, where: str) -> Floats:
             good = [isinstance(x, int | float) and not isinstance(x, bool) and 0 <= x <= 1 for x in numbers]
             if len(good) != 3 or not all(good):
                 raise ValueError(
-                    f"{where}[{i}][{j}] is {corner!r}, but must be three numbers from 0 to 1, a point of the "
-                    "unit cube"
+                    f"{where}[{i}][{j}] is {shown(corner)}, but must be three numbers from 0 to 1, a point "
+                    "of the unit cube"
                 )
     sheets = np.array(value, dtype=np.float64)
     for i, name in ((0, "origin"), (-1, "insertion")):

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from vtkmuscle.filters.attachment_estimator import AttachmentEstimator
-    from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, attachments_of
+    from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, attachments_of, via_rings_of
     from vtkmuscle.filters.base import Filter
     from vtkmuscle.filters.bone_motion import BoneMotion
     from vtkmuscle.filters.fibre_metrics import FibreMetrics
@@ -58,6 +58,7 @@ _SOURCES = {
     "attachments_from": "attachments",
     "attachments_of": "attachments",
     "provenance_of": "provenance",
+    "via_rings_of": "attachments",
 }
 
 __all__ = [
@@ -84,6 +85,7 @@ __all__ = [
     "attachments_from",
     "attachments_of",
     "provenance_of",
+    "via_rings_of",
 ]
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.via_rings import via_ring
 from vtkmuscle.filters.arrays import (
     Polylines,
     blocks_of,
@@ -21,24 +22,28 @@ from vtkmuscle.filters.arrays import (
     set_field_array,
 )
 
+#: Roles of areas where a muscle is attached: its ends.
 ROLES = ("origin", "insertion")
+#: Role of a ring that a muscle passes through, slides along in, and does not leave.
+VIA = "via"
 
 
 @dataclass(frozen=True, eq=False)
 class AttachmentArea:
-    """Where a muscle is attached to a bone.
+    """Where a muscle is attached to a bone, or held by it.
 
     Attributes
     ----------
     role : str
-        ``"origin"`` or ``"insertion"``.
+        ``"origin"`` or ``"insertion"``; or ``"via"``, for a ring that the muscle passes through: a
+        retinaculum or a pulley, which moves with the bone.
     bone : str
         Name of the bone's block.
     landmarks : (k, 3) float array
         In boundary order, each once, mm, in the rest pose.
     closed : bool
         True where the landmarks are the boundary of an area (a ring), False for an open curve or loose
-        points: then the attachment is what lies near the curve.
+        points: then the attachment is what lies near the curve. A via ring is closed.
     estimated : bool
         True where nobody has seen the landmarks: they were made from where the muscle touches the bone.
     """
@@ -86,7 +91,8 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
     Raises
     ------
     ValueError
-        For a block without landmarks, with a coordinate that is not finite, or without its arrays.
+        For a block without landmarks, with a coordinate that is not finite, or without its arrays; for a via
+        ring that is not closed, or that :func:`vtkmuscle.core.via_rings.via_ring` refuses.
     """
     areas = []
     for name, block in blocks_of(data):
@@ -94,18 +100,44 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
         if block is None or block.GetNumberOfPoints() == 0:
             raise ValueError(f"{label}: there are no landmarks")
         role, bone = field_string(block, "Role"), field_string(block, "Bone")
-        if role not in ROLES:
+        if role not in (*ROLES, VIA):
             raise ValueError(
-                f"{label}: the field array 'Role' is {role!r}, but must be 'origin' or 'insertion'"
+                f"{label}: the field array 'Role' is {role!r}, but must be 'origin', 'insertion' or 'via'"
             )
         if not bone:
             raise ValueError(f"{label}: the field array 'Bone' must name a bone")
         landmarks, closed = landmarks_of(block, label)
+        if role == VIA:
+            _check_ring(landmarks, closed, label)
         estimated = field_array(block, "Estimated")
         areas.append(
             AttachmentArea(role, bone, landmarks, closed, bool(estimated is not None and estimated[0]))
         )
     return areas
+
+
+def end_areas(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]:
+    """Return the areas where a muscle is attached, as :func:`attachments_of` does, but no via rings."""
+    return [area for area in attachments_of(data, where) if area.role in ROLES]
+
+
+def via_rings_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]:
+    """Return the rings that a muscle passes through, as :func:`attachments_of` does, but no ends.
+
+    Their planes and polygons: :func:`vtkmuscle.core.via_rings.via_ring`.
+    """
+    return [area for area in attachments_of(data, where) if area.role == VIA]
+
+
+def _check_ring(landmarks: NDArray[np.float64], closed: bool, where: str) -> None:
+    if not closed:
+        raise ValueError(
+            f"{where}: a via ring must be closed; end its polyline with the point that it begins with"
+        )
+    try:
+        via_ring(landmarks)
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from error
 
 
 def landmarks_of(data: vtkPolyData, where: str) -> tuple[NDArray[np.float64], bool]:

@@ -29,7 +29,7 @@ from vtkmuscle.filters.arrays import (
     set_point_array,
     with_polylines,
 )
-from vtkmuscle.filters.attachments import attachments_of
+from vtkmuscle.filters.attachments import end_areas
 from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.inner_areas import inner_areas
 from vtkmuscle.filters.muscle_geometry import muscle_geometry
@@ -215,7 +215,7 @@ def _pennation(
 ) -> tuple[Floats, Floats]:
     points, triangles = checked_surface(muscle, "FibreMetrics: muscle")
     if attachments is not None:
-        areas = attachments_of(attachments, "FibreMetrics: attachments")
+        areas = end_areas(attachments, "FibreMetrics: attachments")
         inner, faces = inner_areas(areas, muscle_geometry(muscle, "FibreMetrics: muscle"))
         triangles = np.vstack([triangles, faces + len(points)])
         points = np.vstack([points, inner])

@@ -12,7 +12,7 @@ from vtkmuscle.core.polylines import polyline_lengths, smooth_polylines
 from vtkmuscle.core.spreading import move_ends, steps_to_centres
 from vtkmuscle.core.triangle_tree import TriangleTree
 from vtkmuscle.filters.arrays import Polylines, field_string, polylines_of, set_cell_array, with_polylines
-from vtkmuscle.filters.attachments import attachments_of
+from vtkmuscle.filters.attachments import end_areas
 from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.muscle_geometry import MuscleGeometry, muscle_geometry
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
@@ -60,7 +60,7 @@ class FibreSmoother(Filter):
     4
     """
 
-    iterations = Parameter(int, default=5, minimum=0, doc="Number of smoothing passes.")
+    iterations = Parameter(int, default=5, minimum=0, maximum=10_000, doc="Number of smoothing passes.")
     k = Parameter(float, default=4.0, minimum=0.0, doc="Weight of the middle point.")
     filling: Parameter[float | None] = Parameter(
         float,
@@ -142,7 +142,7 @@ def _areas(
     """Return the origin's and the insertion's triangles, None where fibre ends stay where they are."""
     if attachments is None:
         return None, None
-    areas = attachments_of(attachments, "FibreSmoother: attachments")
+    areas = end_areas(attachments, "FibreSmoother: attachments")
     return [
         geometry.patch_tree(geometry.attached(areas, role, "FibreSmoother: attachments"))
         for role in ("origin", "insertion")

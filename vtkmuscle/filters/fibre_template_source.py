@@ -49,8 +49,10 @@ class FibreTemplateSource(Filter):
     file: Parameter[str | None] = Parameter(
         str, default=None, doc="A .toml or .json file with a template of your own, in place of ``kind``."
     )
-    n_fibres = Parameter(int, default=100, minimum=1, doc="Number of fibres.")
-    resolution = Parameter(int, default=15, minimum=1, doc="Segments of each fibre, one less than points.")
+    n_fibres = Parameter(int, default=100, minimum=1, maximum=100_000, doc="Number of fibres.")
+    resolution = Parameter(
+        int, default=15, minimum=1, maximum=10_000, doc="Segments of each fibre, one less than points."
+    )
 
     output = OutputPort(
         vtkPolyData,

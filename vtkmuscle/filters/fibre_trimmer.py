@@ -12,7 +12,7 @@ from vtkmuscle.core.discs import discs_over
 from vtkmuscle.core.triangle_tree import triangle_tree
 from vtkmuscle.core.trimming import EndArea, trim_fibres
 from vtkmuscle.filters.arrays import Polylines, field_array, polylines_of, with_polylines
-from vtkmuscle.filters.attachments import AttachmentArea, attachments_of
+from vtkmuscle.filters.attachments import AttachmentArea, end_areas
 from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.inner_areas import inner_areas
 from vtkmuscle.filters.muscle_geometry import MuscleGeometry, muscle_geometry
@@ -103,7 +103,7 @@ class FibreTrimmer(Filter):
                 f"FibreTrimmer: muscle: the surface has {geometry.n_open_edges} open edge(s), and so no "
                 "inside to keep fibres in; close its holes, and merge equal points (vtkCleanPolyData)"
             )
-        areas = attachments_of(attachments, "FibreTrimmer: attachments")
+        areas = end_areas(attachments, "FibreTrimmer: attachments")
         origin = _end_area("origin", areas, geometry, lines.points[lines.offsets[:-1]])
         insertion = _end_area("insertion", areas, geometry, lines.points[lines.offsets[1:] - 1])
         self.report_progress(0.2)

@@ -69,7 +69,7 @@ class FibreTubes(Filter):
     colour_by: Parameter[str | None] = Parameter(
         str, default=None, doc="Point or cell array that becomes the active scalars."
     )
-    sides = Parameter(int, default=12, minimum=3, doc="Number of sides of a tube.")
+    sides = Parameter(int, default=12, minimum=3, maximum=1000, doc="Number of sides of a tube.")
     max_triangles = Parameter(
         int,
         default=0,

@@ -11,7 +11,7 @@ from vtkmuscle.core.mesh import edge_lengths, unique_edges
 from vtkmuscle.core.patches import attachment_patch
 from vtkmuscle.core.voxels import DEFAULT_N_MAX, build_voxel_grid
 from vtkmuscle.filters.arrays import checked_surface, set_point_array
-from vtkmuscle.filters.attachments import AttachmentArea, attachments_of
+from vtkmuscle.filters.attachments import VIA, AttachmentArea, attachments_of
 from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.bone_motion import bones_of
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
@@ -81,7 +81,7 @@ class FixedPointDetector(Filter):
         vtkMultiBlockDataSet,
         content="attachments",
         optional=True,
-        doc="A block per area; needed for the method ``attachment`` only.",
+        doc="A block per area; needed for the method ``attachment`` only. Via rings fix nothing.",
     )
     output = OutputPort(
         vtkPolyData,
@@ -127,6 +127,8 @@ class FixedPointDetector(Filter):
         areas = attachments_of(attachments, "FixedPointDetector: attachments")
         distances: dict[str, SurfaceDistance] = {}
         for number, area in enumerate(areas):
+            if area.role == VIA:
+                continue
             where = f"FixedPointDetector: attachments, area {number} ({area.role} on {area.bone!r})"
             if area.bone not in bones:
                 raise ValueError(f"{where}: the bones are {', '.join(map(repr, names))}; rename one of them")

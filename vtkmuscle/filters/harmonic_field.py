@@ -8,7 +8,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.harmonic_morphing import attachment_field
 from vtkmuscle.filters.arrays import point_array, set_point_array
-from vtkmuscle.filters.attachments import attachments_of
+from vtkmuscle.filters.attachments import end_areas
 from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.muscle_geometry import muscle_geometry
 from vtkmuscle.filters.parameters import InputPort, OutputPort
@@ -97,7 +97,7 @@ def field_of(muscle: vtkPolyData, attachments: vtkMultiBlockDataSet | None, wher
 
 def _computed(muscle: vtkPolyData, attachments: vtkMultiBlockDataSet, where: str) -> Floats:
     geometry = muscle_geometry(muscle, f"{where}: muscle")
-    areas = attachments_of(attachments, f"{where}: attachments")
+    areas = end_areas(attachments, f"{where}: attachments")
     origin, insertion = (
         geometry.attached(areas, role, f"{where}: attachments") for role in ("origin", "insertion")
     )

@@ -7,6 +7,8 @@ import numbers
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
+from vtkmuscle.core.words import shown
+
 if TYPE_CHECKING:
     from vtkmuscle.filters.base import Filter
 
@@ -131,7 +133,7 @@ class Parameter(Generic[T]):
         """Return the value in its own type, or raise a ValueError that says what is allowed."""
         converted = self._converted(value)
         if converted is _REFUSED:
-            raise ValueError(f"{owner}.{self.name} is {value!r}, but must be {self.allowed}")
+            raise ValueError(f"{owner}.{self.name} is {shown(value)}, but must be {self.allowed}")
         return converted
 
     def _converted(self, value: Any) -> Any:
@@ -176,9 +178,12 @@ def _to_int(value: Any) -> Any:
 
 
 def _to_float(value: Any) -> Any:
-    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
         return _REFUSED
-    return float(value)
+    try:
+        return float(value) if math.isfinite(value) else _REFUSED
+    except OverflowError:  # an integer that no float is as large as
+        return _REFUSED
 
 
 def _to_str(value: Any) -> Any:

@@ -173,9 +173,15 @@ class PBDDeformer(Filter):
     True
     """
 
-    iterations = Parameter(int, default=10, minimum=1, doc="Projections of all constraints per step.")
+    iterations = Parameter(
+        int, default=10, minimum=1, maximum=1_000_000, doc="Projections of all constraints per step."
+    )
     substeps = Parameter(
-        int, default=1, minimum=1, doc="Parts that a step is cut into; bones move along their screws."
+        int,
+        default=1,
+        minimum=1,
+        maximum=10_000,
+        doc="Parts that a step is cut into; bones move along their screws.",
     )
     dt = Parameter(float, default=1.0, above=0.0, units="s", doc="Time of a step.")
     damping = Parameter(
@@ -221,7 +227,7 @@ class PBDDeformer(Filter):
         default=None,
         above=0.0,
         units="mm",
-        doc="Distance of the nodes of the signed distance grids; None is 1/400 of the diagonal of the bone's "
+        doc="Distance of the nodes of the signed distance grids; None is 1/600 of the diagonal of the bone's "
         "box along its principal axes.",
     )
     skin = Parameter(

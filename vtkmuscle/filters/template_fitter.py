@@ -28,7 +28,7 @@ from vtkmuscle.filters.arrays import (
     set_field_array,
     with_polylines,
 )
-from vtkmuscle.filters.attachments import AttachmentArea, attachments_of
+from vtkmuscle.filters.attachments import AttachmentArea, end_areas
 from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.muscle_geometry import muscle_geometry
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
@@ -134,7 +134,7 @@ class TemplateFitter(Filter):
         lines = polylines_of(template, "TemplateFitter: template")
         origin_area, insertion_area = (_area(template, n) for n in ("OriginArea", "InsertionArea"))
         geometry = muscle_geometry(muscle, "TemplateFitter: muscle")
-        areas = attachments_of(attachments, "TemplateFitter: attachments")
+        areas = end_areas(attachments, "TemplateFitter: attachments")
         origin, insertion = _landmarks(areas, "origin"), _landmarks(areas, "insertion")
         # The mirror image of the fit to the mirrored muscle.
         reflection = np.diag([-1.0, 1.0, 1.0, 1.0]) if self.mirror else np.eye(4)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
+import warnings
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vtkmuscle.core.files import MOST_TEXT, check_is_file
 from vtkmuscle.filters.attachments import landmarks_of
-from vtkmuscle.io.surfaces import check_is_file, read_polydata
+from vtkmuscle.io.surfaces import read_polydata
 
 Floats = NDArray[np.float64]
 
@@ -50,7 +52,7 @@ def read_landmarks(path: str | PathLike[str]) -> tuple[Floats, bool]:
         raise ValueError(
             f"{path}: landmarks are read from .vtp, .vtk, .csv or .json files, not from {path.suffix!r}"
         )
-    check_is_file(path)
+    check_is_file(path, most=MOST_TEXT)
     points = _from_csv(path) if suffix == ".csv" else _from_json(path)
     if not np.isfinite(points).all():
         row = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
@@ -61,6 +63,7 @@ def read_landmarks(path: str | PathLike[str]) -> tuple[Floats, bool]:
 
 def _from_csv(path: Path) -> Floats:
     rows: list[list[float]] = []
+    widths: dict[int, int] = {}
     header_passed = False
     with path.open(newline="", encoding="utf-8-sig") as lines:
         try:
@@ -78,8 +81,23 @@ def _from_csv(path: Path) -> Floats:
                     continue
                 if len(cells) < 3:
                     raise ValueError(f"{path}: line {number} has fewer than three numbers; give x, y, z")
+                widths.setdefault(len(cells), number)
         except UnicodeDecodeError as error:
             raise ValueError(f"{path}: the file is not text in UTF-8; export it as CSV again") from error
+        except csv.Error as error:
+            raise ValueError(f"{path}: the file is not a CSV table: {error}; export it again") from error
+    if len(widths) > 1:
+        (usual, _), (other, line) = sorted(widths.items(), key=lambda item: item[1])[:2]
+        raise ValueError(
+            f"{path}: line {line} has {other} cells, but those before it have {usual}; if numbers have a "
+            "decimal comma, write a point instead"
+        )
+    if next(iter(widths), 3) >= 6 and all(value == int(value) for row in rows for value in row):
+        warnings.warn(
+            f"{path}: each line has {next(iter(widths))} cells, the first of them whole numbers; if numbers "
+            "have a decimal comma, write a point instead",
+            stacklevel=4,
+        )
     if not rows:
         raise ValueError(f"{path}: the file holds no landmarks; give a line x, y, z for each")
     return np.array(rows, dtype=np.float64)
@@ -88,8 +106,9 @@ def _from_csv(path: Path) -> Floats:
 def _from_json(path: Path) -> Floats:
     try:
         points = np.array(json.loads(path.read_text(encoding="utf-8-sig")), dtype=np.float64)
-    except (ValueError, TypeError) as error:
-        raise ValueError(f"{path}: the file is not a JSON list of [x, y, z]: {error}") from error
+    except (ValueError, TypeError, OverflowError, RecursionError) as error:
+        why = str(error).partition("\n")[0]
+        raise ValueError(f"{path}: the file is not a JSON list of [x, y, z]: {why}") from error
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):
         raise ValueError(f"{path}: the file must hold a list of [x, y, z], one per landmark")
     return points

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Mapping, Sequence
+from itertools import islice
 from os import PathLike
 from pathlib import Path
 
@@ -12,14 +13,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vtkmuscle.core.coordinates import Coordinate
+from vtkmuscle.core.files import check_is_file
 from vtkmuscle.core.rigid import RigidMotion, is_rigid
-from vtkmuscle.io.surfaces import check_is_file
 from vtkmuscle.io.writing import write_text
 
 Floats = NDArray[np.float64]
 
 #: Column names, row major. The last four may be missing: a rigid transform ends with 0 0 0 1.
 TRANSFORM_COLUMNS = tuple(f"T{row}{column}" for row in range(4) for column in range(4))
+
+#: Rows of a table, at most: a hundred seconds at the rate of motion capture systems.
+MOST_FRAMES = 20_000
+
 _LAST_ROW = {"T30": 0.0, "T31": 0.0, "T32": 0.0, "T33": 1.0}
 
 #: Columns that are times or counts; one of another name that is the pipeline's time is a coordinate as well.
@@ -191,9 +196,10 @@ def _counts_rows(values: Floats) -> bool:
 
 def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     check_is_file(path)
+    most = 2 * MOST_FRAMES  # with empty lines and comments
     try:
         with path.open(newline="", encoding="utf-8-sig") as lines:
-            rows = [(number, cells) for number, cells in enumerate(csv.reader(lines), start=1)]
+            rows = [(number, cells) for number, cells in enumerate(islice(csv.reader(lines), most), start=1)]
     except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"{path}: the file is not a CSV table in UTF-8: {error}; export it again") from error
     filled = [
@@ -201,6 +207,8 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
         for number, cells in rows
         if any(cell.strip() for cell in cells) and not cells[0].lstrip().startswith("#")
     ]
+    if len(filled) - 1 > MOST_FRAMES or len(rows) == most:
+        raise ValueError(f"{path}: the table has more than {MOST_FRAMES} rows; leave some out")
     if len(filled) < 2:
         raise ValueError(f"{path}: the table has no rows; it needs a header line and one line per time")
     header = filled[0][1]

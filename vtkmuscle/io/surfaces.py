@@ -2,29 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 from vtkmodules.vtkIOGeometry import vtkOBJReader, vtkSTLReader
 from vtkmodules.vtkIOLegacy import vtkGenericDataObjectReader
-from vtkmodules.vtkIOPLY import vtkPLYReader
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
+from vtkmuscle.core.files import check_is_file
 from vtkmuscle.filters.arrays import points_of, with_points
+from vtkmuscle.io.in_child import read_in_child
+from vtkmuscle.io.messages import first_line, vtk_messages
+from vtkmuscle.io.ply import read_ply
+from vtkmuscle.io.vtp_check import check_vtp
 
+#: VTK's readers; .ply files are read by :mod:`vtkmuscle.io.ply`, .vtk files in a process of their own.
 _READERS: dict[str, Any] = {
     ".vtp": vtkXMLPolyDataReader,
     ".vtk": vtkGenericDataObjectReader,
     ".stl": vtkSTLReader,
     ".obj": vtkOBJReader,
-    ".ply": vtkPLYReader,
+    ".ply": None,
 }
 
 #: Suffixes of the files that :func:`read_surface` reads.
@@ -53,29 +55,27 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
         does not have.
     """
     path = Path(path)
-    reader_class = _READERS.get(path.suffix.lower())
-    if reader_class is None:
+    suffix = path.suffix.lower()
+    if suffix not in _READERS:
         raise ValueError(
             f"{path}: the suffix {path.suffix!r} is not one of {', '.join(SURFACE_SUFFIXES)}; "
             "convert the file, e.g. with ParaView or pyvista.read(...).save(...)"
         )
     check_is_file(path)
-    reader = reader_class()
-    reader.SetFileName(str(path))
-    with _vtk_messages() as messages:
-        reader.Update()
-    data = reader.GetOutput()
-    complaint = _first_line(messages())
-    if reader.GetErrorCode() or complaint:
-        raise ValueError(
-            f"{path}: the file cannot be read as {path.suffix}: {complaint or 'it is damaged'}; "
-            "export it again, and check that its suffix says what it is"
-        )
-    if not isinstance(data, vtkPolyData):
-        raise ValueError(
-            f"{path}: the file holds a {data.GetClassName()}, not a surface; "
-            "extract its surface (pyvista: mesh.extract_surface()) and save that"
-        )
+    data: Any
+    if suffix == ".ply":
+        data = read_ply(path)
+    elif suffix == ".vtk" or (suffix == ".vtp" and not check_vtp(path)):
+        data, kind, said = read_in_child(path, _READERS[suffix].__name__)
+        _check_read(path, data, kind, first_line(said))
+    else:
+        reader = _READERS[suffix]()
+        reader.SetFileName(str(path))
+        with vtk_messages() as messages:
+            reader.Update()
+        data = reader.GetOutput()
+        complaint = first_line(messages()) or ("it is damaged" if reader.GetErrorCode() else "")
+        _check_read(path, data, data.GetClassName(), complaint)
     if data.GetNumberOfPoints() == 0:
         raise ValueError(f"{path}: the file holds no points; export it again")
     _check_point_ids(data, path)
@@ -83,6 +83,20 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
         data = _without_strips(data)
     result: vtkPolyData = with_points(data, points_of(data))
     return result
+
+
+def _check_read(path: Path, data: Any, kind: str, complaint: str) -> None:
+    """Raise a ValueError where VTK's reader complained, or gave no poly data."""
+    if complaint:
+        raise ValueError(
+            f"{path}: the file cannot be read as {path.suffix}: {complaint}; "
+            "export it again, and check that its suffix says what it is"
+        )
+    if not isinstance(data, vtkPolyData):
+        raise ValueError(
+            f"{path}: the file holds a {kind or 'nothing'}, not a surface; "
+            "extract its surface (pyvista: mesh.extract_surface()) and save that"
+        )
 
 
 def read_surface(path: str | PathLike[str]) -> vtkPolyData:
@@ -116,40 +130,6 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
     surface.GetPointData().ShallowCopy(data.GetPointData())
     surface.GetFieldData().ShallowCopy(data.GetFieldData())
     return surface
-
-
-def check_is_file(path: Path) -> None:
-    """Raise a FileNotFoundError that says what is the matter where there is no file to read."""
-    if path.is_file():
-        return
-    if path.is_dir():
-        raise FileNotFoundError(f"{path}: this is a folder, not a file")
-    near = path.parent if path.parent.is_dir() else None
-    also = sorted(p.name for p in near.iterdir() if p.suffix == path.suffix)[:5] if near else []
-    hint = f"; its folder holds {', '.join(also)}" if also else ""
-    raise FileNotFoundError(f"{path}: there is no such file{hint}")
-
-
-@contextmanager
-def _vtk_messages() -> Iterator[Any]:
-    """Collect what VTK would print, and give a function that returns it."""
-    window, before = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
-    verbosity = vtkLogger.GetCurrentVerbosityCutoff()
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
-    vtkOutputWindow.SetInstance(window)
-    try:
-        yield window.GetOutput
-    finally:
-        vtkOutputWindow.SetInstance(before)
-        vtkLogger.SetStderrVerbosity(verbosity)
-
-
-def _first_line(messages: str) -> str:
-    """Return the first complaint without VTK's source lines and addresses."""
-    for line in messages.splitlines():
-        if line and not line.startswith(("ERROR: In", "Warning: In", "Generic Warning: In")):
-            return line.partition("): ")[2].strip(" .") or line.strip(" .")
-    return ""
 
 
 def _check_point_ids(data: vtkPolyData, path: Path) -> None:

@@ -14,13 +14,18 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkIOHDF import vtkHDFReader
 
+from vtkmuscle.core.files import check_is_file
 from vtkmuscle.filters.arrays import multiblock_from
 from vtkmuscle.filters.pipeline_times import announce_times, times_of
-from vtkmuscle.io.surfaces import check_is_file, read_polydata
+from vtkmuscle.io.in_child import check_in_child
+from vtkmuscle.io.surfaces import read_polydata
 from vtkmuscle.io.writing import replacing
 
 #: Suffixes of the files that :func:`read_series` reads.
 SERIES_SUFFIXES = (".pvd", ".vtkhdf")
+
+#: What a file of HDF5 begins with.
+_HDF = b"\x89HDF\r\n\x1a\n"
 
 #: Values per chunk and strength of compression: VTK's 25 000 would make a file of many small arrays huge.
 _CHUNK = 1000
@@ -112,7 +117,6 @@ def write_vtkhdf(
     writer.SetChunkSize(_CHUNK)
     writer.SetCompressionLevel(_COMPRESSION)
     with replacing(path) as beside:
-        beside.touch()
         writer.SetFileName(str(beside))
         written = writer.Write()
         if source.error is not None:
@@ -185,6 +189,10 @@ def _from_pvd(path: Path) -> TimeSeries:
 
 
 def _from_vtkhdf(path: Path) -> TimeSeries:
+    with path.open("rb") as file:
+        if file.read(len(_HDF)) != _HDF:
+            raise ValueError(f"{path}: the file is no VTKHDF file; write it again")
+    check_in_child(path, "vtkHDFReader")
     reader = vtkHDFReader()
     reader.SetFileName(str(path))
     if not reader.CanReadFile(str(path)):

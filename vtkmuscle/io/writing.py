@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
+import secrets
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,32 +13,80 @@ from pathlib import Path
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
+from vtkmuscle.io.messages import vtk_messages
+
+#: How files and folders are called while they are written: the number is that of the process.
+_PARTIAL = re.compile(r"\..+\.(?P<process>\d+)(-[0-9a-f]+)?\.partial")
+
+#: Where one cannot ask whether a process still runs, its files are left alone for this long [s].
+_A_DAY = 86400.0
+
+
+def beside(path: Path) -> Path:
+    """Return a name beside a path that nobody else uses, for what is not complete yet."""
+    return path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}.partial")
+
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Give a name beside a file to write to, and move what was written into place at the end.
+    """Give a new, empty file beside a place to write to, and move it there when it is complete.
 
     Whoever reads the file sees the old content or the new one, never a part. Where writing fails the
-    old file stays, and nothing is left beside it.
+    old file stays, and nothing is left beside it. The file is made exclusively: it is never one, or a link
+    to one, that was there before.
 
     Parameters
     ----------
     path : Path
         The file to be written; its folder is made.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; names the file, not the one beside it.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    partial = beside(path)
     try:
-        yield beside
-        beside.replace(path)
+        os.close(os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        yield partial
+        partial.replace(path)
+    except OSError as error:
+        if error.errno is None or error.filename not in (None, str(partial)):
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
-        beside.unlink(missing_ok=True)
+        partial.unlink(missing_ok=True)
+
+
+def left_behind(folder: Path) -> list[Path]:
+    """Return what processes that were killed have left in a folder of what they were writing."""
+    found = []
+    for path in folder.glob(".*.partial"):
+        match = _PARTIAL.fullmatch(path.name)
+        if match and not path.is_symlink() and not _alive(int(match["process"]), path):
+            found.append(path)
+    return found
+
+
+def _alive(process: int, path: Path) -> bool:
+    if process == os.getpid():
+        return True
+    if os.name != "posix":  # there is no signal that only asks
+        return time.time() - path.stat().st_mtime < _A_DAY
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return True
 
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file (UTF-8), all or nothing."""
-    with replacing(path) as beside:
-        beside.write_text(text, encoding="utf-8", newline="\n")
+    with replacing(path) as partial:
+        partial.write_text(text, encoding="utf-8", newline="\n")
 
 
 def write_polydata(path: Path, data: vtkPolyData) -> None:
@@ -59,8 +110,9 @@ def write_polydata(path: Path, data: vtkPolyData) -> None:
     writer.EncodeAppendedDataOff()
     writer.SetHeaderTypeToUInt64()
     writer.SetCompressorTypeToZLib()
-    with replacing(path) as beside:
-        beside.touch()  # Python says better than VTK why a file cannot be written
-        writer.SetFileName(str(beside))
-        if not writer.Write() or writer.GetErrorCode():
+    with replacing(path) as partial:
+        writer.SetFileName(str(partial))
+        with vtk_messages():
+            written = writer.Write()
+        if not written or writer.GetErrorCode():
             raise OSError(f"{path}: the file could not be written; is the disk full?")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import sys
 from importlib import metadata
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import vtkmuscle
 from vtkmuscle.core.grid_cache import FOLDER_VARIABLE, cache_folder
+from vtkmuscle.io.writing import write_text
 
 _HERE = Path(__file__).resolve().parent
 #: What ParaView loads at start-up.
@@ -18,6 +20,8 @@ PLUGINS = _HERE / "plugins"
 MEND = _HERE / "mend_5_11"
 #: What the filters need beside vtkmuscle; where one is not installed its filters say so.
 DISTRIBUTIONS = ("numpy", "scipy", "numba", "llvmlite", "fast-simplification")
+#: The file that says which links in a folder are ours.
+_RECORD = ".made_by_vtkmuscle.json"
 
 
 def default_folder() -> Path:
@@ -39,30 +43,49 @@ def link_packages(folder: Path) -> None:
     """Fill a folder with links to vtkmuscle and to the packages it needs in ParaView, and to no others.
 
     The environment's own site-packages is no folder for ParaView: the VTK in it would take the place of
-    ParaView's.
+    ParaView's. A file in the folder says which links are ours: only those are ever removed.
 
     Parameters
     ----------
     folder : path
-        Made where it does not exist; links in it are replaced.
+        Made where it does not exist; links in it that were made here are replaced.
 
     Raises
     ------
     ValueError
-        If something is in the folder that is not a link.
+        If something is in the folder that was not made here; nothing is changed then.
     OSError
         If a link cannot be made.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    for old in folder.iterdir():
-        if not old.is_symlink():
-            raise ValueError(f"{folder}: {old.name} is not a link; give a folder of its own with --folder")
-        old.unlink()
     package = Path(vtkmuscle.__file__).resolve().parent
-    (folder / package.name).symlink_to(package)
-    for name in DISTRIBUTIONS:
-        for target in _top_level(name):
-            (folder / target.name).symlink_to(target)
+    targets = {package, *(target for name in DISTRIBUTIONS for target in _top_level(name))}
+    wanted = {target.name: str(target) for target in targets}
+    folder.mkdir(parents=True, exist_ok=True)
+    ours = _our_links(folder)
+    for old in sorted(folder.iterdir()):
+        if old.name == _RECORD:
+            continue
+        what = "is not a link" if not old.is_symlink() else "is a link that was not made here"
+        if not old.is_symlink() or os.readlink(old) not in (ours.get(old.name), wanted.get(old.name)):
+            raise ValueError(f"{folder}: {old.name} {what}; give a folder of its own with --folder")
+    # The record comes first: what is not finished is ours all the same.
+    write_text(folder / _RECORD, json.dumps(ours | wanted, indent=1) + "\n")
+    for name in {*ours, *wanted}:
+        if (folder / name).is_symlink() and os.readlink(folder / name) != wanted.get(name):
+            (folder / name).unlink()
+    for name, target in wanted.items():
+        if not (folder / name).is_symlink():
+            (folder / name).symlink_to(target)
+    write_text(folder / _RECORD, json.dumps(wanted, indent=1) + "\n")
+
+
+def _our_links(folder: Path) -> dict[str, str]:
+    """Return the links that were made in a folder, and where each leads."""
+    try:
+        record = json.loads((folder / _RECORD).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return {str(name): str(target) for name, target in record.items()} if isinstance(record, dict) else {}
 
 
 def _top_level(name: str) -> set[Path]:

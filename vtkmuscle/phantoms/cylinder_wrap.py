@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from vtkmuscle.core.rigid import hinge
 from vtkmuscle.filters.attachments import AttachmentArea
@@ -23,28 +23,54 @@ STRAIGHT = 80.0
 #: How far round the cylinder the strap reaches at rest, and the part of that which is attached [degrees].
 WRAPPED = 110.0
 ATTACHED = 30.0
+#: Least and largest angle of the cylinder [degrees]: below, the strap's free part touches the cylinder no
+#: more; above, the strap's end comes near the strap's straight part.
+UNWOUND, WOUND = ATTACHED - WRAPPED, 180.0
 
 
-def wrapping_cylinder() -> Phantom:
+def wrapping_cylinder(*, angles: ArrayLike | None = None) -> Phantom:
     """Return a strap muscle from a fixed block over a cylinder that turns and winds it up.
 
     The cylinder ``pulley`` lies along the x axis and turns about it. The strap leaves the block ``base`` at
     y = -80 mm, runs straight to the top of the cylinder, lies on it over 110 degrees, and is attached over
     the last 30.
 
+    Parameters
+    ----------
+    angles : (k,) array_like, optional
+        Of the motion, ascending, from rest [degrees]: above 0 the strap is wound up, below it is unwound.
+        Default 0 to 40 by 2. Within -80 to 180: at -80 the free part of the strap leaves the cylinder.
+
     Returns
     -------
     Phantom
-        Known answers: ``known["moment_arm"]`` [mm], 30 in size, is the radius of the cylinder and half the
-        thickness of the strap, negative as the strap lengthens with the angle; ``known["length"](angle)``
-        [mm], the middle line from the block to the start of the attachment at an angle [degrees].
+        Known answers: ``known["moment_arm"]`` [mm], 30 in size, at every angle that is allowed, is the
+        radius of the cylinder and half the thickness of the strap, negative as the strap lengthens with the
+        angle; ``known["length"](angle)`` [mm], the middle line from the block to the start of the
+        attachment at an angle [degrees].
+
+    Raises
+    ------
+    ValueError
+        If an angle is below -80 or above 180 degrees, or if they do not ascend.
 
     Examples
     --------
+    Wound up as it comes, and unwound and wound over 140 degrees:
+
     >>> from vtkmuscle.phantoms import wrapping_cylinder
     >>> wrapping_cylinder().known["moment_arm"]
     -30.0
+    >>> wrapping_cylinder(angles=range(-60, 81, 2)).motion.times[[0, -1]].tolist()
+    [-60.0, 80.0]
     """
+    times = np.arange(0.0, 41.0, 2.0) if angles is None else np.asarray(angles, dtype=np.float64)
+    outside = times[~((times >= UNWOUND) & (times <= WOUND))]
+    if len(outside):
+        raise ValueError(
+            f"wrapping_cylinder: an angle is {outside[0]:g} degrees; the strap lies on the cylinder, and its "
+            f"moment arm is known, from {UNWOUND:g} to {WOUND:g} only: choose angles within"
+        )
     bones, muscle = _surfaces()
     # The strap's edges are round: landmarks lie on the flat part of its faces.
     half = (WIDTH - THICKNESS) / 2.0
@@ -63,14 +89,17 @@ def wrapping_cylinder() -> Phantom:
         bones=bones,
         muscles={"strap": muscle},
         areas={"strap": areas},
-        motion=hinge("pulley", centre=(0, 0, 0), axis=(-1, 0, 0), angles=np.arange(0.0, 41.0, 2.0)),
+        motion=hinge("pulley", centre=(0, 0, 0), axis=(-1, 0, 0), angles=times),
         templates={"strap": "parallel"},
         known={"moment_arm": -(RADIUS + THICKNESS / 2.0), "length": strap_length},
     )
 
 
 def strap_length(angle: float) -> float:
-    """Return the length of the middle line [mm], from the block to where the attachment starts."""
+    """Return the length of the middle line [mm], from the block to where the attachment starts.
+
+    At angles from -80 degrees on; below, the strap does not touch the cylinder.
+    """
     return STRAIGHT + (RADIUS + THICKNESS / 2.0) * float(np.radians(WRAPPED - ATTACHED + angle))
 
 

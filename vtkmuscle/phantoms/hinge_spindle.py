@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vtkmuscle.core.rigid import apply_transform, hinge, rotation_about
 from vtkmuscle.filters.attachments import AttachmentArea
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
-from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution
+from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution, volume_of_revolution
 from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
 
 Floats = NDArray[np.float64]
@@ -62,7 +62,11 @@ def spindle_over_hinge() -> Phantom:
         areas={"spindle": areas},
         motion=hinge("distal", centre=(0, 0, 0), axis=AXIS, angles=np.arange(0.0, 41.0, 2.0)),
         templates={"spindle": "parallel"},
-        known={"volume": _volume(), "length": line_length, "moment_arm": line_moment_arm},
+        known={
+            "volume": volume_of_revolution(*spindle_profile(), SIDES),
+            "length": line_length,
+            "moment_arm": line_moment_arm,
+        },
     )
 
 
@@ -83,35 +87,27 @@ def _insertion(angle: float) -> Floats:
     return moved
 
 
-def _profile() -> tuple[Floats, Floats]:
+def spindle_profile() -> tuple[Floats, Floats]:
     """Return heights and radii, r = r_end + (r_belly - r_end) sin^2(pi s) for s in 0 ... 1 [mm]."""
     s = np.linspace(0.0, 1.0, SLICES + 1)
     radii = END_RADIUS + (BELLY_RADIUS - END_RADIUS) * np.sin(np.pi * s) ** 2
     return INSERTION[2] + s * (ORIGIN[2] - INSERTION[2]), radii
 
 
-def _volume() -> float:
-    """Return the volume of the stack of frustums, h (a + sqrt(a b) + b) / 3 each, a and b their ends."""
-    heights, r = _profile()
-    polygon = SIDES / 2.0 * np.sin(2.0 * np.pi / SIDES)
-    squares = r[:-1] ** 2 + r[:-1] * r[1:] + r[1:] ** 2
-    return float(polygon / 3.0 * np.diff(heights) @ squares)
-
-
 @cache
 def _surfaces() -> tuple[dict[str, Surface], Surface]:
     bones = {
-        "proximal": mesh_of(_bone(ORIGIN, 1.0), 3.0, 3000),
-        "distal": mesh_of(_bone(INSERTION, -1.0), 3.0, 3000),
+        "proximal": mesh_of(bone_with_arm(ORIGIN, 1.0), 3.0, 3000),
+        "distal": mesh_of(bone_with_arm(INSERTION, -1.0), 3.0, 3000),
     }
-    points, triangles = solid_of_revolution(*_profile(), SIDES)
+    points, triangles = solid_of_revolution(*spindle_profile(), SIDES)
     return bones, (points + np.array([0.0, ORIGIN[1], 0.0]), triangles)
 
 
-def _bone(attachment: Floats, up: float) -> Solid:
+def bone_with_arm(attachment: Floats, up: float) -> Solid:
     """Return a shaft along z and an arm whose flat face carries the attachment."""
     arm_centre = attachment + np.array([0.0, 0.0, 7.0 * up])
-    arm = thick_curve([arm_centre * [1, 0, 1], arm_centre], [13.0, 13.0])
+    arm = thick_curve([arm_centre * [0, 0, 1], arm_centre], [13.0, 13.0])
     arm = arm.beside(attachment, (0, 0, -up), 1.0)
     shaft = thick_curve([(0, 0, 14 * up), (0, 0, attachment[2] + 50 * up)], [10.0, 11.0])
     return shaft.joined(arm, 4.0)

@@ -110,6 +110,34 @@ def ball(centre: ArrayLike, radius: float) -> Solid:
     return Solid(field, c - radius, c + radius)
 
 
+def rod(start: ArrayLike, end: ArrayLike, radius: float, *, rim: float = 1.0) -> Solid:
+    """Return a round cylinder with flat ends, their edges rounded over ``rim`` [mm]."""
+    a, b = _vector(start), _vector(end)
+    axis = (b - a) / np.linalg.norm(b - a)
+
+    def field(points: Floats) -> tuple[Floats, Floats]:
+        away = points - a
+        return _distance(away - (away @ axis)[:, None] * axis, radius)
+
+    whole = Solid(field, np.minimum(a, b) - radius, np.maximum(a, b) + radius)
+    return whole.beside(a, -axis, rim).beside(b, axis, rim)
+
+
+def block(lower: ArrayLike, upper: ArrayLike, *, rim: float = 2.0) -> Solid:
+    """Return a box along the axes, its edges rounded over ``rim`` [mm]."""
+    low, high = _vector(lower), _vector(upper)
+
+    def face(points: Floats) -> tuple[Floats, Floats]:
+        return points[:, 0] - high[0], np.tile([1.0, 0.0, 0.0], (len(points), 1))
+
+    solid = Solid(face, low, high)
+    for axis in range(3):
+        normal = np.eye(3)[axis]
+        solid = solid.beside(low, -normal, rim)
+        solid = solid if axis == 0 else solid.beside(high, normal, rim)
+    return solid
+
+
 def thick_curve(knots: ArrayLike, radii: ArrayLike, *, spacing: float = 3.0) -> Solid:
     """Return a tube of varying radius about a smooth curve, with round ends.
 

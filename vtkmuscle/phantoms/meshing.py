@@ -172,6 +172,14 @@ def _hexagonal_disc(rings: int) -> tuple[Floats, Ints]:
     return np.vstack(points[:-1]), np.array(faces, dtype=np.int64)
 
 
+def volume_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> float:
+    """Return the volume [mm^3] of :func:`solid_of_revolution`: frustums, h (a + sqrt(a b) + b) / 3 each."""
+    h, r = np.asarray(heights, dtype=np.float64), np.asarray(radii, dtype=np.float64)
+    polygon = sides / 2.0 * np.sin(2.0 * np.pi / sides)
+    squares = r[:-1] ** 2 + r[:-1] * r[1:] + r[1:] ** 2
+    return float(polygon / 3.0 * np.diff(h) @ squares)
+
+
 def box(lower: ArrayLike, upper: ArrayLike, spacing: float) -> tuple[Floats, Ints]:
     """Return a box with right-angled triangles of about one size.
 

@@ -13,6 +13,8 @@ from vtkmuscle.core.rigid import RigidMotion
 from vtkmuscle.filters.arrays import multiblock_from, surface_from
 from vtkmuscle.filters.attachments import AttachmentArea, attachments_from
 
+#: A number, a function, or values by name.
+Answer = float | Callable[..., float] | Mapping[str, NDArray[np.float64]]
 Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 
@@ -31,11 +33,13 @@ class Phantom:
     attachments : dict of str to vtkMultiBlockDataSet
         Per muscle its areas, as filters take them.
     motion : RigidMotion
-        Of the bones; its times are degrees.
+        Of the bones; its times are degrees, or numbers of frames where it has several coordinates.
     templates : dict of str to str
         Per muscle the kind of its fibre template.
     known : dict
-        The answers: numbers, and functions, most of them of the angle [degrees].
+        The answers: numbers, and functions, most of them of the angle [degrees]. Where the motion has several
+        coordinates, ``known["coordinates"]`` has their values at each of its times, by name, and functions
+        take them in that order.
     superficial : dict of str to vtkPolyData
         Per muscle fibres that are seen on its surface, where there are some.
     """
@@ -46,7 +50,7 @@ class Phantom:
     attachments: dict[str, vtkMultiBlockDataSet]
     motion: RigidMotion
     templates: dict[str, str]
-    known: dict[str, float | Callable[..., float]] = field(default_factory=dict)
+    known: dict[str, Answer] = field(default_factory=dict)
     superficial: dict[str, vtkPolyData] = field(default_factory=dict)
 
 
@@ -58,7 +62,7 @@ def phantom_from(
     areas: Mapping[str, Sequence[AttachmentArea]],
     motion: RigidMotion,
     templates: Mapping[str, str],
-    known: Mapping[str, float | Callable[..., float]],
+    known: Mapping[str, Answer],
     superficial: Mapping[str, vtkPolyData] | None = None,
 ) -> Phantom:
     """Return a phantom with VTK data sets of its own, from points and triangles."""

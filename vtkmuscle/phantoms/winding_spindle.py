@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from vtkmuscle.core.rigid import RigidMotion
 from vtkmuscle.filters.arrays import Polylines, polylines_from
 from vtkmuscle.filters.attachments import AttachmentArea
-from vtkmuscle.phantoms.meshing import box, solid_of_revolution
+from vtkmuscle.phantoms.meshing import box, solid_of_revolution, volume_of_revolution
 from vtkmuscle.phantoms.phantom import Phantom, phantom_from
 
 Floats = NDArray[np.float64]
@@ -60,9 +60,6 @@ def winding_spindle(twist: float = 60.0, *, n_superficial: int = 5) -> Phantom:
     table[:, 2, 3] = -shifts
     low, high = np.array([-HALF_WIDTH, -HALF_WIDTH, -PLATE]), np.array([HALF_WIDTH, HALF_WIDTH, 0.0])
     up = np.array([0.0, 0.0, LENGTH + PLATE])
-    polygon = SIDES / 2.0 * np.sin(2.0 * np.pi / SIDES)
-    r = radius_at(heights)
-    squares = r[:-1] ** 2 + r[:-1] * r[1:] + r[1:] ** 2
     starts = 2.0 * np.pi * (np.arange(n_superficial) + 0.25) / n_superficial
     seen = [winding_fibre(1.0, start, twist, np.linspace(*SEEN, SEEN_POINTS)) for start in starts]
     return phantom_from(
@@ -84,7 +81,7 @@ def winding_spindle(twist: float = 60.0, *, n_superficial: int = 5) -> Phantom:
         templates={"spindle": "parallel"},
         known={
             "twist": twist,
-            "volume": float(polygon / 3.0 * np.diff(heights) @ squares),
+            "volume": volume_of_revolution(heights, radius_at(heights), SIDES),
             "fibre_length": lambda part: _length(part, twist),
         },
         superficial={

@@ -55,7 +55,6 @@ def export_scene(
             exporter.SetInlineData(True)
             exporter.SetSaveNormal(True)
             exporter.SetFileName(str(beside))
-            beside.touch()
             exporter.Write()
             if not beside.stat().st_size:
                 raise OSError(f"{path}: the file could not be written; is the disk full?")

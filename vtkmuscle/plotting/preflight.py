@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 import signal
 import subprocess
-import sys
 from functools import cache
+
+from vtkmuscle.isolation import isolated_python
 
 _PREFLIGHT_TIMEOUT = 120.0  # seconds; a first import from a cold disk is slow
 _LOG_PREFIX = re.compile(r"^.*\b(WARN|ERR)\|\s|\x1b\[[0-9;]*m")  # time, thread and level; colours
@@ -46,7 +47,7 @@ def can_render() -> str | None:
     """
     try:
         done = subprocess.run(
-            [sys.executable, "-c", _PREFLIGHT],
+            isolated_python(_PREFLIGHT),
             capture_output=True,
             text=True,
             errors="replace",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +15,8 @@ from vtkmuscle.filters.arrays import blocks_of, set_field_array
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.series import Collection, Series
 from vtkmuscle.io.temporal import read_series, write_vtkhdf
-from vtkmuscle.io.writing import write_polydata, write_text
+from vtkmuscle.io.writing import beside, write_polydata, write_text
+from vtkmuscle.run.claim import remove_results
 from vtkmuscle.run.poses import merged
 from vtkmuscle.run.report import fibre_rows
 
@@ -41,7 +41,7 @@ class RunFolder:
     Parameters
     ----------
     path : Path
-        Made where it does not exist. Files of the same names are replaced, others are left alone.
+        Made where it does not exist. Results of an earlier run are replaced, other files are left alone.
     series : str, optional
         ``"pvd"``, or ``"vtkhdf"``: each series is gathered in one file when it is finished; one that is
         not finished stays a .pvd.
@@ -64,8 +64,9 @@ class RunFolder:
         self._gather = series == "vtkhdf"
         self._series: dict[str, Series] = {}
 
-    def begin(self, report: dict[str, Any]) -> None:
-        """Write a report that says that nothing is finished, in place of an earlier run's."""
+    def begin(self, report: dict[str, Any], scene: Scene) -> None:
+        """Write a report that says that nothing is finished, and remove the results of an earlier run."""
+        remove_results(self.path, scene)
         self._write_report(report)
 
     def write_frame(
@@ -90,9 +91,6 @@ class RunFolder:
         for name in (muscle, f"{muscle}_fibres"):
             if self._gather and name in self._series:
                 self._gathered(name)
-            elif name in self._series:
-                # An earlier run may have left the other format, which would be taken for this one's.
-                (self.path / f"{name}.vtkhdf").unlink(missing_ok=True)
 
     def _gathered(self, name: str) -> None:
         """Turn a collection of files into one file."""
@@ -129,8 +127,6 @@ class RunFolder:
             collection.add(time, parts)
         if self._gather:
             self._gathered("bones")
-        else:
-            (self.path / "bones.vtkhdf").unlink(missing_ok=True)
 
     def write_tables(
         self, report: dict[str, Any], scene: Scene, numbers: range, tracks: dict[str, MuscleTrack]
@@ -153,29 +149,30 @@ class RunFolder:
         self._write_report(report)
 
     def write_moment_arms(self, arms: MomentArmTable) -> None:
-        """Write moment_arms.csv and moment_arms_summary.csv; without moment arms, remove an earlier run's."""
-        tables = {"moment_arms.csv": arms.write, "moment_arms_summary.csv": arms.write_summary}
-        for name, write in tables.items():
-            if arms:
-                write(self.path / name)
-            else:
-                (self.path / name).unlink(missing_ok=True)
+        """Write moment_arms.csv and moment_arms_summary.csv, where there are moment arms."""
+        if arms:
+            arms.write(self.path / "moment_arms.csv")
+            arms.write_summary(self.path / "moment_arms_summary.csv")
 
     def write_figures(self, result: Result) -> list[str]:
         """Draw the figures beside, move them to ``figures/``, and return their names."""
-        from vtkmuscle.plotting import write_figures  # noqa: PLC0415 -- only figures need PyVista
+        import matplotlib as mpl  # noqa: PLC0415 -- only figures need it, and PyVista
 
-        beside = self.path / f".figures.{os.getpid()}.partial"
+        from vtkmuscle.plotting import write_figures  # noqa: PLC0415
+
         folder = self.path / "figures"
+        drawing = beside(folder)
         try:
-            write_figures(beside, result)
+            with mpl.rc_context():
+                mpl.rcdefaults()  # a matplotlibrc in the working folder may be from elsewhere
+                write_figures(drawing, result)
             folder.mkdir(exist_ok=True)
-            drawn = sorted(beside.iterdir())
+            drawn = sorted(drawing.iterdir())
             for figure in drawn:
                 figure.replace(folder / figure.name)
             return [figure.name for figure in drawn]
         finally:
-            shutil.rmtree(beside, ignore_errors=True)
+            shutil.rmtree(drawing, ignore_errors=True)
 
     def _write_report(self, report: dict[str, Any]) -> None:
         text = json.dumps(report, indent=1, allow_nan=False, default=_plain)

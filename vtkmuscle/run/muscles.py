@@ -28,6 +28,7 @@ from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.pbd_deformer import NEIGHBOURS, PBDDeformer
 from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.pipelines import PRUNE, TRANSPORT_SETTINGS, decompose, deform
+from vtkmuscle.run.fixed_points import warn_of_fixed_points
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report import architecture_of, fibres_at_rest, measures_of_fibres
@@ -105,6 +106,7 @@ class MuscleRun:
         self._tell("fixed points", 0.0)
         with self._timed("fixing", detector):
             track.rest = detector.update().output
+        warn_of_fixed_points(name, track.rest)
         with self._timed("measuring"):
             measure = MuscleMeasure(track.rest, list(scene.bones), self.distances, scene.millimetres)
             track.report.update(measure.at_rest())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from vtkmodules.vtkFiltersCore import vtkAppendPolyData
 
 from vtkmuscle.filters.arrays import blocks_of, multiblock_from, set_cell_array, set_field_array
 from vtkmuscle.io.temporal import SERIES_SUFFIXES, TimeSeries, read_series
+from vtkmuscle.run.claim import read_report
 
 
 @dataclass(frozen=True)
@@ -57,10 +57,11 @@ def read_pose(folder: Path, time: float | None = None) -> Pose:
     FileNotFoundError
         If it is not the folder of a run, or one that finished no frame.
     """
-    report = folder / "report.json"
-    if not report.is_file():
-        raise FileNotFoundError(f"{report}: there is no such file; give the folder of a run's results")
-    names = json.loads(report.read_text(encoding="utf-8"))["muscles"]
+    report = read_report(folder)
+    if report is None:
+        what = "it is no report of a run" if (folder / "report.json").exists() else "there is no such file"
+        raise FileNotFoundError(f"{folder / 'report.json'}: {what}; give the folder of a run's results")
+    names = report["muscles"]
     bones = _series(folder, "bones")
     muscles = {name: _series(folder, name) for name in names}
     fibres = [found for name in names if (found := _series(folder, f"{name}_fibres"))]

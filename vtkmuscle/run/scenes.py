@@ -18,7 +18,9 @@ from vtkmuscle.core.closed_shells import closed_shells
 from vtkmuscle.filters.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.filters.base import AbortedError
 from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.run.claim import scene_file
 from vtkmuscle.run.folder import RunFolder
+from vtkmuscle.run.memory import check_memory
 from vtkmuscle.run.moment_arms import MomentArmTable
 from vtkmuscle.run.muscles import MuscleRun, Observe, Progress
 from vtkmuscle.run.reach import bones_with_reach
@@ -95,6 +97,7 @@ def run_scene(
     numbers = frame_numbers(frames, len(scene.motion.times))
     if workers is not None and workers < 1:
         raise ValueError(f"workers is {workers}, but must be an integer >= 1")
+    check_memory(scene, numbers)
     folder = None if out is None else RunFolder(out, series=series)
     bones, distances = bones_with_reach(scene), _bone_distances(scene)
     tracks = {name: MuscleTrack() for name in scene.muscles}
@@ -110,7 +113,7 @@ def run_scene(
             jobs: dict[str, Future[None]] = {}
             runs: list[MuscleRun] = []
             if folder is not None:
-                folder.begin(report)
+                folder.begin(report, scene)
             for name, track in tracks.items():
                 others = tuple(runs) if scene.muscle_contact != "off" else ()
                 run = MuscleRun(scene, name, track, bones, distances, folder, stop, told, seen, others)
@@ -188,6 +191,7 @@ def _bone_distances(scene: Scene) -> dict[str, SurfaceDistance]:
 def _first_report(scene: Scene, numbers: range, tracks: dict[str, MuscleTrack]) -> dict[str, Any]:
     return {
         "scene": scene.name,
+        "scene_file": scene_file(scene),
         "units": scene.units,
         "complete": False,
         "versions": versions(),

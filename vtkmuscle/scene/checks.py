@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -14,8 +13,10 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.mesh import survey
+from vtkmuscle.core.via_rings import passes_through, via_ring
+from vtkmuscle.core.words import shown
 from vtkmuscle.filters.arrays import checked_surface, points_of, surface_from
-from vtkmuscle.filters.attachments import ROLES, AttachmentArea
+from vtkmuscle.filters.attachments import ROLES, VIA, AttachmentArea
 from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.parameters import Parameter
@@ -24,12 +25,11 @@ from vtkmuscle.filters.quality import PRESETS
 from vtkmuscle.filters.superficial import checked_superficial
 from vtkmuscle.pipelines import FIBRE_SETTINGS, TRANSPORT_SETTINGS
 from vtkmuscle.scene.model import MILLIMETRES, Muscle, SceneError
+from vtkmuscle.scene.names import check_name
 
 if TYPE_CHECKING:
     from vtkmuscle.scene.model import Scene
 
-#: A name becomes part of file names: letters, digits, and a few signs that every file system takes.
-_NAME = re.compile(r"\w[\w .+-]*(?<![ .])")
 #: Names that the run writes itself, beside those of the muscles.
 _RESERVED = ("bones", "figures", "scene")
 #: What is done where muscles meet.
@@ -39,6 +39,8 @@ ESTIMATE = "estimate"
 #: Landmarks farther from their muscle than this many of its diagonals are another muscle's, or in
 #: another unit.
 _FARTHEST_LANDMARKS = 1.0
+#: Coordinates beyond this are no length of anything, and their squares may be no numbers.
+_LARGEST = 1e60
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
@@ -62,14 +64,12 @@ def checked_names(scene: Scene) -> None:
     if scene.quality is not None and scene.quality not in PRESETS:
         problem = f"there is no preset {scene.quality!r}"
         raise SceneError(problem, key="quality", mend=suggestion(str(scene.quality), PRESETS), file=file)
-    mend = "use letters, digits, spaces and _ - + . only, beginning and ending with a letter or digit"
     for key, name in [
         ("name", scene.name),
         *((f"bones.{bone}", bone) for bone in scene.bones),
         *((f"muscles.{muscle}", muscle) for muscle in scene.muscles),
     ]:
-        if not _NAME.fullmatch(name):
-            raise SceneError(f"{name!r} cannot be part of a file name", key=key, mend=mend, file=file)
+        check_name(name, key, file)
     for kind, names in (("bones", scene.bones), ("muscles", scene.muscles)):
         if not names:
             problem = f"the scene has no {kind}"
@@ -129,7 +129,7 @@ def checked_muscles(scene: Scene) -> dict[str, Muscle]:
                 for word, (kind, p) in (FIBRE_SETTINGS | TRANSPORT_SETTINGS).items()
             }
             _check_settings(scene, muscle.fibres, declarations, f"{key}.fibres")
-        _check_attachments(scene, f"{key}.attachments", muscle, points_of(surface))
+        _check_attachments(scene, f"{key}.attachments", muscle, surface)
         _check_superficial(scene, f"{key}.superficial_fibres", muscle, points_of(surface))
         muscles[name] = replace(muscle, surface=surface, attachments=tuple(muscle.attachments))
     return muscles
@@ -160,7 +160,7 @@ def _check_settings(
             declarations[name].check(value, key)
         except ValueError:
             raise SceneError(
-                f"{value!r} is not allowed",
+                f"{shown(value)} is not allowed",
                 key=f"{key}.{name}",
                 mend=f"it must be {declarations[name].allowed}",
                 file=file,
@@ -175,6 +175,10 @@ def _checked_surface(scene: Scene, key: str, surface: vtkPolyData, *, closed: bo
         problem, _, mend = str(error).removeprefix("the surface: ").partition("; ")
         mend = mend or "correct them, or export the surface again"
         raise SceneError(problem, key=key, mend=mend, file=file) from error
+    if np.abs(points).max() > _LARGEST:
+        point = int(np.abs(points).max(axis=1).argmax())
+        problem = f"point {point} has a coordinate of {np.abs(points[point]).max():.4g}"
+        raise SceneError(problem, key=key, mend="correct that point, or remove it", file=file)
     report = survey(points, triangles)
     faults = [
         (
@@ -238,13 +242,13 @@ def _check_one_piece(scene: Scene, key: str, surface: vtkPolyData) -> None:
         )
 
 
-def _check_attachments(scene: Scene, key: str, muscle: Muscle, points: NDArray[Any]) -> None:
+def _check_attachments(scene: Scene, key: str, muscle: Muscle, surface: vtkPolyData) -> None:
     file = scene.files.get("")
     by_attachment = _setting(FixedPointDetector, "method", scene.fixing, muscle.fixing) == "attachment"
-    roles = {area.role for area in muscle.attachments}
+    roles = {area.role for area in muscle.attachments} - {VIA}
     wanted = ROLES if muscle.fibres is not None else (() if roles or not by_attachment else ROLES[:1])
     for number, area in enumerate(muscle.attachments):
-        _check_attachment(scene, f"{key}[{number}]", area, points)
+        _check_attachment(scene, f"{key}[{number}]", area, surface)
     for role in wanted:
         if role not in roles:
             raise SceneError(
@@ -261,11 +265,11 @@ def _check_attachments(scene: Scene, key: str, muscle: Muscle, points: NDArray[A
             )
 
 
-def _check_attachment(scene: Scene, key: str, area: AttachmentArea, points: NDArray[Any]) -> None:
+def _check_attachment(scene: Scene, key: str, area: AttachmentArea, surface: vtkPolyData) -> None:
     file = scene.files.get("")
-    if area.role not in ROLES:
+    if area.role not in (*ROLES, VIA):
         problem = f"there is no role {area.role!r}"
-        raise SceneError(problem, key=f"{key}.role", mend=suggestion(area.role, ROLES), file=file)
+        raise SceneError(problem, key=f"{key}.role", mend=suggestion(area.role, (*ROLES, VIA)), file=file)
     if area.bone not in scene.bones:
         problem = f"there is no bone {area.bone!r}"
         raise SceneError(problem, key=f"{key}.bone", mend=suggestion(area.bone, scene.bones), file=file)
@@ -278,7 +282,37 @@ def _check_attachment(scene: Scene, key: str, area: AttachmentArea, points: NDAr
     if len(landmarks) < fewest:
         problem = f"there are {len(landmarks)} landmarks, but a ring needs {fewest}"
         raise SceneError(problem, key=f"{key}.landmarks", mend="add landmarks", file=file)
-    _check_near(scene, f"{key}.landmarks", "the landmarks are", landmarks, points)
+    _check_near(scene, f"{key}.landmarks", "the landmarks are", landmarks, points_of(surface))
+    if area.role == VIA:
+        _check_ring(scene, key, area, surface)
+
+
+def _check_ring(scene: Scene, key: str, area: AttachmentArea, surface: vtkPolyData) -> None:
+    """Check that a via ring is a ring, and that the muscle passes through it."""
+    if not area.closed:
+        raise SceneError(
+            "a via ring is closed",
+            key=f"{key}.closed",
+            mend="leave closed out, or write closed = true",
+            file=scene.files.get(""),
+        )
+    file = scene.files.get(f"{key}.landmarks", scene.files.get(""))
+    try:
+        ring = via_ring(area.landmarks)
+    except ValueError as error:
+        problem, _, mend = str(error).partition("; ")
+        mend = mend or "give landmarks round the muscle, in order"
+        raise SceneError(problem, key=f"{key}.landmarks", mend=mend, file=file) from error
+    points, triangles = checked_surface(surface, key)
+    if not passes_through(ring, points, triangles):
+        gap = np.linalg.norm(points - ring.centre, axis=1).min()
+        raise SceneError(
+            f"the muscle does not pass through the via ring, whose centre is {gap:.4g} {scene.units} from "
+            "the muscle's nearest point",
+            key=f"{key}.landmarks",
+            mend="digitise the ring round the muscle at rest, in the same unit and frame",
+            file=file,
+        )
 
 
 def _check_superficial(scene: Scene, key: str, muscle: Muscle, points: NDArray[Any]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
@@ -63,7 +64,7 @@ class Muscle:
     surface : vtkPolyData
         Closed surface of triangles that face outward, in the rest pose.
     attachments : sequence of AttachmentArea
-        Where it is attached.
+        Where it is attached, and the via rings that it passes through.
     fibres : mapping, optional
         Keyword arguments of :func:`vtkmuscle.pipelines.decompose`, and ``prune`` of FibreTransport, 0.3 where
         it is not given, 0 for exact transport; None for a muscle without fibres.
@@ -226,6 +227,7 @@ class Scene:
         workers: int | None = None,
         series: str = "pvd",
         observe: Callable[[str, Mapping[str, Any]], None] | None = None,
+        overwrite: bool = False,
     ) -> Result:
         """Deform all muscles over the motion, carry their fibres along, and measure.
 
@@ -233,8 +235,8 @@ class Scene:
         ----------
         out : path, optional
             Folder to write to: a .pvd per muscle, its fibres and the bones, lengths.csv, moment_arms.csv,
-            report.json and figures. Files of the same names are replaced, others are left alone. Without it
-            nothing is written.
+            report.json and figures. An earlier run of the same scene in it is replaced, other files are left
+            alone. Without it nothing is written.
         frames : str, slice, range or int, optional
             Which frames to keep and write, e.g. ``"0:10"`` for the first ten (the end is not
             included, as in Python); default all. Frames before them are computed, for the deformation
@@ -253,6 +255,9 @@ class Scene:
         observe : callable, optional
             Called with the muscle's name and the figures of each frame that is done, as they are in the
             report; from several threads.
+        overwrite : bool, optional
+            Whether results of another scene in that folder, or files that no run has written, may be
+            replaced. The scene's own files never are.
 
         Returns
         -------
@@ -263,25 +268,35 @@ class Scene:
         Raises
         ------
         SceneError
-            If a stage cannot be done; the message names the muscle and the mend.
+            If a stage cannot be done, or something in the scene is surely not meant; the message names the
+            muscle and the mend.
         ValueError
-            If no such frames exist.
+            If no such frames exist, or something in the folder would be lost.
+        OSError
+            If the folder cannot be written to, or another run writes to it.
         KeyboardInterrupt
             On Ctrl-C; all finished frames are written, and the report says what they are.
         """
+        from vtkmuscle.run.claim import claimed  # noqa: PLC0415
         from vtkmuscle.run.scenes import run_scene  # noqa: PLC0415
+        from vtkmuscle.scene.sense import check_sense  # noqa: PLC0415
 
+        if out is not None and not str(out):
+            raise ValueError("out is empty; give the name of a folder")
+        check_sense(self)
         target = None if out is None else Path(out)
-        return run_scene(
-            self,
-            target,
-            frames=frames,
-            figures=figures,
-            progress=progress,
-            workers=workers,
-            series=series,
-            observe=observe,
-        )
+        hold = nullcontext() if target is None else claimed(target, self, overwrite=overwrite)
+        with hold:
+            return run_scene(
+                self,
+                target,
+                frames=frames,
+                figures=figures,
+                progress=progress,
+                workers=workers,
+                series=series,
+                observe=observe,
+            )
 
     def with_quality(self, quality: str) -> Scene:
         """Return the scene with another preset.

@@ -33,6 +33,7 @@
     attachments = [
       { role = "origin", bone = "pelvis", landmarks = "origin.vtp" },     # .vtp, .vtk, .csv, .json
       { role = "insertion", bone = "femur", landmarks = "insertion.csv", closed = true },
+      { role = "via", bone = "pelvis", landmarks = "ring.csv" },          # a ring round the muscle
     ]                                  # or "estimate": from where the muscle touches the bones
     solver = { iterations = 20 }       # optional: what differs from [solver]
     fixing = { method = "proximity" }  # optional: what differs from [fixing]
@@ -51,6 +52,7 @@ with the same times in each, and ``bone`` is left out.
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -61,10 +63,12 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.coordinates import ANGLES, TRANSLATIONS, Coordinate
+from vtkmuscle.core.files import MOST_TEXT, check_is_file
 from vtkmuscle.core.rigid import RigidMotion, hinge
 from vtkmuscle.core.template_files import read_template
+from vtkmuscle.core.words import shown
 from vtkmuscle.filters.arrays import multiblock_from
-from vtkmuscle.filters.attachments import AttachmentArea, attachments_of
+from vtkmuscle.filters.attachments import VIA, AttachmentArea, attachments_of
 from vtkmuscle.io import (
     LiteratureCurve,
     curves_for,
@@ -82,7 +86,15 @@ from vtkmuscle.scene.model import Muscle, Scene, SceneError
 T = TypeVar("T")
 
 #: More frames than this are a slip of the pen in a hinge's step.
-_MOST_FRAMES = 100_000
+_MOST_FRAMES = 10_000
+
+
+def _is_finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer that no float is as large as
+        return False
+
 
 _HINGE_KEYS = ("bone", "centre", "axis", "angles", "coordinate")
 
@@ -93,7 +105,7 @@ class _Table:
     def __init__(self, file: Path, key: str, values: Any, known: tuple[str, ...]) -> None:
         self.file, self.key = file, key
         if not isinstance(values, dict):
-            raise self.error("", f"must be a table, not {values!r}", "see the format of a scene.toml")
+            raise self.error("", f"must be a table, not {shown(values)}", "see the format of a scene.toml")
         self.values: dict[str, Any] = values
         for name in values if known else ():
             if name not in known:
@@ -116,23 +128,23 @@ class _Table:
     def text(self, name: str, example: str) -> str:
         value = self.required(name, f"{name} = {example}")
         if not isinstance(value, str) or not value:
-            raise self.error(name, f"must be a text, not {value!r}", f"write {name} = {example}")
+            raise self.error(name, f"must be a text, not {shown(value)}", f"write {name} = {example}")
         return value
 
     def numbers(self, name: str, example: str, count: int = 3) -> list[float]:
         value = self.required(name, f"{name} = {example}")
         good = isinstance(value, list) and len(value) == count
         if not good or not all(
-            isinstance(v, int | float) and not isinstance(v, bool) and np.isfinite(v) for v in value
+            isinstance(v, int | float) and not isinstance(v, bool) and _is_finite(v) for v in value
         ):
-            problem = f"must be {count} finite numbers, not {value!r}"
+            problem = f"must be {count} finite numbers, not {shown(value)}"
             raise self.error(name, problem, f"write {name} = {example}")
         return [float(v) for v in value]
 
     def flag(self, name: str, mend: str, default: bool) -> bool:
         value = self.values.get(name, default)
         if not isinstance(value, bool):
-            raise self.error(name, f"must be true or false, not {value!r}", mend)
+            raise self.error(name, f"must be true or false, not {shown(value)}", mend)
         return value
 
     def settings(self, name: str) -> dict[str, Any]:
@@ -152,9 +164,16 @@ class _Table:
         try:
             return reader(path), path
         except (OSError, ValueError) as error:
-            problem, _, mend = str(error).removeprefix(f"{path}: ").partition("; ")
+            problem, _, mend = _one_line(error).removeprefix(f"{path}: ").partition("; ")
             mend = mend or f"check {name} = {text!r} and the file it names"
             raise self.error(name, problem, mend, file=path) from error
+
+
+def _one_line(error: Exception) -> str:
+    """Return what an error says: also an OSError that only has a number and a name."""
+    if isinstance(error, OSError) and error.strerror:
+        return str(error.strerror)
+    return " ".join(str(error).split())
 
 
 def read_scene(path: Path) -> Scene:
@@ -256,9 +275,11 @@ def _parsed(path: Path) -> dict[str, Any]:
         mend = f"give its scene file, e.g. {path / 'scene.toml'}"
         raise SceneError("this is a folder, not a scene file", key="", mend=mend, file=path)
     try:
+        check_is_file(path, most=MOST_TEXT)
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise SceneError("there is no such file", key="", mend="check the path", file=path) from None
+    except FileNotFoundError as error:
+        problem = "there is no such file" if not path.exists() else "is a pipe or a device, not a file"
+        raise SceneError(problem, key="", mend="check the path", file=path) from error
     except OSError as error:
         raise SceneError(f"cannot be read: {error.strerror}", key="", mend="", file=path) from error
     except UnicodeDecodeError as error:
@@ -266,6 +287,9 @@ def _parsed(path: Path) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         mend = "correct that line; texts stand in double quotes"
         raise SceneError(f"is not valid TOML: {error}", key="", mend=mend, file=path) from error
+    except (ValueError, RecursionError) as error:  # too large, an endless number, or too many brackets
+        why = str(error).removeprefix(f"{path}: ").partition(";")[0]
+        raise SceneError(f"cannot be read: {why}", key="", mend="correct it", file=path) from error
 
 
 def _attachments(
@@ -281,14 +305,15 @@ def _attachments(
     example = '[{ role = "origin", bone = "NAME", landmarks = "FILE.vtp" }]'
     if not isinstance(listed, list):
         mend = f'write {example}, or "{ESTIMATE}"'
-        raise muscle.error("attachments", f"must be a list, not {listed!r}", mend)
+        raise muscle.error("attachments", f"must be a list, not {shown(listed)}", mend)
     areas = []
     for number, value in enumerate(listed):
         key = f"{muscle.key}.attachments[{number}]"
         table = _Table(muscle.file, key, value, ("role", "bone", "landmarks", "closed", "estimated"))
-        role, bone = table.text("role", '"origin" or "insertion"'), table.text("bone", '"NAME"')
+        role, bone = table.text("role", '"origin", "insertion" or "via"'), table.text("bone", '"NAME"')
         (landmarks, closed), files[f"{key}.landmarks"] = table.read("landmarks", '"FILE.vtp"', read_landmarks)
-        closed = table.flag("closed", "write true for a ring, false for an open curve", closed)
+        # A via ring is one whether or not its file repeats the first landmark.
+        closed = table.flag("closed", "write true for a ring, false for an open curve", closed or role == VIA)
         estimated = table.flag("estimated", "write true where nobody has seen the landmarks", False)
         areas.append(AttachmentArea(role, bone, landmarks, closed, estimated))
     return tuple(areas)

@@ -1,0 +1,68 @@
+"""Filters that look for the ends of a muscle pass over via rings."""
+
+import numpy as np
+import pytest
+
+from vtkmuscle.filters import (
+    AttachmentArea,
+    FibreMetrics,
+    FixedPointDetector,
+    attachments_from,
+    attachments_of,
+)
+from vtkmuscle.filters.arrays import Polylines, cell_array, point_array, points_of, polylines_from
+from vtkmuscle.pipelines import decompose
+
+turn = 2.0 * np.pi * np.arange(8) / 8
+#: Round the belly of the spindle, and within it: a ring that an attachment's patch could be made from.
+RINGS = {
+    name: np.column_stack([radius * np.cos(turn), radius * np.sin(turn) - 32.0, np.full(8, 10.0)])
+    for name, radius in (("round", 18.0), ("within", 8.0))
+}
+
+
+def with_ring(attachments, ring):
+    areas = attachments_of(attachments, "test")
+    return attachments_from([AttachmentArea("via", "proximal", ring, closed=True), *areas])
+
+
+@pytest.mark.parametrize("ring", RINGS.values(), ids=RINGS)
+def test_a_via_ring_fixes_no_point(spindle, ring):
+    muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
+    fixed = [FixedPointDetector()(muscle, spindle.bones, a) for a in (areas, with_ring(areas, ring))]
+    without, beside = (point_array(muscle, "FixedTo", "test") for muscle in fixed)
+    assert (without >= 0).any()
+    np.testing.assert_array_equal(beside, without)
+
+
+@pytest.mark.parametrize("ring", RINGS.values(), ids=RINGS)
+@pytest.mark.parametrize("method", ["plane", "harmonic"])
+def test_fibres_are_those_without_the_ring(spindle, method, ring):
+    muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
+    without, beside = (
+        decompose(muscle, a, method=method, n_fibres=8, resolution=6).update().output
+        for a in (areas, with_ring(areas, ring))
+    )
+    np.testing.assert_array_equal(points_of(beside), points_of(without))
+
+
+def test_pennation_is_that_without_the_ring(spindle):
+    # A fibre that ends where the ring is: an area there would be met at a right angle.
+    muscle, areas = spindle.muscles["spindle"], spindle.attachments["spindle"]
+    line = np.array([(0.0, -32.0, 80.0), (0.0, -32.0, 40.0), (0.0, -32.0, 10.0)])
+    fibre = polylines_from(Polylines(line, np.array([0, 3])))
+    inner = attachments_from([AttachmentArea("insertion", "proximal", RINGS["within"], closed=True)])
+    without, beside, as_area = (
+        cell_array(FibreMetrics()(fibre, muscle, None, a), "PennationInsertion", "test")[0]
+        for a in (areas, with_ring(areas, RINGS["within"]), inner)
+    )
+    assert as_area == pytest.approx(90.0)
+    assert without < 60.0
+    assert beside == without
+
+
+def test_a_via_ring_is_no_end(spindle):
+    ring = AttachmentArea("via", "proximal", RINGS["round"], closed=True)
+    origin, _ = attachments_of(spindle.attachments["spindle"], "test")
+    with pytest.raises(ValueError, match="no area with the role 'insertion'"):
+        decompose(spindle.muscles["spindle"], attachments_from([origin, ring])).update()

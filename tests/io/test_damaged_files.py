@@ -1,0 +1,222 @@
+"""A damaged file is a result or one clear error, never the end of the process."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from vtkmodules.vtkIOGeometry import vtkOBJWriter, vtkSTLWriter
+from vtkmodules.vtkIOLegacy import vtkPolyDataWriter
+from vtkmodules.vtkIOPLY import vtkPLYReader, vtkPLYWriter
+from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from mutations import mutated, read_all
+from tiny_scene import ellipsoid
+
+from vtkmuscle.filters.arrays import points_of, set_field_array, set_point_array, triangles_of
+from vtkmuscle.io import read_polydata, write_vtkhdf
+from vtkmuscle.io.vtp_check import check_vtp
+
+TRIANGLE = """ply
+format ascii 1.0
+element vertex {vertices}
+property float x
+property float y
+property float z
+element face {faces}
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 0
+{face}
+"""
+
+
+def surface():
+    data = ellipsoid((8, 8, 40), (0, 0, 0), 8)
+    set_point_array(data, "Height", points_of(data)[:, 2])
+    set_field_array(data, "Scene", "a name")
+    return data
+
+
+def write(folder, kind):
+    """Write a surface; kind is a suffix and, after a dash, how."""
+    suffix, _, how = kind.partition("-")
+    path = folder / f"{how or 'plain'}.{suffix}"
+    writers = {"ply": vtkPLYWriter, "vtk": vtkPolyDataWriter, "stl": vtkSTLWriter, "obj": vtkOBJWriter}
+    writer = writers.get(suffix, vtkXMLPolyDataWriter)()
+    writer.SetInputData(surface())
+    writer.SetFileName(str(path))
+    if suffix == "vtp":
+        data, _, packed = how.partition(" ")
+        {"ascii": writer.SetDataModeToAscii, "binary": writer.SetDataModeToBinary}.get(
+            data, writer.SetDataModeToAppended
+        )()
+        writer.SetEncodeAppendedData(data == "base64")
+        {"zlib": writer.SetCompressorTypeToZLib, "lzma": writer.SetCompressorTypeToLZMA}.get(
+            packed, {"lz4": writer.SetCompressorTypeToLZ4}.get(packed, writer.SetCompressorTypeToNone)
+        )()
+    elif suffix != "obj":
+        writer.SetFileType(2 if how == "binary" else 1)
+    writer.Write()
+    return path
+
+
+VTP = [
+    f"vtp-{data} {packed}"
+    for data in ("binary", "base64", "raw")
+    for packed in ("none", "zlib", "lzma", "lz4")
+]
+KINDS = [
+    "ply-ascii",
+    "ply-binary",
+    "vtk-ascii",
+    "vtk-binary",
+    "stl-ascii",
+    "stl-binary",
+    "obj",
+    "vtp-ascii",
+    *VTP,
+]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_whole_files_of_every_kind_are_read(tmp_path, kind):
+    expected, found = surface(), read_polydata(write(tmp_path, kind))
+    assert found.GetNumberOfPolys() == expected.GetNumberOfPolys()
+    corners = [points_of(data)[triangles_of(data, "")] for data in (found, expected)]
+    assert np.allclose(*corners, atol=1e-4)
+    if kind.startswith("vtp"):
+        assert np.allclose(
+            found.GetPointData().GetArray("Height"), expected.GetPointData().GetArray("Height")
+        )
+        assert check_vtp(write(tmp_path, kind)) is not kind.endswith("lz4")
+
+
+@pytest.mark.parametrize("kind", ["ply-ascii", "ply-binary"])
+def test_a_ply_file_is_read_as_vtk_reads_it(tmp_path, kind):
+    path = write(tmp_path, kind)
+    reader = vtkPLYReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    found = read_polydata(path)
+    assert np.array_equal(points_of(found), points_of(reader.GetOutput()))
+    assert np.array_equal(triangles_of(found, ""), triangles_of(reader.GetOutput(), ""))
+
+
+def test_a_ply_file_with_more_in_it_is_read(tmp_path):
+    (tmp_path / "a.ply").write_text(
+        "ply\nformat ascii 1.0\ncomment made by hand\nelement vertex 4\nproperty float x\nproperty float y\n"
+        "property float z\nproperty uchar red\nelement face 2\nproperty uchar flag\n"
+        "property list uchar int vertex_index\nelement edge 1\nproperty int a\nproperty int b\nend_header\n"
+        "0 0 0 7\n1 0 0 8\n1 1 0 9\n0 1 0 10\n1 3 0 1 2\n0 4 0 1 2 3\n0 1\n"
+    )
+    data = read_polydata(tmp_path / "a.ply")
+    assert [data.GetCell(i).GetNumberOfPoints() for i in range(2)] == [3, 4]
+    assert [data.GetPointData().GetArray("red").GetValue(i) for i in range(4)] == [7, 8, 9, 10]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"face": "3 0 1 999999"}, "names vertex 999999"),
+        ({"face": "-3 0 1 2"}, "list of -3"),
+        ({"face": "3 0 1 -1"}, "names vertex -1"),
+        ({"face": "255 0 1 2"}, "list of 255"),
+        ({"face": "2 0 1"}, "has 2 corners"),
+        ({"face": "3 0 1 2.5"}, "something else than a number"),
+        ({"face": ""}, "too short"),
+        ({"vertices": "1000000000000"}, "too short"),
+        ({"vertices": "100000000"}, "too short"),
+        ({"vertices": "9" * 400}, "too short"),
+        ({"vertices": "x"}, "means nothing"),
+        ({"vertices": "-1"}, "means nothing"),
+        ({"vertices": "2147483647"}, "too short"),
+        ({"faces": "2147483647"}, "too short"),
+        ({"faces": "-1"}, "means nothing"),
+        ({"faces": "2"}, "too early"),
+    ],
+    ids=str,
+)
+def test_a_ply_file_that_says_what_is_not_so_is_refused(tmp_path, change, words):
+    (tmp_path / "a.ply").write_text(
+        TRIANGLE.format(**({"vertices": 3, "faces": 1, "face": "3 0 1 2"} | change))
+    )
+    with pytest.raises(ValueError, match=words) as failure:
+        read_polydata(tmp_path / "a.ply")
+    assert len(str(failure.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("kind", ["vtp-ascii", "vtp-raw none", "vtp-raw zlib"])
+@pytest.mark.parametrize("name", ["NumberOfPoints", "NumberOfPolys", "NumberOfTuples", "offset"])
+@pytest.mark.parametrize("value", ["2147483647", "9223372036854775807", "-1", "x", "3"])
+def test_a_vtp_file_that_says_what_is_not_so_is_refused(tmp_path, kind, name, value):
+    path = write(tmp_path, kind)
+    content = path.read_bytes()
+    at = content.find(f'{name}="'.encode())
+    if at < 0:
+        pytest.skip("this kind has none")
+    end = content.index(b'"', at + len(name) + 2)
+    path.write_bytes(content[: at + len(name) + 2] + value.encode() + content[end:])
+    with pytest.raises(ValueError, match=r"cannot be read as \.vtp"):
+        read_polydata(path)
+
+
+def test_entities_and_bombs_are_refused_without_taking_memory(tmp_path):
+    path = write(tmp_path, "vtp-raw zlib")
+    content = path.read_bytes()
+    entity = b'<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/passwd">]>\n'
+    path.write_bytes(content.replace(b"<VTKFile", entity + b"<VTKFile", 1))
+    with pytest.raises(ValueError, match="declares entities"):
+        read_polydata(path)
+    at = content.index(b"<AppendedData")
+    start = content.index(b"_", at) + 1
+    last = (2**31 - 1).to_bytes(4, "little")  # what the last block is said to unpack to
+    path.write_bytes(content[: start + 8] + last + content[start + 12 :])
+    with pytest.raises(ValueError, match=r"cut short|must be"):
+        read_polydata(path)
+
+
+def damaged(folder, kinds, count, seed):
+    """Write mutated files of each kind, and return their paths."""
+    paths = []
+    for kind in kinds:
+        (folder / "whole").mkdir(exist_ok=True)
+        whole = write(folder / "whole", kind)
+        for number in range(count):
+            path = folder / f"{kind.replace(' ', '_')}_{number}{whole.suffix}"
+            path.write_bytes(mutated(whole.read_bytes(), 1000 * seed + number))
+            paths.append(path)
+    return paths
+
+
+def judged(results):
+    """Check what became of damaged files, and return how many were read and how many refused."""
+    bad = {path: what for path, what in results.items() if what[0] not in ("read", "refused")}
+    assert not bad
+    for _, words, seconds in results.values():
+        assert len(words.splitlines()) <= 1
+        assert seconds < 60.0
+    kinds = [what for what, _, _ in results.values()]
+    return kinds.count("read"), kinds.count("refused")
+
+
+def test_mutated_meshes_are_a_result_or_one_clear_error(tmp_path, pytestconfig):
+    long = pytestconfig.getoption("--long")
+    quick = [kind for kind in KINDS if not kind.endswith("lz4") and not kind.startswith("vtk")]
+    paths = damaged(tmp_path, quick, 60 if long else 12, seed=1)
+    slow = ["vtk-ascii", "vtk-binary", "vtp-raw lz4"]  # a process each
+    paths += damaged(tmp_path, slow, 60 if long else 2, seed=2)
+    read, refused = judged(read_all(paths, "io", "read_polydata"))
+    assert min(read, refused) > len(paths) // 20
+
+
+def test_mutated_series_are_a_result_or_one_clear_error(tmp_path, pytestconfig):
+    write_vtkhdf(tmp_path / "whole.vtkhdf", (0.0, 1.0), lambda number: surface())
+    content, paths = (tmp_path / "whole.vtkhdf").read_bytes(), []
+    for number in range(60 if pytestconfig.getoption("--long") else 3):
+        paths.append(tmp_path / f"{number}.vtkhdf")
+        paths[-1].write_bytes(mutated(content, number))
+    judged(read_all(paths, "io", "read_series"))

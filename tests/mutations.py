@@ -1,0 +1,106 @@
+"""Damaged files: a small mutator with planted seeds, and readers in a process that may end."""
+
+from __future__ import annotations
+
+import json
+import random
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+#: Numbers that no counter expects.
+HOSTILE = [b"-1", b"0", b"255", b"65536", b"2147483647", b"9223372036854775807", b"1e308", b"nan", b"x", b""]
+
+
+def mutated(content: bytes, seed: int) -> bytes:
+    """Return a file with one to three things wrong with it; the same for the same seed."""
+    rng = random.Random(seed)
+    for _ in range(rng.choice((1, 1, 1, 2, 3))):
+        content = rng.choice((_number, _number, _flip, _cut, _doubled, _dropped, _words))(content, rng)
+    return content
+
+
+def _number(content: bytes, rng: random.Random) -> bytes:
+    # Mostly in the first part, where headers and counts are.
+    part = content[:2000] if rng.random() < 0.7 else content
+    found = list(re.finditer(rb"-?\d+(\.\d+)?(e-?\d+)?", part))
+    if not found:
+        return content
+    at = rng.choice(found)
+    return content[: at.start()] + rng.choice(HOSTILE) + content[at.end() :]
+
+
+def _flip(content: bytes, rng: random.Random) -> bytes:
+    changed = bytearray(content)
+    for _ in range(rng.choice((1, 4, 16))):
+        if changed:
+            changed[rng.randrange(len(changed))] = rng.randrange(256)
+    return bytes(changed)
+
+
+def _cut(content: bytes, rng: random.Random) -> bytes:
+    return content[: rng.randrange(len(content) + 1)]
+
+
+def _doubled(content: bytes, rng: random.Random) -> bytes:
+    start = rng.randrange(len(content) + 1)
+    end = min(len(content), start + rng.choice((1, 10, 200)))
+    return content[:end] + content[start:]
+
+
+def _dropped(content: bytes, rng: random.Random) -> bytes:
+    start = rng.randrange(len(content) + 1)
+    return content[:start] + content[start + rng.choice((1, 10, 200)) :]
+
+
+def _words(content: bytes, rng: random.Random) -> bytes:
+    lines = content.split(b"\n")
+    if len(lines) > 2:
+        one, other = rng.randrange(len(lines)), rng.randrange(len(lines))
+        lines[one], lines[other] = lines[other], lines[one]
+    return b"\n".join(lines)
+
+
+_READ_ALL = """
+import json, sys, time
+from pathlib import Path
+from vtkmuscle.{module} import {name}
+for path in json.loads(sys.stdin.read()):
+    began = time.perf_counter()
+    try:
+        {name}(Path(path))
+        what, words = "read", ""
+    except (ValueError, OSError) as error:
+        what, words = "refused", str(error)
+    except BaseException as error:
+        what, words = "traceback", repr(error)
+    print(json.dumps([path, what, words, time.perf_counter() - began]), flush=True)
+"""
+
+
+def read_all(paths: list[Path], module: str, name: str) -> dict[str, tuple[str, str, float]]:
+    """Return what becomes of files that a function reads, in other processes.
+
+    Returns
+    -------
+    dict
+        Per path ``"read"``, ``"refused"``, ``"traceback"`` or ``"signal N"``, what was said, and seconds.
+    """
+    results: dict[str, tuple[str, str, float]] = {}
+    waiting = [str(path) for path in paths]
+    while waiting:
+        done = subprocess.run(
+            [sys.executable, "-c", _READ_ALL.format(module=module, name=name)],
+            input=json.dumps(waiting),
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        for line in done.stdout.splitlines():
+            path, *what = json.loads(line)
+            results[path] = tuple(what)
+        waiting = [path for path in waiting if path not in results]
+        if waiting:  # the one that ended the process
+            results[waiting.pop(0)] = (f"signal {-done.returncode}", done.stderr, 0.0)
+    return results

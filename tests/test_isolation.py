@@ -1,0 +1,106 @@
+"""Nothing is executed that the user did not ask for: the working folder may be from elsewhere."""
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import pytest
+from tiny_scene import write_tiny_scene
+
+#: What the package imports, directly or not, and names of the standard library that it uses.
+PLANTED = """
+    numpy scipy numba llvmlite fast_simplification pyamg vtk vtkmodules pyvista matplotlib typer rich
+    click shellingham PIL yaml pooch kiwisolver cycler scooby csv json logging tomllib xml hashlib
+    tempfile subprocess uuid colorsys sitecustomize usercustomize h5py meshio trimesh IPython cmocean
+    colorcet
+""".split()  # noqa: SIM905 -- a list of this length is easier to read as words
+PROGRAM = Path(sysconfig.get_path("scripts")) / "vtkmuscle"
+
+
+@pytest.fixture
+def planted(tmp_path):
+    """Return a scene folder in which modules lie that note that they were imported."""
+    folder = write_tiny_scene(tmp_path / "from_mail").parent
+    for name in PLANTED:
+        (folder / name).mkdir()
+        trap = f"open({str(tmp_path / 'caught')!r}, 'a').write({name + ' '!r})\n"
+        (folder / name / "__init__.py").write_text(trap + f"raise ImportError({name!r})\n")
+    return folder
+
+
+def caught(planted):
+    marks = planted.parent / "caught"
+    return marks.read_text().split() if marks.exists() else []
+
+
+def run_in(folder, *arguments, program=(str(PROGRAM),), **environment):
+    return subprocess.run(
+        [*program, *arguments],
+        cwd=folder,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_the_traps_work(planted):
+    run_in(planted, "-c", "import numpy", program=(sys.executable,))
+    assert caught(planted) == ["numpy"]
+
+
+@pytest.mark.skipif(not PROGRAM.exists(), reason="the program is not installed")
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--help",),
+        ("run", "scene.toml", "--out", "out", "--frames", "0:1"),
+        ("info", "muscles/spindle.vtp"),
+        ("demo", "--out", "demo", "--frames", "0:1", "--no-figures"),
+        ("tradeoff", "scene.toml", "--out", "study", "--only", "iterations=6", "--frames", "0:2"),
+        ("paraview-path", "--folder", "links"),
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_no_command_imports_from_the_working_folder(planted, arguments):
+    done = run_in(planted, *arguments)
+    assert caught(planted) == []
+    assert "Traceback" not in done.stderr
+    if arguments[0] == "run":
+        assert done.returncode == 0, done.stderr
+        for out in ("page.gltf", "all.vtkhdf"):
+            source = "out" if out == "page.gltf" else "out/spindle.pvd"
+            assert run_in(planted, "export", source, out).returncode in (0, 2)
+        assert caught(planted) == []
+
+
+@pytest.mark.parametrize("search_path", [None, os.pathsep], ids=["-m", "-m and an empty part of PYTHONPATH"])
+def test_python_m_imports_no_dependency_from_the_working_folder(planted, search_path):
+    for name in ("csv", "json", "logging", "tomllib", "xml", "hashlib", "tempfile", "subprocess", "uuid"):
+        shutil.rmtree(planted / name)  # what Python itself loads before the program begins
+    for name in ("colorsys", "sitecustomize", "usercustomize"):
+        shutil.rmtree(planted / name)
+    extra = {} if search_path is None else {"PYTHONPATH": search_path}
+    program = (sys.executable, "-m", "vtkmuscle")
+    done = run_in(planted, "run", "scene.toml", "--out", "out", "--frames", "0:1", program=program, **extra)
+    assert caught(planted) == []
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_configuration_of_numba_in_the_working_folder_has_no_say(planted, tmp_path):
+    shutil.rmtree(planted / "yaml")
+    (tmp_path / "installed").mkdir()
+    reader = "def safe_load(file):\n    return {'cache_dir': 'elsewhere'}\n"
+    (tmp_path / "installed/yaml.py").write_text(reader)
+    (planted / ".numba_config.yaml").write_text("cache_dir: elsewhere\n")
+    code = (
+        "from vtkmuscle.isolation import leave_out_working_folder\n"
+        "leave_out_working_folder()\nimport numba\nprint([numba.config.CACHE_DIR])"
+    )
+    done = run_in(
+        planted, "-P", "-c", code, program=(sys.executable,), PYTHONPATH=str(tmp_path / "installed")
+    )
+    assert done.stdout.strip() == "['']", done.stderr

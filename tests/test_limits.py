@@ -1,0 +1,226 @@
+"""Limits and types: what is too much, or no file, is one clear error and no traceback."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from tiny_scene import HINGE, TOML, write_tiny_scene
+from typer.testing import CliRunner
+
+from vtkmuscle.cli import BAD_INPUT, app
+from vtkmuscle.core.template_files import read_template
+from vtkmuscle.filters import FibreTemplateSource, FibreTubes, PBDDeformer
+from vtkmuscle.io import read_landmarks, read_motion_table, read_polydata
+from vtkmuscle.io.vtp_check import check_vtp
+from vtkmuscle.run.memory import VARIABLE
+from vtkmuscle.scene import Scene, SceneError
+
+MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
+DEEP = "a = " + 500 * "[" + 500 * "]" + "\n"
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    return write_tiny_scene(tmp_path / "scene")
+
+
+def change(scene_file, old, new):
+    text = scene_file.read_text()
+    assert old in text
+    scene_file.write_text(text.replace(old, new))
+
+
+def refused(*arguments):
+    """Run the program, expect one line of error, and return it."""
+    done = CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
+    assert done.exit_code == BAD_INPUT
+    assert len(done.stderr.splitlines()) == 1
+    assert len(done.stderr) < 600
+    return done.stderr
+
+
+def run(scene_file):
+    return refused("run", scene_file, "--out", scene_file.parent / "out", "--no-figures", "--quiet")
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("centre = [0.0, -15.0, 0.0]", f"centre = [{10**400}, 0, 0]"),
+        ("iterations = 3", f"stiffness = {10**400}"),
+        ("iterations = 3", f"iterations = {10**4000}"),
+        ("iterations = 3", f"iterations = {'9' * 5000}"),
+        ("iterations = 3", "iterations = 1000000000"),
+        ("iterations = 3", "substeps = 1000000000"),
+        ("iterations = 3", "stiffness = [[[[[[[[[[]]]]]]]]]]"),
+        ("n_fibres = 6", "n_fibres = 1000000000"),
+        ("resolution = 5", "resolution = 1000000000"),
+        ('name = "tiny"', 'name = "tiny"\n' + DEEP),
+        ('"lower"', '"\\u001b]0;title\\u0007"'),
+        (MOTION, HINGE.replace("[0, 20, 5]", "[0, 1, 1e-5]")),
+        (MOTION, HINGE.replace("20, 5]", f"{10**400}, 5]")),
+    ],
+    ids=range(13),
+)
+def test_numbers_that_nobody_means_are_refused(scene_file, old, new):
+    change(scene_file, old, new)
+    words = run(scene_file)
+    assert "\x1b" not in words
+    assert str(scene_file) in words
+    assert not (scene_file.parent / "out").exists()
+
+
+def test_a_large_whole_number_is_a_number(scene_file):
+    change(scene_file, "centre = [0.0, -15.0, 0.0]", "centre = [0, -15, 100000000000000000000]")
+    assert Scene.load(scene_file).motion.centre[2] == 1e20
+
+
+@pytest.mark.parametrize("suffix", ["toml", "json"])
+def test_templates_that_are_too_deep_or_too_long_are_refused(tmp_path, suffix):
+    path = tmp_path / f"t.{suffix}"
+    deep = 100_000 if suffix == "json" else 500
+    path.write_text(("sheets = " if suffix == "toml" else "") + deep * "[" + deep * "]")
+    with pytest.raises(ValueError, match="the template"):
+        read_template(path)
+    with path.open("wb") as file:
+        file.truncate(65 * 1024**2)
+    with pytest.raises(ValueError, match="at most 64 MB"):
+        read_template(path)
+
+
+def test_landmarks_that_are_no_table_are_refused(tmp_path):
+    (tmp_path / "deep.json").write_text(100_000 * "[" + 100_000 * "]")
+    with pytest.raises(ValueError, match="not a JSON list"):
+        read_landmarks(tmp_path / "deep.json")
+    (tmp_path / "long.csv").write_text('x,y,z\n1,2,3\n"' + 140_000 * "a")
+    with pytest.raises(ValueError, match="not a CSV table"):
+        read_landmarks(tmp_path / "long.csv")
+
+
+def test_a_motion_of_too_many_rows_is_refused(tmp_path):
+    header = "time," + ",".join(f"T{row}{column}" for row in range(3) for column in range(4))
+    row = ",1,0,0,0,0,1,0,0,0,0,1,0"
+    (tmp_path / "m.csv").write_text(header + "\n" + "\n".join(f"{i}{row}" for i in range(50_000)))
+    with pytest.raises(ValueError, match="more than 20000 rows"):
+        read_motion_table(tmp_path / "m.csv", "bone")
+
+
+@pytest.mark.parametrize("where", ["scene", "surface", "motion", "landmarks", "template", "info", "report"])
+@pytest.mark.parametrize("kind", ["pipe", "device"])
+def test_pipes_and_devices_are_refused(scene_file, tmp_path, where, kind):
+    suffix = {"scene": "toml", "motion": "csv", "landmarks": "csv", "template": "toml", "report": "json"}
+    path = tmp_path / f"{'report' if where == 'report' else 'odd'}.{suffix.get(where, 'vtp')}"
+    if kind == "pipe":
+        os.mkfifo(path)
+    else:
+        path.symlink_to("/dev/zero")
+    if where == "scene":
+        words = refused("run", path, "--quiet")
+    elif where == "info":
+        words = refused("info", path)
+    elif where == "report":
+        assert refused("export", tmp_path, tmp_path / "x.gltf")
+        return
+    else:
+        old, new = {
+            "surface": ("muscles/spindle.vtp", f"{path}"),
+            "motion": ("motion.csv", f"{path}"),
+            "landmarks": ("attachments/origin.vtp", f"{path}"),
+            "template": ('template = "parallel"', f'template_file = "{path}"'),
+        }[where]
+        change(scene_file, old, new)
+        words = run(scene_file)
+    assert "pipe or a device" in words
+
+
+def test_a_message_of_vtk_that_is_no_text_is_one(tmp_path):
+    # A data set whose name has a byte of no text: VTK's complaint repeats it.
+    (tmp_path / "a.vtk").write_bytes(b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET \xff\xfe\n")
+    with pytest.raises(ValueError, match=r"cannot be read|damaged|not a surface") as failure:
+        read_polydata(tmp_path / "a.vtk")
+    assert len(str(failure.value).splitlines()) == 1
+
+
+def test_maxima_are_stated():
+    for kind, name in (
+        (PBDDeformer, "iterations"),
+        (PBDDeformer, "substeps"),
+        (FibreTemplateSource, "n_fibres"),
+        (FibreTemplateSource, "resolution"),
+        (FibreTubes, "sides"),
+    ):
+        with pytest.raises(ValueError, match=r"<= \d"):
+            setattr(kind(), name, 10**9)
+        with pytest.raises(ValueError, match=r"<= \d"):
+            setattr(kind(), name, 10**400)
+
+
+def test_what_takes_more_than_half_of_the_memory_is_refused_before_it_starts(
+    scene_file, tmp_path, monkeypatch
+):
+    scene = Scene.load(scene_file)
+    monkeypatch.setenv(VARIABLE, "0.001")
+    with pytest.raises(SceneError, match=r"would take about .* GB of memory, .* may take 0\.001 GB"):
+        scene.run(tmp_path / "out", figures=False)
+    assert not list((tmp_path / "out").iterdir())
+    monkeypatch.setenv(VARIABLE, "much")
+    with pytest.raises(ValueError, match="number of gigabytes"):
+        scene.run(tmp_path / "out", figures=False)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        ("n_fibres = 6, resolution = 5", "n_fibres = 100000, resolution = 1000", "muscles.spindle.fibres"),
+        ("iterations = 3", "cell = 0.005", "bones."),
+    ],
+)
+def test_memory_is_estimated_for_what_takes_it(scene_file, tmp_path, monkeypatch, old, new, key):
+    monkeypatch.setenv(VARIABLE, "8")
+    change(scene_file, old, new)
+    with pytest.raises(SceneError, match="would take") as failure:
+        Scene.load(scene_file).run(tmp_path / "out", figures=False)
+    assert failure.value.key.startswith(key)
+
+
+def test_the_estimate_is_no_less_than_what_is_taken(scene_file):
+    code = """
+import resource, sys
+from vtkmuscle.run.memory import _estimate
+from vtkmuscle.scene import Scene
+scene = Scene.load(sys.argv[1])
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+scene.run(None, figures=False, workers=1)
+taken = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+print(taken, sum(dict(_estimate(scene, range(5))).values()))
+"""
+    change(scene_file, "n_fibres = 6, resolution = 5", "n_fibres = 2000, resolution = 50")
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(scene_file)], capture_output=True, text=True, check=True
+    )
+    taken, estimated = map(float, done.stdout.split())
+    assert taken < estimated + 300e6  # compiled code and libraries that are loaded on the way
+    assert estimated < 20 * taken
+
+
+def test_not_enough_memory_is_one_line(scene_file, monkeypatch):
+    def fail(path):
+        raise MemoryError
+
+    monkeypatch.setattr(Scene, "load", fail)
+    assert "not enough memory" in run(scene_file)
+
+
+def test_a_report_that_is_no_report_is_no_traceback(tmp_path):
+    for content in ("[]", "{", json.dumps({"muscles": 3})):
+        (tmp_path / "report.json").write_text(content)
+        assert refused("export", tmp_path, tmp_path / "x.gltf")
+
+
+def test_sizes_beyond_all_memory_are_seen_in_the_file(tmp_path):
+    piece = '<Piece NumberOfPoints="9999999999999999999"/>'
+    (tmp_path / "a.vtp").write_text(f'<VTKFile type="PolyData"><PolyData>{piece}</PolyData></VTKFile>')
+    with pytest.raises(ValueError, match="NumberOfPoints"):
+        check_vtp(tmp_path / "a.vtp")

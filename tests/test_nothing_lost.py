@@ -1,0 +1,300 @@
+"""No file of the user is overwritten or deleted."""
+
+import json
+import os
+import subprocess
+import sys
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from tiny_scene import write_tiny_scene
+from typer.testing import CliRunner
+
+from vtkmuscle import phantoms
+from vtkmuscle.cli import BAD_INPUT, app
+from vtkmuscle.io.writing import left_behind, replacing, write_text
+from vtkmuscle.run.claim import LOCK, claimed
+from vtkmuscle.run.unchanged import save_unless_changed
+from vtkmuscle.scene import Scene, SceneError
+
+QUICK = ("--frames", "0:1", "--no-figures", "--quiet")
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    return write_tiny_scene(tmp_path / "scene")
+
+
+@pytest.fixture
+def scene(scene_file):
+    return Scene.load(scene_file)
+
+
+def vtkmuscle_(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
+
+
+def contents(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def refused(folder, done, words):
+    assert (done.exit_code, done.stdout) == (BAD_INPUT, "")
+    assert len(done.stderr.splitlines()) == 1
+    assert words in done.stderr
+    return True
+
+
+def test_a_run_is_not_written_over_its_inputs(scene_file):
+    before = contents(scene_file.parent)
+    for insist in ((), ("--overwrite",)):
+        done = vtkmuscle_("run", scene_file, "--out", scene_file.parent, *QUICK, *insist)
+        assert refused(scene_file.parent, done, "over this input of the scene (bones.upper.surface)")
+    assert contents(scene_file.parent) == before
+
+
+def test_inputs_are_known_through_links_and_other_names(scene_file, tmp_path, monkeypatch):
+    (tmp_path / "alias").symlink_to(scene_file.parent)
+    monkeypatch.chdir(scene_file.parent)
+    for out in (tmp_path / "alias", Path("../scene"), Path(".")):
+        assert vtkmuscle_("run", "scene.toml", "--out", out, *QUICK).exit_code == BAD_INPUT
+
+
+def test_files_that_no_run_has_written_are_not_replaced(scene_file, tmp_path):
+    mine = tmp_path / "out/bones/upper.vtp"
+    mine.parent.mkdir(parents=True)
+    mine.write_text("mine")
+    assert refused(mine, vtkmuscle_("run", scene_file, "--out", tmp_path / "out", *QUICK), "no run has made")
+    assert mine.read_text() == "mine"
+    done = vtkmuscle_("run", scene_file, "--out", tmp_path / "out", *QUICK, "--overwrite")
+    assert done.exit_code == 0
+    assert mine.read_text(errors="replace") != "mine"
+
+
+def test_results_of_another_scene_are_not_replaced(scene_file, tmp_path):
+    out = tmp_path / "out"
+    other = write_tiny_scene(tmp_path / "other")
+    assert vtkmuscle_("run", other, "--out", out, *QUICK).exit_code == 0
+    before = contents(out)
+    assert refused(out, vtkmuscle_("run", scene_file, "--out", out, *QUICK), "results of the scene 'tiny'")
+    assert contents(out) == before
+    assert vtkmuscle_("run", scene_file, "--out", out, *QUICK, "--overwrite").exit_code == 0
+    assert json.loads((out / "report.json").read_text())["scene_file"] == str(scene_file)
+
+
+def test_nothing_old_stands_beside_new_results(scene, tmp_path):
+    tmp_path = tmp_path / "out"
+    tmp_path.mkdir()
+    muscles = {"old": scene.muscles["spindle"]}
+    (tmp_path / "notes.txt").write_text("mine")
+    replace(scene, muscles=muscles).run(tmp_path, figures=False)
+    assert (tmp_path / "old/old_0004.vtp").is_file()
+    (tmp_path / "old/mine.txt").write_text("mine")
+    scene.run(tmp_path, frames="0:2", figures=False, series="vtkhdf")
+    found = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
+    assert found == {
+        *("notes.txt", "old/mine.txt", "report.json", "lengths.csv", "spindle_fibres.csv"),
+        *("spindle.vtkhdf", "spindle_fibres.vtkhdf", "bones.vtkhdf"),
+    }
+    scene.run(tmp_path, frames="0:1", figures=False)
+    assert not list(tmp_path.glob("*.vtkhdf"))
+
+
+def test_a_run_that_fails_leaves_no_old_table_beside_new_frames(scene, tmp_path):
+    scene.run(tmp_path, frames="0:3", figures=False)
+
+    def fail(muscle, row):
+        raise RuntimeError("stopped here")
+
+    with pytest.raises(RuntimeError):
+        replace(scene, solver={"iterations": 2}).run(tmp_path, figures=False, observe=fail)
+    assert not (tmp_path / "spindle/spindle_0002.vtp").exists()
+    assert len((tmp_path / "lengths.csv").read_text().splitlines()) <= 7
+    assert json.loads((tmp_path / "report.json").read_text())["complete"] is False
+
+
+def test_a_frames_slip_leaves_the_earlier_results(scene, tmp_path):
+    scene.run(tmp_path, frames="0:1", figures=False)
+    before = contents(tmp_path)
+    with pytest.raises(ValueError, match="frames"):
+        scene.run(tmp_path, frames="9:3", figures=False)
+    assert contents(tmp_path) == before
+
+
+def test_what_old_collections_list_outside_of_the_folder_is_not_removed(scene, tmp_path):
+    out, victim = tmp_path / "out", tmp_path / "victim.vtp"
+    scene.run(out, frames="0:1", figures=False)
+    victim.write_text("mine")
+    listed = (out / "spindle.pvd").read_text()
+    for place in ("../victim.vtp", str(victim), "spindle/../../victim.vtp"):
+        (out / "spindle.pvd").write_text(listed.replace("spindle/spindle_0000.vtp", place))
+        scene.run(out, frames="0:1", figures=False)
+        assert victim.read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["bones", "spindle", "spindle_fibres", "figures"])
+def test_results_are_not_written_through_links(scene, tmp_path, name):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere/upper.vtp").write_text("mine")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / name).symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(NotADirectoryError, match="not written through links"):
+        scene.run(tmp_path / "out", frames="0:1", figures=False, overwrite=True)
+    assert contents(tmp_path / "elsewhere") == {tmp_path / "elsewhere/upper.vtp": b"mine"}
+
+
+@pytest.mark.parametrize(
+    "name", ["report.json", "lengths.csv", "spindle.pvd", "bones.pvd", "spindle_fibres.csv"]
+)
+def test_a_folder_where_a_file_goes_is_said_before_the_work(scene, tmp_path, name):
+    (tmp_path / name).mkdir()
+    with pytest.raises(IsADirectoryError, match=name) as failure:
+        scene.run(tmp_path, frames="0:1", figures=False)
+    assert "partial" not in str(failure.value)
+    assert {path.name for path in tmp_path.iterdir()} == {"scene", name}
+
+
+def test_an_empty_name_is_no_folder(scene_file, scene, tmp_path, monkeypatch):
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    for command in (
+        ("run", scene_file, "--out", ""),
+        ("demo", "--out", ""),
+        ("tradeoff", "demo", "--out", ""),
+    ):
+        done = vtkmuscle_(*command)
+        assert done.exit_code == BAD_INPUT
+        assert "it is empty" in done.output
+    with pytest.raises(ValueError, match="out is empty"):
+        scene.run("")
+    assert not list((tmp_path / "here").iterdir())
+
+
+def test_a_demo_keeps_a_scene_that_was_edited(tmp_path):
+    def save(*, overwrite=False):
+        scene = Scene.from_phantom(phantoms.spindle_over_hinge())  # anew, as each process does
+        return save_unless_changed(scene, tmp_path / "scene", overwrite=overwrite)
+
+    path = save()
+    assert save() == path
+    (tmp_path / "scene/mine.txt").write_text("mine")
+    for file in (path, *sorted((tmp_path / "scene/bones").iterdir())):
+        written = file.read_bytes()
+        file.write_bytes(written + b"# my scene\n")
+        with pytest.raises(ValueError, match="has been changed since"):
+            save()
+        assert file.read_bytes().endswith(b"# my scene\n")
+        save(overwrite=True)
+        assert file.read_bytes() == written
+    assert (tmp_path / "scene/mine.txt").read_text() == "mine"
+    assert [path.name for path in tmp_path.iterdir()] == ["scene"]
+
+
+def test_the_demo_command_asks_before_it_replaces(tmp_path):
+    out = tmp_path / "d"
+    out.joinpath("scene").mkdir(parents=True)
+    (out / "scene/scene.toml").write_text("# my scene\n")
+    done = vtkmuscle_("demo", "--out", out, *QUICK)
+    assert refused(out, done, "has been changed since it was written")
+    assert (out / "scene/scene.toml").read_text() == "# my scene\n"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "report.json",
+        "lengths.csv",
+        "bones.pvd",
+        "spindle.pvd",
+        "other.VTP",
+        "x.partial",
+        "CON",
+        "nul",
+        "com1.x",
+        *("a" * 250, "ä" * 100),
+    ],
+)
+@pytest.mark.parametrize("kind", ["muscles", "bones", "name"])
+def test_names_that_would_be_in_the_way_of_files_are_refused(scene, kind, name):
+    if kind == "name":
+        changes = {"name": name}
+    else:
+        old = getattr(scene, kind)
+        changes = {kind: {**old, name: next(iter(old.values()))}}
+    with pytest.raises(SceneError, match=r"call it otherwise|leave out the suffix|use at most") as failure:
+        replace(scene, **changes)
+    assert len(str(failure.value).splitlines()) == 1
+
+
+def test_a_name_of_two_lines_gives_an_error_of_one(scene):
+    with pytest.raises(SceneError) as failure:
+        replace(scene, bones={**scene.bones, "a\nb": scene.bones["upper"]})
+    assert len(str(failure.value).splitlines()) == 1
+
+
+def test_temporary_files_are_made_exclusively(tmp_path, monkeypatch):
+    monkeypatch.setattr("vtkmuscle.io.writing.secrets.token_hex", lambda count: "0" * 2 * count)
+    victim = tmp_path / "victim"
+    victim.write_text("mine")
+    (tmp_path / f".t.csv.{os.getpid()}-00000000.partial").symlink_to(victim)
+    with pytest.raises(FileExistsError):
+        write_text(tmp_path / "t.csv", "new")
+    assert victim.read_text() == "mine"
+
+
+def test_an_error_names_the_file_and_not_the_one_beside_it(tmp_path):
+    (tmp_path / "table.csv").mkdir()
+    with pytest.raises(OSError, match=r"table\.csv") as failure, replacing(tmp_path / "table.csv"):
+        pass
+    assert "partial" not in str(failure.value)
+
+
+def test_what_killed_runs_left_half_written_goes_and_what_others_write_stays(scene, tmp_path):
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    scene.run(tmp_path, frames="0:1", figures=False)
+    for folder in (tmp_path, tmp_path / "spindle"):
+        (folder / f".a.vtp.{ended.pid}-0a1b2c3d.partial").write_text("half")
+        (folder / f".a.vtp.{ended.pid}.partial").write_text("half")
+        (folder / f".b.vtp.{os.getpid()}-0a1b2c3d.partial").write_text("being written")
+        (folder / ".mine.partial").write_text("mine")
+    (tmp_path / f".figures.{ended.pid}-0a1b2c3d.partial").mkdir()
+    scene.run(tmp_path, frames="0:1", figures=False)
+    left = sorted(path.name for path in tmp_path.rglob("*.partial"))
+    assert left == sorted([f".b.vtp.{os.getpid()}-0a1b2c3d.partial", ".mine.partial"] * 2)
+    assert left_behind(tmp_path) == []
+
+
+def test_a_second_run_into_the_same_folder_is_refused(scene, tmp_path):
+    out = tmp_path / "out"
+    with claimed(out, scene, overwrite=False):
+        with pytest.raises(BlockingIOError, match=rf"another run is writing to it \(process {os.getpid()}\)"):
+            scene.run(out, frames="0:1", figures=False)
+        refused_in_a_thread = []
+
+        def run():
+            try:
+                scene.run(out, frames="0:1", figures=False, overwrite=True)
+            except BlockingIOError as error:
+                refused_in_a_thread.append(error)
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        thread.join()
+        assert len(refused_in_a_thread) == 1
+    scene.run(out, frames="0:1", figures=False)
+    assert not (out / LOCK).exists()
+
+
+def test_the_lock_of_a_killed_run_holds_nobody_up(scene, tmp_path):
+    (tmp_path / LOCK).write_text("1\n")
+    scene.run(tmp_path, frames="0:1", figures=False)
+    assert not (tmp_path / LOCK).exists()
+
+
+def test_a_link_that_leads_nowhere_is_said_to_be_one(scene, tmp_path):
+    (tmp_path / "out").symlink_to(tmp_path / "gone")
+    with pytest.raises(FileNotFoundError, match=r"is a link to .*gone, which does not exist"):
+        scene.run(tmp_path / "out")

@@ -1,0 +1,55 @@
+"""Scenes whose bones are of several closed pieces."""
+
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from vtkmuscle import phantoms
+from vtkmuscle.scene import Scene
+
+MUSCLES = ("gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis")
+
+
+@pytest.fixture(scope="module")
+def real_scene(lhdl_hip):
+    return Scene.load(lhdl_hip / "scene_lite.toml")
+
+
+@pytest.mark.parametrize("names", [*combinations(MUSCLES, 1), *combinations(MUSCLES, 2)], ids="+".join)
+def test_each_muscle_of_the_real_hip_runs_alone_and_with_each_other(real_scene, names):
+    muscles = {name: replace(real_scene.muscles[name], fibres=None) for name in names}
+    result = replace(real_scene, muscles=muscles).run(frames="0:3", figures=False)
+    for name in names:
+        for row in result.report["muscles"][name]["frames"]:
+            assert abs(row["volume_ratio"] - 1.0) < 1e-6
+            assert row["penetration_max_mm"] < 0.2
+
+
+def pieces_of(kind, femur):
+    if kind == "out of reach":
+        return femur + pv.Icosphere(radius=2.0, center=(-10.0, 0.0, -225.0), nsub=2)
+    if kind == "specks":
+        rng = np.random.default_rng(3)
+        places = np.column_stack([rng.uniform(-60, 60, (200, 2)), rng.uniform(-250, 50, 200)])
+        return femur.append_polydata(*[pv.Tetrahedron(radius=0.5, center=place) for place in places])
+    centres = [(0.0, 0.0, -20.0), (0.0, 0.0, -60.0 if kind == "nested" else -25.0)]
+    balls = [pv.Icosphere(radius=6.0 + number, center=at, nsub=2) for number, at in enumerate(centres)]
+    if kind == "nested":
+        balls[1] = balls[1].flip_faces()
+    return femur.append_polydata(*balls)
+
+
+@pytest.mark.parametrize("kind", ["out of reach", "specks", "nested", "overlapping"])
+@pytest.mark.filterwarnings("ignore:.*facing|.*inside out:UserWarning")
+def test_a_phantom_runs_whatever_closed_pieces_its_femur_has(kind):
+    scene = Scene.from_phantom(phantoms.hip())
+    name = next(iter(scene.muscles))
+    femur = pv.wrap(scene.bones["femur"])
+    bones = {**scene.bones, "femur": pieces_of(kind, femur).extract_surface(algorithm=None)}
+    muscles = {name: replace(scene.muscles[name], fibres=None)}
+    result = replace(scene, bones=bones, muscles=muscles).run(frames="0:2", figures=False)
+    for row in result.report["muscles"][name]["frames"]:
+        assert abs(row["volume_ratio"] - 1.0) < 1e-6

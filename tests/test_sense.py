@@ -1,0 +1,293 @@
+"""What cannot be meant is said: an error where it is sure, else a warning; nothing of what can be meant."""
+
+import re
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from tiny_scene import write_tiny_scene
+from typer.testing import CliRunner
+
+from vtkmuscle import phantoms
+from vtkmuscle.cli import app
+from vtkmuscle.core.rigid import RigidMotion
+from vtkmuscle.core.rings import ring_length, short_ring
+from vtkmuscle.filters.arrays import points_of, surface_from, with_points
+from vtkmuscle.io import read_landmarks
+from vtkmuscle.scene import Scene, SceneError
+from vtkmuscle.scene.sense import check_sense
+
+PAGE = Path(__file__).parents[1] / "docs/sense.rst"
+
+
+@pytest.fixture(scope="module")
+def good():
+    return Scene.from_phantom(phantoms.hip())
+
+
+def areas(scene, change):
+    """Return a scene whose first muscle has other areas."""
+    name, muscle = next(iter(scene.muscles.items()))
+    return replace(
+        scene, muscles={name: replace(muscle, attachments=tuple(change(list(muscle.attachments))))}
+    )
+
+
+def landmarks(scene, change):
+    """Return a scene whose first muscle has other landmarks of its origin."""
+    return areas(scene, lambda old: [replace(old[0], landmarks=change(old[0].landmarks)), *old[1:]])
+
+
+def bones(scene, **changes):
+    return replace(scene, bones={**scene.bones, **changes})
+
+
+def moved(surface, change):
+    points = points_of(surface).copy()
+    return with_points(surface, change(points))
+
+
+def one_point(value):
+    def change(points):
+        points[7] = value
+        return points
+
+    return change
+
+
+def translated(scene, ways):
+    poses = np.tile(np.eye(4), (len(ways), 1, 1))
+    poses[:, 0, 3] = ways
+    return replace(scene, motion=RigidMotion(np.arange(len(ways), dtype=float), {"femur": poses}))
+
+
+def turned(scene, angles):
+    poses = np.tile(np.eye(4), (len(angles), 1, 1))
+    poses[:, :3, :3] = Rotation.from_euler("x", np.array(angles)[:, None], degrees=True).as_matrix()
+    return replace(scene, motion=RigidMotion(np.arange(len(angles), dtype=float), {"femur": poses}))
+
+
+def shuffled(points):
+    return np.random.default_rng(1).permutation(points)
+
+
+def eight(points):
+    half = len(points) // 2
+    return np.concatenate([points[:half], points[half:][::-1]])
+
+
+def line(points):
+    return points[0] + np.linspace(0, 1, len(points))[:, None] * (points[len(points) // 2] - points[0])
+
+
+def sheet():
+    return surface_from(np.array([[0.0, 0, 0], [50, 0, 0], [50, 50, 0], [0, 50, 0]]), [[0, 1, 2], [0, 2, 3]])
+
+
+#: What is tried: a name, how the scene is made, whether it is an error, and what is said.
+NONSENSE = {
+    "origin and insertion exchanged": (
+        lambda s: areas(s, lambda a: [replace(a[0], bone=a[1].bone), replace(a[1], bone=a[0].bone)]),
+        True,
+        "origin and insertion are exchanged",
+    ),
+    "origin on the insertion's bone": (
+        lambda s: areas(s, lambda a: [replace(a[0], bone=a[1].bone), *a[1:]]),
+        False,
+        "but 0",
+    ),
+    "landmarks beside the bone": (
+        lambda s: landmarks(s, lambda x: x + np.array([0, 0, 60])),
+        False,
+        "are said to be on",
+    ),
+    "bones 10 m away": (
+        lambda s: replace(s, bones={n: moved(b, lambda x: x + 1e4) for n, b in s.bones.items()}),
+        True,
+        "are said to be on",
+    ),
+    "ring in random order": (lambda s: landmarks(s, shuffled), True, "not in the order of the boundary"),
+    "two landmarks exchanged": (
+        lambda s: landmarks(s, lambda x: x[[0, 4, 2, 3, 1, *range(5, len(x))]]),
+        False,
+        "not in the order of the boundary",
+    ),
+    "ring that is an 8": (lambda s: landmarks(s, eight), False, "crosses itself|order of the boundary"),
+    "ring on a line": (lambda s: landmarks(s, line), False, "hardly any area|order of the boundary"),
+    "all landmarks equal": (lambda s: landmarks(s, lambda x: np.tile(x[0], (9, 1))), True, "are one point"),
+    "metres said to be millimetres": (
+        lambda s: scaled(s, 1e-3),
+        False,
+        'if the files are in m, write units = "m"',
+    ),
+    "millimetres said to be metres": (
+        lambda s: replace(s, units="m"),
+        False,
+        'if the files are in mm, write units = "mm"',
+    ),
+    "bone without an inside": (lambda s: bones(s, plate=sheet()), False, "no muscle will be kept out of it"),
+    "bone of one triangle": (
+        lambda s: bones(s, chip=surface_from(np.eye(3) * 30, [[0, 1, 2]])),
+        False,
+        "no muscle will be kept out of it",
+    ),
+    "coordinate of 1e12": (
+        lambda s: bones(s, pelvis=moved(s.bones["pelvis"], one_point(1e12))),
+        True,
+        "times as far off as most points",
+    ),
+    "coordinate of 1e39": (
+        lambda s: bones(s, pelvis=moved(s.bones["pelvis"], one_point(1e39))),
+        True,
+        "times as far off as most points",
+    ),
+    "coordinate of 1e300": (
+        lambda s: bones(s, pelvis=moved(s.bones["pelvis"], one_point(1e300))),
+        True,
+        "has a coordinate of 1e\\+300",
+    ),
+    "coordinate with a digit too many": (
+        lambda s: bones(s, pelvis=moved(s.bones["pelvis"], one_point(8000.0))),
+        False,
+        "times as far off as most points",
+    ),
+    "scene 1e15 mm from the origin": (
+        lambda s: bones(s, pelvis=moved(s.bones["pelvis"], lambda x: x + 1e15)),
+        True,
+        "leaves no digits for its shape",
+    ),
+    "one surface for two bones": (
+        lambda s: bones(s, femur=s.bones["pelvis"]),
+        False,
+        "the same surface as bones.pelvis.surface",
+    ),
+    "a muscle's surface for a bone": (
+        lambda s: bones(s, tibia=next(iter(s.muscles.values())).surface),
+        False,
+        "the same surface as",
+    ),
+    "all areas on one bone": (
+        lambda s: areas(s, lambda a: [replace(one, bone="pelvis") for one in a]),
+        False,
+        "will move with it as it is",
+    ),
+    "motion of 1e15 mm": (lambda s: translated(s, [0, 1e15]), True, "check the unit of its translations"),
+    "starts 3 m away": (lambda s: translated(s, [3000, 3001]), True, "a muscle would tear"),
+    "motion in another unit": (lambda s: translated(s, [0, 1, 300]), False, "a muscle would tear"),
+    "steps of 90 degrees": (lambda s: turned(s, [0, 90, 0, 90]), False, "turns by 90 degrees"),
+    "starts at 80 degrees": (lambda s: turned(s, [80, 82]), False, "from rest to the first frame"),
+    "half a turn at once": (lambda s: turned(s, [0, 2, 182]), False, "from frame 1 to frame 2"),
+}
+
+
+def scaled(scene, factor):
+    """Return a scene whose files are in another unit than it says."""
+    muscles = {
+        name: replace(
+            muscle,
+            surface=moved(muscle.surface, lambda x: factor * x),
+            attachments=tuple(
+                replace(area, landmarks=factor * area.landmarks) for area in muscle.attachments
+            ),
+        )
+        for name, muscle in scene.muscles.items()
+    }
+    poses = {}
+    for bone, table in scene.motion.transforms.items():
+        poses[bone] = table.copy()
+        poses[bone][:, :3, 3] *= factor
+    return replace(
+        scene,
+        bones={name: moved(bone, lambda x: factor * x) for name, bone in scene.bones.items()},
+        muscles=muscles,
+        motion=RigidMotion(scene.motion.times, poses),
+    )
+
+
+def said(scene):
+    """Return the error that a scene ends with, or None, and its warnings."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            check_sense(scene)
+        except SceneError as error:
+            return str(error), []
+    return None, [str(warning.message) for warning in caught]
+
+
+@pytest.mark.parametrize("name", NONSENSE)
+def test_nonsense_is_said(good, name):
+    make, sure, words = NONSENSE[name]
+    try:
+        error, warned = said(make(good))
+    except SceneError as refused:  # as it is read
+        error, warned = str(refused), []
+    assert (error is not None) is sure, (error, warned)
+    found = [error] if sure else warned
+    assert any(re.search(words, message) for message in found), found
+    assert all(len(message.splitlines()) == 1 and "; " in message for message in found)
+
+
+@pytest.mark.parametrize("make", [phantoms.hip, phantoms.spindle_over_hinge, phantoms.wrapping_cylinder])
+def test_of_what_can_be_meant_nothing_is_said(make):
+    assert said(Scene.from_phantom(make())) == (None, [])
+
+
+def test_of_the_real_hip_nothing_is_said(lhdl_hip):
+    assert said(Scene.load(lhdl_hip / "scene_lite.toml")) == (None, [])
+
+
+@pytest.mark.parametrize(("units", "factor"), [("cm", 0.1), ("m", 0.001)])
+def test_of_a_scene_that_says_its_unit_nothing_is_said(good, units, factor):
+    assert said(replace(scaled(good, factor), units=units)) == (None, [])
+
+
+def test_a_run_says_it_and_writes_nothing_where_it_is_sure(good, tmp_path):
+    exchanged = NONSENSE["origin and insertion exchanged"][0](good)
+    with pytest.raises(SceneError, match="are exchanged"):
+        exchanged.run(tmp_path / "out", figures=False)
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_command_line_says_it(tmp_path):
+    scene = write_tiny_scene(tmp_path / "scene")
+    scene.write_text(scene.read_text().replace('units = "mm"', 'units = "m"'))
+    out = tmp_path / "out"
+    done = CliRunner().invoke(app, ["run", str(scene), "--out", str(out), "--frames", "0:1", "--no-figures"])
+    assert done.exit_code == 0
+    assert 'units = "mm"' in done.stderr
+
+
+def test_a_muscle_that_is_all_fixed_is_said_to_be(tmp_path):
+    scene = Scene.load(write_tiny_scene(tmp_path))
+    with pytest.warns(UserWarning, match="none is free"):
+        replace(scene, fixing={"method": "proximity", "tolerance": 1000.0}).run(frames="0:1", figures=False)
+
+
+def test_a_decimal_comma_is_seen(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("x,y,z\n1.5,2.5,3.5\n-71.55,20.54,1,5\n")
+    with pytest.raises(ValueError, match=r"line 3 has 4 cells, but those before it have 3; .* decimal comma"):
+        read_landmarks(path)
+    path.write_text("1,5,2,5,3,5\n4,5,2,5,3,5\n")
+    with pytest.warns(UserWarning, match="decimal comma"):
+        read_landmarks(path)
+    path.write_text("x,y,z,side,name,note\n1.5,2,3,4,a,b\n2,3,4.5,5,c,d\n")
+    assert len(read_landmarks(path)[0]) == 2
+
+
+def test_a_short_ring_is_the_boundary_of_a_shuffled_circle(rng):
+    angles = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    circle = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(40)])
+    mixed = rng.permutation(circle)
+    assert ring_length(mixed[short_ring(mixed)]) == pytest.approx(ring_length(circle))
+    assert sorted(short_ring(mixed)) == list(range(40))
+
+
+def test_the_page_lists_all_that_is_checked():
+    text = PAGE.read_text()
+    for name in NONSENSE:
+        assert f"* - {name}\n" in text, name

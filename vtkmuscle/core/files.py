@@ -1,0 +1,48 @@
+"""Files that can be read: they are there, they are files, and they are not larger than they can be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+#: What a mesh, a series or a table may take [bytes].
+MOST_BYTES = 4 * 1024**3
+
+#: What a scene, a template or a list of landmarks may take: more is something else [bytes].
+MOST_TEXT = 64 * 1024**2
+
+
+def check_is_file(path: Path, *, most: int = MOST_BYTES) -> None:
+    """Raise an error that says what is the matter where there is no file to read.
+
+    A named pipe would be waited for, and a device be read for ever: neither is a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    most : int, optional
+        What it may take [bytes].
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is too large.
+    """
+    if path.is_file():
+        size = path.stat().st_size
+        if size > most:
+            raise ValueError(
+                f"{path}: the file takes {size / 1024**2:.0f} MB, but at most {most // 1024**2} MB are read; "
+                "check that it is what its name says"
+            )
+        return
+    if path.is_dir():
+        raise FileNotFoundError(f"{path}: this is a folder, not a file")
+    if path.exists():
+        raise FileNotFoundError(f"{path}: this is a pipe or a device, not a file; copy what it gives to one")
+    near = path.parent if path.parent.is_dir() else None
+    also = sorted(p.name for p in near.iterdir() if p.suffix == path.suffix)[:5] if near else []
+    hint = f"; its folder holds {', '.join(also)}" if also else ""
+    raise FileNotFoundError(f"{path}: there is no such file{hint}")

@@ -1,0 +1,137 @@
+"""A spindle over a ball joint, in two coordinates."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vtkmuscle.core.rigid import RigidMotion, apply_transform, rotation_about
+from vtkmuscle.filters.attachments import AttachmentArea
+from vtkmuscle.phantoms.coordinates import checked_poses
+from vtkmuscle.phantoms.hinge_spindle import END_RADIUS, SIDES, bone_with_arm, spindle_profile
+from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution
+from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
+
+Floats = NDArray[np.float64]
+
+#: Centres of the muscle's flat ends [mm]: in front of the joint, which is at the origin, and to its left.
+ORIGIN = np.array([12.0, -32.0, 80.0])
+INSERTION = np.array([12.0, -32.0, -60.0])
+#: Axis of flexion, which stays, and that of abduction, which flexion carries along.
+FLEXION, ABDUCTION = np.array([-1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+#: Least and largest angle of each coordinate [degrees].
+LIMITS = {"flexion": (-10.0, 60.0), "abduction": (-20.0, 20.0)}
+#: Angles of the default motion's net [degrees].
+FLEXIONS, ABDUCTIONS = np.arange(0.0, 41.0, 10.0), np.arange(-20.0, 21.0, 10.0)
+
+
+def spindle_over_ball(*, coordinates: ArrayLike | None = None) -> Phantom:
+    """Return two bones joined at a ball joint, and a spindle from one to the other, beside both axes.
+
+    The bones are those of :func:`spindle_over_hinge`, and so is the muscle, but that it lies 12 mm to the
+    left as well. ``distal`` turns by flexion about -x, to the front, after abduction about y, to the right,
+    away from the muscle: R = R(-x, flexion) R(y, abduction). No bone is in the way of the straight line.
+
+    Parameters
+    ----------
+    coordinates : (k, 2) array_like, optional
+        Angles of flexion and of abduction at each frame [degrees], -10 to 60 and -20 to 20. Default a net
+        from rest to 40 by 10 and from -20 to 20 by 10, row by row and back.
+
+    Returns
+    -------
+    Phantom
+        Its motion's times are the numbers of the frames. Known answers: ``known["coordinates"]``, by name,
+        their values at each frame [degrees]; of the straight line between the centres of the attachments,
+        at angles [degrees], ``known["length"](flexion, abduction)`` [mm], and
+        ``known["moment_arm_flexion"](flexion, abduction)`` and ``known["moment_arm_abduction"](flexion,
+        abduction)`` [mm], -dl/dq by each.
+
+    Raises
+    ------
+    ValueError
+        If coordinates are no pairs of numbers, or are out of range.
+
+    Examples
+    --------
+    >>> from vtkmuscle.phantoms import spindle_over_ball
+    >>> known = spindle_over_ball().known
+    >>> [round(known[f"moment_arm_{name}"](0.0, 0.0), 6) for name in known["coordinates"]]
+    [32.0, -12.0]
+    """
+    given = _net() if coordinates is None else coordinates
+    poses = checked_poses(given, LIMITS, "spindle_over_ball")
+    bones, muscle = _surfaces()
+    angles = 2.0 * np.pi * np.arange(12) / 12
+    circle = 0.8 * END_RADIUS * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(12)])
+    return phantom_from(
+        "spindle_over_ball",
+        bones=bones,
+        muscles={"spindle": muscle},
+        areas={
+            "spindle": [
+                AttachmentArea("origin", "proximal", ORIGIN + circle, closed=True),
+                AttachmentArea("insertion", "distal", INSERTION + circle, closed=True),
+            ]
+        },
+        motion=RigidMotion(
+            np.arange(float(len(poses))), {"distal": np.array([turned(*pose) for pose in poses])}, np.zeros(3)
+        ),
+        templates={"spindle": "parallel"},
+        known={
+            "coordinates": {"flexion": poses[:, 0].copy(), "abduction": poses[:, 1].copy()},
+            "length": line_length,
+            "moment_arm_flexion": flexion_moment_arm,
+            "moment_arm_abduction": abduction_moment_arm,
+        },
+    )
+
+
+def turned(flexion: float, abduction: float) -> Floats:
+    """Return the transform of the distal bone (4, 4) at angles [degrees]."""
+    return rotation_about((0, 0, 0), FLEXION, flexion) @ rotation_about((0, 0, 0), ABDUCTION, abduction)
+
+
+def line_length(flexion: float, abduction: float) -> float:
+    """Return the distance of the attachments' centres [mm] at angles [degrees]."""
+    return float(np.linalg.norm(_insertion(flexion, abduction) - ORIGIN))
+
+
+def flexion_moment_arm(flexion: float, abduction: float) -> float:
+    """Return -dl/dq of the straight line by flexion [mm]: the lever of its pull about the axis."""
+    return _lever(FLEXION, _insertion(flexion, abduction))
+
+
+def abduction_moment_arm(flexion: float, abduction: float) -> float:
+    """Return -dl/dq of the straight line by abduction [mm], about the axis that flexion carries along."""
+    axis = apply_transform(rotation_about((0, 0, 0), FLEXION, flexion), ABDUCTION[None])[0]
+    return _lever(axis, _insertion(flexion, abduction))
+
+
+def _lever(axis: Floats, insertion: Floats) -> float:
+    pull = (ORIGIN - insertion) / np.linalg.norm(ORIGIN - insertion)
+    return float(np.cross(axis, insertion) @ pull)
+
+
+def _insertion(flexion: float, abduction: float) -> Floats:
+    moved: Floats = apply_transform(turned(flexion, abduction), INSERTION[None])[0]
+    return moved
+
+
+def _net() -> Floats:
+    """Return angles (k, 2): rest, abduction to its least, and from there row by row and back."""
+    rows = [[(f, a) for a in ABDUCTIONS[:: 1 if i % 2 == 0 else -1]] for i, f in enumerate(FLEXIONS)]
+    start = [(0.0, a) for a in ABDUCTIONS[ABDUCTIONS <= 0.0][:0:-1]]
+    return np.array([*start, *(pose for row in rows for pose in row)])
+
+
+@cache
+def _surfaces() -> tuple[dict[str, Surface], Surface]:
+    bones = {
+        "proximal": mesh_of(bone_with_arm(ORIGIN, 1.0), 3.0, 3000),
+        "distal": mesh_of(bone_with_arm(INSERTION, -1.0), 3.0, 3000),
+    }
+    points, triangles = solid_of_revolution(*spindle_profile(), SIDES)
+    return bones, (points + np.array([*ORIGIN[:2], 0.0]), triangles)

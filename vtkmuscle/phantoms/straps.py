@@ -1,0 +1,102 @@
+"""Straps, which are flat, and cords, which are round, along a middle line in the plane across a hinge."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vtkmuscle.phantoms.implicit import Solid, thick_curve, thick_sheet
+from vtkmuscle.phantoms.planar import evenly, in_space
+
+Floats = NDArray[np.float64]
+
+#: Distance of the points on the middle line that a strap is made from [mm].
+SPACING = 2.5
+
+
+def strap(line: Floats, width: float, thickness: float) -> Solid:
+    """Return a strap about a middle line, with flat ends across it.
+
+    Parameters
+    ----------
+    line : (k, 2) array
+        The middle line, (y, z) at x = 0 [mm].
+    width : float
+        Along x [mm]; the strap's edges are round, so that its faces are flat over ``width - thickness``.
+    thickness : float
+        Of the strap [mm].
+
+    Returns
+    -------
+    Solid
+        Half the thickness to each side of the line.
+    """
+    middle = in_space(evenly(_longer(line, thickness), SPACING))
+    across = np.linspace(-1.0, 1.0, 3)[:, None] * [(width - thickness) / 2.0, 0.0, 0.0]
+    knots = middle[:, None, :] + across
+    solid = thick_sheet(knots, np.full(knots.shape[:2], thickness / 2.0), spacing=1.5)
+    return _cut(solid, line)
+
+
+def cord(line: Floats, radii: ArrayLike) -> Solid:
+    """Return a round muscle about a middle line, with flat ends across it.
+
+    Parameters
+    ----------
+    line : (k, 2) array
+        The middle line, (y, z) at x = 0 [mm].
+    radii : (j,) array_like
+        Evenly along the line, from its start to its end [mm].
+    """
+    given = np.asarray(radii, dtype=np.float64)
+    middle = evenly(_longer(line, float(given[[0, -1]].max())), 2.0 * SPACING)
+    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(middle, axis=0), axis=1)))
+    ends = along[-1] * np.linspace(0.0, 1.0, len(given))
+    solid = thick_curve(in_space(middle), np.interp(along, ends, given), spacing=1.5)
+    return _cut(solid, line)
+
+
+def end_ring(centre: ArrayLike, along: ArrayLike, width: float, thickness: float) -> Floats:
+    """Return landmarks (8, 3) on the flat end of a strap.
+
+    Parameters
+    ----------
+    centre, along : (2,) array_like
+        Where the middle line ends [mm], and its direction there.
+    width, thickness : float
+        Of the strap [mm].
+    """
+    y, z = _unit(np.asarray(along, dtype=np.float64))
+    side, up = np.array([1.0, 0.0, 0.0]), np.array([0.0, -z, y])
+    corners = np.array([(-1, -1), (0, -1), (1, -1), (1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0)])
+    ring: Floats = (
+        in_space(np.asarray(centre, dtype=np.float64)[None])
+        + (width - thickness) / 2.0 * corners[:, :1] * side
+        + 0.35 * thickness * corners[:, 1:] * up
+    )
+    return ring
+
+
+def round_ring(centre: ArrayLike, along: ArrayLike, radius: float) -> Floats:
+    """Return landmarks (12, 3) on the flat end of a cord, in a circle [mm], as :func:`end_ring` does."""
+    y, z = _unit(np.asarray(along, dtype=np.float64))
+    turns = 2.0 * np.pi * np.arange(12)[:, None] / 12
+    circle = np.cos(turns) * [1.0, 0.0, 0.0] + np.sin(turns) * [0.0, -z, y]
+    ring: Floats = in_space(np.asarray(centre, dtype=np.float64)[None]) + radius * circle
+    return ring
+
+
+def _longer(line: Floats, by: float) -> Floats:
+    """Return a line that goes on straight at both ends: those of sheets and curves are round, to be cut."""
+    first, last = _unit(line[1] - line[0]), _unit(line[-1] - line[-2])
+    return np.vstack([line[0] - by * first, line, line[-1] + by * last])
+
+
+def _cut(solid: Solid, line: Floats) -> Solid:
+    first, last = _unit(line[1] - line[0]), _unit(line[-1] - line[-2])
+    return solid.beside((0.0, *line[0]), (0.0, *-first), 1.0).beside((0.0, *line[-1]), (0.0, *last), 1.0)
+
+
+def _unit(vector: Floats) -> Floats:
+    unit: Floats = vector / np.linalg.norm(vector)
+    return unit

@@ -1,0 +1,240 @@
+"""A folder that a run may write to: nobody else's, and with nothing in it that would be lost."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
+
+from vtkmuscle.core.files import check_is_file
+from vtkmuscle.io.writing import left_behind
+
+if TYPE_CHECKING:
+    from vtkmuscle.scene.model import Scene
+
+#: The file that a run holds while it writes to a folder.
+LOCK = ".vtkmuscle.lock"
+
+#: Tables and folders of a run, beside those that are called after muscles.
+_LISTS = ("lengths.csv", "moment_arms.csv", "moment_arms_summary.csv")
+_FILES = ("report.json", *_LISTS, "bones.pvd", "bones.vtkhdf")
+_FOLDERS = ("bones", "figures")
+_SERIES = (".pvd", ".vtkhdf")
+_TABLES = ("_fibres.csv",)
+
+
+@contextmanager
+def claimed(folder: Path, scene: Scene, *, overwrite: bool) -> Iterator[None]:
+    """Make a folder for the results of a scene, and hold it against other runs.
+
+    Parameters
+    ----------
+    folder : Path
+        Made where it does not exist; nothing in it is changed, but what killed runs left half written goes.
+    scene : Scene
+        What is run.
+    overwrite : bool
+        Whether results of another scene, and files that no run has written, may be replaced. Inputs of the
+        scene never are.
+
+    Raises
+    ------
+    OSError
+        If it cannot be made, another run is writing to it, or something in it is in the way.
+    ValueError
+        If something in it would be lost.
+    """
+    if folder.is_symlink() and not folder.exists():
+        raise FileNotFoundError(f"{folder} is a link to {os.readlink(folder)}, which does not exist")
+    if folder.exists() and not folder.is_dir():
+        raise NotADirectoryError(f"{folder} is a file; give another folder for the results")
+    _check_inputs(folder, scene)
+    folder.mkdir(parents=True, exist_ok=True)
+    with _locked(folder):
+        for path in _places(scene.muscles, folder=True):
+            _check_is_folder(folder / path)
+        for path in _places(scene.muscles, folder=False):
+            if (folder / path).is_dir() and not (folder / path).is_symlink():
+                raise IsADirectoryError(f"{folder / path} is a folder, where a file of results goes; move it")
+        for parent in (folder, *(folder / name for name in _places(scene.muscles, folder=True))):
+            for left in left_behind(parent):
+                shutil.rmtree(left) if left.is_dir() else left.unlink(missing_ok=True)
+        if not overwrite:
+            _check_results(folder, scene)
+        yield
+
+
+def remove_results(folder: Path, scene: Scene) -> None:
+    """Remove what an earlier run has left, so that nothing old stands beside what is new.
+
+    That is the report, the tables, and the series with the frames that they list, of the muscles of the
+    scene and of those that the report names; and the figures that the report lists.
+
+    Parameters
+    ----------
+    folder : Path
+        Held by :func:`claimed`.
+    scene : Scene
+        What is run.
+    """
+    report = read_report(folder) or {}
+    names = {*scene.muscles, *(name for name in report.get("muscles", ()) if re.fullmatch(r"[^/\\]+", name))}
+    for number, series in enumerate(("bones", *sorted(names), *(f"{name}_fibres" for name in sorted(names)))):
+        _remove_series(folder, series, numbered=number > 0)
+    for name in sorted(names):
+        for ending in _TABLES:
+            (folder / f"{name}{ending}").unlink(missing_ok=True)
+    drawn = report.get("figures")
+    for figure in drawn.get("written", ()) if isinstance(drawn, dict) else ():
+        (folder / "figures" / Path(str(figure)).name).unlink(missing_ok=True)
+    for name in _LISTS:
+        (folder / name).unlink(missing_ok=True)
+
+
+def _remove_series(folder: Path, name: str, *, numbered: bool) -> None:
+    """Remove a series and the frames that it lists; of muscles also those that no series lists yet."""
+    inside = folder / name
+    frames = set(_listed(folder / f"{name}.pvd"))
+    if numbered and inside.is_dir() and not inside.is_symlink():
+        pattern = re.compile(re.escape(name) + r"_\d{4,}\.vtp")
+        frames |= {path for path in inside.iterdir() if pattern.fullmatch(path.name)}
+    parents = set()
+    for frame in frames:
+        if inside in frame.parents and ".." not in frame.parts and not frame.parent.is_symlink():
+            frame.unlink(missing_ok=True)
+            parents.add(frame.parent)
+    for parent in sorted({*parents, inside}, key=lambda path: -len(path.parts)):
+        if parent.is_dir() and not parent.is_symlink() and not any(parent.iterdir()):
+            parent.rmdir()
+    for ending in _SERIES:
+        (folder / f"{name}{ending}").unlink(missing_ok=True)
+
+
+def _listed(collection: Path) -> Iterator[Path]:
+    """Give the files that a .pvd lists; none where it is damaged."""
+    try:
+        entries = list(ElementTree.parse(collection).getroot().iter("DataSet"))
+    except (OSError, ElementTree.ParseError):
+        return
+    for entry in entries:
+        if entry.get("file"):
+            yield collection.parent / str(entry.get("file"))
+
+
+def _places(muscles: Mapping[str, Any], *, folder: bool) -> Iterator[str]:
+    """Give the names of folders, or of files, that a run writes in its folder."""
+    yield from _FOLDERS if folder else _FILES
+    for name in muscles:
+        for part in (name, f"{name}_fibres"):
+            if folder:
+                yield part
+            else:
+                yield from (part + ending for ending in _SERIES)
+        if not folder:
+            yield from (name + ending for ending in _TABLES)
+
+
+def _check_inputs(folder: Path, scene: Scene) -> None:
+    """Raise a ValueError where a file that the scene is read from lies where results go."""
+    root = folder.resolve()
+    written = {*_places(scene.muscles, folder=True), *_places(scene.muscles, folder=False)}
+    for key, file in scene.files.items():
+        for path in {file.resolve(), Path(os.path.abspath(file))}:
+            for base in {root, Path(os.path.abspath(folder))}:
+                inside = base in path.parents and path.relative_to(base).parts[0] in written
+                if inside:
+                    raise ValueError(
+                        f"{file}: the results in {folder} would be written over this input of the scene"
+                        f"{f' ({key})' if key else ''}; give another folder with --out"
+                    )
+
+
+def _check_is_folder(path: Path) -> None:
+    if path.is_symlink():
+        raise NotADirectoryError(
+            f"{path} is a link to {os.readlink(path)}; results are not written through links, move it away"
+        )
+    if path.exists() and not path.is_dir():
+        raise NotADirectoryError(f"{path} is a file, where a folder of results goes; move it away")
+
+
+def _check_results(folder: Path, scene: Scene) -> None:
+    """Raise a ValueError where there are results of another scene, or files that no run has written."""
+    insist = "give another folder with --out, or --overwrite (overwrite=True) to replace them"
+    report = read_report(folder)
+    if report is None:
+        places = [*_places(scene.muscles, folder=False), *_places(scene.muscles, folder=True)]
+        for path in map(folder.joinpath, places):
+            if path.is_file() or path.is_symlink() or (path.is_dir() and _may_lose(path)):
+                raise ValueError(f"{path}: results would be written over what no run has made; {insist}")
+        return
+    before, now = report.get("scene_file"), scene_file(scene)
+    if report.get("scene") != scene.name or (before and now and before != now):
+        of = f" of {before}" if before else ""
+        raise ValueError(f"{folder}: it holds the results of the scene {report.get('scene')!r}{of}; {insist}")
+
+
+def _may_lose(folder: Path) -> bool:
+    """Return whether a folder holds what a run might write over: frames, figures, or folders of them."""
+    return any(path.is_dir() or path.suffix.lower() in (".vtp", ".png") for path in folder.iterdir())
+
+
+def scene_file(scene: Scene) -> str | None:
+    """Return where a scene was read from, in full; None where it was made in Python."""
+    return str(scene.files[""].resolve()) if "" in scene.files else None
+
+
+def read_report(folder: Path) -> dict[str, Any] | None:
+    """Return the report of a run from its folder, None where there is none."""
+    try:
+        check_is_file(folder / "report.json")
+        report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    good = isinstance(report, dict) and isinstance(report.get("muscles"), dict) and "complete" in report
+    return report if good else None
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Hold the lock of a folder; the system lets go of it where the process is killed."""
+    path = folder / LOCK
+    if os.name != "posix":
+        yield
+        return
+    import fcntl  # noqa: PLC0415 -- Windows has none
+
+    while True:
+        descriptor = os.open(path, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o666)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            holder = os.read(descriptor, 20).decode("ascii", "replace").strip() or "unknown"
+            os.close(descriptor)
+            raise BlockingIOError(
+                f"{folder}: another run is writing to it (process {holder}); wait for it to end, or give "
+                "another folder with --out"
+            ) from None
+        except OSError as error:  # a file system without locks
+            warnings.warn(f"{folder} cannot be locked ({error.strerror}); start no second run", stacklevel=6)
+            break
+        try:
+            if os.stat(path).st_ino == os.fstat(descriptor).st_ino:
+                break
+        except FileNotFoundError:  # the run before has just ended and removed it
+            pass
+        os.close(descriptor)
+    try:
+        os.ftruncate(descriptor, 0)
+        os.write(descriptor, f"{os.getpid()}\n".encode("ascii"))
+        yield
+    finally:
+        path.unlink(missing_ok=True)
+        os.close(descriptor)

@@ -1,0 +1,54 @@
+"""A scene that the program writes as a model, which its user may have edited since."""
+
+from __future__ import annotations
+
+import shutil
+from filecmp import cmp
+from pathlib import Path
+
+from vtkmuscle.io.writing import beside
+from vtkmuscle.scene.model import Scene
+
+
+def save_unless_changed(scene: Scene, folder: Path, *, overwrite: bool) -> Path:
+    """Write a scene to a folder where nothing of the user's is lost by that.
+
+    Parameters
+    ----------
+    scene : Scene
+        What to write.
+    folder : Path
+        Made where it does not exist.
+    overwrite : bool
+        Whether files in it that are not as they would be written are replaced.
+
+    Returns
+    -------
+    Path
+        The scene.toml.
+
+    Raises
+    ------
+    ValueError
+        If a file there has been changed.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    fresh = beside(folder)
+    try:
+        scene.save(fresh)
+        files = [path.relative_to(fresh) for path in fresh.rglob("*") if path.is_file()]
+        for file in sorted(files):
+            there = folder / file
+            if there.is_file() and cmp(there, fresh / file, shallow=False):
+                continue
+            if (there.exists() or there.is_symlink()) and not overwrite:
+                raise ValueError(
+                    f"{there}: this has been changed since it was written; run it with 'vtkmuscle run "
+                    f"{folder / 'scene.toml'}', give another folder with --out, or --overwrite to replace it"
+                )
+        for file in files:
+            (folder / file).parent.mkdir(parents=True, exist_ok=True)
+            (fresh / file).replace(folder / file)
+    finally:
+        shutil.rmtree(fresh, ignore_errors=True)
+    return folder / "scene.toml"

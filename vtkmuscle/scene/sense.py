@@ -1,0 +1,227 @@
+"""What can be run but cannot be meant: said before the run, as an error where it is sure, else as a warning.
+
+The checks are listed in docs/sense.rst.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.closed_shells import closed_shells
+from vtkmuscle.core.rings import ring_area, ring_length, short_ring
+from vtkmuscle.filters.arrays import checked_surface, points_of
+from vtkmuscle.filters.attachments import AttachmentArea
+from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.scene.model import Muscle, Scene, SceneError
+from vtkmuscle.scene.sense_motion import motion_findings
+
+Floats = NDArray[np.float64]
+
+#: The longest side of all bones and muscles: what is shorter or longer is in another unit [mm].
+SHORTEST, LONGEST = 10.0, 5000.0
+#: Landmarks farther than this from their bone, in the middle, are not on it; farther than the second, or
+#: than the muscle is long, all of them: they are another scene's [mm].
+FAR_LANDMARKS, LOST_LANDMARKS = 10.0, 300.0
+#: Landmarks are another bone's if they are this far from their own [mm], and nearer to the other by a factor.
+OTHER_BONE, NEARER = 2.0, 2.0
+#: The ring through landmarks, in parts of the shortest one: another order was meant; surely so.
+RING, SURE_RING = 1.05, 2.5
+#: 4 pi area / length^2 of a ring that encloses nothing worth speaking of; 1 for a circle.
+FLAT_RING = 0.01
+#: Area of a ring, as a part of that of the shortest: one that crosses itself encloses less.
+CROSSED_RING = 0.6
+#: Distance of a point from the middle, in units of the median of all: one that strayed; surely so.
+STRAY, SURE_STRAY = 30.0, 1000.0
+#: Distance from the origin, in sizes of the surface, at which double precision has lost it.
+LOST_PRECISION = 1e9
+#: Points of a ring that are looked at.
+_MOST_LANDMARKS = 150
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that cannot be meant.
+
+    Attributes
+    ----------
+    key : str
+        Where, as of :class:`SceneError`.
+    problem, mend : str
+        What is odd, and what to do about it.
+    sure : bool
+        Whether nothing useful can come of it.
+    """
+
+    key: str
+    problem: str
+    mend: str
+    sure: bool = False
+
+
+def check_sense(scene: Scene) -> None:
+    """Say what cannot be meant of a scene.
+
+    Raises
+    ------
+    SceneError
+        For the first thing that is surely wrong.
+
+    Warns
+    -----
+    UserWarning
+        For each thing that is probably wrong.
+    """
+    found = [Finding(*finding) for finding in findings(scene)]
+    for finding in sorted(found, key=lambda one: not one.sure):
+        file = scene.files.get(finding.key, scene.files.get(""))
+        error = SceneError(finding.problem, key=finding.key, mend=finding.mend, file=file)
+        if finding.sure:
+            raise error
+        warnings.warn(str(error), stacklevel=3)
+
+
+def findings(scene: Scene) -> Iterator[tuple[Any, ...]]:
+    """Give the fields of a :class:`Finding` for each thing that cannot be meant."""
+    strayed = list(_strays(scene))
+    yield from strayed
+    if any(finding[-1] for finding in strayed):
+        return  # measures of the rest would mean nothing
+    yield from _sizes(scene)
+    yield from _twice(scene)
+    yield from _bones_without_inside(scene)
+    distances = {name: SurfaceDistance(bone) for name, bone in scene.bones.items()}
+    for name, muscle in scene.muscles.items():
+        for number, area in enumerate(muscle.attachments):
+            yield from _ring(f"muscles.{name}.attachments[{number}].landmarks", area, muscle, scene)
+        yield from _on_bones(scene, name, muscle, distances)
+    yield from motion_findings(scene)
+
+
+def _strays(scene: Scene) -> Iterator[tuple[Any, ...]]:
+    """Give surfaces with a point that is nowhere near the others, or that lie nowhere near the origin."""
+    surfaces = {f"bones.{name}.surface": bone for name, bone in scene.bones.items()}
+    surfaces |= {f"muscles.{name}.surface": muscle.surface for name, muscle in scene.muscles.items()}
+    for key, surface in surfaces.items():
+        points = points_of(surface)
+        centre = np.median(points, axis=0)
+        with np.errstate(over="ignore"):
+            away = np.linalg.norm(points - centre, axis=1)
+            offset = float(np.linalg.norm(centre))
+        typical, farthest = float(np.median(away)), float(away.max())
+        if farthest > STRAY * typical > 0.0:
+            point = int(np.argmax(away))
+            where = ", ".join(f"{value:.4g}" for value in points[point])
+            problem = (
+                f"point {point} at ({where}) is {farthest / typical:.3g} times as far off as most points"
+            )
+            yield key, problem, "correct that point, or remove it", farthest > SURE_STRAY * typical
+        if offset > LOST_PRECISION * farthest > 0.0:
+            problem = (
+                f"it lies {offset:.3g} {scene.units} from the origin, which leaves no digits for its shape"
+            )
+            yield key, problem, "move the scene to the origin", True
+
+
+def _sizes(scene: Scene) -> Iterator[tuple[Any, ...]]:
+    surfaces = [*scene.bones.values(), *(muscle.surface for muscle in scene.muscles.values())]
+    longest = max(float(np.ptp(points_of(surface), axis=0).max()) for surface in surfaces)
+    length = longest * scene.millimetres
+    if not SHORTEST <= length <= LONGEST:
+        guess = "m" if SHORTEST <= 1000.0 * longest <= LONGEST else "mm"
+        guess = guess if guess != scene.units else "cm"
+        problem = f"the longest bone or muscle is {length:.3g} mm long in this unit"
+        yield "units", problem, f'if the files are in {guess}, write units = "{guess}"', False
+
+
+def _twice(scene: Scene) -> Iterator[tuple[Any, ...]]:
+    """Give surfaces that stand for two things."""
+    seen: dict[bytes, str] = {}
+    named = [(f"bones.{name}.surface", bone) for name, bone in scene.bones.items()]
+    named += [(f"muscles.{name}.surface", muscle.surface) for name, muscle in scene.muscles.items()]
+    for key, surface in named:
+        points = points_of(surface)
+        other = seen.setdefault(np.ascontiguousarray(points).tobytes(), key)
+        if other != key and other.startswith("bones."):  # two muscles may be one, solved in two ways
+            yield key, f"it is the same surface as {other}", "name the file that belongs to it", False
+
+
+def _bones_without_inside(scene: Scene) -> Iterator[tuple[Any, ...]]:
+    for name, bone in scene.bones.items():
+        if not any(closed_shells(*checked_surface(bone, name)).solid):
+            problem = "the bone encloses no volume: no muscle will be kept out of it"
+            mend = "export it again as a closed surface, if a muscle can meet it"
+            yield f"bones.{name}.surface", problem, mend, False
+
+
+def _ring(key: str, area: AttachmentArea, muscle: Muscle, scene: Scene) -> Iterator[tuple[Any, ...]]:
+    """Give what is odd about the order and place of landmarks."""
+    landmarks = np.asarray(area.landmarks, dtype=np.float64)
+    size = float(np.linalg.norm(np.ptp(landmarks, axis=0)))
+    if len(landmarks) > 1 and size <= 1e-9 * float(np.linalg.norm(np.ptp(points_of(muscle.surface), axis=0))):
+        yield key, f"all {len(landmarks)} landmarks are one point", "give the boundary of the area", True
+        return
+    if not area.closed or len(landmarks) < 4:
+        return
+    landmarks = landmarks[:: -(-len(landmarks) // _MOST_LANDMARKS)]
+    best = landmarks[short_ring(landmarks)]
+    length, shortest = ring_length(landmarks), ring_length(best)
+    mend = "put them in order along the boundary"
+    if length > RING * shortest:
+        problem = (
+            f"the ring through the landmarks is {length:.4g} {scene.units} long, {length / shortest:.3g} "
+            "times as long as in another order: they are not in the order of the boundary"
+        )
+        yield key, problem, mend, length > SURE_RING * shortest
+    elif 4.0 * np.pi * ring_area(best) < FLAT_RING * shortest**2:
+        mend = "if it is a line and no area, write closed = false"
+        yield key, "the ring through the landmarks encloses hardly any area", mend, False
+    elif ring_area(landmarks) < CROSSED_RING * ring_area(best):
+        yield key, "the ring through the landmarks crosses itself, as an 8 does", mend, False
+
+
+def _on_bones(
+    scene: Scene, name: str, muscle: Muscle, distances: dict[str, SurfaceDistance]
+) -> Iterator[tuple[Any, ...]]:
+    """Give landmarks that are not on the bone that they name."""
+    scale = scene.millimetres
+    length = float(np.linalg.norm(np.ptp(points_of(muscle.surface), axis=0))) * scale
+    away = [
+        {bone: scale * distance.unsigned(area.landmarks) for bone, distance in distances.items()}
+        for area in muscle.attachments
+    ]
+    meant: dict[int, str] = {}
+    for number, (area, far) in enumerate(zip(muscle.attachments, away, strict=True)):
+        own = float(np.median(far[area.bone]))
+        nearest = min(far, key=lambda bone: float(np.median(far[bone])))
+        if own > OTHER_BONE and NEARER * float(np.median(far[nearest])) < own:
+            meant[number] = nearest
+    areas = muscle.attachments
+    exchanged = {(areas[number].bone, bone) for number, bone in meant.items()}
+    if len(areas) == len(meant) > 1 and exchanged == {(b, a) for a, b in exchanged}:
+        problem = "origin and insertion are exchanged: each has its landmarks on the other's bone"
+        mend = "exchange their landmarks, or their bones"
+        yield f"muscles.{name}.attachments", problem, mend, True
+        return
+    for number, (area, far) in enumerate(zip(areas, away, strict=True)):
+        key = f"muscles.{name}.attachments[{number}].landmarks"
+        own = float(np.median(far[area.bone]))
+        lost = float(far[area.bone].min()) > max(length, LOST_LANDMARKS)
+        if number in meant and not lost:
+            other = float(np.median(far[meant[number]]))
+            problem = f"the landmarks are {own:.3g} mm from {area.bone!r}"
+            problem += f", but {other:.3g} mm from {meant[number]!r}"
+            yield key, problem, f'if they are on that bone, write bone = "{meant[number]}"', False
+        elif own > FAR_LANDMARKS:
+            problem = (
+                f"the landmarks are {own:.3g} mm from the bone {area.bone!r} that they are said to be on"
+            )
+            yield key, problem, "check the bone, and that both are in the same unit and place", lost
+    if len(areas) > 1 and len({area.bone for area in areas}) == 1:
+        problem = f"all areas are on the bone {areas[0].bone!r}: the muscle will move with it as it is"
+        yield f"muscles.{name}.attachments", problem, "check the bones of its areas", False

@@ -1,0 +1,92 @@
+"""Motions that cannot be meant; see :mod:`vtkmuscle.scene.sense`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.rigid import apply_transform, inverse
+from vtkmuscle.filters.arrays import points_of
+from vtkmuscle.scene.model import Scene
+
+Floats = NDArray[np.float64]
+
+#: Turn of a bone from one frame to the next that is a jump rather than a step [degrees].
+JUMP = 60.0
+#: Way of a bone from one frame to the next, in its own diagonals: a jump; surely no motion of a joint.
+FAR, SURE_FAR = 0.5, 20.0
+#: Distance of a muscle's areas, in units of that at rest, or of its length: it is torn; surely so.
+TORN, SURE_TORN = 2.0, 5.0
+
+
+def motion_findings(scene: Scene) -> Iterator[tuple[Any, ...]]:
+    """Give the fields of a finding for each thing that cannot be meant of a motion."""
+    key = "motion"
+    motion = scene.motion
+    for bone, transforms in motion.transforms.items():
+        corners = _corners(points_of(scene.bones[bone]))
+        size = float(np.linalg.norm(corners[-1] - corners[0]))
+        poses = np.concatenate([np.eye(4)[None], transforms])
+        # From rest to the first frame, and from each to the next.
+        places = np.array([apply_transform(pose, corners) for pose in poses])
+        with np.errstate(over="ignore"):
+            ways = np.linalg.norm(np.diff(places, axis=0), axis=2).max(axis=1)
+        worst = int(np.argmax(ways))
+        turns = np.array([_turn(one, other) for one, other in pairwise(poses)])
+        most = int(np.argmax(turns))
+        if ways[worst] > SURE_FAR * size:
+            problem = (
+                f"{bone!r} moves {ways[worst]:.3g} {scene.units} {_where(worst)}, and is {size:.3g} long"
+            )
+            yield key, problem, "check the unit of its translations", True
+        elif turns[most] > JUMP:
+            problem = f"{bone!r} turns by {turns[most]:.3g} degrees {_where(most)}"
+            yield key, problem, "give more frames: muscles follow in small steps", False
+        elif ways[worst] > FAR * size:
+            problem = (
+                f"{bone!r} moves {ways[worst]:.3g} {scene.units} {_where(worst)}, and is {size:.3g} long"
+            )
+            yield key, problem, "give more frames, or check the unit of its translations", False
+    for name, muscle in scene.muscles.items():
+        middles = [(area.bone, np.asarray(area.landmarks).mean(axis=0)) for area in muscle.attachments]
+        if len({bone for bone, _ in middles}) < 2:
+            continue
+        length = float(np.linalg.norm(np.ptp(points_of(muscle.surface), axis=0)))
+        frames = [motion.at(float(time)) for time in motion.times]
+        spans = np.array([_span(middles, frame) for frame in frames])
+        longest = int(np.argmax(spans))
+        ratio = spans[longest] / max(_span(middles, {}), 0.5 * length)
+        if ratio > TORN:
+            problem = (
+                f"its areas come {spans[longest]:.3g} {scene.units} apart in frame {longest}, {ratio:.3g} "
+                "times as far as at rest: a muscle would tear"
+            )
+            mend = "check the motion, and that its transforms are from rest to the pose"
+            yield f"muscles.{name}.attachments", problem, mend, ratio > SURE_TORN
+
+
+def _corners(points: Floats) -> Floats:
+    low, high = points.min(axis=0), points.max(axis=0)
+    return np.array(
+        [[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i, j, k in np.ndindex(2, 2, 2)]
+    )
+
+
+def _turn(one: Floats, other: Floats) -> float:
+    """Return the angle between two poses [degrees]."""
+    cosine = 0.5 * (np.trace((other @ inverse(one))[:3, :3]) - 1.0)
+    return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+
+def _where(step: int) -> str:
+    return "from rest to the first frame" if step == 0 else f"from frame {step - 1} to frame {step}"
+
+
+def _span(middles: list[tuple[str, Floats]], frame: dict[str, Floats]) -> float:
+    """Return the largest distance of two areas' middles in a pose."""
+    places = [apply_transform(frame.get(bone, np.eye(4)), middle[None])[0] for bone, middle in middles]
+    return max(float(np.linalg.norm(a - b)) for a in places for b in places)
