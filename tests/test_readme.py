@@ -84,7 +84,7 @@ def test_every_public_name_is_in_the_api_reference():
     listed = set(re.findall(r"^   (\w+)$", text, flags=re.MULTILINE))
     names = {*vtkmuscle.__all__, *vtkmuscle.filters.__all__} - {"__version__", "filters"}
     assert names <= listed
-    modules = [import_module("vtkmuscle"), import_module("vtkmuscle.filters")]
+    modules = [import_module(name) for name in ("vtkmuscle", "vtkmuscle.filters", "vtkmuscle.run")]
     for name in listed - {"core"}:
         assert any(hasattr(module, name) for module in modules) or find_spec(f"vtkmuscle.{name}"), name
 

@@ -135,7 +135,8 @@ def test_the_literature_is_drawn_where_its_coordinate_is_that_of_the_motion(resu
 
 def test_without_a_coordinate_nothing_is_written_and_what_was_there_goes(scene, result, out, tmp_path):
     still = replace(scene, motion=replace(scene.motion, coordinates={}))
-    (tmp_path / "moment_arms.csv").write_text("old")
+    scene.run(tmp_path, frames="0:4", figures=False)
+    assert (tmp_path / "moment_arms.csv").exists()
     plain = still.run(tmp_path, frames="0:2", figures=False)
     assert not (tmp_path / "moment_arms.csv").exists()
     assert "moment_arms" not in plain.report

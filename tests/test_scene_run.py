@@ -28,7 +28,7 @@ from vtkmuscle.filters.arrays import (
 from vtkmuscle.filters.attachments import attachments_of
 from vtkmuscle.io import read_polydata
 from vtkmuscle.run import frame_numbers
-from vtkmuscle.run.report import MuscleMeasure
+from vtkmuscle.run.measure import MuscleMeasure
 
 FRAMES = 5
 

@@ -370,13 +370,16 @@ def _found(muscle: Mapping[str, Any]) -> str:
     """Return in a line what a run found of a muscle."""
     frames = muscle["frames"]
     words = [f"{len(frames)} frames"]
-    if frames:
-        words.append(f"volume within {max(abs(row['volume_ratio'] - 1.0) for row in frames):.2%}")
-        depths = [row["penetration_new_max_mm"] for row in frames]
-        if None not in depths:
-            rest = muscle["rest"]["penetration_max_mm"]
-            at_rest = f", where it is {rest:.2f} mm" if rest else ""
-            words.append(f"at most {max(depths):.2f} mm deeper in a bone than at rest{at_rest}")
+    volumes = [row["volume_ratio"] for row in frames if row.get("volume_ratio") is not None]
+    if volumes:
+        words.append(f"volume within {max(abs(volume - 1.0) for volume in volumes):.2%}")
+    depths = [
+        row["penetration_new_max_mm"] for row in frames if row.get("penetration_new_max_mm") is not None
+    ]
+    if depths:
+        rest = muscle["rest"]["penetration_max_mm"]
+        at_rest = f", where it is {rest:.2f} mm" if rest else ""
+        words.append(f"at most {max(depths):.2f} mm deeper in a bone than at rest{at_rest}")
     return f"{', '.join(words)}: {muscle['verdict']['verdict']}"
 
 

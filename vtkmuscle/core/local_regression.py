@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ Bools = NDArray[np.bool_]
 SAME_PLACE = 1e-6
 #: Windows grow by this factor from one candidate to the next.
 WINDOW_STEP = 1.4
+#: A window is chosen by the fit at this many samples, evenly among all, where there are more.
+MOST_TO_CHOOSE = 200
 #: A coordinate has a slope of its own in a window where its spread there, apart from what the other
 #: coordinates explain of it, is at least this part of the window's half width: below it errors grow beyond
 #: tenfold.
@@ -98,12 +101,10 @@ def local_regression(samples: Floats, curves: Floats, at: Floats) -> LocalFit:
     degree = _degree_for(len(places), samples.shape[1])
     candidates = _windows(_basis_size(samples.shape[1], degree), len(places))
     fits = [_Window(samples / scale, places / scale, size, degree) for size in candidates]
-    scores = []
-    for fit in fits:
-        residuals, leverages, _ = fit.residuals(curves)
-        scores.append(float((residuals**2).sum()) / (1.0 - leverages / len(samples)) ** 2)
+    some = np.unique(np.linspace(0, len(samples) - 1, min(len(samples), MOST_TO_CHOOSE)).astype(np.int64))
+    scores = [fit.score(curves, some) for fit in fits]
     chosen = fits[max(int(np.argmin(scores)) - 1, 0)]
-    residuals, _, freedom = chosen.residuals(curves)
+    residuals, freedom = chosen.residuals(curves)
     noise = np.sqrt((residuals**2).sum(axis=0) / freedom)
     rows, determined = chosen.rows(at / scale)
     slopes = np.einsum("mdf,fk->mkd", rows[:, 1:], curves) / scale
@@ -163,11 +164,16 @@ class _Window:
     def __init__(self, samples: Floats, places: Floats, size: int, degree: int) -> None:
         self.samples, self.places, self.size, self.degree = samples, places, size, degree
 
-    def residuals(self, curves: Floats) -> tuple[Floats, float, float]:
-        """Return what the fit leaves of the curves, the trace of the fit, and the degrees of freedom left."""
+    def score(self, curves: Floats, some: Ints) -> float:
+        """Return what generalised cross-validation makes of the fit, at some of the samples."""
+        fit = self.rows(self.samples[some])[0][:, 0]
+        leverage = float(fit[np.arange(len(some)), some].mean())
+        return float(((curves[some] - fit @ curves) ** 2).mean()) / (1.0 - leverage) ** 2
+
+    def residuals(self, curves: Floats) -> tuple[Floats, float]:
+        """Return what the fit leaves of the curves (f, k), and the degrees of freedom left."""
         fit = self.rows(self.samples)[0][:, 0]
-        left = np.eye(len(fit)) - fit
-        return curves - fit @ curves, float(np.trace(fit)), float((left**2).sum())
+        return curves - fit @ curves, float(((np.eye(len(fit)) - fit) ** 2).sum())
 
     def rows(self, at: Floats) -> tuple[Floats, Bools]:
         """Return rows (m, 1 + d, f) from curves to values and slopes, and which are determined."""
@@ -201,8 +207,7 @@ def _basis(u: Floats, degree: int) -> Floats:
     """Return the columns 1, u_i, u_i u_j and u_i^3, up to a degree."""
     columns = [np.ones(len(u)), *u.T]
     if degree > 1:
-        first, second = np.triu_indices(u.shape[1])
-        columns += list((u[:, first] * u[:, second]).T)
+        columns += [a * b for a, b in combinations_with_replacement(u.T, 2)]
     if degree > 2:
         columns += list((u**3).T)
     return np.column_stack(columns)

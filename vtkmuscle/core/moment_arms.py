@@ -47,8 +47,8 @@ def moment_arms(
     """Return moment arms, -dl/dq, from lengths of fibres at values of joint coordinates.
 
     A fibre that shortens as a coordinate grows has a positive moment arm: its pull drives the coordinate up
-    (principle of virtual work; An et al. 1984). The slope is that of a cubic fitted about each place, in a
-    window that is chosen against the noise of the lengths; see
+    (principle of virtual work; An et al. 1984, for any coordinate Sherman et al. 2013). The slope is that of
+    a cubic fitted about each place, in a window that is chosen against the noise of the lengths; see
     :func:`~vtkmuscle.core.local_regression.local_regression`.
 
     Parameters
@@ -77,6 +77,8 @@ def moment_arms(
     ----------
     An, Takahashi, Harrigan, Chao 1984, *Determination of muscle orientations and moment arms*,
     doi:10.1115/1.3138494.
+    Sherman, Seth, Delp 2013, *What is a moment arm? Calculating muscle effectiveness in biomechanical models
+    using generalized coordinates*, doi:10.1115/DETC2013-13633.
 
     Examples
     --------

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.io.surfaces import check_is_file
+from vtkmuscle.core.files import check_is_file
 from vtkmuscle.io.writing import write_text
 
 Floats = NDArray[np.float64]

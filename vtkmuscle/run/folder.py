@@ -149,13 +149,10 @@ class RunFolder:
         self._write_report(report)
 
     def write_moment_arms(self, arms: MomentArmTable) -> None:
-        """Write moment_arms.csv and moment_arms_summary.csv; without moment arms, remove an earlier run's."""
-        tables = {"moment_arms.csv": arms.write, "moment_arms_summary.csv": arms.write_summary}
-        for name, write in tables.items():
-            if arms:
-                write(self.path / name)
-            else:
-                (self.path / name).unlink(missing_ok=True)
+        """Write moment_arms.csv and moment_arms_summary.csv, where there are moment arms."""
+        if arms:
+            arms.write(self.path / "moment_arms.csv")
+            arms.write_summary(self.path / "moment_arms_summary.csv")
 
     def write_figures(self, result: Result) -> list[str]:
         """Draw the figures beside, move them to ``figures/``, and return their names."""

@@ -30,7 +30,8 @@ from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.pipelines import PRUNE, TRANSPORT_SETTINGS, decompose, deform
 from vtkmuscle.run.fixed_points import warn_of_fixed_points
 from vtkmuscle.run.folder import RunFolder
-from vtkmuscle.run.report import MuscleMeasure, architecture_of, fibres_at_rest, measures_of_fibres
+from vtkmuscle.run.measure import MuscleMeasure
+from vtkmuscle.run.report import architecture_of, fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.result import MuscleTrack
 from vtkmuscle.run.verdict import judge, slackness_of
 from vtkmuscle.scene.model import Scene

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from vtkmuscle.core.length_jumps import even_stretches, length_jumps
 from vtkmuscle.core.rigid import RigidMotion
 from vtkmuscle.filters.arrays import cell_array
+from vtkmuscle.run.limits import CHECKS, FULL_SIZE, STEPS
 
 Floats = NDArray[np.float64]
 
@@ -22,169 +23,8 @@ VERDICTS = (OK, LOOK, FAILED)
 #: Cell array of fibres: the length that each would have pulled taut, in the scene's unit.
 TAUT_LENGTH = "TautLength"
 
-#: Limits that are lengths are for muscles of this size or larger (diagonal of the box at rest) [mm]; for
-#: smaller ones they are less in proportion.
-FULL_SIZE = 100.0
-
-# A muscle exerts no active force below half of its optimal length, nor above 1.6 to 1.7 times of it: Zajac
-# 1989, "Muscle and tendon", Crit Rev Biomed Eng 17:359; Gordon, Huxley, Julian 1966,
-# doi:10.1113/jphysiol.1966.sp007909 (sarcomeres of 1.27 and 3.65 um, where the optimum is 2.0 to 2.25). Half
-# as much again is what no fibre survives.
-SHORTEST, LONGEST = 0.5, 1.6
-BEYOND = 1.5
-
-
-@dataclass(frozen=True)
-class Check:
-    """What is looked at in each frame, and from where on it is said.
-
-    Attributes
-    ----------
-    look, failed : float
-        Limits: beyond the first one the results should be looked at, beyond the other they are of no use.
-    unit : str
-        Of the limits; those in "mm" are less for muscles smaller than 100 mm.
-    says : str
-        What is wrong, with the value as ``{}``.
-    do : str
-        What to do about it.
-    smaller : bool
-        Whether small values are bad ones.
-    """
-
-    look: float
-    failed: float
-    unit: str
-    says: str
-    do: str
-    smaller: bool = False
-
-
-_STEPS = "use smaller steps of the motion, more iterations or another solver, and look at its surface there"
-
-#: What is judged. The limits, and why they are what they are:
-CHECKS = {
-    # P21 (doi:10.1007/978-3-030-72379-8_24), Fig. 11: less than 1 % with few iterations; 5 % is seen by eye.
-    "volume": Check(1.0, 5.0, "%", "its volume is off by {}", _STEPS),
-    # They are set, not solved for: anything but rounding is a fault.
-    "fixed points": Check(
-        0.01, 1.0, "mm", "a point that is fixed to a bone is {} off it", "report this: it is a fault"
-    ),
-    "long edges": Check(
-        LONGEST,
-        BEYOND * LONGEST,
-        "",
-        "one in twenty edges is {} times as long as at rest, or more",
-        "check its attachments and how far the motion takes them apart; " + _STEPS,
-    ),
-    "short edges": Check(
-        SHORTEST,
-        SHORTEST / BEYOND,
-        "",
-        "one in twenty edges is {} times as long as at rest, or less",
-        "look whether it folds there; " + _STEPS,
-        smaller=True,
-    ),
-    # On muscles that move well single edges beside an attachment get up to 2.1 times as long, and 3.1 on a
-    # thin tendon of slivers; where one crumples it is 5 to 23.
-    "longest edge": Check(
-        3.5,
-        5.0,
-        "",
-        "an edge is {} times as long as at rest",
-        "look at the surface there: spikes come from badly shaped triangles, so remesh it; " + _STEPS,
-    ),
-    # Where muscles move well the 95th percentile is up to 20 degrees over 90 of the joint; where they crumple
-    # it is 36 to 61.
-    "crumpled": Check(
-        30.0,
-        45.0,
-        "deg",
-        "the surface is crumpled: one in twenty edges is bent by {} since rest, or more",
-        "look at the surface there; " + _STEPS,
-    ),
-    # An edge whose triangles lie on each other, and did not at rest. Few are a crease, as in a groin.
-    "folded": Check(
-        0.5,
-        3.0,
-        "%",
-        "{} of its edges are folded back and were not at rest",
-        "look at the surface; " + _STEPS,
-    ),
-    "long fibres": Check(
-        LONGEST,
-        BEYOND * LONGEST,
-        "",
-        "one in twenty fibres is {} times as long as at rest, or more",
-        "check its attachments, and whether the motion is one that the joint can do",
-    ),
-    "short fibres": Check(
-        SHORTEST,
-        SHORTEST / BEYOND,
-        "",
-        "one in twenty fibres is {} times as long as at rest, or less",
-        "check its attachments, and whether the motion is one that the joint can do",
-        smaller=True,
-    ),
-    # A jump of 1 mm from one frame to the next is a moment arm that is wrong by 57 mm at steps of 1 degree.
-    # A muscle that buckled made jumps of 18 mm.
-    "jumps": Check(
-        1.0,
-        5.0,
-        "mm",
-        "a fibre's length jumps by {}: the muscle buckles or snaps over a bone",
-        "use smaller steps of the motion, and do not use moment arms about there",
-    ),
-    # 5 % of a fibre of 100 to 200 mm are 5 to 10 mm that a taut muscle would not have: over 60 degrees a
-    # moment arm that is wrong by 5 to 10 mm.
-    "slack": Check(
-        1.05,
-        1.15,
-        "",
-        "one fibre in ten is {} times as long as one pulled taut, or more: it hangs loose",
-        "do not use its lengths and moment arms there; take those of taut fibres, or a stiffer model",
-    ),
-    # FibreTransport keeps points to rounding inside where the muscle does not fold; at rest 0.5 mm counts as
-    # inside. A fibre that is 15 mm off is anywhere.
-    "fibres outside": Check(
-        0.5,
-        15.0,
-        "mm",
-        "a fibre is {} outside of the muscle",
-        "look at the fibres there, and do not use those that are outside",
-    ),
-    # 15 mm deep is the middle of a femur's shaft.
-    "fibres in bone": Check(
-        1.0,
-        15.0,
-        "mm",
-        "a fibre is {} deeper in a bone than at rest",
-        "look at the fibres there, and do not use those that run through the bone",
-    ),
-    # The limit is the solver's tolerance where it has one.
-    "estimate": Check(
-        1.0,
-        10.0,
-        "mm",
-        "it is an estimated {} from where the solve leads to (root mean square)",
-        "give it more iterations, a tolerance, or smaller steps of the motion",
-    ),
-    # What the solver promises is 0.1 mm (95th percentile); a point 5 mm deep has gone through a thin bone.
-    "penetration": Check(
-        0.5,
-        5.0,
-        "mm",
-        "a point is {} deeper in a bone than at rest",
-        "use smaller steps of the motion, or look whether it is squeezed between two bones",
-    ),
-    "widespread penetration": Check(
-        0.1,
-        1.0,
-        "mm",
-        "one in twenty free points is {} deeper in a bone than at rest, or more",
-        "use smaller steps of the motion, or look whether it is squeezed between two bones",
-    ),
-}
+#: The checks that need fibres.
+_OF_FIBRES = ("long fibres", "short fibres", "jumps", "slack", "fibres outside", "fibres in bone")
 
 
 @dataclass(frozen=True)
@@ -272,7 +112,7 @@ def judge(
         frame, time, why = failure
         problem, _, mend = why.partition("; ")
         says = f"it could not be computed: {problem}"
-        do = mend or _STEPS
+        do = mend or STEPS
         reasons.append(Reason("computed", FAILED, frame, time, 0.0, 0.0, "", says, do))
     reasons.sort(key=lambda reason: -VERDICTS.index(reason.verdict))
     return {
@@ -353,14 +193,12 @@ def _series(
         "penetration": column("penetration_new_max_mm"),
         "widespread penetration": column("penetration_new_p95_mm"),
     }
-    missing = {
-        "penetration": "no bone has an inside",
-        "estimate": "the solver gave none",
-    }
-    missing = {name: why for name, why in missing.items() if np.isnan(values[name]).all()}
+    missing = {"penetration": "no bone has an inside", "widespread penetration": "no bone has an inside"}
+    missing["estimate"] = "the solver gave none"
     if lengths is None or rest_lengths is None or not len(lengths):
-        missing["fibres"] = "it has none"
+        missing |= dict.fromkeys(_OF_FIBRES, "it has no fibres")
     else:
+        missing["slack"] = f"the fibres have no array {TAUT_LENGTH}"
         ratios = lengths / np.maximum(rest_lengths, 1e-12)
         values["long fibres"] = np.percentile(ratios, 95, axis=1)
         values["short fibres"] = np.percentile(ratios, 5, axis=1)
@@ -368,11 +206,11 @@ def _series(
         stretches = None if motion is None else even_stretches(motion)
         jumps = length_jumps(lengths, times, stretches)
         values["jumps"] = np.concatenate([[0.0], jumps.max(axis=1)]) if len(jumps) else np.zeros(len(times))
-        if slackness is None:
-            missing["slack"] = f"the fibres have no array {TAUT_LENGTH}"
-        else:
+        if slackness is not None:
             values["slack"] = np.percentile(slackness, 90, axis=1)
-    return values, missing
+    unknown = [name for name in CHECKS if name not in values or np.isnan(values[name]).all()]
+    values = {name: series for name, series in values.items() if name not in unknown}
+    return values, {name: missing.get(name, "it was not measured") for name in unknown}
 
 
 def _reason(

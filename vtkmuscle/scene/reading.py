@@ -95,6 +95,7 @@ def _is_finite(value: float) -> bool:
     except OverflowError:  # an integer that no float is as large as
         return False
 
+
 _HINGE_KEYS = ("bone", "centre", "axis", "angles", "coordinate")
 
 

@@ -18,7 +18,7 @@ from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.pipelines import decompose, deform
-from vtkmuscle.run.report import MuscleMeasure
+from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.scene.model import Scene
 from vtkmuscle.tradeoff.memory import peak_memory
 from vtkmuscle.tradeoff.settings import Setting

@@ -1,0 +1,170 @@
+"""The limits beyond which a muscle of a run is looked at, or has failed, and why they are what they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+#: Limits that are lengths are for muscles of this size or larger (diagonal of the box at rest) [mm]; for
+#: smaller ones they are less in proportion.
+FULL_SIZE = 100.0
+
+# A muscle exerts no active force below half of its optimal length, nor above 1.6 to 1.7 times of it: Zajac
+# 1989, "Muscle and tendon", Crit Rev Biomed Eng 17:359; Gordon, Huxley, Julian 1966,
+# doi:10.1113/jphysiol.1966.sp007909 (sarcomeres of 1.27 and 3.65 um, where the optimum is 2.05 to 2.2). Half
+# as much again is what no fibre survives.
+SHORTEST, LONGEST = 0.5, 1.6
+BEYOND = 1.5
+
+
+@dataclass(frozen=True)
+class Check:
+    """What is looked at in each frame, and from where on it is said.
+
+    Attributes
+    ----------
+    look, failed : float
+        Limits: beyond the first one the results should be looked at, beyond the other they are of no use.
+    unit : str
+        Of the limits; those in "mm" are less for muscles smaller than 100 mm.
+    says : str
+        What is wrong, with the value as ``{}``.
+    do : str
+        What to do about it.
+    smaller : bool
+        Whether small values are bad ones.
+    """
+
+    look: float
+    failed: float
+    unit: str
+    says: str
+    do: str
+    smaller: bool = False
+
+
+#: What to do where a solve has gone wrong.
+STEPS = "use smaller steps of the motion, more iterations or another solver, and look at its surface there"
+
+#: What is judged. The limits, and why they are what they are:
+CHECKS = {
+    # P21 (doi:10.1007/978-3-030-72379-8_24), Fig. 11: less than 1 % with few iterations; 5 % is seen by eye.
+    "volume": Check(1.0, 5.0, "%", "its volume is off by {}", STEPS),
+    # They are set, not solved for: anything but rounding is a fault.
+    "fixed points": Check(
+        0.01, 1.0, "mm", "a point that is fixed to a bone is {} off it", "report this: it is a fault"
+    ),
+    "long edges": Check(
+        LONGEST,
+        BEYOND * LONGEST,
+        "",
+        "one in twenty edges is {} times as long as at rest, or more",
+        "check its attachments and how far the motion takes them apart; " + STEPS,
+    ),
+    "short edges": Check(
+        SHORTEST,
+        SHORTEST / BEYOND,
+        "",
+        "one in twenty edges is {} times as long as at rest, or less",
+        "look whether it folds there; " + STEPS,
+        smaller=True,
+    ),
+    # On muscles that move well single edges beside an attachment get up to 2.1 times as long, and 3.1 on a
+    # thin tendon of slivers; where one crumples it is 5 to 23.
+    "longest edge": Check(
+        3.5,
+        5.0,
+        "",
+        "an edge is {} times as long as at rest",
+        "look at the surface there: spikes come from badly shaped triangles, so remesh it; " + STEPS,
+    ),
+    # Where muscles move well the 95th percentile is up to 20 degrees over 90 of the joint; where they crumple
+    # it is 36 to 61.
+    "crumpled": Check(
+        30.0,
+        45.0,
+        "deg",
+        "the surface is crumpled: one in twenty edges is bent by {} since rest, or more",
+        "look at the surface there; " + STEPS,
+    ),
+    # An edge whose triangles lie on each other, and did not at rest. Few are a crease, as in a groin.
+    "folded": Check(
+        0.5,
+        3.0,
+        "%",
+        "{} of its edges are folded back and were not at rest",
+        "look at the surface; " + STEPS,
+    ),
+    "long fibres": Check(
+        LONGEST,
+        BEYOND * LONGEST,
+        "",
+        "one in twenty fibres is {} times as long as at rest, or more",
+        "check its attachments, and whether the motion is one that the joint can do",
+    ),
+    "short fibres": Check(
+        SHORTEST,
+        SHORTEST / BEYOND,
+        "",
+        "one in twenty fibres is {} times as long as at rest, or less",
+        "check its attachments, and whether the motion is one that the joint can do",
+        smaller=True,
+    ),
+    # A jump of 1 mm from one frame to the next is a moment arm that is wrong by 57 mm at steps of 1 degree.
+    # A muscle that buckled made jumps of 18 mm.
+    "jumps": Check(
+        1.0,
+        5.0,
+        "mm",
+        "a fibre's length jumps by {}: the muscle buckles or snaps over a bone",
+        "use smaller steps of the motion, and do not use moment arms about there",
+    ),
+    # 5 % of a fibre of 100 to 200 mm are 5 to 10 mm that a taut muscle would not have: over 60 degrees a
+    # moment arm that is wrong by 5 to 10 mm.
+    "slack": Check(
+        1.05,
+        1.15,
+        "",
+        "one fibre in ten is {} times as long as one pulled taut, or more: it hangs loose",
+        "do not use its lengths and moment arms there; take those of taut fibres, or a stiffer model",
+    ),
+    # FibreTransport keeps points to rounding inside where the muscle does not fold; at rest 0.5 mm counts as
+    # inside. A fibre that is 15 mm off is anywhere.
+    "fibres outside": Check(
+        0.5,
+        15.0,
+        "mm",
+        "a fibre is {} outside of the muscle",
+        "look at the fibres there, and do not use those that are outside",
+    ),
+    # 15 mm deep is the middle of a femur's shaft.
+    "fibres in bone": Check(
+        1.0,
+        15.0,
+        "mm",
+        "a fibre is {} deeper in a bone than at rest",
+        "look at the fibres there, and do not use those that run through the bone",
+    ),
+    # The limit is the solver's tolerance where it has one.
+    "estimate": Check(
+        1.0,
+        10.0,
+        "mm",
+        "it is an estimated {} from where the solve leads to (root mean square)",
+        "give it more iterations, a tolerance, or smaller steps of the motion",
+    ),
+    # What the solver promises is 0.1 mm (95th percentile); a point 5 mm deep has gone through a thin bone.
+    "penetration": Check(
+        0.5,
+        5.0,
+        "mm",
+        "a point is {} deeper in a bone than at rest",
+        "use smaller steps of the motion, or look whether it is squeezed between two bones",
+    ),
+    "widespread penetration": Check(
+        0.1,
+        1.0,
+        "mm",
+        "one in twenty free points is {} deeper in a bone than at rest, or more",
+        "use smaller steps of the motion, or look whether it is squeezed between two bones",
+    ),
+}

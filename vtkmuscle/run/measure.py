@@ -1,0 +1,228 @@
+"""What a deformed muscle is measured against: its rest pose and the bones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.core.inside import points_inside
+from vtkmuscle.core.mesh import edge_lengths, signed_volume, unique_edges
+from vtkmuscle.core.muscle_contact import depth_in
+from vtkmuscle.core.rest_shape import dihedral_angles
+from vtkmuscle.core.rigid import apply_transform, inverse
+from vtkmuscle.core.topology import mesh_topology
+from vtkmuscle.core.triangle_tree import triangle_tree
+from vtkmuscle.filters.arrays import checked_surface, point_array, points_of, triangles_of
+from vtkmuscle.filters.neighbours import outward_tree
+from vtkmuscle.filters.surface_distance import SurfaceDistance
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: An edge is folded back where its triangles are within 30 degrees of lying on each other; it counts where it
+#: was at least 60 degrees off that at rest [degrees between their normals].
+FOLDED, NOT_FOLDED = 150.0, 120.0
+#: An edge that is shorter than this part of the mean edge at rest counts as that long: a sliver's is easily
+#: many times its own length.
+SHORT_EDGE = 0.25
+
+
+class MuscleMeasure:
+    """Measures a deformed muscle against its rest pose and the bones.
+
+    Parameters
+    ----------
+    rest : vtkPolyData
+        The muscle at rest with the point array ``FixedTo``.
+    bones : sequence of str
+        Names of the bones, in the order that ``FixedTo`` counts.
+    distances : mapping of str to SurfaceDistance
+        Of the bones that have an inside, at rest.
+    millimetres : float
+        Millimetres per unit of length.
+    """
+
+    def __init__(
+        self,
+        rest: vtkPolyData,
+        bones: list[str],
+        distances: Mapping[str, SurfaceDistance],
+        millimetres: float,
+    ) -> None:
+        self._bones = bones
+        self._distances = distances
+        self._millimetres = millimetres
+        self._rest = points_of(rest)
+        self._triangles = triangles_of(rest, "muscle")
+        self._fixed_to = np.array(point_array(rest, "FixedTo", "muscle"))
+        edges = unique_edges(self._triangles)
+        lengths = edge_lengths(self._rest, edges)
+        self._edges, self._edge_lengths = edges[lengths > 0], lengths[lengths > 0]
+        self._floored = np.maximum(self._edge_lengths, SHORT_EDGE * self._edge_lengths.mean())
+        self._volume = signed_volume(self._rest, self._triangles)
+        self._quads = mesh_topology(len(self._rest), self._triangles).quads
+        angles, defined = dihedral_angles(self._rest, self._quads)
+        self._unfolded = defined & (np.abs(angles) < np.radians(NOT_FOLDED))
+        self._rest_depths: Floats | None = None
+        self._fibre_rest_depths: Floats | None = None
+
+    @property
+    def n_edges(self) -> int:
+        """Number of edges."""
+        return max(len(self._edges), 1)
+
+    @property
+    def size(self) -> float:
+        """Diagonal of the muscle's box at rest [mm]."""
+        return float(np.linalg.norm(np.ptp(self._rest, axis=0))) * self._millimetres
+
+    def at_rest(self) -> dict[str, Any]:
+        """Return what the muscle is at rest."""
+        fixed = {bone: int((self._fixed_to == i).sum()) for i, bone in enumerate(self._bones)}
+        still = {bone: np.eye(4) for bone in self._bones}
+        return {
+            "points": len(self._rest),
+            "triangles": len(self._triangles),
+            "volume_mm3": self._volume * self._millimetres**3,
+            "fixed_points": {bone: count for bone, count in fixed.items() if count},
+            "rest": self._penetration(self._rest, still),
+        }
+
+    def frame(self, points: Floats, transforms: Mapping[str, Floats]) -> dict[str, Any]:
+        """Return the figures of a frame.
+
+        Parameters
+        ----------
+        points : (n, 3) array
+            The deformed muscle.
+        transforms : mapping of str to (4, 4) array
+            Rest to now, of the bones that moved.
+
+        Returns
+        -------
+        dict
+            See :data:`~vtkmuscle.run.report.DEFINITIONS`.
+        """
+        now = {bone: transforms.get(bone, np.eye(4)) for bone in self._bones}
+        lengths = edge_lengths(points, self._edges)
+        stretch = lengths / self._edge_lengths
+        angles, _ = dihedral_angles(points, self._quads)
+        folded = self._unfolded & (np.abs(angles) > np.radians(FOLDED))
+        return {
+            "volume_ratio": signed_volume(points, self._triangles) / self._volume,
+            "edge_stretch_p5": float(np.percentile(stretch, 5)),
+            "edge_stretch_p95": float(np.percentile(stretch, 95)),
+            "edge_stretch_max": float(stretch.max()),
+            "edge_stretch_floored_max": float((lengths / self._floored).max()),
+            "folded_edges": int(folded.sum()),
+            **self._penetration(points, now),
+            **self._new_penetration(points, now),
+            "fixed_error_max_mm": self._fixed_error(points, now),
+        }
+
+    def overlap(self, points: Floats, others: Iterable[vtkPolyData]) -> dict[str, Any]:
+        """Return how deep the muscle's points (n, 3) are inside other muscles, as the report has it."""
+        depths = np.zeros(len(points))
+        for other in others:
+            tree = outward_tree(*checked_surface(other, "muscle"))
+            np.maximum(depths, depth_in(tree, points), out=depths)
+        depths *= self._millimetres
+        inside = depths[depths > 0.0]
+        return {
+            "overlap_max_mm": float(depths.max()),
+            "overlap_p95_mm": float(np.percentile(inside, 95)) if len(inside) else 0.0,
+            "overlapping_points": len(inside),
+        }
+
+    def depths(self, points: Floats, transforms: Mapping[str, Floats]) -> Floats | None:
+        """Return how deep points (n, 3) are inside the exact surfaces of the closed bones, (n,).
+
+        In the scene's unit, 0 outside; None where no bone is closed.
+        """
+        if not self._distances:
+            return None
+        depths = np.zeros(len(points))
+        low, high = points.min(axis=0), points.max(axis=0)
+        middle, half = (high + low) / 2, (high - low) / 2
+        for bone, distance in self._distances.items():
+            to_rest = inverse(transforms.get(bone, np.eye(4)))
+            there, reach = apply_transform(to_rest, middle[None])[0], np.abs(to_rest[:3, :3]) @ half
+            low, high = distance.box
+            if ((there + reach >= low) & (there - reach <= high)).all():
+                np.maximum(depths, distance.depth(apply_transform(to_rest, points)), out=depths)
+        return depths
+
+    def fibres(
+        self, fibre_points: Floats, offsets: Ints, points: Floats, transforms: Mapping[str, Floats]
+    ) -> dict[str, Any]:
+        """Return how far fibres are out of the muscle, and how much deeper in bones than at rest.
+
+        Parameters
+        ----------
+        fibre_points : (p, 3) array
+            Points of the fibres now, the same fibres each time.
+        offsets : (k + 1,) int array
+            Where each fibre begins among them.
+        points : (n, 3) array
+            The deformed muscle.
+        transforms : mapping of str to (4, 4) array
+            Rest to now, of the bones that moved.
+        """
+        outside = fibre_points[~points_inside(fibre_points, points, self._triangles)]
+        farthest = 0.0
+        if len(outside):
+            farthest = float(triangle_tree(points, self._triangles).nearest(outside)[2].max())
+        depths, grown = self.depths(fibre_points, transforms), None
+        if depths is not None:
+            deepest = np.maximum.reduceat(depths, offsets[:-1])
+            rest = self._fibre_rest_depths
+            grown = float(np.maximum(deepest - (0.0 if rest is None else rest), 0.0).max())
+        return {
+            "fibres_outside_max_mm": farthest * self._millimetres,
+            "fibres_penetration_new_max_mm": None if grown is None else grown * self._millimetres,
+        }
+
+    def take_fibres_at_rest(self, fibre_points: Floats, offsets: Ints) -> None:
+        """Note how deep fibres are in bones at rest: (p, 3) points, (k + 1,) where each fibre begins."""
+        depths = self.depths(fibre_points, {bone: np.eye(4) for bone in self._bones})
+        self._fibre_rest_depths = None if depths is None else np.maximum.reduceat(depths, offsets[:-1])
+
+    def _penetration(self, points: Floats, now: Mapping[str, Floats]) -> dict[str, Any]:
+        free = points[self._fixed_to < 0]
+        depths = self.depths(free, now) if len(free) else None
+        if depths is None:
+            return {"penetration_max_mm": None, "penetration_p95_mm": None, "penetrating_points": None}
+        depths *= self._millimetres
+        return {
+            "penetration_max_mm": float(depths.max()),
+            "penetration_p95_mm": float(np.percentile(depths, 95)),
+            "penetrating_points": int((depths > 0).sum()),
+        }
+
+    def _new_penetration(self, points: Floats, now: Mapping[str, Floats]) -> dict[str, Any]:
+        """Return by how much free points are deeper in the bones than at rest."""
+        free = self._fixed_to < 0
+        depths = self.depths(points[free], now) if free.any() else None
+        if depths is None:
+            return {"penetration_new_max_mm": None, "penetration_new_p95_mm": None}
+        if self._rest_depths is None:
+            self._rest_depths = self.depths(self._rest[free], {bone: np.eye(4) for bone in self._bones})
+        assert self._rest_depths is not None  # the bones have insides, as they had just now
+        grown = np.maximum(depths - self._rest_depths, 0.0) * self._millimetres
+        return {
+            "penetration_new_max_mm": float(grown.max()),
+            "penetration_new_p95_mm": float(np.percentile(grown, 95)),
+        }
+
+    def _fixed_error(self, points: Floats, now: Mapping[str, Floats]) -> float:
+        worst = 0.0
+        for i, bone in enumerate(self._bones):
+            held = self._fixed_to == i
+            if held.any():
+                errors = np.linalg.norm(points[held] - apply_transform(now[bone], self._rest[held]), axis=1)
+                worst = max(worst, float(errors.max()))
+        return worst * self._millimetres
