@@ -1,0 +1,292 @@
+"""How right lengths and moment arms are: phantoms with known answers, and a real hip against the literature.
+
+    python benchmarks/how_right.py
+    python benchmarks/how_right.py --rst docs/how_right_tables
+    python benchmarks/how_right.py --hip FOLDER
+
+Each figure is given twice: of the taut paths alone (TautFibres) and of the fibres that PBDDeformer and
+FibreTransport carry, both with their defaults, 10 iterations a step. ``--hip`` names a folder of the LHDL
+hip: ``scene.toml``, ``motions`` and ``reference``, see docs/your_data.rst and docs/how_right.rst.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle import RigidMotion, Scene, phantoms
+from vtkmuscle.core.moment_arms import moment_arms, quartic_moment_arms
+from vtkmuscle.core.polylines import polyline_lengths
+from vtkmuscle.filters import BoneMotion, FibreTransport, FixedPointDetector, TautFibres
+from vtkmuscle.filters.arrays import polylines_of
+from vtkmuscle.io import curves_for, read_literature
+from vtkmuscle.phantoms import Phantom
+from vtkmuscle.pipelines import PRUNE, decompose, deform
+
+Floats = NDArray[np.float64]
+
+#: The two ways that lengths are had, as the tables call them.
+MODELS = ("paths", "muscle")
+
+#: Rows that a phantom has in the table of known answers.
+HANDFUL = 5
+
+#: Motions of the hip: table, and the range that quartics are fitted over [degrees].
+SWEEPS = {
+    "hip_flexion": ("hip_flexion_osim_-10_90", (-10.0, 60.0)),
+    "hip_adduction": ("hip_adduction_osim_-40_40", (-40.0, 40.0)),
+    "hip_rotation": ("hip_rotation_osim_-30_30", (-30.0, 30.0)),
+}
+MUSCLES = ("iliacus", "gluteus_maximus")
+ENVELOPE = "Blemker2005"
+
+
+@dataclass
+class Table:
+    """Rows of text under a header."""
+
+    name: str
+    header: Sequence[str]
+    rows: list[Sequence[str]]
+
+    def text(self) -> str:
+        """Return it in columns of equal width."""
+        lines = [self.header, *self.rows]
+        widths = [max(len(line[i]) for line in lines) for i in range(len(self.header))]
+        return "\n".join(
+            "  ".join(c.ljust(w) for c, w in zip(x, widths, strict=True)).rstrip() for x in lines
+        )
+
+    def write(self, folder: Path) -> None:
+        """Write it for a ``csv-table`` of the documentation."""
+        folder.mkdir(parents=True, exist_ok=True)
+        with (folder / f"{self.name}.csv").open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file, lineterminator="\n").writerows([self.header, *self.rows])
+
+
+def lengths_of_both(
+    muscle: Any,
+    bones: Any,
+    attachments: Any,
+    motion: RigidMotion,
+    **fibre_settings: Any,
+) -> dict[str, Floats]:
+    """Return the lengths of a muscle's fibres (frames, fibres) [mm], by each of the models."""
+    fibres = decompose(muscle, attachments, **fibre_settings).update().output
+    fixed = FixedPointDetector()(muscle, bones, attachments)
+    moving = BoneMotion(motion=motion)
+    moving.connect(0, bones)
+    strings = TautFibres()
+    for port, value in enumerate((fibres, fixed, moving, attachments)):
+        strings.connect(port, value)
+    deformer = deform(fixed, bones, motion, attachments, fibres=fibres, fixed=None)
+    carried = FibreTransport(prune=PRUNE)
+    for port, value in enumerate((fibres, fixed, deformer)):
+        carried.connect(port, value)
+    found: dict[str, Floats] = {}
+    for model, chain in zip(MODELS, (strings, carried), strict=True):
+        frames = (polylines_of(chain.update(time=time).output, model) for time in motion.times)
+        found[model] = np.array([polyline_lengths(lines.points, lines.offsets) for lines in frames])
+    return found
+
+
+# ---------------------------------------------------------------------- phantoms
+
+
+@dataclass
+class Known:
+    """A phantom along a way, and what is known there.
+
+    Attributes
+    ----------
+    name : str
+        In the tables.
+    phantom : Phantom
+    times : sequence of float
+        Of its motion, one frame each, in the order that they are gone through.
+    places : (k, d) array
+        Coordinates at these, in degrees, or in mm where the length is known.
+    answers : mapping of str to (k,) array
+        By what it is: a length, or a moment arm by each coordinate in turn [mm].
+    """
+
+    name: str
+    phantom: Phantom
+    times: Sequence[float]
+    places: Floats
+    answers: Mapping[str, Floats]
+
+    @property
+    def motion(self) -> RigidMotion:
+        """The phantom's, along the way."""
+        poses = [self.phantom.motion.at(time) for time in self.times]
+        transforms = {bone: np.array([pose[bone] for pose in poses]) for bone in poses[0]}
+        return RigidMotion(np.arange(float(len(poses))), transforms, self.phantom.motion.centre)
+
+    def measured(self, lengths: Floats) -> list[Floats]:
+        """Return the mean over the fibres of each answer's quantity; nan where nothing determines it."""
+        if next(iter(self.answers)) == "length":
+            return [lengths.mean(axis=1)]
+        fit = moment_arms(lengths, np.radians(self.places))
+        arms = np.where(fit.determined, fit.arms.mean(axis=1), np.nan)
+        return list(arms.T)
+
+
+def _by_angle(name: str, phantom: Phantom, angles: Floats) -> Known:
+    arm = phantom.known["moment_arm"]
+    known = np.array([arm(float(angle)) if callable(arm) else arm for angle in angles])
+    return Known(name, phantom, angles.tolist(), angles[:, None], {"moment arm": known})
+
+
+def _by_coordinates(name: str, phantom: Phantom) -> Known:
+    known: Any = phantom.known
+    places = np.column_stack(list(known["coordinates"].values()))
+    answers = {}
+    for coordinate in known["coordinates"]:
+        arm = known[f"moment_arm_{coordinate}"]
+        answers[f"{coordinate} arm"] = np.array([arm(*p) if callable(arm) else arm for p in places])
+    return Known(name, phantom, phantom.motion.times.tolist(), places, answers)
+
+
+def known_phantoms() -> Iterator[Known]:
+    """Yield the phantoms whose answers are known."""
+    around = phantoms.wrapping_cylinder(angles=np.arange(-60.0, 81.0, 4.0))
+    yield _by_angle("wrapping_cylinder, wound", around, np.arange(0.0, 81.0, 4.0))
+    yield _by_angle("wrapping_cylinder, unwound", around, np.arange(0.0, -61.0, -4.0))
+    yield _by_angle("lifting_strap", phantoms.lifting_strap(), np.arange(0.0, 71.0, 2.0))
+    yield _by_coordinates("strap_over_two_joints", phantoms.strap_over_two_joints())
+    brim = phantoms.flexor_over_brim()
+    yield _by_angle("flexor_over_brim", brim, brim.motion.times)
+    yield _by_coordinates("spindle_over_ball", phantoms.spindle_over_ball())
+    ring = phantoms.tendon_through_ring()
+    yield _by_angle("tendon_through_ring", ring, ring.motion.times)
+    sliver = phantoms.slivered_tendon()
+    pulls = sliver.motion.times
+    length: Any = sliver.known["length"]
+    answers = {"length": np.array([length(pull) for pull in pulls])}
+    yield Known("slivered_tendon", sliver, pulls.tolist(), pulls[:, None], answers)
+
+
+def phantom_tables(n_fibres: int) -> tuple[Table, Table]:
+    """Return known against measured answers at a handful of poses, and the largest errors over all poses."""
+    at = Table("phantoms", ("phantom", "at", "quantity", "known [mm]", "paths [mm]", "muscle [mm]"), [])
+    header = ("phantom", "poses", "quantity", "known [mm]")
+    worst = Table(
+        "largest_errors", (*header, "paths: mean, largest error", "muscle: mean, largest error"), []
+    )
+    for case in known_phantoms():
+        ((name, muscle),) = case.phantom.muscles.items()
+        areas = case.phantom.attachments[name]
+        both = lengths_of_both(muscle, case.phantom.bones, areas, case.motion, n_fibres=n_fibres)
+        measured = {model: case.measured(lengths) for model, lengths in both.items()}
+        for number, (quantity, known) in enumerate(case.answers.items()):
+            ours = [measured[model][number] for model in MODELS]
+            sure = np.flatnonzero(np.isfinite(ours[0]))
+            for frame in sure[np.linspace(0, len(sure) - 1, HANDFUL).round().astype(int)]:
+                place = " / ".join(f"{value:g}" for value in case.places[frame])
+                at.rows.append(
+                    (case.name, place, quantity, *_mm(known[frame], *(own[frame] for own in ours)))
+                )
+            spread = " to ".join(dict.fromkeys(_mm(known[sure].min(), known[sure].max())))
+            errors = [own[sure] - known[sure] for own in ours]
+            told = [f"{e.mean():+.2f}, {e[np.abs(e).argmax()]:+.2f}" for e in errors]
+            worst.rows.append((case.name, str(len(sure)), quantity, spread, *told))
+    return at, worst
+
+
+def _mm(*values: float) -> tuple[str, ...]:
+    return tuple(f"{value:.2f}" for value in values)
+
+
+# -------------------------------------------------------------------------- hip
+
+
+def hip_table(folder: Path) -> Table:
+    """Return how the moment arms of two muscles of a real hip compare with a published envelope."""
+    scene = Scene.load(folder / "scene.toml")
+    curves = read_literature(folder / "reference" / "literature_moment_arms_iliacus_gluteus_maximus.csv")
+    header = ("muscle", "coordinate", "model", "mean [mm]", "literature [mm]", "covered", "precision", "IoU")
+    table = Table("hip", header, [])
+    for name in MUSCLES:
+        muscle, areas = scene.muscles[name], scene.attachments_data(name)
+        for coordinate, (sweep, span) in SWEEPS.items():
+            motion, angles, first = _swept(folder / "motions", sweep, f"{coordinate}_r", span, scene)
+            settings = muscle.fibres or {}
+            both = lengths_of_both(muscle.surface, scene.bones_data(), areas, motion, **settings)
+            known = curves_for(curves, muscle=name, coordinate=coordinate)
+            sides = [curve for curve in known if curve.source == ENVELOPE]
+            grid, low, high = _envelope(sides, span)
+            for model, lengths in both.items():
+                arms, _ = quartic_moment_arms(lengths[first:], np.radians(angles), at=np.radians(grid))
+                parts = overlap(arms.min(axis=1), arms.max(axis=1), low, high)
+                told = (f"{arms.mean():.1f}", f"{(low + high).mean() / 2.0:.1f}")
+                table.rows.append(
+                    (name, coordinate, model, *told, *(f"{100 * part:.0f} %" for part in parts))
+                )
+    return table
+
+
+def overlap(low: Floats, high: Floats, known_low: Floats, known_high: Floats) -> tuple[float, float, float]:
+    """Return the common area of two bands as part of the known one, of the first, and of their union."""
+    common = np.clip(np.minimum(high, known_high) - np.maximum(low, known_low), 0.0, None).sum()
+    own, known = (high - low).sum(), (known_high - known_low).sum()
+    return common / known, common / own, common / (own + known - common)
+
+
+def _envelope(sides: Sequence[Any], span: tuple[float, float]) -> tuple[Floats, Floats, Floats]:
+    """Return angles [degrees] within the span and both sides of a published band, as quartics, there."""
+    start = max(span[0], *(side.angles.min() for side in sides))
+    stop = min(span[1], *(side.angles.max() for side in sides))
+    grid = np.linspace(start, stop, 401)
+    fits = [np.polynomial.Polynomial.fit(side.angles, side.arms, 4)(grid) for side in sides]
+    return grid, np.min(fits, axis=0), np.max(fits, axis=0)
+
+
+def _swept(
+    folder: Path, sweep: str, coordinate: str, span: tuple[float, float], scene: Scene
+) -> tuple[RigidMotion, Floats, int]:
+    """Return a motion from rest by the neutral pose to the start of a sweep and along it.
+
+    Also the sweep's angles [degrees], and its first frame.
+    """
+    to_neutral = _poses(folder / "rest_to_neutral.csv", coordinate)
+    along = [row for row in _poses(folder / f"{sweep}.csv", coordinate) if span[0] <= row[0] <= span[1]]
+    neutral = int(np.argmin([abs(angle) for angle, _ in along]))
+    lead = [*to_neutral[:-1], *along[neutral:0:-1]]
+    transforms = np.array([transform for _, transform in [*lead, *along]])
+    (bone,) = scene.motion.transforms
+    motion = RigidMotion(np.arange(float(len(transforms))), {bone: transforms}, scene.motion.centre)
+    return motion, np.array([angle for angle, _ in along]), len(lead)
+
+
+def _poses(path: Path, coordinate: str) -> list[tuple[float, Floats]]:
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    cells = [f"T{i}{j}" for i in range(4) for j in range(4)]
+    return [(float(row[coordinate]), np.array([float(row[c]) for c in cells]).reshape(4, 4)) for row in rows]
+
+
+def main() -> None:
+    """Print the tables, and write them where asked to."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--hip", type=Path, metavar="FOLDER", help="the LHDL hip, instead of the phantoms")
+    parser.add_argument("--rst", type=Path, metavar="FOLDER", help="write the tables there as CSV files")
+    parser.add_argument("--fibres", type=int, default=30, metavar="N", help="of each phantom; default 30")
+    asked = parser.parse_args()
+    for table in [hip_table(asked.hip)] if asked.hip else phantom_tables(asked.fibres):
+        print(table.text(), end="\n\n", flush=True)
+        if asked.rst:
+            table.write(asked.rst)
+
+
+if __name__ == "__main__":
+    main()
