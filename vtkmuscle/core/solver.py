@@ -20,16 +20,16 @@ from vtkmuscle.core.contact import Barrier, Contact
 from vtkmuscle.core.convergence import root_mean_square_distance
 from vtkmuscle.core.harmonic import harmonic_weights
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh import edge_lengths
 from vtkmuscle.core.muscle_contact import MuscleContact, Neighbour
 from vtkmuscle.core.muscle_state import MuscleState, Trend
 from vtkmuscle.core.obstacles import Obstacle
 from vtkmuscle.core.projection import ColourOrder, Projection, SequentialOrder
-from vtkmuscle.core.rest_shape import RestShape, ShapeReport
+from vtkmuscle.core.rest_shape import RestShape, ShapeReport, dihedral_angles
 from vtkmuscle.core.rigid import apply_transform, centred, inverse
 from vtkmuscle.core.solver_parameters import SolverParameters
 from vtkmuscle.core.stages import StageClock, add_stages
-from vtkmuscle.core.stretched_shape import StretchedShape
-from vtkmuscle.core.taut.guidance import THINNING, Guidance, Guided
+from vtkmuscle.core.taut.guidance import Guidance, Guided
 from vtkmuscle.core.topology import MeshTopology, mesh_topology
 from vtkmuscle.core.two_level import CoarseCorrection, CoarseModel, has_coarse_model
 
@@ -121,7 +121,6 @@ class MuscleSolver:
         self._shape = RestShape(self.rest, self.topology)
         self._warns = warns
         self._barrier = Barrier((), self.rest, self.centre, self._free, bone_push=False)
-        self._stretched: tuple[Floats, StretchedShape] | None = None
         self._target: Floats | None = None
         self._projection_made_from: tuple[tuple[object, ...], Floats] | None = None
         self._coarse: MuscleSolver | None = None
@@ -234,15 +233,20 @@ class MuscleSolver:
         )
 
     def _follow_fibres(self, before: Guided | None, transforms: Floats) -> Guided | None:
-        """Stretch the rest lengths and angles as the fibres' taut paths have it; return what these say."""
+        """Take the edge lengths and angles of the muscle as its fibres carry it for those at rest.
+
+        So what the constraints keep is a muscle that is longer or shorter along its fibres, thinner or
+        thicker across, bent and sheared as they are; they have left to do what volume and bones ask for.
+        """
         if self._guidance is None:
             return None
         guided = self._guidance.follow(None if before is None else before.state, transforms)
-        directions = self._guidance.directions
-        if self._stretched is None or self._stretched[0] is not directions:
-            shape = StretchedShape(self.rest, self.topology, directions, thinning=THINNING)
-            self._stretched = directions, shape
-        self._projection.set_rest(*self._stretched[1].at(guided.stretch))
+        surface, topology = guided.carried.surface, self.topology
+        angles, defined = dihedral_angles(surface, topology.quads)
+        cosines, sines = np.ones(len(topology.edges)), np.zeros(len(topology.edges))
+        bent = topology.quad_edges[defined]
+        cosines[bent], sines[bent] = np.cos(angles[defined]), np.sin(angles[defined])
+        self._projection.set_rest(edge_lengths(surface, topology.edges), cosines, sines)
         return guided
 
     def _per_iteration(self, stiffness: Floats | float) -> Floats:
@@ -424,7 +428,8 @@ class MuscleSolver:
             collided |= self._projection.iterate(p, keep_out)
             progress((iteration + 1) / n)
         moved = root_mean_square_distance(p.reshape(-1), before.reshape(-1), len(p))
-        return p, collided, (n, moved, None)
+        bounded = self._target is not None and self.parameters.guidance > 0.0
+        return p, collided, (n, moved, moved / self.parameters.guidance if bounded else None)
 
     def _accelerated(
         self, p: Floats, keep_out: _KeepOut, clock: StageClock, progress: Callable[[float], None]

@@ -175,7 +175,7 @@ class PBDDeformer(Filter):
     """
 
     iterations = Parameter(
-        int, default=10, minimum=1, maximum=1_000_000, doc="Projections of all constraints per step."
+        int, default=30, minimum=1, maximum=1_000_000, doc="Projections of all constraints per step, at most."
     )
     substeps = Parameter(
         int,
@@ -298,18 +298,18 @@ class PBDDeformer(Filter):
     )
     solver = Parameter(
         str,
-        default="two-level",
+        default="anderson",
         choices=("gauss-seidel", "anderson", "two-level"),
         doc="The iteration: as it is (P21), accelerated towards the same shape, or accelerated and corrected "
-        "on a coarse level, which takes it there soonest.",
+        "on a coarse level, which takes it there soonest where no taut fibres guide it.",
     )
     tolerance = Parameter(
         float,
-        default=0.0,
+        default=0.5,
         minimum=0.0,
         units="mm",
-        doc="Stop at this estimated distance to the converged shape, except with solver 'gauss-seidel'; 0 "
-        "never stops.",
+        doc="Stop at this distance to the converged shape (root mean square), a bound of it where points are "
+        "drawn to taut fibres, else an estimate; not with solver 'gauss-seidel'. 0 never stops.",
     )
     nodes = Parameter(
         int,
@@ -412,8 +412,8 @@ class PBDDeformer(Filter):
         "``MillisecondsPrediction``, ``MillisecondsConstraints``, ``MillisecondsCollision``, "
         "``MillisecondsAcceleration`` and ``MillisecondsSettling``; with ``penetration`` "
         "``PenetrationMax`` and ``PenetrationP95`` [mm], how deep the free points are in the closed bones (0 "
-        "outside), and ``PenetratingPoints``, how many are inside. With ``anisotropy`` 'taut' the point array "
-        "``Carried`` (3), where the taut fibres carry each point before edges, volume and bones are heeded "
+        "outside), and ``PenetratingPoints``, how many are inside. With ``anisotropy`` 'taut' the point "
+        "array ``Carried`` (3), where the taut fibres carry each point before edges, volume and bones are heeded "
         "[mm], the field array ``FibrePoints`` (p, 3), where they carry the points of the fibres on port 2 "
         "[mm], and ``UnsettledFibres``, how many fibres did not come to rest.",
     )

@@ -40,8 +40,8 @@ _WHERE = "TautFibres: bones"
 class TautFibres(Filter):
     """Pull fibres taut round the moving bones: lengths and moment arms without solving a muscle's volume.
 
-    Each fibre is a string between its ends, which go with their bones. It keeps away from each bone by what of
-    the muscle lay between it and the bone at that place at rest. Where the muscle lies on the bone of the
+    Each fibre is a string between its ends, which go with their bones. It keeps away from each bone by what
+    of the muscle lay between it and the bone at that place at rest. Where the muscle lies on the bone of the
     fibre's origin, a string keeps its course over that bone: it may slide along it and lift off, but does not
     slip off sideways. It passes through via rings. It has no friction and no stiffness otherwise, so that
     -dl/dq of its length is the lever of its pull about the axis of the coordinate q.
@@ -86,8 +86,8 @@ class TautFibres(Filter):
         default=POINTS - 1,
         minimum=4,
         maximum=1000,
-        doc="Segments of a string. Strings of 16 round a cylinder have moment arms 1 % less than those of 32 and "
-        "64, which agree; the time grows with it.",
+        doc="Segments of a string. Strings of 16 round a cylinder have moment arms 1 % less than those of 32 "
+        "and 64, which agree; the time grows with it.",
     )
     hold: Parameter[float | None] = Parameter(
         float,
@@ -115,7 +115,8 @@ class TautFibres(Filter):
     bones = InputPort(
         vtkMultiBlockDataSet,
         content="moving bones",
-        doc="Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to now.",
+        doc="Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to "
+        "now.",
     )
     attachments = InputPort(
         vtkMultiBlockDataSet,
@@ -205,8 +206,8 @@ class TautFibres(Filter):
         names = list(bones)
         if not ((fixed_to >= 0) & (fixed_to < len(names))).any():
             raise ValueError(
-                f"{where}: no point is fixed to one of the bones ({', '.join(map(repr, names))}), so that the "
-                "fibres' ends have nothing to go with; detect the fixed points with these bones"
+                f"{where}: no point is fixed to one of the bones ({', '.join(map(repr, names))}), so that "
+                "the fibres' ends have nothing to go with; detect the fixed points with these bones"
             )
         areas = [] if attachments is None else via_rings_of(attachments, "TautFibres: attachments")
         unknown = [area.bone for area in areas if area.bone not in names]

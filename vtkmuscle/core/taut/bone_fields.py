@@ -188,9 +188,7 @@ def field_at(layout: Floats, table: Table, values: Floats, x: float, y: float, z
 
 
 @kernel
-def slope_at(
-    layout: Floats, table: Table, values: Floats, x: float, y: float, z: float, out: Floats
-) -> int:
+def slope_at(layout: Floats, table: Table, values: Floats, x: float, y: float, z: float, out: Floats) -> int:
     """Write the unit direction in which the distance grows, by central differences over a cell.
 
     They are continuous, where the slope of the trilinear distance jumps from cell to cell.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -16,7 +18,15 @@ Ints = NDArray[np.int64]
 
 #: Points of strings that a point of the surface goes with; that a string's point shares its turn with; and
 #: strings beside it that it keeps its place among.
-CARRIERS, COMPANIONS, BESIDE = 32, 24, 24
+CARRIERS, COMPANIONS, BESIDE = 32, 24, 64
+
+#: Part p of a constant volume's thinning that a muscle has across its fibres where they carry it:
+#: l^(-p / 2) for a stretch l. With 1 all of it would come from the width; a broad muscle, held along its
+#: attachments, thins in its thickness instead, which is left to the solve.
+THINNING = 0.5
+
+#: Bounds of the stretch, beyond which none is sensible (a muscle works between about 0.5 and 1.6).
+LEAST_STRETCH, GREATEST_STRETCH = 0.25, 4.0
 
 #: How much of a turn comes from the bones: it decides where strings do not, as all of them are on a line.
 FROM_BONES = 0.02
@@ -43,17 +53,14 @@ class Carrier:
         Point ids.
     fixed_to : (v,) int array
         Bone that each point is fixed to, -1 for free ones.
-    thinning : float
-        Part of a constant volume's thinning across the fibres: by l^(-thinning / 2) for a stretch l.
     """
 
-    def __init__(
-        self, paths: TautPaths, surface: Floats, triangles: Ints, fixed_to: Ints, *, thinning: float
-    ) -> None:
+    def __init__(self, paths: TautPaths, surface: Floats, triangles: Ints, fixed_to: Ints) -> None:
         fibres = paths.fibres
         f, n, _ = fibres.shape
-        self._paths, self._thinning = paths, thinning
-        self._width = 2.0 * half_thickness(surface, triangles)
+        self._paths = paths
+        # Twice the mean thickness: over less, strings that have slipped would dent the surface.
+        self._width = 4.0 * half_thickness(surface, triangles)
         self._rest: Floats = fibres.reshape(-1, 3)
         self._tangents: Floats = directions_along(fibres).reshape(-1, 3)
         self._surface = np.ascontiguousarray(surface)
@@ -73,14 +80,14 @@ class Carrier:
         fixed = np.flatnonzero(fixed_to >= 0)
         apart, nearest = cKDTree(surface[fixed]).query(surface)
         #: How much each point goes with the bone of the fixed point nearest to it.
-        self._with_bone: Floats = np.exp(-0.5 * (2.0 * apart / self._width) ** 2)[:, None]
+        self._with_bone: Floats = np.exp(-0.5 * (4.0 * apart / self._width) ** 2)[:, None]
         self._bone: Ints = fixed_to[fixed[nearest]]
 
     def fibre_weights(self, points: Floats, offsets: Ints) -> tuple[Ints, Floats]:
         """Return for points (p, 3) of the fibres the strings' points that carry them, and their shares."""
         n = self._paths.fibres.shape[1]
         carriers, shares = np.empty((len(points), 2), dtype=np.int64), np.empty((len(points), 2))
-        for fibre, (first, last) in enumerate(zip(offsets[:-1], offsets[1:], strict=True)):
+        for fibre, (first, last) in enumerate(pairwise(offsets)):
             steps = np.linalg.norm(np.diff(points[first:last], axis=0), axis=1)
             along = np.concatenate([[0.0], np.cumsum(steps)])
             at = along / max(along[-1], np.finfo(float).tiny) * (n - 1)
@@ -93,18 +100,18 @@ class Carrier:
         """Return the muscle carried by the strings in a pose."""
         paths = self._paths
         n = paths.fibres.shape[1]
-        stretch = np.repeat(state.lengths / paths.rest.lengths, n)
+        stretch = np.repeat(state.lengths / paths.rest.lengths, n).clip(LEAST_STRETCH, GREATEST_STRETCH)
         taut_rest, taut = paths.rest.points.reshape(-1, 3), state.points.reshape(-1, 3)
         turns = _turns(paths, state.transforms)
         frames = np.empty((len(taut), 3, 3))
         near = self._companions, self._shares
-        _frames(taut_rest, taut, *near, turns, self._tangents, stretch, self._thinning, frames)
+        _frames(taut_rest, taut, *near, turns, self._tangents, stretch, THINNING, frames)
         places = np.empty_like(taut)
         _keep_among(
             self._rest, taut_rest, taut, frames, self._beside, self._parts, self._width, _ROUNDS, places
         )
         stretch = (stretch[self._beside] * self._parts).sum(axis=1)
-        _frames(self._rest, places, *near, turns, self._tangents, stretch, self._thinning, frames)
+        _frames(self._rest, places, *near, turns, self._tangents, stretch, THINNING, frames)
         moved = np.empty_like(self._surface)
         _carry(self._rest, places, frames, self._carriers, self._weights, self._surface, moved)
         bones = state.transforms[self._bone]

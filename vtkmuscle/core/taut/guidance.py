@@ -1,4 +1,4 @@
-"""What a muscle's solve follows: the stretch of its fibres and the place where they carry its surface."""
+"""What a muscle's solve follows: its taut fibres, and its surface where they carry it."""
 
 from __future__ import annotations
 
@@ -6,28 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
-from scipy.spatial import cKDTree
 
 from vtkmuscle.core.anisotropy import fibre_directions_at
-from vtkmuscle.core.mesh import signed_volume
 from vtkmuscle.core.taut.carrying import Carried, Carrier
 from vtkmuscle.core.taut.paths import TautPaths, TautState
 from vtkmuscle.core.topology import MeshTopology
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-#: Part p of a constant volume's thinning that the rest shape has across the fibres: l^(-p / 2) for a stretch
-#: l. With 1 all of it would come from the width; a broad muscle, held along its attachments, thins in its
-#: thickness instead.
-THINNING = 0.5
-
-#: Bounds of the stretch, beyond which no rest shape is sensible (a muscle works between about 0.5 and 1.6).
-LEAST_STRETCH, GREATEST_STRETCH = 0.25, 4.0
-
-#: Points of strings that the stretch at an edge is a mean of, at most.
-_NEIGHBOURS = 48
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,20 +24,17 @@ class Guided:
     ----------
     state : TautState
         The strings.
-    stretch : (k,) array
-        Length of the strings beside each edge, by that at rest.
     carried : Carried
         The muscle where its strings carry it.
     """
 
     state: TautState
-    stretch: Floats
     carried: Carried
 
     @property
     def nbytes(self) -> int:
         """Memory that it takes [bytes]."""
-        return self.state.nbytes + self.stretch.nbytes + self.carried.nbytes
+        return self.state.nbytes + self.carried.nbytes
 
 
 class Guidance:
@@ -76,25 +59,11 @@ class Guidance:
 
     def __init__(self, paths: TautPaths, surface: Floats, topology: MeshTopology, fixed_to: Ints) -> None:
         self.paths = paths
-        self._carrier = Carrier(paths, surface, topology.triangles, fixed_to, thinning=THINNING)
+        self._carrier = Carrier(paths, surface, topology.triangles, fixed_to)
         middles = surface[topology.edges].mean(axis=1)
         f, n, _ = paths.fibres.shape
         points = paths.fibres.reshape(-1, 3)
         self.directions: Floats = fibre_directions_at(middles, points, n * np.arange(f + 1))
-        near, found = cKDTree(points).query(middles, k=range(1, min(_NEIGHBOURS, len(points)) + 1))
-        spacing = self._spacing(surface, topology)
-        # The last neighbour counts nothing: of two equally far ones rounding would choose which is found.
-        shares = np.exp((near[:, :1] ** 2 - near**2) / (2.0 * spacing**2))
-        shares = np.where(shares > shares[:, -1:], shares - shares[:, -1:], 0.0) + np.finfo(float).tiny
-        shares /= shares.sum(axis=1, keepdims=True)
-        rows = np.repeat(np.arange(len(middles)), shares.shape[1])
-        shape = len(middles), f
-        self._weights: csr_array = coo_array((shares.reshape(-1), (rows, found.reshape(-1) // n)), shape).tocsr()
-
-    def _spacing(self, surface: Floats, topology: MeshTopology) -> float:
-        """Return the distance between strings that fill the muscle evenly [mm]."""
-        volume = abs(signed_volume(surface, topology.triangles))
-        return float(np.sqrt(volume / self.paths.rest.lengths.sum()))
 
     def follow(self, before: TautState | None, transforms: Floats) -> Guided:
         """Return what the muscle follows in a pose.
@@ -107,10 +76,7 @@ class Guidance:
             Of the bones, rest to now.
         """
         state = self.paths.follow(self.paths.rest if before is None else before, transforms)
-        # About 1, so that weights whose sum is rounded leave the rest shape as it is.
-        longer = state.lengths / self.paths.rest.lengths - 1.0
-        stretch = np.clip(1.0 + self._weights @ longer, LEAST_STRETCH, GREATEST_STRETCH)
-        return Guided(state, stretch, self._carrier.at(state))
+        return Guided(state, self._carrier.at(state))
 
     def fibre_weights(self, points: Floats, offsets: Ints) -> tuple[Ints, Floats]:
         """Return what carries points of the fibres; see :meth:`Carrier.fibre_weights`."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
@@ -44,7 +46,7 @@ def evenly_spread(points: Floats, offsets: Ints, count: int) -> Floats:
         First and last ones are those of the polylines.
     """
     result = np.empty((len(offsets) - 1, count, 3))
-    for fibre, (first, last) in enumerate(zip(offsets[:-1], offsets[1:], strict=True)):
+    for fibre, (first, last) in enumerate(pairwise(offsets)):
         line = points[first:last]
         line = line[np.r_[True, (np.diff(line, axis=0) != 0.0).any(axis=1)]]
         result[fibre] = line[0]

@@ -115,7 +115,7 @@ class Memory(NamedTuple):
 
 
 @kernel
-def pull_taut(
+def pull_taut(  # noqa: PLR0912, PLR0915 - one loop, whose parts share all that they know
     x: Floats,
     to_rest: Floats,
     fields: Fields,
@@ -310,8 +310,8 @@ def _bend(
 ) -> None:
     """Take away what the curvature of a bone takes from the springs: a point that slides goes along it.
 
-    By the normals at the points before and after; where they press, too. ``along`` is working memory. With it iterations come to rest
-    soon after a few; without it each comes nearer by the same factor.
+    By the normals at the points before and after; where they press, too. With it iterations come to rest soon
+    after a few; without it each comes nearer by the same factor. ``along`` is working memory.
     """
     if not (pressure[i - 1] > 0.0 and pressure[i] > 0.0 and pressure[i + 1] > 0.0):
         return
