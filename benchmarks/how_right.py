@@ -5,14 +5,15 @@
     python benchmarks/how_right.py --hip FOLDER
 
 Each figure is given twice: of the taut paths alone (TautFibres) and of the fibres that PBDDeformer and
-FibreTransport carry, both with their defaults, 10 iterations a step. ``--hip`` names a folder of the LHDL
-hip: ``scene.toml``, ``motions`` and ``reference``, see docs/your_data.rst and docs/how_right.rst.
+FibreTransport carry, both with their defaults. ``--hip`` names a folder of the LHDL hip, with ``scene.toml``,
+``motions`` and ``reference``; docs/how_right.rst says what is measured.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,6 +47,10 @@ SWEEPS = {
 }
 MUSCLES = ("iliacus", "gluteus_maximus")
 ENVELOPE = "Blemker2005"
+
+#: Fibre lengths of Modenese and Kohout 2020, which are compared as well where they are there; some of their
+#: rows belong to other angles than they say.
+LINEAR_BLEND, LAGGING = "mk2020_fibre_length_mm_{}_{}.csv", slice(10, 15)
 
 
 @dataclass
@@ -182,6 +187,7 @@ def phantom_tables(n_fibres: int) -> tuple[Table, Table]:
         "largest_errors", (*header, "paths: mean, largest error", "muscle: mean, largest error"), []
     )
     for case in known_phantoms():
+        print(f"{case.name} ...", file=sys.stderr, flush=True)
         ((name, muscle),) = case.phantom.muscles.items()
         areas = case.phantom.attachments[name]
         both = lengths_of_both(muscle, case.phantom.bones, areas, case.motion, n_fibres=n_fibres)
@@ -217,19 +223,23 @@ def hip_table(folder: Path) -> Table:
     for name in MUSCLES:
         muscle, areas = scene.muscles[name], scene.attachments_data(name)
         for coordinate, (sweep, span) in SWEEPS.items():
+            print(f"{name}, {coordinate} ...", file=sys.stderr, flush=True)
             motion, angles, first = _swept(folder / "motions", sweep, f"{coordinate}_r", span, scene)
             settings = muscle.fibres or {}
             both = lengths_of_both(muscle.surface, scene.bones_data(), areas, motion, **settings)
             known = curves_for(curves, muscle=name, coordinate=coordinate)
             sides = [curve for curve in known if curve.source == ENVELOPE]
             grid, low, high = _envelope(sides, span)
-            for model, lengths in both.items():
-                arms, _ = quartic_moment_arms(lengths[first:], np.radians(angles), at=np.radians(grid))
+            samples = {model: (lengths[first:], angles) for model, lengths in both.items()}
+            published = folder / "reference" / LINEAR_BLEND.format(name, coordinate)
+            if published.is_file():
+                samples["linear blend 2020"] = _published(published, span)
+            for model, (lengths, at) in samples.items():
+                arms, _ = quartic_moment_arms(lengths, np.radians(at), at=np.radians(grid))
                 parts = overlap(arms.min(axis=1), arms.max(axis=1), low, high)
                 told = (f"{arms.mean():.1f}", f"{(low + high).mean() / 2.0:.1f}")
-                table.rows.append(
-                    (name, coordinate, model, *told, *(f"{100 * part:.0f} %" for part in parts))
-                )
+                shares = (f"{100 * part:.0f} %" for part in parts)
+                table.rows.append((name, coordinate, model, *told, *shares))
     return table
 
 
@@ -247,6 +257,13 @@ def _envelope(sides: Sequence[Any], span: tuple[float, float]) -> tuple[Floats, 
     grid = np.linspace(start, stop, 401)
     fits = [np.polynomial.Polynomial.fit(side.angles, side.arms, 4)(grid) for side in sides]
     return grid, np.min(fits, axis=0), np.max(fits, axis=0)
+
+
+def _published(path: Path, span: tuple[float, float]) -> tuple[Floats, Floats]:
+    """Return lengths (poses, fibres) [mm] of a table, and their angles [degrees], within the span."""
+    rows = np.delete(np.loadtxt(path, delimiter=",", skiprows=1), LAGGING, axis=0)
+    rows = rows[(rows[:, 0] >= span[0]) & (rows[:, 0] <= span[1])]
+    return rows[:, 1:], rows[:, 0]
 
 
 def _swept(
