@@ -2,6 +2,7 @@
 
     python benchmarks/how_right.py
     python benchmarks/how_right.py --rst docs/how_right_tables
+    python benchmarks/how_right.py --fine --rst docs/how_right_tables/fine
     python benchmarks/how_right.py --hip FOLDER
 
 Each figure is given twice: of the taut paths alone (TautFibres) and of the fibres that PBDDeformer and
@@ -14,7 +15,7 @@ from __future__ import annotations
 import argparse
 import csv
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,10 @@ Floats = NDArray[np.float64]
 
 #: The two ways that lengths are had, as the tables call them.
 MODELS = ("paths", "muscle")
+
+#: Fibres that each phantom gets, and settings of them that follow sharp bends better than the defaults do.
+N_FIBRES = 30
+FINE: dict[str, Any] = {"method": "harmonic", "resolution": 40}
 
 #: Rows that a phantom has in the table of known answers.
 HANDFUL = 5
@@ -114,19 +119,22 @@ class Known:
     name : str
         In the tables.
     phantom : Phantom
-    times : sequence of float
+    times : (k,) array
         Of its motion, one frame each, in the order that they are gone through.
-    places : (k, d) array
-        Coordinates at these, in degrees, or in mm where the length is known.
-    answers : mapping of str to (k,) array
-        By what it is: a length, or a moment arm by each coordinate in turn [mm].
+    places : (k,) array
+        How far along that is: an angle [degrees], or a pull [mm].
+    answers : (k,) array
+        The moment arm, or the length, at each place [mm].
+    quantity : str
+        Which of the two.
     """
 
     name: str
     phantom: Phantom
-    times: Sequence[float]
+    times: Floats
     places: Floats
-    answers: Mapping[str, Floats]
+    answers: Floats
+    quantity: str = "moment arm"
 
     @property
     def motion(self) -> RigidMotion:
@@ -135,29 +143,29 @@ class Known:
         transforms = {bone: np.array([pose[bone] for pose in poses]) for bone in poses[0]}
         return RigidMotion(np.arange(float(len(poses))), transforms, self.phantom.motion.centre)
 
-    def measured(self, lengths: Floats) -> list[Floats]:
-        """Return the mean over the fibres of each answer's quantity; nan where nothing determines it."""
-        if next(iter(self.answers)) == "length":
-            return [lengths.mean(axis=1)]
-        fit = moment_arms(lengths, np.radians(self.places))
-        arms = np.where(fit.determined, fit.arms.mean(axis=1), np.nan)
-        return list(arms.T)
+    def measured(self, lengths: Floats) -> Floats:
+        """Return the mean over the fibres, (k,), of what the answers are."""
+        if self.quantity == "length":
+            return lengths.mean(axis=1)
+        return moment_arms(lengths, np.radians(self.places)).arms[:, :, 0].mean(axis=1)
 
 
 def _by_angle(name: str, phantom: Phantom, angles: Floats) -> Known:
     arm = phantom.known["moment_arm"]
     known = np.array([arm(float(angle)) if callable(arm) else arm for angle in angles])
-    return Known(name, phantom, angles.tolist(), angles[:, None], {"moment arm": known})
+    return Known(name, phantom, angles, angles, known)
 
 
-def _by_coordinates(name: str, phantom: Phantom) -> Known:
+def _by_coordinate(make: Callable[..., Phantom], number: int, angles: Floats) -> Known:
+    """Return a phantom of two coordinates, one of which goes through some angles from rest."""
+    poses = np.zeros((len(angles), 2))
+    poses[:, number] = angles
+    phantom = make(coordinates=poses)
     known: Any = phantom.known
-    places = np.column_stack(list(known["coordinates"].values()))
-    answers = {}
-    for coordinate in known["coordinates"]:
-        arm = known[f"moment_arm_{coordinate}"]
-        answers[f"{coordinate} arm"] = np.array([arm(*p) if callable(arm) else arm for p in places])
-    return Known(name, phantom, phantom.motion.times.tolist(), places, answers)
+    coordinate = list(known["coordinates"])[number]
+    arm = known[f"moment_arm_{coordinate}"]
+    answers = np.array([arm(*pose) if callable(arm) else arm for pose in poses])
+    return Known(f"{phantom.name}, {coordinate}", phantom, phantom.motion.times, angles, answers)
 
 
 def known_phantoms() -> Iterator[Known]:
@@ -165,50 +173,42 @@ def known_phantoms() -> Iterator[Known]:
     around = phantoms.wrapping_cylinder(angles=np.arange(-60.0, 81.0, 4.0))
     yield _by_angle("wrapping_cylinder, wound", around, np.arange(0.0, 81.0, 4.0))
     yield _by_angle("wrapping_cylinder, unwound", around, np.arange(0.0, -61.0, -4.0))
-    yield _by_angle("lifting_strap", phantoms.lifting_strap(), np.arange(0.0, 71.0, 2.0))
-    yield _by_coordinates("strap_over_two_joints", phantoms.strap_over_two_joints())
-    brim = phantoms.flexor_over_brim()
+    strap, brim, ring = phantoms.lifting_strap(), phantoms.flexor_over_brim(), phantoms.tendon_through_ring()
+    yield _by_angle("lifting_strap", strap, strap.motion.times)
+    for number, last in enumerate((60.0, 90.0)):
+        yield _by_coordinate(phantoms.strap_over_two_joints, number, np.arange(0.0, last + 1.0, 3.0))
     yield _by_angle("flexor_over_brim", brim, brim.motion.times)
-    yield _by_coordinates("spindle_over_ball", phantoms.spindle_over_ball())
-    ring = phantoms.tendon_through_ring()
+    for number, last in enumerate((60.0, 20.0)):
+        yield _by_coordinate(phantoms.spindle_over_ball, number, np.arange(0.0, last + 1.0, 2.0))
     yield _by_angle("tendon_through_ring", ring, ring.motion.times)
     sliver = phantoms.slivered_tendon()
     pulls = sliver.motion.times
     length: Any = sliver.known["length"]
-    answers = {"length": np.array([length(pull) for pull in pulls])}
-    yield Known("slivered_tendon", sliver, pulls.tolist(), pulls[:, None], answers)
+    yield Known("slivered_tendon", sliver, pulls, pulls, np.array([length(p) for p in pulls]), "length")
 
 
-def phantom_tables(n_fibres: int) -> tuple[Table, Table]:
-    """Return known against measured answers at a handful of poses, and the largest errors over all poses."""
-    at = Table("phantoms", ("phantom", "at", "quantity", "known [mm]", "paths [mm]", "muscle [mm]"), [])
-    header = ("phantom", "poses", "quantity", "known [mm]")
-    worst = Table(
-        "largest_errors", (*header, "paths: mean, largest error", "muscle: mean, largest error"), []
-    )
+def phantom_tables(**fibre_settings: Any) -> tuple[Table, Table]:
+    """Return known against measured answers at a handful of poses, and the errors over all poses."""
+    at = Table("phantoms", ("phantom", "at", "known [mm]", "paths [mm]", "muscle [mm]"), [])
+    header = ("phantom", "poses", "known", "known [mm]")
+    errors = [f"{model}: {which} error [mm]" for model in MODELS for which in ("mean", "largest")]
+    worst = Table("errors", (*header, *errors), [])
     for case in known_phantoms():
         print(f"{case.name} ...", file=sys.stderr, flush=True)
         ((name, muscle),) = case.phantom.muscles.items()
         areas = case.phantom.attachments[name]
-        both = lengths_of_both(muscle, case.phantom.bones, areas, case.motion, n_fibres=n_fibres)
-        measured = {model: case.measured(lengths) for model, lengths in both.items()}
-        for number, (quantity, known) in enumerate(case.answers.items()):
-            ours = [measured[model][number] for model in MODELS]
-            sure = np.flatnonzero(np.isfinite(ours[0]))
-            for frame in sure[np.linspace(0, len(sure) - 1, HANDFUL).round().astype(int)]:
-                place = " / ".join(f"{value:g}" for value in case.places[frame])
-                at.rows.append(
-                    (case.name, place, quantity, *_mm(known[frame], *(own[frame] for own in ours)))
-                )
-            spread = " to ".join(dict.fromkeys(_mm(known[sure].min(), known[sure].max())))
-            errors = [own[sure] - known[sure] for own in ours]
-            told = [f"{e.mean():+.2f}, {e[np.abs(e).argmax()]:+.2f}" for e in errors]
-            worst.rows.append((case.name, str(len(sure)), quantity, spread, *told))
+        both = lengths_of_both(
+            muscle, case.phantom.bones, areas, case.motion, n_fibres=N_FIBRES, **fibre_settings
+        )
+        known, ours = case.answers, [case.measured(both[model]) for model in MODELS]
+        for frame in np.linspace(0, len(known) - 1, HANDFUL).round().astype(int):
+            values = (known[frame], *(own[frame] for own in ours))
+            at.rows.append((case.name, f"{case.places[frame]:g}", *(f"{value:.1f}" for value in values)))
+        span = " to ".join(dict.fromkeys(f"{value:.1f}" for value in (known.min(), known.max())))
+        off = [own - known for own in ours]
+        told = [f"{value:+.2f}" for error in off for value in (error.mean(), error[np.abs(error).argmax()])]
+        worst.rows.append((case.name, str(len(known)), case.quantity, span, *told))
     return at, worst
-
-
-def _mm(*values: float) -> tuple[str, ...]:
-    return tuple(f"{value:.2f}" for value in values)
 
 
 # -------------------------------------------------------------------------- hip
@@ -297,9 +297,10 @@ def main() -> None:
     )
     parser.add_argument("--hip", type=Path, metavar="FOLDER", help="the LHDL hip, instead of the phantoms")
     parser.add_argument("--rst", type=Path, metavar="FOLDER", help="write the tables there as CSV files")
-    parser.add_argument("--fibres", type=int, default=30, metavar="N", help="of each phantom; default 30")
+    parser.add_argument("--fine", action="store_true", help="phantoms with finer fibres, along isolines")
     asked = parser.parse_args()
-    for table in [hip_table(asked.hip)] if asked.hip else phantom_tables(asked.fibres):
+    tables = [hip_table(asked.hip)] if asked.hip else phantom_tables(**(FINE if asked.fine else {}))
+    for table in tables:
         print(table.text(), end="\n\n", flush=True)
         if asked.rst:
             table.write(asked.rst)
