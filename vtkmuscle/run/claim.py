@@ -23,10 +23,8 @@ if TYPE_CHECKING:
 LOCK = ".vtkmuscle.lock"
 
 #: Tables and folders of a run, beside those that are called after muscles.
-_FILES = (
-    *("report.json", "lengths.csv", "moment_arms.csv", "moment_arms_summary.csv"),
-    *("bones.pvd", "bones.vtkhdf"),
-)
+_LISTS = ("lengths.csv", "moment_arms.csv", "moment_arms_summary.csv")
+_FILES = ("report.json", *_LISTS, "bones.pvd", "bones.vtkhdf")
 _FOLDERS = ("bones", "figures")
 _SERIES = (".pvd", ".vtkhdf")
 _TABLES = ("_fibres.csv",)
@@ -96,9 +94,8 @@ def remove_results(folder: Path, scene: Scene) -> None:
     drawn = report.get("figures")
     for figure in drawn.get("written", ()) if isinstance(drawn, dict) else ():
         (folder / "figures" / Path(str(figure)).name).unlink(missing_ok=True)
-    for name in _FILES:
-        if name.endswith(".csv"):
-            (folder / name).unlink(missing_ok=True)
+    for name in _LISTS:
+        (folder / name).unlink(missing_ok=True)
 
 
 def _remove_series(folder: Path, name: str, *, numbered: bool) -> None:
