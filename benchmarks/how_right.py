@@ -178,6 +178,8 @@ def known_phantoms() -> Iterator[Known]:
     for number, last in enumerate((60.0, 90.0)):
         yield _by_coordinate(phantoms.strap_over_two_joints, number, np.arange(0.0, last + 1.0, 3.0))
     yield _by_angle("flexor_over_brim", brim, brim.motion.times)
+    ridge = phantoms.flexor_over_brim(groove=-5.0)
+    yield _by_angle("flexor_over_brim, ridge", ridge, ridge.motion.times)
     for number, last in enumerate((60.0, 20.0)):
         yield _by_coordinate(phantoms.spindle_over_ball, number, np.arange(0.0, last + 1.0, 2.0))
     yield _by_angle("tendon_through_ring", ring, ring.motion.times)
