@@ -11,7 +11,6 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.taut.paths import POINTS, TautPaths, TautState
-from vtkmuscle.core.via_rings import via_ring
 from vtkmuscle.filters.arrays import (
     Polylines,
     checked_surface,
@@ -21,7 +20,7 @@ from vtkmuscle.filters.arrays import (
     set_field_array,
     with_polylines,
 )
-from vtkmuscle.filters.attachments import via_rings_of
+from vtkmuscle.filters.attachments import rings_by_bone
 from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.bone_motion import bones_of
 from vtkmuscle.filters.checkpoints import MEGABYTE, Checkpoints
@@ -209,14 +208,7 @@ class TautFibres(Filter):
                 f"{where}: no point is fixed to one of the bones ({', '.join(map(repr, names))}), so that "
                 "the fibres' ends have nothing to go with; detect the fixed points with these bones"
             )
-        areas = [] if attachments is None else via_rings_of(attachments, "TautFibres: attachments")
-        unknown = [area.bone for area in areas if area.bone not in names]
-        if unknown:
-            raise ValueError(
-                f"TautFibres: attachments: a via ring goes with the bone {unknown[0]!r}, but the bones are "
-                f"{', '.join(map(repr, names))}"
-            )
-        rings = [(names.index(area.bone), via_ring(area.landmarks)) for area in areas]
+        rings = rings_by_bone(attachments, names, "TautFibres: attachments")
         arrays = [lines.points, lines.offsets, points, triangles, fixed_to]
         arrays += [part for _, ring in rings for part in ring]
         made_from = (len(rings), *arrays)

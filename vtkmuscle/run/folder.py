@@ -75,7 +75,7 @@ class RunFolder:
         muscle: str,
         number: int,
         time: float,
-        surface: vtkPolyData,
+        surface: vtkPolyData | None,
         fibres: vtkPolyData | None,
     ) -> None:
         """Write a frame of a muscle and of its fibres."""

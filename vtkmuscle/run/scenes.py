@@ -192,6 +192,7 @@ def _bone_distances(scene: Scene) -> dict[str, SurfaceDistance]:
 def _first_report(scene: Scene, numbers: range, tracks: dict[str, MuscleTrack]) -> dict[str, Any]:
     return {
         "scene": scene.name,
+        "model": scene.model,
         "scene_file": scene_file(scene),
         "units": scene.units,
         "complete": False,
