@@ -339,8 +339,9 @@ def write_figures(folder: str | Path, result: RunResult) -> list[Path]:
 def _tubes(fibres: vtkPolyData) -> vtkPolyData:
     """Return fibres as a surface, which stands for a muscle where none was deformed."""
     size = float(np.linalg.norm(np.ptp(points_of(fibres), axis=0)))
-    tubes: vtkPolyData = FibreTubes(radius=0.004 * size, sides=6)(fibres)
-    return tubes
+    tubes = FibreTubes(radius=0.004 * size, sides=6).apply(fibres)
+    surface: vtkPolyData = tubes.triangulate()
+    return surface
 
 
 def _telling_frames(result: RunResult, name: str) -> list[int]:
