@@ -26,15 +26,14 @@ from vtkmuscle.core import (
     accelerated,
     coarse,
     contact,
-    fibre_stretch,
     projection,
     rest_shape,
     solver,
-    stretched_shape,
     two_level,
 )
 from vtkmuscle.core.batched_iteration import BatchedIteration
 from vtkmuscle.core.batches import pack
+from vtkmuscle.core.taut import guidance
 from vtkmuscle.core.topology import mesh_topology
 from vtkmuscle.filters import base
 from vtkmuscle.filters.arrays import checked_surface, point_array, points_of
@@ -46,11 +45,10 @@ from vtkmuscle.pipelines import PRUNE, decompose, deform
 
 #: The settings that are measured, and which of them is the default.
 SETTINGS: dict[str, dict[str, Any]] = {
-    "blend, gauss-seidel": {"start": "blend", "solver": "gauss-seidel"},
-    "blend, anderson": {"start": "blend", "solver": "anderson"},
-    "coarse, gauss-seidel": {"start": "coarse", "solver": "gauss-seidel"},
-    "blend, two-level (default)": {"start": "blend", "solver": "two-level"},
-    "coarse, anderson": {"start": "coarse", "solver": "anderson"},
+    "gauss-seidel": {"solver": "gauss-seidel"},
+    "anderson (default)": {"solver": "anderson"},
+    "stiffness, blend, two-level": {"anisotropy": "stiffness", "solver": "two-level"},
+    "stiffness, coarse, anderson": {"anisotropy": "stiffness", "start": "coarse"},
     "P21": P21,
 }
 BARE, STEP, FIBRES, OTHER = "bare iterations", "step of PBDDeformer", "fibres", "everything else"
@@ -58,7 +56,7 @@ BARE, STEP, FIBRES, OTHER = "bare iterations", "step of PBDDeformer", "fibres", 
 STAGES: dict[str, list[tuple[Any, str]]] = {
     "bone motion": [(BoneMotion, "RequestData")],
     "reading inputs": [(PBDDeformer, "_prepare")],
-    "following the fibres": [(fibre_stretch.FibreStretch, "at"), (stretched_shape.StretchedShape, "at")],
+    "following the fibres": [(guidance.Guidance, "follow")],
     "coarse muscle": [(solver.MuscleSolver, "_substep")],
     "prolongation": [(coarse.Prolongation, "prolong")],
     "constraints": [(projection.ColourOrder, "iterate"), (projection.SequentialOrder, "iterate")],
