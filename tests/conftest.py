@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tried import Tried
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
@@ -65,16 +66,42 @@ def hip():
     return hip()
 
 
+TRIED = pytest.StashKey[Tried]()
+
+
+def pytest_configure(config):
+    """Begin to count what is tried."""
+    config.stash[TRIED] = Tried(long=config.getoption("long"))
+
+
+@pytest.fixture(scope="session")
+def tried(request):
+    """Where cases of damaged input, signals and full disks are counted."""
+    return request.config.stash[TRIED]
+
+
+def pytest_sessionfinish(session, exitstatus):
+    """Write what was tried, where that is asked for and nothing failed."""
+    path = session.config.getoption("tried_table")
+    if path is not None and exitstatus == 0:
+        session.config.stash[TRIED].write(Path(path))
+
+
 def pytest_addoption(parser):
     """Add the options of the extremes."""
     parser.addoption("--long", action="store_true", help="run the extremes in their long form")
+    parser.addoption("--tried-table", metavar="FILE", help="write what was tried to this .rst")
     parser.addoption(
         "--extremes-table", metavar="FILE", help="write what became of the extremes to this .rst"
     )
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave out long measurements unless they are asked for (-m study)."""
+    """Leave out long measurements (-m study) and long tests (--long) unless they are asked for."""
+    if not config.option.long:
+        for item in items:
+            if item.get_closest_marker("long"):
+                item.add_marker(pytest.mark.skip(reason="a long test; run it with --long"))
     if "study" in config.option.markexpr:
         return
     for item in items:

@@ -63,9 +63,10 @@ def _words(content: bytes, rng: random.Random) -> bytes:
 
 
 _READ_ALL = """
-import json, sys, time
+import json, sys, time, traceback
 from pathlib import Path
-from vtkmuscle.{module} import {name}
+sys.path.insert(0, {here!r})
+from {module} import {name}
 for path in json.loads(sys.stdin.read()):
     began = time.perf_counter()
     try:
@@ -74,7 +75,7 @@ for path in json.loads(sys.stdin.read()):
     except (ValueError, OSError) as error:
         what, words = "refused", str(error)
     except BaseException as error:
-        what, words = "traceback", repr(error)
+        what, words = "traceback", "".join(traceback.format_exception(error))
     print(json.dumps([path, what, words, time.perf_counter() - began]), flush=True)
 """
 
@@ -91,7 +92,11 @@ def read_all(paths: list[Path], module: str, name: str) -> dict[str, tuple[str, 
     waiting = [str(path) for path in paths]
     while waiting:
         done = subprocess.run(
-            [sys.executable, "-c", _READ_ALL.format(module=module, name=name)],
+            [
+                sys.executable,
+                "-c",
+                _READ_ALL.format(here=str(Path(__file__).parent), module=module, name=name),
+            ],
             input=json.dumps(waiting),
             capture_output=True,
             text=True,

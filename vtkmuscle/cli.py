@@ -6,7 +6,7 @@ Nothing heavy is imported before a command needs it, so that ``vtkmuscle --help`
 from __future__ import annotations
 
 import inspect
-import json
+import signal
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -28,6 +28,15 @@ if TYPE_CHECKING:
 FAILED = 1
 BAD_INPUT = 2
 INTERRUPTED = 130
+
+
+class TerminatedError(KeyboardInterrupt):
+    """The process was asked to end by a signal: by a batch system, a container, or a closed terminal."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
+
 
 #: Bones and muscles are 20 mm to 2 m long; what is shorter than this in its file is not in millimetres.
 _SHORTEST_IN_MILLIMETRES = 10.0
@@ -137,7 +146,16 @@ def _with_run_options(command: Callable[..., None]) -> Callable[..., None]:
 def main() -> None:
     """Run the command line; the console entry point."""
     leave_out_working_folder()
+    for name in ("SIGTERM", "SIGHUP"):  # the latter is not known to Windows
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, _terminate)
     app()
+
+
+def _terminate(number: int, _frame: object) -> None:
+    """Stop as on Ctrl-C: finished frames are measured and listed."""
+    raise TerminatedError(number)
 
 
 def _show_version(wanted: bool) -> None:
@@ -200,9 +218,15 @@ def demo(
 
 @app.command()
 def info(
-    files: Annotated[list[Path], typer.Argument(help="Surfaces, landmarks or fibres.", show_default=False)],
+    files: Annotated[
+        list[Path],
+        typer.Argument(help="Meshes, or folders of results.", show_default=False),
+    ],
 ) -> None:
-    """Say what meshes are: size, closed or not, manifold or not, pieces, volume, a guess of the unit."""
+    """Say what meshes are: size, closed or not, manifold or not, pieces, volume, a guess of the unit.
+
+    Of a folder of results it says which frames are there.
+    """
     with _one_clear_error(None):
         for file in files:
             typer.echo(f"{file}")
@@ -339,6 +363,12 @@ def _run(scene: Scene, out: Path, options: RunOptions) -> None:
         with _one_clear_error(None):
             scene = scene.with_quality(options.quality)
     console = Console(stderr=True)
+    with _one_clear_error(out):
+        from vtkmuscle.run.unfinished import unfinished
+
+        left = unfinished(out)
+        if left is not None:
+            console.print(f"{_one_line(left)}; it is replaced", markup=False, style="yellow", soft_wrap=True)
     with _one_clear_error(out), _progress_bars(list(scene.muscles), console, quiet=options.quiet) as progress:
         result = scene.run(
             out,
@@ -440,9 +470,10 @@ def _one_clear_error(out: Path | None) -> Iterator[None]:
     except MemoryError as error:
         console.print("error: there is not enough memory for this", markup=False, style="bold red")
         raise typer.Exit(BAD_INPUT) from error
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stop:
         console.print(f"stopped. {_what_is_finished(out)}", markup=False, style="yellow")
-        raise typer.Exit(INTERRUPTED) from None
+        status = 128 + stop.number if isinstance(stop, TerminatedError) else INTERRUPTED
+        raise typer.Exit(status) from None
 
 
 def _words(error: Exception) -> str:
@@ -458,16 +489,35 @@ def _one_line(words: str) -> str:
 
 
 def _what_is_finished(out: Path | None) -> str:
-    report = None if out is None else out / "report.json"
-    if report is None or not report.is_file():
+    from vtkmuscle.run.claim import read_report
+    from vtkmuscle.run.unfinished import frames_there
+
+    report = None if out is None else read_report(out)
+    if out is None or report is None or report["complete"]:
         return "Nothing was written."
-    muscles = json.loads(report.read_text(encoding="utf-8"))["muscles"]
-    counts = {name: len(muscle.get("frames", [])) for name, muscle in muscles.items()}
+    counts = frames_there(out)
+    if not any(counts.values()):
+        return f"No frame was finished; {out} holds a report.json that says so."
     listed = ", ".join(f"{name} {count}" for name, count in counts.items())
     return f"Finished frames can be read in {out}: {listed} (lengths.csv and report.json hold these)"
 
 
+def _facts_of_run(folder: Path) -> dict[str, str]:
+    """Return what is in the folder of a run, also of one that was killed."""
+    from vtkmuscle.run.claim import read_report
+    from vtkmuscle.run.unfinished import frames_there
+
+    report = read_report(folder)
+    if report is None:
+        raise ValueError(f"{folder}: this is a folder without the report.json of a run")
+    ended = "yes" if report["complete"] else f"no: {report.get('stopped_by') or 'it was killed'}"
+    frames = {name: f"{count} frames" for name, count in frames_there(folder).items()}
+    return {"scene": str(report.get("scene")), "complete": ended, **frames}
+
+
 def _facts(file: Path) -> dict[str, str]:
+    if file.is_dir():
+        return _facts_of_run(file)
     import numpy as np
 
     from vtkmuscle.core.mesh import survey

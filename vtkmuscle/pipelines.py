@@ -15,6 +15,7 @@ from vtkmuscle.filters.fibre_trimmer import FibreTrimmer
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.filters.slice_morpher import SliceMorpher
+from vtkmuscle.filters.taut_fibres import TautFibres
 from vtkmuscle.filters.template_fitter import TemplateFitter
 
 #: The settings of :func:`decompose`, and the parameter of a filter that each one is.
@@ -215,9 +216,69 @@ def deform(
         muscle = _connected(detector, muscle, bones, attachments)
     mover = _connected(BoneMotion(motion=motion), bones)
     deformer = PBDDeformer(**solver)
-    for port, value in enumerate((muscle, mover, fibres, None, superficial)):
+    for port, value in enumerate((muscle, mover, fibres, None, superficial, attachments)):
         deformer.connect(port, value)
     return deformer
+
+
+def pull_taut(
+    muscle: Any,
+    bones: Any,
+    motion: RigidMotion,
+    fibres: Any,
+    attachments: Any = None,
+    *,
+    fixed: str | None = "attachment",
+    fixed_tolerance: float | None = None,
+    **settings: Any,
+) -> TautFibres:
+    """Return the chain of filters that pulls fibres taut round moving bones, without deforming a muscle.
+
+    The chain is FixedPointDetector and BoneMotion, then TautFibres; ask the last one for its output at a time
+    of the motion: ``pull_taut(...).update(time=30.0).output``.
+
+    Parameters
+    ----------
+    muscle, bones, motion, fixed, fixed_tolerance
+        As of :func:`deform`.
+    fibres : vtkPolyData or algorithm
+        Fibres at rest, as of :func:`decompose`.
+    attachments : vtkMultiBlockDataSet or algorithm, optional
+        Where the muscle is attached, and via rings.
+    **settings
+        Parameters of TautFibres.
+
+    Returns
+    -------
+    TautFibres
+        The end of the chain, which keeps all of it.
+
+    Raises
+    ------
+    TypeError
+        For a keyword that is no parameter of TautFibres.
+    ValueError
+        If a setting is not allowed; the message says what is.
+
+    Examples
+    --------
+    >>> from vtkmuscle.phantoms import spindle_over_hinge
+    >>> from vtkmuscle.pipelines import decompose, pull_taut
+    >>> phantom = spindle_over_hinge()
+    >>> (name, muscle), = phantom.muscles.items()
+    >>> attachments = phantom.attachments[name]
+    >>> fibres = decompose(muscle, attachments, n_fibres=8)
+    >>> taut = pull_taut(muscle, phantom.bones, phantom.motion, fibres, attachments)
+    >>> taut.update(time=phantom.motion.times[1]).output.GetNumberOfCells()
+    8
+    """
+    if fixed is not None:
+        detector = FixedPointDetector(method=fixed, tolerance=fixed_tolerance)
+        muscle = _connected(detector, muscle, bones, attachments)
+    mover = _connected(BoneMotion(motion=motion), bones)
+    taut = TautFibres(**settings)
+    _connected(taut, fibres, muscle, mover, attachments)
+    return taut
 
 
 def estimate_attachments(

@@ -6,6 +6,7 @@ from hypothesis.extra.numpy import arrays
 from spindle import spindle
 
 from vtkmuscle.core.constraints import (
+    LARGEST_TURN,
     dihedral_and_gradient,
     dihedral_angle,
     distance_and_gradient,
@@ -100,7 +101,8 @@ def test_dihedral_angle_is_positive_on_a_convex_body():
 def test_dihedral_projection_is_a_newton_step_of_the_reference(now, rest):
     points = hinge(now)
     value, gradient = dihedral_and_gradient(*points, rest)
-    expected = points - 0.7 * value * gradient / (gradient**2).sum()
+    turn = np.clip(value, -LARGEST_TURN, LARGEST_TURN)
+    expected = points - 0.7 * turn * gradient / (gradient**2).sum()
     quads = np.arange(4)[None]
     project_dihedral(points, np.ones(4), quads, np.cos([rest]), np.sin([rest]), 0.7)
     difference = np.linalg.norm(points - expected)
@@ -115,6 +117,13 @@ def test_dihedral_projection_reaches_the_rest_angle(rest):
     for _ in range(200):
         project_dihedral(points, np.ones(4), np.arange(4)[None], np.cos([rest]), np.sin([rest]), 0.9)
     assert float(dihedral_angle(*points)[0]) == pytest.approx(rest, abs=1e-9)
+
+
+def test_thin_triangles_that_are_folded_over_do_not_grow_beyond_their_height():
+    points = np.array([[0.0, 0, 0], [0, 10, 0], [0.1, 5, 0], [0.1, 5, 0.02]])  # folded over, flat at rest
+    project_dihedral(points, np.ones(4), np.arange(4)[None], np.ones(1), np.zeros(1), 1.0)
+    heights = np.linalg.norm(points[2:, [0, 2]] - points[:2, [0, 2]].mean(axis=0), axis=1)
+    assert (heights < 1.06 * 0.102).all()  # by the cosine of the turn, where a whole one would triple them
 
 
 def test_dihedral_projection_of_a_tiny_lever_arm_beside_fixed_points_stays_small():

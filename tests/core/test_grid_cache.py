@@ -1,5 +1,7 @@
 """The cache of distance grids: what it keeps, and what it survives."""
 
+import hashlib
+import io
 import multiprocessing
 import warnings
 
@@ -73,6 +75,30 @@ def test_a_corrupt_file_is_found_and_mended(folder, builds, fault):
     assert len(builds) == 2
     assert_same(cached_distance_grid(*ball(), cell=1.0), expected)
     assert len(builds) == 2
+
+
+@pytest.mark.parametrize("arrays", [0, 2, 4])
+def test_a_file_with_something_else_in_it_is_mended(folder, builds, arrays):
+    expected = cached_distance_grid(*ball(), cell=1.0)
+    (file,) = folder.iterdir()
+    stream = io.BytesIO()
+    for _ in range(arrays):
+        np.save(stream, np.full((2, 2, 2), 7))
+    body = stream.getvalue()
+    file.write_bytes(grid_cache._MAGIC + hashlib.sha256(body).digest() + body)
+    assert_same(cached_distance_grid(*ball(), cell=1.0), expected)
+    assert len(builds) == 2
+
+
+def test_a_cache_that_can_only_be_read_is_read(folder, builds, monkeypatch):
+    cached_distance_grid(*ball(), cell=1.0)
+
+    def refuse(path):
+        raise PermissionError(path)
+
+    monkeypatch.setattr(grid_cache.os, "utime", refuse)
+    cached_distance_grid(*ball(), cell=1.0)
+    assert len(builds) == 1
 
 
 def test_what_is_wrong_with_a_bone_is_told_when_it_is_read_too(folder):

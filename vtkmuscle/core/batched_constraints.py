@@ -20,7 +20,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.constraints import DEGENERATE_SINE, DIHEDRAL_FLOOR
+from vtkmuscle.core.constraints import DEGENERATE_SINE, DIHEDRAL_FLOOR, LARGEST_TURN
 
 Ints = NDArray[np.int64]
 Offsets = NDArray[np.uint32]
@@ -168,6 +168,9 @@ def _dihedral(
     near = two * _arctangent(sd / (math.sqrt(n1122) + abs(cd)))
     far = (real(math.pi) if sd >= zero else real(-math.pi)) - near
     c = near if cd >= zero else far
+    most = real(LARGEST_TURN)
+    c = c if c < most else most
+    c = c if c > -most else -most
 
     a1, b1 = ee - a2, ee - b2
     cross = two * n12

@@ -26,6 +26,11 @@ Bools = NDArray[np.bool_]
 #: fixed points a point with a tiny lever arm makes the denominator vanish, and the shape would explode.
 DIHEDRAL_FLOOR = 0.1
 
+#: A projection turns an edge's triangles by no more than this [rad]. It moves points along tangents of the
+#: circles that they should go on, and so makes the triangles larger: thin ones, which a turn of pi would take
+#: to twice their height, would grow from iteration to iteration.
+LARGEST_TURN = 0.3
+
 #: A volume projection's denominator is at least this part of its value at rest, so that a muscle crushed
 #: to nothing is blown up over several iterations rather than to infinity in one.
 VOLUME_FLOOR = 0.01
@@ -222,6 +227,7 @@ def project_dihedral(  # noqa: PLR0915 -- scalars stay in registers, small array
         c = 2.0 * math.atan(sd / (math.sqrt(n11 * n22) + abs(cd)))
         if cd < 0.0:
             c = math.copysign(math.pi, sd) - c
+        c = min(max(c, -LARGEST_TURN), LARGEST_TURN)
         # Gradients: u_i n1 + v_i n2 at the edge's ends, -|e| n1 / |n1|^2 and -|e| n2 / |n2|^2 opposite.
         ae = (ax * ex + ay * ey + az * ez) / ee
         be = (bx * ex + by * ey + bz * ez) / ee

@@ -12,12 +12,15 @@ import io
 import os
 import tempfile
 import warnings
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vtkmuscle.core.distance_blocks import SIDE
 from vtkmuscle.core.distance_grid import DistanceGrid, build_distance_grid, warn_of
+from vtkmuscle.core.files import check_is_file
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -114,16 +117,29 @@ def _key(
 def _read(path: Path) -> DistanceGrid | None:
     """Return the grid of a file, None where there is none or it is not whole."""
     try:
+        check_is_file(path)
         content = path.read_bytes()
-        os.utime(path)  # it is in use: others are removed before it
-    except OSError:
+    except (OSError, ValueError):
         return None
+    with suppress(OSError):  # a cache that can only be read serves all the same
+        os.utime(path)  # it is in use: others are removed before it
     head = len(_MAGIC) + hashlib.sha256().digest_size
     body = memoryview(content)[head:]
     if content[: len(_MAGIC)] != _MAGIC or hashlib.sha256(body).digest() != content[len(_MAGIC) : head]:
         return None
     stream = io.BytesIO(body)
-    frame, table, values, remarks = (np.load(stream, allow_pickle=False) for _ in range(4))
+    try:
+        frame, table, values, remarks = (np.load(stream, allow_pickle=False) for _ in range(4))
+    except (ValueError, EOFError):  # of another program, by its own checksum
+        return None
+    fits = (
+        (frame.shape, table.ndim, values.shape[1:]) == ((5,), 3, (SIDE + 1,) * 3)
+        and (frame.dtype, table.dtype, values.dtype) == (np.float64, np.int32, np.float32)
+        and table.min(initial=-1) >= -1
+        and table.max(initial=-1) < len(values)
+    )
+    if not fits:  # look-ups do not check what they index
+        return None
     return DistanceGrid(
         frame[:3].copy(), float(frame[3]), float(frame[4]), table, values, tuple(remarks.tolist())
     )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.via_rings import via_ring
+from vtkmuscle.core.via_rings import ViaRing, via_ring
 from vtkmuscle.filters.arrays import (
     Polylines,
     blocks_of,
@@ -127,6 +127,26 @@ def via_rings_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]
     Their planes and polygons: :func:`vtkmuscle.core.via_rings.via_ring`.
     """
     return [area for area in attachments_of(data, where) if area.role == VIA]
+
+
+def rings_by_bone(
+    data: vtkMultiBlockDataSet | None, bones: Sequence[str], where: str
+) -> tuple[tuple[int, ViaRing], ...]:
+    """Return the via rings among attachments, each with the number of the bone that it goes with.
+
+    Raises
+    ------
+    ValueError
+        If a ring goes with a bone that is not there.
+    """
+    areas = [] if data is None else via_rings_of(data, where)
+    for area in areas:
+        if area.bone not in bones:
+            raise ValueError(
+                f"{where}: a via ring goes with the bone {area.bone!r}, but the bones are "
+                f"{', '.join(map(repr, bones))}"
+            )
+    return tuple((list(bones).index(area.bone), via_ring(area.landmarks)) for area in areas)
 
 
 def _check_ring(landmarks: NDArray[np.float64], closed: bool, where: str) -> None:

@@ -59,8 +59,8 @@ class FixedMuscle:
                 pairs += [(mine.points, yours.points), (mine.offsets, yours.offsets)]
         if [bone for bone, _ in self.rings] != [bone for bone, _ in other.rings]:
             return False
-        for (_, mine), (_, yours) in zip(self.rings, other.rings, strict=True):
-            pairs += list(zip(mine, yours, strict=True))
+        for (_, ring), (_, others) in zip(self.rings, other.rings, strict=True):
+            pairs += list(zip(ring, others, strict=True))
         return all(np.array_equal(mine, yours) for mine, yours in pairs)
 
 
@@ -275,8 +275,8 @@ def _elasticity(muscle: FixedMuscle, anisotropy: str, obstacles: tuple[Obstacle,
         if paths is None:
             return Elasticity(None, None, None)
         guidance = Guidance(paths, points, topology, fixed_to)
-        directions = guidance.directions if seen is None else seen
-        return Elasticity(directions, following_stiffness(points, edges, directions), guidance)
+        along = guidance.directions if seen is None else seen
+        return Elasticity(along, following_stiffness(points, edges, along), guidance)
     directions: Floats | None
     if seen is not None:
         directions = seen

@@ -16,6 +16,7 @@ from vtkmuscle.core.muscle_contact import Neighbour
 from vtkmuscle.core.obstacles import Obstacle
 from vtkmuscle.core.solver import MuscleSolver, MuscleState
 from vtkmuscle.core.two_level import LEAST_NODES, NODES
+from vtkmuscle.core.via_rings import ViaRing
 from vtkmuscle.core.voxels import DEFAULT_N_MAX
 from vtkmuscle.filters.arrays import (
     blocks_of,
@@ -26,6 +27,7 @@ from vtkmuscle.filters.arrays import (
     set_point_array,
     with_points,
 )
+from vtkmuscle.filters.attachments import rings_by_bone
 from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.bone_motion import bones_of
 from vtkmuscle.filters.checkpoints import MEGABYTE, Checkpoints
@@ -396,6 +398,12 @@ class PBDDeformer(Filter):
         doc="Polylines on the muscle's surface in the rest pose, or near it; a few suffice for the direction "
         "of the anisotropy.",
     )
+    attachments = InputPort(
+        vtkMultiBlockDataSet,
+        content="attachments",
+        optional=True,
+        doc="For the via rings among them, which the fibres pass through.",
+    )
     output = OutputPort(
         vtkPolyData,
         doc="The muscle at the time asked for, with the arrays of the input and the point arrays "
@@ -413,9 +421,9 @@ class PBDDeformer(Filter):
         "``MillisecondsAcceleration`` and ``MillisecondsSettling``; with ``penetration`` "
         "``PenetrationMax`` and ``PenetrationP95`` [mm], how deep the free points are in the closed bones (0 "
         "outside), and ``PenetratingPoints``, how many are inside. With ``anisotropy`` 'taut' the point "
-        "array ``Carried`` (3), where the taut fibres carry each point before edges, volume and bones are heeded "
-        "[mm], the field array ``FibrePoints`` (p, 3), where they carry the points of the fibres on port 2 "
-        "[mm], and ``UnsettledFibres``, how many fibres did not come to rest.",
+        "array ``Carried`` (3), where the taut fibres carry each point before edges, volume and bones are "
+        "heeded [mm], the field array ``FibrePoints`` (p, 3), where they carry the points of the fibres on "
+        "port 2 [mm], and ``UnsettledFibres``, how many fibres did not come to rest.",
     )
 
     def __init__(self, *, quality: str | None = None, **parameters: Any) -> None:
@@ -491,9 +499,12 @@ class PBDDeformer(Filter):
         fibres: vtkPolyData | None,
         neighbours: vtkMultiBlockDataSet | None,
         superficial: vtkPolyData | None,
+        attachments: vtkMultiBlockDataSet | None,
     ) -> vtkPolyData:
         """Compute the frames on the way to the time asked for that are not known, and return the last."""
-        self._prepare(muscle, fibres, superficial, [name for name, _ in blocks_of(bones)])
+        names = [name for name, _ in blocks_of(bones)]
+        rings = rings_by_bone(attachments, names, "PBDDeformer: attachments")
+        self._prepare(muscle, fibres, superficial, names, rings)
         if not self._steps:
             self._frames.clear()
         path = path_to(self.request_time, self._steps)
@@ -523,6 +534,7 @@ class PBDDeformer(Filter):
         fibres: vtkPolyData | None,
         superficial: vtkPolyData | None,
         bones: list[str],
+        rings: tuple[tuple[int, ViaRing], ...],
     ) -> None:
         where = "PBDDeformer: muscle"
         points, triangles = checked_surface(muscle, where)
@@ -532,7 +544,9 @@ class PBDDeformer(Filter):
             lines = polylines_of(fibres, "PBDDeformer: fibres")
         if superficial is not None and self.anisotropy != "off":
             seen = checked_superficial(superficial, "PBDDeformer: superficial")
-        if self._muscle.take(FixedMuscle(points, triangles, fixed_to, lines, seen), self.max_triangles):
+        if self._muscle.take(
+            FixedMuscle(points, triangles, fixed_to, lines, seen, rings), self.max_triangles
+        ):
             self._frames.clear()
             self._neighbours = None
 

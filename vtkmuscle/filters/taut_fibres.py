@@ -11,7 +11,6 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.taut.paths import POINTS, TautPaths, TautState
-from vtkmuscle.core.via_rings import via_ring
 from vtkmuscle.filters.arrays import (
     Polylines,
     checked_surface,
@@ -21,10 +20,11 @@ from vtkmuscle.filters.arrays import (
     set_field_array,
     with_polylines,
 )
-from vtkmuscle.filters.attachments import via_rings_of
+from vtkmuscle.filters.attachments import rings_by_bone
 from vtkmuscle.filters.base import Filter
 from vtkmuscle.filters.bone_motion import bones_of
 from vtkmuscle.filters.checkpoints import MEGABYTE, Checkpoints
+from vtkmuscle.filters.kept_solver import FixedMuscle
 from vtkmuscle.filters.moving_bones import RestBones, transforms_of
 from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
 from vtkmuscle.filters.pipeline_times import times_of
@@ -133,7 +133,7 @@ class TautFibres(Filter):
     )
 
     _paths: TautPaths | None = None
-    _made_from: tuple[Any, ...] | None = None
+    _given: FixedMuscle | None = None
     _made_with: object = None
     _steps: tuple[float, ...] = ()
 
@@ -151,7 +151,7 @@ class TautFibres(Filter):
         made_with = self.resolution, self.hold, state_of_inputs(self, (BONES,))
         if made_with != self._made_with:
             self._poses.clear()
-            self._made_with, self._made_from = made_with, None
+            self._made_with, self._paths = made_with, None
         bones = inInfo[BONES].GetInformationObject(0)
         self._steps = times_of(bones)
         if self._steps:
@@ -171,7 +171,11 @@ class TautFibres(Filter):
         if not self._steps:
             self._poses.clear()
         path = path_to(self.request_time, self._steps)
-        paths = self._prepared(rest_fibres, rest_muscle, self._bones_at(path[0], bones), attachments)
+        names = list(bones_of(bones, _WHERE))
+        if self._is_new(rest_fibres, rest_muscle, names, attachments):
+            self._prepare(self._bones_at(path[0], bones))
+        paths = self._paths
+        assert paths is not None
         known = self._poses.done(path)
         for index in range(known, len(path)):
             before = self._poses[path[index - 1]] if index else paths.rest
@@ -191,55 +195,50 @@ class TautFibres(Filter):
             bones = found
         return bones_of(bones, _WHERE)
 
-    def _prepared(
+    def _is_new(
         self,
         rest_fibres: vtkPolyData,
         rest_muscle: vtkPolyData,
-        bones: dict[str, vtkPolyData],
+        names: list[str],
         attachments: vtkMultiBlockDataSet | None,
-    ) -> TautPaths:
-        """Return the strings at rest, made anew where what they are made from has changed."""
+    ) -> bool:
+        """Take what the strings are made from; return whether that is another than before."""
         lines = polylines_of(rest_fibres, "TautFibres: rest_fibres")
         where = "TautFibres: rest_muscle"
         points, triangles = checked_surface(rest_muscle, where)
         fixed_to = np.array(point_array(rest_muscle, "FixedTo", where)).astype(np.int64)
-        names = list(bones)
         if not ((fixed_to >= 0) & (fixed_to < len(names))).any():
             raise ValueError(
                 f"{where}: no point is fixed to one of the bones ({', '.join(map(repr, names))}), so that "
                 "the fibres' ends have nothing to go with; detect the fixed points with these bones"
             )
-        areas = [] if attachments is None else via_rings_of(attachments, "TautFibres: attachments")
-        unknown = [area.bone for area in areas if area.bone not in names]
-        if unknown:
-            raise ValueError(
-                f"TautFibres: attachments: a via ring goes with the bone {unknown[0]!r}, but the bones are "
-                f"{', '.join(map(repr, names))}"
-            )
-        rings = [(names.index(area.bone), via_ring(area.landmarks)) for area in areas]
-        arrays = [lines.points, lines.offsets, points, triangles, fixed_to]
-        arrays += [part for _, ring in rings for part in ring]
-        made_from = (len(rings), *arrays)
-        before = self._made_from
-        if self._paths is not None and before is not None and _equal(before, made_from):
-            return self._paths
+        rings = rings_by_bone(attachments, names, "TautFibres: attachments")
+        given = FixedMuscle(points, triangles, fixed_to, lines, rings=rings)
+        if self._paths is not None and given.same_as(self._given):
+            return False
+        self._given, self._paths = given, None
         self._poses.clear()
+        return True
+
+    def _prepare(self, bones: dict[str, vtkPolyData]) -> None:
+        """Make the strings at rest."""
+        given = self._given
+        assert given is not None
+        assert given.fibres is not None
         self._rest_bones.take(bones, transforms_of(bones, _WHERE), collision="sdf")
-        fibres = evenly_spread(lines.points, lines.offsets, self.resolution + 1)
+        fibres = evenly_spread(given.fibres.points, given.fibres.offsets, self.resolution + 1)
         try:
             self._paths = TautPaths(
                 fibres,
-                *bones_at_ends(fibres, points, fixed_to),
-                points,
-                triangles,
+                *bones_at_ends(fibres, given.points, given.fixed_to),
+                given.points,
+                given.triangles,
                 {bone.bone: (bone.points, bone.triangles, bone.axes) for bone in self._rest_bones.obstacles},
-                rings=rings,
+                rings=given.rings,
                 hold=self.hold,
             )
         except ValueError as error:
             raise ValueError(f"TautFibres: rest_fibres: {error}") from error
-        self._made_from = made_from
-        return self._paths
 
     def _result(self, rest_fibres: vtkPolyData, paths: TautPaths, state: TautState) -> vtkPolyData:
         count, n, _ = state.points.shape
@@ -257,7 +256,3 @@ class TautFibres(Filter):
             set_cell_array(result, name, values)
         set_field_array(result, "UnsettledFibres", state.unsettled)
         return result
-
-
-def _equal(before: tuple[Any, ...], now: tuple[Any, ...]) -> bool:
-    return len(before) == len(now) and all(np.array_equal(a, b) for a, b in zip(before, now, strict=True))

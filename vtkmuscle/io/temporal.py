@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from threading import Lock
 from typing import Any
 from xml.etree import ElementTree
 
@@ -18,6 +22,7 @@ from vtkmuscle.core.files import check_is_file
 from vtkmuscle.filters.arrays import multiblock_from
 from vtkmuscle.filters.pipeline_times import announce_times, times_of
 from vtkmuscle.io.in_child import check_in_child
+from vtkmuscle.io.messages import vtk_messages
 from vtkmuscle.io.surfaces import read_polydata
 from vtkmuscle.io.writing import replacing
 
@@ -29,6 +34,13 @@ _HDF = b"\x89HDF\r\n\x1a\n"
 
 #: Values per chunk and strength of compression: VTK's 25 000 would make a file of many small arrays huge.
 _CHUNK = 1000
+
+#: Room on the disk that a file must have: in sizes of what is in it uncompressed, and beside that [bytes].
+_ROOM = 1.2
+_LEAST_ROOM = 2_000_000
+
+#: HDF5 is not made for several threads.
+_one_writer = Lock()
 _COMPRESSION = 4
 
 
@@ -111,18 +123,39 @@ def write_vtkhdf(
         raise RuntimeError("VTKHDF files are written by VTK 9.4 or later; write .pvd instead") from None
     path = Path(path)
     source = _Frames(tuple(float(time) for time in times), frame)
+    path.parent.mkdir(parents=True, exist_ok=True)
     writer = vtkHDFWriter()
     writer.SetInputConnection(source.GetOutputPort())
     writer.SetWriteAllTimeSteps(True)
     writer.SetChunkSize(_CHUNK)
     writer.SetCompressionLevel(_COMPRESSION)
-    with replacing(path) as beside:
+    with _one_writer, replacing(path) as beside:
+        _check_room(path, beside, source.nbytes)
         writer.SetFileName(str(beside))
-        written = writer.Write()
+        with vtk_messages():
+            written = writer.Write()
         if source.error is not None:
             raise source.error
         if not written or writer.GetErrorCode():
             raise OSError(f"{path}: the file could not be written; is the disk full?")
+
+
+def _check_room(path: Path, beside: Path, nbytes: int) -> None:
+    """Raise an OSError where a disk has no room: HDF5 would try for ever, or end the process.
+
+    The room is taken and given back, so that quotas and limits count as well as the disk.
+    """
+    needed = int(_ROOM * nbytes) + _LEAST_ROOM
+    try:
+        if hasattr(os, "posix_fallocate"):
+            with beside.open("r+b") as file:
+                os.posix_fallocate(file.fileno(), 0, needed)
+                file.truncate(0)
+        elif needed > shutil.disk_usage(path.parent).free:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    except OSError as error:
+        words = f"{error.strerror}: the file may take {needed / 1e6:.1f} MB"
+        raise OSError(error.errno, words, str(path)) from error
 
 
 class _Frames(VTKPythonAlgorithmBase):
@@ -132,9 +165,14 @@ class _Frames(VTKPythonAlgorithmBase):
         super().__init__(nInputPorts=0, nOutputPorts=1, outputType="vtkPolyData")
         self._times, self._frame = times, frame
         self.error: Exception | None = None
-        self._common = _arrays(frame(0))
+        first = frame(0)
+        self._common = _arrays(first)
+        #: What the frames take in memory [bytes].
+        self.nbytes = 1024 * int(first.GetActualMemorySize())
         for number in range(1, len(times)):
-            self._common &= _arrays(frame(number))
+            data = frame(number)
+            self._common &= _arrays(data)
+            self.nbytes += 1024 * int(data.GetActualMemorySize())
 
     def RequestInformation(self, request: Any, inInfo: Any, outInfo: Any) -> int:  # noqa: N802, N803
         announce_times(outInfo.GetInformationObject(0), self._times)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
@@ -10,6 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkAppendPolyData
 from vtkmodules.vtkIOExport import vtkGLTFExporter
 
+from vtkmuscle.io.messages import vtk_messages
 from vtkmuscle.io.writing import replacing
 from vtkmuscle.plotting.surfaces import make_plotter
 from vtkmuscle.plotting.views import choose_view
@@ -55,11 +57,21 @@ def export_scene(
             exporter.SetInlineData(True)
             exporter.SetSaveNormal(True)
             exporter.SetFileName(str(beside))
-            exporter.Write()
-            if not beside.stat().st_size:
+            with vtk_messages():
+                exporter.Write()
+            if not _is_whole(beside):
                 raise OSError(f"{path}: the file could not be written; is the disk full?")
     finally:
         plotter.close()
+
+
+def _is_whole(path: Path) -> bool:
+    """Return whether a file is JSON to its end: VTK does not say that it could not write it."""
+    try:
+        json.loads(path.read_bytes())
+    except ValueError:
+        return False
+    return True
 
 
 def _appended(fibres: Sequence[vtkPolyData]) -> vtkPolyData:

@@ -16,7 +16,8 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.joint_arms import JointArms
 from vtkmuscle.core.polylines import polyline_lengths
-from vtkmuscle.filters.arrays import blocks_of, polylines_of
+from vtkmuscle.filters.arrays import blocks_of, points_of, polylines_of
+from vtkmuscle.filters.fibre_tubes import FibreTubes
 from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.plotting.moment_arms import plot_moment_arms
 from vtkmuscle.plotting.preflight import can_render
@@ -291,6 +292,7 @@ def write_figures(folder: str | Path, result: RunResult) -> list[Path]:
         )
     ]
     arms: Mapping[str, Mapping[str, JointArms]] = {}
+    paths = result.report["model"] == "paths"
     for name in names:
         frames = _telling_frames(result, name)
         if not frames:
@@ -302,7 +304,7 @@ def write_figures(folder: str | Path, result: RunResult) -> list[Path]:
         written.append(
             plot_muscle(
                 out / f"{name}_frames.png",
-                [result.muscle(name, i) for i in frames],
+                [_tubes(lines) for lines in present] if paths else [result.muscle(name, i) for i in frames],
                 [result.bones(i) for i in frames],
                 fibres=present if len(present) == len(frames) else None,
                 rest_fibres=result.rest_fibres(name),
@@ -319,6 +321,8 @@ def write_figures(folder: str | Path, result: RunResult) -> list[Path]:
             arms = arms or result.moment_arms()
             path, published = out / f"{name}_moment_arms.png", result.literature.get(name, ())
             written.append(plot_moment_arms(path, arms[name], literature=published, title=title))
+    if paths:
+        return written
     rows = {name: result.report["muscles"][name]["frames"] for name in names}
     written.append(
         plot_volume(
@@ -330,6 +334,14 @@ def write_figures(folder: str | Path, result: RunResult) -> list[Path]:
         )
     )
     return written
+
+
+def _tubes(fibres: vtkPolyData) -> vtkPolyData:
+    """Return fibres as a surface, which stands for a muscle where none was deformed."""
+    size = float(np.linalg.norm(np.ptp(points_of(fibres), axis=0)))
+    tubes = FibreTubes(radius=0.004 * size, sides=6).apply(fibres)
+    surface: vtkPolyData = tubes.triangulate()
+    return surface
 
 
 def _telling_frames(result: RunResult, name: str) -> list[int]:

@@ -67,7 +67,7 @@ class RunFolder:
     def begin(self, report: dict[str, Any], scene: Scene) -> None:
         """Write a report that says that nothing is finished, and remove the results of an earlier run."""
         remove_results(self.path, scene)
-        self._write_report(report)
+        self.write_report(report)
 
     def write_frame(
         self,
@@ -75,7 +75,7 @@ class RunFolder:
         muscle: str,
         number: int,
         time: float,
-        surface: vtkPolyData,
+        surface: vtkPolyData | None,
         fibres: vtkPolyData | None,
     ) -> None:
         """Write a frame of a muscle and of its fibres."""
@@ -146,7 +146,7 @@ class RunFolder:
                 times = [float(scene.motion.times[number]) for number in numbers[: len(track.fibres)]]
                 table = fibre_rows(track.fibres, times, scene.millimetres)
                 write_text(self.path / f"{name}_fibres.csv", table)
-        self._write_report(report)
+        self.write_report(report)
 
     def write_moment_arms(self, arms: MomentArmTable) -> None:
         """Write moment_arms.csv and moment_arms_summary.csv, where there are moment arms."""
@@ -171,10 +171,15 @@ class RunFolder:
             for figure in drawn:
                 figure.replace(folder / figure.name)
             return [figure.name for figure in drawn]
+        except OSError as error:
+            if error.errno is None or not str(error.filename or drawing).startswith(str(drawing)):
+                raise
+            raise OSError(error.errno, error.strerror, str(folder)) from error
         finally:
             shutil.rmtree(drawing, ignore_errors=True)
 
-    def _write_report(self, report: dict[str, Any]) -> None:
+    def write_report(self, report: dict[str, Any]) -> None:
+        """Write report.json."""
         text = json.dumps(report, indent=1, allow_nan=False, default=_plain)
         write_text(self.path / "report.json", text + "\n")
 

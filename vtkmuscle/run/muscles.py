@@ -9,12 +9,13 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 
 from vtkmuscle.core.polylines import polyline_lengths
 from vtkmuscle.filters.arrays import (
     cell_array,
+    field_array,
     multiblock_from,
     points_of,
     polylines_of,
@@ -27,7 +28,7 @@ from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.pbd_deformer import NEIGHBOURS, PBDDeformer
 from vtkmuscle.filters.surface_distance import SurfaceDistance
-from vtkmuscle.pipelines import PRUNE, TRANSPORT_SETTINGS, decompose, deform
+from vtkmuscle.pipelines import PRUNE, TRANSPORT_SETTINGS, decompose, deform, pull_taut
 from vtkmuscle.run.fixed_points import warn_of_fixed_points
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.measure import MuscleMeasure
@@ -130,12 +131,16 @@ class MuscleRun:
                 )
             track.report["fibre_measures"] = []
         bones = multiblock_from(self.bones)  # of its own: threads must not share what VTK writes to
+        if scene.model == "paths":
+            self._pull(numbers, detector, bones, fibres, measure)
+            return
         solver = scene.solver_of(name)
         deformer = deform(
             detector,
             bones,
             scene.motion,
             fibres=fibres,
+            attachments=attachments,
             superficial=muscle.superficial_fibres,
             fixed=None,
             **solver,
@@ -159,6 +164,45 @@ class MuscleRun:
         if self.folder is not None:
             with self._timed("writing"):
                 self.folder.finish(self.name)
+        self._tell("done", 1.0)
+
+    def _pull(
+        self,
+        numbers: range,
+        detector: FixedPointDetector,
+        bones: vtkMultiBlockDataSet,
+        fibres: Filter | None,
+        measure: MuscleMeasure,
+    ) -> None:
+        """Run model ``"paths"``: the fibres pulled taut in each frame, and nothing else."""
+        attachments = self.scene.attachments_data(self.name)
+        taut = pull_taut(detector, bones, self.scene.motion, fibres, attachments, fixed=None)
+        metrics = FibreMetrics(curvature=True)
+        metrics.connect(0, taut)
+        self.track.report["parameters"] = {
+            "solver": taut.parameters(),
+            "fixing": detector.parameters(),
+            "fibres": dict(self.scene.muscles[self.name].fibres or {}),
+        }
+        self.track.report["frames"] = []
+        for number in numbers:
+            self._tell("pulling fibres", number / (numbers[-1] + 1))
+            now = float(self.scene.motion.times[number])
+            before = time.perf_counter()
+            with self._timed("pulling fibres", metrics):
+                found = _copy(metrics.update(time=now).output)
+            took = time.perf_counter() - before
+            _add_penetration(found, measure, self.scene.motion.at(now))
+            unsettled = field_array(found, "UnsettledFibres")
+            row = {
+                "frame": number,
+                "time": now,
+                "unsettled_fibres": 0 if unsettled is None else int(unsettled[0]),
+            }
+            self._keep(row | {"ms": 1000.0 * took}, None, found)
+        self._judge(numbers, measure)
+        if self.folder is not None:
+            self.folder.finish(self.name)
         self._tell("done", 1.0)
 
     def _frame(
@@ -207,11 +251,16 @@ class MuscleRun:
             with self._timed("measuring overlap"):
                 row.update(measure.overlap(points, self._others_at(now)))
         row["ms"] = 1000.0 * took
+        self._keep(row, deformed, fibres)
+
+    def _keep(self, row: dict[str, Any], deformed: vtkPolyData | None, fibres: vtkPolyData | None) -> None:
+        """Write a frame and keep it: all of it is there then, or nothing."""
+        number, now = row["frame"], row["time"]
         if self.folder is not None:
             with self._timed("writing"):
                 self.folder.write_frame(self.scene, self.name, number, now, deformed, fibres)
-        # All of a frame is there, or nothing of it.
-        self.track.points.append(points)
+        if deformed is not None:
+            self.track.points.append(points_of(deformed))
         if fibres is not None:
             lengths = cell_array(fibres, "Length", f"muscles.{self.name}: fibres")
             self.track.lengths.append(np.array(lengths) * self.scene.millimetres)

@@ -130,7 +130,7 @@ class Result:
 
     def finished(self, name: str) -> int:
         """Return how many of the kept frames a muscle has: all, or those before the one that failed."""
-        return len(self._tracks[name].points)
+        return len(self._tracks[name].report["frames"])
 
     def smoothed_lengths(self, *, passes: int = 5) -> dict[str, Floats]:
         """Return the fibre lengths without their noise over the frames.
@@ -180,8 +180,19 @@ class Result:
         return MomentArmTable(arms, refused)
 
     def muscle(self, name: str, i: int) -> vtkPolyData:
-        """Return a muscle in a kept frame, with the arrays it has at rest (``FixedTo`` and its own)."""
+        """Return a muscle in a kept frame, with the arrays it has at rest (``FixedTo`` and its own).
+
+        Raises
+        ------
+        ValueError
+            If the scene's model is ``"paths"``, which deforms no muscle.
+        """
         track = self._tracks[name]
+        if self.report["model"] == "paths":
+            raise ValueError(
+                f"the scene's model is 'paths', so that {name!r} was not deformed; fibres({name!r}, {i}) has "
+                "its fibres, and model 'volume' deforms it"
+            )
         moved: vtkPolyData = with_points(track.rest, track.points[i])
         return moved
 

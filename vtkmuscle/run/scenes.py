@@ -146,7 +146,8 @@ def run_scene(
         folder.write_moment_arms(arms)
         folder.write_tables(report, scene, numbers, tracks)
         if figures:
-            _draw(folder, result, report)
+            with _unfinished_if_it_fails(folder, report):
+                _draw(folder, result, report)
         report["seconds"]["total"] = time.perf_counter() - began
         folder.write_tables(report, scene, numbers, tracks)
     else:
@@ -191,6 +192,7 @@ def _bone_distances(scene: Scene) -> dict[str, SurfaceDistance]:
 def _first_report(scene: Scene, numbers: range, tracks: dict[str, MuscleTrack]) -> dict[str, Any]:
     return {
         "scene": scene.name,
+        "model": scene.model,
         "scene_file": scene_file(scene),
         "units": scene.units,
         "complete": False,
@@ -212,6 +214,19 @@ def _one_at_a_time(progress: Progress | None) -> Progress:
                 progress(muscle, stage, fraction)
 
     return tell
+
+
+@contextmanager
+def _unfinished_if_it_fails(folder: RunFolder, report: dict[str, Any]) -> Iterator[None]:
+    """Say in the report that the run was stopped, where it is in what comes after the frames."""
+    try:
+        yield
+    except BaseException as error:
+        report["complete"] = False
+        report["stopped_by"] = f"{type(error).__name__}: {error}".rstrip(": ")
+        with suppress(OSError):  # the disk may be what failed; the first error says more
+            folder.write_report(report)
+        raise
 
 
 @contextmanager

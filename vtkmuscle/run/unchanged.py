@@ -49,6 +49,11 @@ def save_unless_changed(scene: Scene, folder: Path, *, overwrite: bool) -> Path:
         for file in files:
             (folder / file).parent.mkdir(parents=True, exist_ok=True)
             (fresh / file).replace(folder / file)
+    except OSError as error:
+        named = str(error.filename or error).replace(str(fresh), str(folder))
+        if error.errno is None:
+            raise OSError(named) from error
+        raise OSError(error.errno, error.strerror, named) from error
     finally:
         shutil.rmtree(fresh, ignore_errors=True)
     return folder / "scene.toml"

@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 _RESERVED = ("bones", "figures", "scene")
 #: What is done where muscles meet.
 MUSCLE_CONTACTS = ("off", "on", "measure")
+
+#: What a run computes of muscles.
+MODELS = ("volume", "paths")
 #: What a scene file has in place of a muscle's attachments, to have them estimated.
 ESTIMATE = "estimate"
 #: Landmarks farther from their muscle than this many of its diagonals are another muscle's, or in
@@ -51,6 +54,29 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     return f"{meant}allowed: {', '.join(known) or 'none'}"
 
 
+def _check_model(scene: Scene) -> None:
+    """Check what is to be computed of the muscles."""
+    file = scene.files.get("")
+    if scene.model not in MODELS:
+        mend = suggestion(str(scene.model), MODELS)
+        raise SceneError(f"{scene.model!r} is not allowed", key="model", mend=mend, file=file)
+    if scene.model == "paths" and scene.muscle_contact != "off":
+        raise SceneError(
+            f"model is 'paths', in which no muscle has a surface, but this is {scene.muscle_contact!r}",
+            key="muscle_contact",
+            mend="leave it out, or use model 'volume'",
+            file=file,
+        )
+    bare = [name for name, muscle in scene.muscles.items() if muscle.fibres is None]
+    if scene.model == "paths" and bare:
+        raise SceneError(
+            "model is 'paths', which moves fibres, but this muscle has none",
+            key=f"muscles.{bare[0]}.fibres",
+            mend="add a table fibres, or use model 'volume'",
+            file=file,
+        )
+
+
 def checked_names(scene: Scene) -> None:
     """Check the names of the scene, its bones and muscles, and the unit."""
     file = scene.files.get("")
@@ -61,6 +87,7 @@ def checked_names(scene: Scene) -> None:
         problem = f"{scene.muscle_contact!r} is not allowed"
         mend = suggestion(str(scene.muscle_contact), MUSCLE_CONTACTS)
         raise SceneError(problem, key="muscle_contact", mend=mend, file=file)
+    _check_model(scene)
     if scene.quality is not None and scene.quality not in PRESETS:
         problem = f"there is no preset {scene.quality!r}"
         raise SceneError(problem, key="quality", mend=suggestion(str(scene.quality), PRESETS), file=file)

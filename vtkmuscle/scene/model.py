@@ -114,6 +114,9 @@ class Scene:
     muscle_contact : str
         ``"off"``; ``"on"``, to keep each muscle out of those before it in the scene; or ``"measure"``, to
         report how deep it is in them.
+    model : str
+        ``"volume"``, each muscle deformed by PBDDeformer; or ``"paths"``, the fibres alone, pulled taut by
+        TautFibres: lengths, moment arms and pictures in a small part of the time, and no volume.
     quality : str or None
         A preset of PBDDeformer for all muscles, ``"preview"``, ``"balanced"`` or ``"accurate"``, on top of
         which come the settings of ``solver`` and of the muscles.
@@ -142,6 +145,7 @@ class Scene:
     solver: Mapping[str, Any] = field(default_factory=dict)
     fixing: Mapping[str, Any] = field(default_factory=dict)
     muscle_contact: str = "off"
+    model: str = "volume"
     quality: str | None = None
     files: Mapping[str, Path] = field(default_factory=dict)
 

@@ -5,6 +5,7 @@
     name = "hip"                       # optional: the file's name
     units = "mm"                       # "mm", "cm" or "m"; optional: "mm"
     quality = "balanced"               # or "preview", "accurate"; [solver] counts more; optional
+    model = "volume"                   # or "paths": taut fibres alone, without deforming muscles; optional
     muscle_contact = "off"             # or "on", "measure": each muscle against those before it; optional
 
     [bones.pelvis]
@@ -182,7 +183,18 @@ def read_scene(path: Path) -> Scene:
         path,
         "",
         _parsed(path),
-        ("name", "units", "bones", "motion", "muscles", "solver", "fixing", "muscle_contact", "quality"),
+        (
+            "name",
+            "units",
+            "bones",
+            "motion",
+            "muscles",
+            "solver",
+            "fixing",
+            "muscle_contact",
+            "model",
+            "quality",
+        ),
     )
     files: dict[str, Path] = {"": path}
     bones = {}
@@ -211,6 +223,7 @@ def read_scene(path: Path) -> Scene:
         solver=root.settings("solver"),
         fixing=root.settings("fixing"),
         muscle_contact=root.text("muscle_contact", '"on"') if "muscle_contact" in root else "off",
+        model=root.text("model", '"paths"') if "model" in root else "volume",
         quality=root.text("quality", '"balanced"') if "quality" in root else None,
         files=files,
     )

@@ -40,6 +40,8 @@ CROSSED_RING = 0.6
 STRAY, SURE_STRAY = 30.0, 1000.0
 #: Distance from the origin, in sizes of the surface, at which double precision has lost it.
 LOST_PRECISION = 1e9
+#: Roles of areas that lie on a bone; a ring that a muscle passes through need not.
+ENDS = ("origin", "insertion")
 #: Points of a ring that are looked at.
 _MOST_LANDMARKS = 150
 
@@ -191,17 +193,18 @@ def _on_bones(
     """Give landmarks that are not on the bone that they name."""
     scale = scene.millimetres
     length = float(np.linalg.norm(np.ptp(points_of(muscle.surface), axis=0))) * scale
+    numbered = [(n, area) for n, area in enumerate(muscle.attachments) if area.role in ENDS]
+    areas = [area for _, area in numbered]
     away = [
         {bone: scale * distance.unsigned(area.landmarks) for bone, distance in distances.items()}
-        for area in muscle.attachments
+        for area in areas
     ]
     meant: dict[int, str] = {}
-    for number, (area, far) in enumerate(zip(muscle.attachments, away, strict=True)):
+    for number, (area, far) in enumerate(zip(areas, away, strict=True)):
         own = float(np.median(far[area.bone]))
         nearest = min(far, key=lambda bone: float(np.median(far[bone])))
         if own > OTHER_BONE and NEARER * float(np.median(far[nearest])) < own:
             meant[number] = nearest
-    areas = muscle.attachments
     exchanged = {(areas[number].bone, bone) for number, bone in meant.items()}
     if len(areas) == len(meant) > 1 and exchanged == {(b, a) for a, b in exchanged}:
         problem = "origin and insertion are exchanged: each has its landmarks on the other's bone"
@@ -209,7 +212,7 @@ def _on_bones(
         yield f"muscles.{name}.attachments", problem, mend, True
         return
     for number, (area, far) in enumerate(zip(areas, away, strict=True)):
-        key = f"muscles.{name}.attachments[{number}].landmarks"
+        key = f"muscles.{name}.attachments[{numbered[number][0]}].landmarks"
         own = float(np.median(far[area.bone]))
         lost = float(far[area.bone].min()) > max(length, LOST_LANDMARKS)
         if number in meant and not lost:

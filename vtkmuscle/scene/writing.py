@@ -42,7 +42,11 @@ def to_toml(scene: Scene) -> str:
         f"name = {_quoted(scene.name)}",
         f"units = {_quoted(scene.units)}",
     ]
-    optional = {"quality": (scene.quality, None), "muscle_contact": (scene.muscle_contact, "off")}
+    optional = {
+        "quality": (scene.quality, None),
+        "muscle_contact": (scene.muscle_contact, "off"),
+        "model": (scene.model, "volume"),
+    }
     lines += [f"{key} = {_quoted(str(v))}" for key, (v, default) in optional.items() if v != default]
     for name in scene.bones:
         lines += ["", f"[bones.{_key(name)}]", f"surface = {_quoted(f'bones/{name}.vtp')}"]

@@ -175,7 +175,7 @@ def field_at(layout: Floats, table: Table, values: Floats, x: float, y: float, z
     place = np.int64(layout[7]) + ((i // SIDE) * ny + j // SIDE) * nz + k // SIDE
     block = table[place]
     if block == UNKNOWN:
-        return FAR, place
+        return FAR, int(place)
     u, v, w = u - i, v - j, w - k
     i, j, k = i % SIDE, j % SIDE, k % SIDE
     c = values[block]

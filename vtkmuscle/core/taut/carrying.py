@@ -69,18 +69,18 @@ class Carrier:
         self._shares = _falling_off(near)
         near, self._carriers = _nearest(self._tree, self._surface, CARRIERS)
         self._weights = _falling_off(near)
-        self._beside = np.empty((n, f, min(BESIDE, f)), dtype=np.int64)
-        self._parts = np.empty(self._beside.shape)
+        beside = np.empty((f, n, min(BESIDE, f)), dtype=np.int64)
+        parts = np.empty(beside.shape)
         for i in range(n):
-            near, found = _nearest(cKDTree(fibres[:, i]), fibres[:, i], BESIDE)
-            parts = np.exp(-0.5 * (near / self._width) ** 2)
-            self._beside[i], self._parts[i] = found * n + i, parts / parts.sum(axis=1, keepdims=True)
-        self._beside = self._beside.transpose(1, 0, 2).reshape(f * n, -1).copy()
-        self._parts = self._parts.transpose(1, 0, 2).reshape(f * n, -1).copy()
+            apart, found = _nearest(cKDTree(fibres[:, i]), fibres[:, i], BESIDE)
+            falling = np.exp(-0.5 * (apart / self._width) ** 2)
+            beside[:, i], parts[:, i] = found * n + i, falling / falling.sum(axis=1, keepdims=True)
+        self._beside: Ints = beside.reshape(f * n, -1)
+        self._parts: Floats = parts.reshape(f * n, -1)
         fixed = np.flatnonzero(fixed_to >= 0)
-        apart, nearest = cKDTree(surface[fixed]).query(surface)
+        to_fixed, nearest = cKDTree(surface[fixed]).query(surface)
         #: How much each point goes with the bone of the fixed point nearest to it.
-        self._with_bone: Floats = np.exp(-0.5 * (4.0 * apart / self._width) ** 2)[:, None]
+        self._with_bone: Floats = np.exp(-0.5 * (4.0 * to_fixed / self._width) ** 2)[:, None]
         self._bone: Ints = fixed_to[fixed[nearest]]
 
     def fibre_weights(self, points: Floats, offsets: Ints) -> tuple[Ints, Floats]:

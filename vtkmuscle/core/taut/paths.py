@@ -182,7 +182,7 @@ class TautPaths:
                 from_here = (self.start_bones == number)[:, None]
                 guide[bone] = _smoothed(from_here * sure * (1.0 - gap**2) ** 2, THICKNESS_PASSES)
         within = thickness.max(axis=2)
-        guided = (guide > 0.0).any(axis=2)
+        guided: Bools = np.asarray((guide > 0.0).any(axis=2))
         within[guided] += self.hold
         reach = [max(float(most), 0.0) + 2.0 * cell for most in within.max(axis=1, initial=0.0)]
         tissue_of = Tissue(self.fibres, thickness, within, guide, aside, guided, max(self.hold, 1e-300))

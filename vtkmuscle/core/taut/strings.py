@@ -467,7 +467,7 @@ def _along(values: Floats, at: float) -> tuple[float, float]:
     Unlike straight lines between the values it has no kinks, in which a string would go to and fro.
     """
     n = len(values)
-    m = min(np.int64(at + 0.5), n - 1)
+    m = min(int(at + 0.5), n - 1)
     t = at - m
     a, b, c = values[max(m - 1, 0)], values[m], values[min(m + 1, n - 1)]
     value = 0.5 * (0.5 - t) ** 2 * a + (0.75 - t * t) * b + 0.5 * (0.5 + t) ** 2 * c

@@ -1,0 +1,112 @@
+"""Processes that are stopped, disks that run full, and what is left then."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from vtkmuscle.io import read_polydata, read_series
+
+#: The program, in a process of its own, with this one's packages.
+PROGRAM = (sys.executable, "-m", "vtkmuscle")
+
+
+def started(*arguments, limit=None):
+    """Start the program; limit is what it may write to a file [bytes]."""
+    command = [*PROGRAM, *map(str, arguments)]
+    if limit is not None:
+        code = (
+            "import os, resource, sys\nresource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)\n"
+        )
+        code += "os.execv(sys.argv[2], sys.argv[2:])"
+        command = [sys.executable, "-c", code, str(limit), *command]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def ended(process, timeout=60.0):
+    """Wait for a process, and return its status, output and errors; one that hangs is a failure."""
+    try:
+        out, err = process.communicate(timeout=timeout)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.communicate()
+        pytest.fail(f"the program did not end within {timeout:.0f} s: {process.args}")
+    return process.returncode, out, err
+
+
+def killed_at(process, seconds, number=signal.SIGKILL):
+    """Send a signal after some time; return whether the process had not ended before."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        if process.poll() is not None:
+            return False
+        time.sleep(0.005)
+    process.send_signal(number)
+    return True
+
+
+def check_whole(folder: Path) -> int:
+    """Check that every file under a final name in a folder can be read to its end, and return how many."""
+    count = 0
+    for path in folder.rglob("*"):
+        if not path.is_file() or path.name.startswith("."):
+            continue
+        count += 1
+        if path.suffix == ".vtp":
+            assert read_polydata(path).GetNumberOfPoints()
+        elif path.suffix in (".pvd", ".vtkhdf"):
+            series = read_series(path)
+            assert all(file.is_file() for file in series.files), path
+            for number in range(len(series.times)):
+                series.frame(number)
+        elif path.suffix == ".csv":
+            with path.open(newline="") as lines:
+                rows = list(csv.reader(lines))
+            assert rows
+            assert len({len(row) for row in rows}) == 1, path
+        elif path.suffix == ".json":
+            json.loads(path.read_text())
+        else:
+            assert path.suffix == ".png", path
+            assert path.read_bytes()[-8:-4] == b"IEND"
+    return count
+
+
+def results(folder: Path):
+    """Return what two runs of the same scene have in common: all but times."""
+    found = {}
+    for path in sorted(folder.rglob("*")):
+        name = path.relative_to(folder).as_posix()
+        if path.suffix == ".vtp":
+            data = read_polydata(path)
+            found[name] = bytes(memoryview(data.GetPoints().GetData()))
+        elif path.suffix in (".csv", ".pvd"):
+            found[name] = path.read_bytes()
+        elif path.suffix == ".vtkhdf":
+            series = read_series(path)
+            frames = [series.frame(number) for number in range(len(series.times))]
+            found[name] = (series.times, [bytes(memoryview(one.GetPoints().GetData())) for one in frames])
+    return found
+
+
+@contextmanager
+def small_disk(folder: Path, kilobytes: int):
+    """Mount a small disk in memory; skip where the system does not allow it."""
+    folder.mkdir(exist_ok=True)
+    command = ["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "none", str(folder)]
+    allowed = os.name == "posix" and os.geteuid() == 0
+    if not allowed or subprocess.run(command, check=False, capture_output=True).returncode:
+        pytest.skip("this system lets nobody here mount a small disk")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", "-l", str(folder)], check=True)

@@ -1,0 +1,198 @@
+"""Signals and full disks: nothing damaged under a final name, and one line that says what is there."""
+
+import json
+import random
+import signal
+import time
+from functools import cache
+
+import pytest
+from faults import check_whole, ended, killed_at, results, small_disk, started
+from tiny_scene import write_tiny_scene
+
+from vtkmuscle.scene import Scene
+
+QUIET = ("--quiet", "--no-figures")
+
+
+@pytest.fixture(scope="module")
+def scene_file(tmp_path_factory):
+    """A scene that takes some seconds: 30 frames."""
+    path = write_tiny_scene(tmp_path_factory.mktemp("faults") / "scene")
+    text = path.read_text()
+    motion = text[text.index("[motion]") : text.index("[muscles")]
+    hinge = (
+        '[motion.hinge]\nbone = "lower"\ncentre = [0, -15, 0]\naxis = [1, 0, 0]\nangles = [0, 20, 0.7]\n\n'
+    )
+    path.write_text(text.replace(motion, hinge))
+    return path
+
+
+@pytest.fixture(scope="module")
+def whole(scene_file, tmp_path_factory):
+    """What an uninterrupted run of a format gives."""
+
+    @cache
+    def found(series):
+        out = tmp_path_factory.mktemp("whole") / series
+        Scene.load(scene_file).run(out, figures=False, series=series)
+        return results(out)
+
+    return found
+
+
+def moments(pytestconfig, seconds, short, long):
+    """Return moments of a run at random, the same each time."""
+    rng = random.Random(20210615)
+    count = long if pytestconfig.getoption("--long") else short
+    return [rng.uniform(0.2, 1.05) * seconds for _ in range(count)]
+
+
+@pytest.mark.parametrize("series", ["pvd", pytest.param("vtkhdf", marks=pytest.mark.long)])
+def test_kills_leave_no_damaged_file_and_the_same_command_the_same_result(
+    scene_file, whole, tmp_path, pytestconfig, tried, series
+):
+    command = ("run", scene_file, "--format", series, *QUIET)
+    for number, moment in enumerate(moments(pytestconfig, 4.0, 1, 50)):
+        out = tmp_path / f"{number}"
+        process = started(*command, "--out", out)
+        met = killed_at(process, moment)
+        process.communicate()
+        assert not met or process.returncode == -signal.SIGKILL
+        tried.add(f"a run with .{series}, killed at a random moment", "used")
+        if out.is_dir():
+            check_whole(out)
+        if number % 5 == 0:
+            status, _, errors = ended(started(*command, "--out", out))
+            assert status == 0
+            if met and (out / "report.json").exists() and errors:
+                assert "holds a run that did not end (it was killed); frames there: spindle " in errors
+            assert results(out) == whole(series)
+            assert not list(out.rglob(".*"))
+
+
+@pytest.mark.parametrize(
+    "number",
+    [signal.SIGTERM, *(pytest.param(one, marks=pytest.mark.long) for one in (signal.SIGINT, signal.SIGHUP))],
+)
+def test_finished_frames_are_measured_and_listed_after_a_signal(
+    scene_file, tmp_path, pytestconfig, tried, number
+):
+    for case, moment in enumerate(moments(pytestconfig, 0.6, 1, 12)):
+        out = tmp_path / f"{case}"
+        process = started("run", scene_file, "--out", out, *QUIET)
+        deadline = time.monotonic() + 60.0
+        while not (out / "spindle.pvd").exists() and process.poll() is None and time.monotonic() < deadline:
+            time.sleep(0.01)  # the program itself is loaded, and works
+        killed_at(process, 0.4 * moment, number)
+        began = time.monotonic()
+        status, _, errors = ended(process)
+        assert time.monotonic() - began < 20.0
+        if status == 0:
+            continue  # the last frame was done
+        assert status == 128 + number
+        assert "Traceback" not in errors
+        assert errors.startswith("stopped. ")
+        assert len(errors.splitlines()) == 1
+        check_whole(out)
+        report = json.loads((out / "report.json").read_text())
+        listed = (out / "spindle.pvd").read_text().count("<DataSet")
+        assert report["complete"] is False
+        assert len(report["muscles"]["spindle"]["frames"]) == listed > 0
+        assert len((out / "lengths.csv").read_text().splitlines()) == 1 + 6 * listed
+        assert f"spindle {listed}" in errors
+        tried.add(f"a run, stopped by {signal.Signals(number).name}", "used")
+
+
+@pytest.mark.long
+def test_which_frames_are_there_after_a_kill_is_said(scene_file, tmp_path):
+    out = tmp_path / "out"
+    process = started("run", scene_file, "--out", out, *QUIET)
+    deadline = time.monotonic() + 60.0
+    while not (out / "spindle/spindle_0004.vtp").exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.kill()
+    process.communicate()
+    count = (out / "spindle.pvd").read_text().count("<DataSet")
+    status, words, _ = ended(started("info", out))
+    assert status == 0
+    assert "no: it was killed" in words
+    assert f"{count} frames" in words
+
+
+def full(status, errors, path):
+    """Check that a full disk is one line of error that names a file."""
+    assert status == 2, errors
+    assert len(errors.splitlines()) == 1, errors
+    assert errors.startswith("error: ")
+    assert str(path) in errors
+    assert "partial" not in errors
+
+
+@pytest.mark.parametrize("series", [pytest.param("pvd", marks=pytest.mark.long), "vtkhdf"])
+def test_a_disk_that_runs_full_is_one_line_and_nothing_damaged(
+    scene_file, tmp_path, pytestconfig, tried, series
+):
+    sizes = (64, 200, 300, 450, 700, 1200) if pytestconfig.getoption("--long") else (200,)
+    for kilobytes in sizes:
+        with small_disk(tmp_path / "disk", kilobytes) as disk:
+            out = disk / "out"
+            status, _, errors = ended(started("run", scene_file, "--out", out, "--format", series, *QUIET))
+            tried.add(f"a run with .{series} on a disk that runs full", "refused" if status else "used")
+            if status == 0:
+                continue
+            full(status, errors, out)
+            assert not list(out.rglob(".*.partial"))
+            check_whole(out)
+            if (out / "report.json").exists():
+                assert json.loads((out / "report.json").read_text())["complete"] is False
+
+
+@pytest.mark.parametrize("name", [pytest.param("page.gltf", marks=pytest.mark.long), "all.vtkhdf"])
+@pytest.mark.parametrize("how", [pytest.param("disk", marks=pytest.mark.long), "limit"])
+def test_an_export_to_a_full_disk_is_one_line(scene_file, tmp_path, how, name):
+    Scene.load(scene_file).run(tmp_path / "out", frames="0:4", figures=False)
+    source = tmp_path / ("out" if name == "page.gltf" else "out/spindle.pvd")
+    if how == "limit":
+        target, limit = tmp_path / name, 20_000
+        status, _, errors = ended(started("export", source, target, limit=limit))
+        full(status, errors, target)
+        assert not target.exists()
+        return
+    with small_disk(tmp_path / "disk", 20) as disk:
+        status, _, errors = ended(started("export", source, disk / name))
+        full(status, errors, disk / name)
+        assert not list(disk.iterdir())
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("limit", [200, 2_000, 30_000])
+def test_a_limit_of_the_size_of_files_is_one_line(scene_file, tmp_path, limit):
+    for series in ("pvd", "vtkhdf"):
+        out = tmp_path / series
+        arguments = ("run", scene_file, "--out", out, "--format", series, "--frames", "0:8", *QUIET)
+        status, _, errors = ended(started(*arguments, limit=limit))
+        if status:
+            full(status, errors, out)
+            check_whole(out)
+
+
+@pytest.mark.long
+def test_figures_that_find_no_room_are_said_and_the_run_is_not_complete(scene_file, tmp_path):
+    out = tmp_path / "out"
+    arguments = ("run", scene_file, "--out", out, "--frames", "0:1", "--quiet")
+    status, _, errors = ended(started(*arguments, limit=30_000), timeout=120.0)
+    if "no figures were drawn" in errors:
+        pytest.skip("no pictures here")
+    full(status, errors, out / "figures")
+    report = json.loads((out / "report.json").read_text())
+    assert report["complete"] is False
+    assert "OSError" in report["stopped_by"]
+    assert not list(out.glob(".*"))
+
+
+@pytest.mark.long
+def test_a_demo_on_a_full_disk_is_one_line(tmp_path):
+    with small_disk(tmp_path / "disk", 100) as disk:
+        status, _, errors = ended(started("demo", "--out", disk / "demo", "--frames", "0:1", *QUIET))
+        full(status, errors, disk / "demo")

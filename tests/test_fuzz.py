@@ -1,0 +1,69 @@
+"""Damaged scenes are a result or one clear error: a mutator with planted seeds, short and long."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from mutations import mutated, read_all
+from tiny_scene import HINGE, TOML, write_tiny_scene
+
+MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
+LANDMARKS = "x,y,z\n" + "".join(f"{x},{y},34.0\n" for x, y in [(4, 0), (0, 4), (-4, 0), (0, -4), (4, 0)])
+TEMPLATE = """sheets = [
+    [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]],
+    [[0.3, 0, 0.5], [1, 0, 0.5], [1, 1, 0.5], [0.3, 1, 0.5]],
+    [[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]],
+]
+"""
+RING = "[[4, 0, -34], [0, 4, -34], [-4, 0, -34], [0, -4, -34], [4, 0, -34]]"
+
+#: Which file is damaged, and what is put into the scene for it.
+KINDS = {
+    "scene.toml": {},
+    "scene.toml with a hinge": {MOTION: HINGE},
+    "motion.csv": {},
+    "landmarks.csv": {"attachments/origin.vtp": "landmarks.csv"},
+    "landmarks.json": {"attachments/insertion.vtp": "landmarks.json"},
+    "template.toml": {'template = "parallel"': 'template_file = "template.toml"'},
+    "attachments/origin.vtp": {},
+    "muscles/spindle.vtp": {},
+    "bones/upper.vtp": {},
+}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    scene = write_tiny_scene(tmp_path_factory.mktemp("whole") / "scene")
+    (scene.parent / "landmarks.csv").write_text(LANDMARKS)
+    (scene.parent / "landmarks.json").write_text(RING)
+    (scene.parent / "template.toml").write_text(TEMPLATE)
+    return scene.parent
+
+
+def damaged_scenes(folder, whole, kind, count):
+    """Write damaged scenes of a kind, each in a folder of its own, and return their files."""
+    name = kind.split(" ")[0]
+    text = (whole / "scene.toml").read_text()
+    for old, new in KINDS[kind].items():
+        assert old in text
+        text = text.replace(old, new)
+    for seed in range(count):
+        own = folder / f"{seed} {kind.replace('/', ' ')}"
+        shutil.copytree(whole, own)
+        (own / "scene.toml").write_text(text)
+        (own / name).write_bytes(mutated((own / name).read_bytes(), seed))
+        yield own / "scene.toml"
+
+
+def test_damaged_scenes_are_a_result_or_one_clear_error(whole, tmp_path, pytestconfig, tried, monkeypatch):
+    monkeypatch.setenv("VTKMUSCLE_MOST_MEMORY", "4")
+    count = 100 if pytestconfig.getoption("--long") else 4
+    kinds = {path: kind for kind in KINDS for path in damaged_scenes(tmp_path, whole, kind, count)}
+    bad = []
+    for path, (outcome, words, _) in read_all(list(kinds), "fuzz_target", "load_and_run").items():
+        if outcome in ("read", "refused"):
+            what = f"a damaged {kinds[Path(path)]}, read and run"
+            tried.add(what, "used" if outcome == "read" else "refused")
+        else:
+            bad.append((path, outcome, words))
+    assert not bad

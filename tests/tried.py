@@ -1,0 +1,52 @@
+"""What was tried, counted, for a page of the documentation."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+HEAD = """.. This page is written by a command that it names; change the tests, not the page.
+
+What was tried
+==============
+
+Damaged input, signals and full disks, and what became of them. "Used" is a result that is whole, "refused"
+one clear error of one line that says what to change; anything else (a signal, a traceback, a wait of more
+than 60 s, a file where none was asked for, a damaged file under a final name) fails the tests.
+
+{total} cases, {form} form, planted seeds. The page is written by ``pytest --long tests/test_fuzz.py
+tests/test_faults.py tests/io/test_damaged_files.py --tried-table docs/tried.rst``; the normal run of tests
+has a short form.
+
+.. list-table::
+   :header-rows: 1
+   :widths: 46 12 12 12
+
+   * - Tried
+     - Cases
+     - Used
+     - Refused
+"""
+
+
+@dataclass
+class Tried:
+    """Counts of cases by what was tried."""
+
+    long: bool
+    rows: dict[str, Counter[str]] = field(default_factory=dict)
+
+    def add(self, what: str, outcome: str) -> None:
+        """Count a case that was ``"used"`` or ``"refused"``."""
+        assert outcome in ("used", "refused")
+        self.rows.setdefault(what, Counter())[outcome] += 1
+
+    def write(self, path: Path) -> None:
+        """Write the page."""
+        total = sum(sum(row.values()) for row in self.rows.values())
+        lines = [HEAD.format(total=total, form="long" if self.long else "short").rstrip()]
+        for what, row in sorted(self.rows.items()):
+            lines += [f"   * - {what}", f"     - {sum(row.values())}"]
+            lines += [f"     - {row['used']}", f"     - {row['refused']}"]
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")

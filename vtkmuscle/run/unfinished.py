@@ -1,0 +1,44 @@
+"""What a run that was stopped or killed has left in its folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from vtkmuscle.io.temporal import SERIES_SUFFIXES, read_series
+from vtkmuscle.run.claim import read_report
+
+
+def frames_there(folder: Path) -> dict[str, int]:
+    """Return how many frames of each muscle a folder of results lists, whatever its report says."""
+    report = read_report(folder) or {}
+    return {name: _frames(folder, name) for name in report.get("muscles", {})}
+
+
+def unfinished(folder: Path) -> str | None:
+    """Return what is there of a run that did not end, in words; None where there is none.
+
+    Parameters
+    ----------
+    folder : Path
+        Where a run has written, or not.
+    """
+    report = read_report(folder)
+    if report is None or report.get("complete"):
+        return None
+    counts = frames_there(folder)
+    frames = report.get("frames")
+    total = f" of {len(frames)}" if isinstance(frames, list) else ""
+    listed = ", ".join(f"{name} {count}{total}" for name, count in counts.items()) or "none"
+    why = report.get("stopped_by") or "it was killed"
+    return f"{folder} holds a run that did not end ({why}); frames there: {listed}"
+
+
+def _frames(folder: Path, name: str) -> int:
+    for suffix in SERIES_SUFFIXES:
+        path = folder / f"{name}{suffix}"
+        if path.is_file():
+            try:
+                return len(read_series(path).times)
+            except ValueError:
+                return 0
+    return 0
