@@ -197,7 +197,7 @@ def test_fibres_give_the_direction():
     assert np.array_equal(*off)
 
 
-@pytest.mark.parametrize("anisotropy", ["stretch", "stiffness"])
+@pytest.mark.parametrize("anisotropy", ["taut", "stiffness"])
 def test_superficial_fibres_give_the_direction_whatever_fills_the_muscle(anisotropy):
     z = np.linspace(-20, 20, 5)
     straight, winding = (
@@ -598,7 +598,7 @@ def test_a_free_body_falls_if_there_is_a_force():
 # ---------------------------------------------------------------- the convergence report
 
 
-@pytest.mark.parametrize("anisotropy", ["stretch", "stiffness", "off"])
+@pytest.mark.parametrize("anisotropy", ["taut", "stiffness", "off"])
 def test_edges_along_and_across_the_fibres_are_in_the_report(anisotropy):
     deformer = deformer_of(anisotropy=anisotropy, penetration=True)
     out = deformer.update(30.0).output

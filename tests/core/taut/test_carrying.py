@@ -7,6 +7,9 @@ from taut_phantoms import known_paths, paths_of, strung_phantom, swept
 from vtkmuscle.core.mesh import signed_volume
 from vtkmuscle.core.rigid import apply_transform, hinge, rotation_about
 from vtkmuscle.core.taut.carrying import GREATEST_STRETCH, THINNING, Carrier
+from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread, lines_on_surface
+from vtkmuscle.core.taut.paths import POINTS
+from vtkmuscle.core.topology import mesh_topology
 
 TURN = rotation_about((10.0, -20.0, 30.0), np.array([1.0, 2.0, 2.0]) / 3.0, 65.0)
 
@@ -34,6 +37,22 @@ def test_at_rest_nothing_moves(make):
     lines, offsets = made.fibres.reshape(-1, 3), made.fibres.shape[1] * np.arange(len(made.fibres) + 1)
     weights = carrier.fibre_weights(lines, offsets)
     np.testing.assert_allclose(carried.points(lines, *weights), lines, rtol=0.0, atol=1e-9)
+
+
+def test_strings_all_in_one_place_do_not_turn_the_muscle():
+    """Stand-ins of fibres often end at the same points: taut they lie in each other, and tell of no turn."""
+    made = strung_phantom("spindle_over_ball")
+    topology = mesh_topology(len(made.points), made.triangles)
+    fibres = evenly_spread(*lines_on_surface(made.points, topology, made.fixed_to), POINTS)
+    start, end = bones_at_ends(fibres, made.points, made.fixed_to)
+    paths = made.pulled(fibres=fibres, start_bones=start, end_bones=end)
+    carrier = carrier_of("spindle_over_ball", paths)
+    assert len(np.unique(paths.rest.points[:, 16].round(6), axis=0)) < len(fibres) / 4
+    np.testing.assert_allclose(carrier.at(paths.rest).surface, made.points, rtol=0.0, atol=1e-9)
+    for state in swept(paths, flexed("spindle_over_ball", "distal", 20.0, 40.0, 60.0)):
+        carried = carrier.at(state).surface
+        volume = signed_volume(carried, made.triangles) / signed_volume(made.points, made.triangles)
+        assert 0.5 < volume < 1.5
 
 
 @pytest.mark.parametrize("make", ["lifting_strap", "strap_over_two_joints"])

@@ -31,6 +31,9 @@ LEAST_STRETCH, GREATEST_STRETCH = 0.25, 4.0
 #: How much of a turn comes from the bones: it decides where strings do not, as all of them are on a line.
 FROM_BONES = 0.02
 
+#: Companions that are all within this part of the muscle's width of each other do not tell how it turns.
+LEAST_APART = 1e-3
+
 #: Rounds in which strings that stray from those beside them lose weight.
 _ROUNDS = 5
 
@@ -105,13 +108,14 @@ class Carrier:
         turns = _turns(paths, state.transforms)
         frames = np.empty((len(taut), 3, 3))
         near = self._companions, self._shares
-        _frames(taut_rest, taut, *near, turns, self._tangents, stretch, THINNING, frames)
+        least = (LEAST_APART * self._width) ** 2
+        _frames(taut_rest, taut, *near, turns, least, self._tangents, stretch, THINNING, frames)
         places = np.empty_like(taut)
         _keep_among(
             self._rest, taut_rest, taut, frames, self._beside, self._parts, self._width, _ROUNDS, places
         )
         stretch = (stretch[self._beside] * self._parts).sum(axis=1)
-        _frames(self._rest, places, *near, turns, self._tangents, stretch, THINNING, frames)
+        _frames(self._rest, places, *near, turns, least, self._tangents, stretch, THINNING, frames)
         moved = np.empty_like(self._surface)
         _carry(self._rest, places, frames, self._carriers, self._weights, self._surface, moved)
         bones = state.transforms[self._bone]
@@ -176,6 +180,7 @@ def _frames(
     companions: Ints,
     shares: Floats,
     turns: Floats,
+    least: float,
     tangents: Floats,
     stretch: Floats,
     thinning: float,
@@ -184,7 +189,8 @@ def _frames(
     """Write how the muscle turns and stretches at each point: F = R (g I + (l - g) t t^T).
 
     R is the rotation that takes a point's companions from before to after best, in the least squares sense
-    (Arun, Huang, Blostein 1987, doi:10.1109/TPAMI.1987.4767965).
+    (Arun, Huang, Blostein 1987, doi:10.1109/TPAMI.1987.4767965), and a little the bones' turn: of companions
+    in one place, their variance below ``least`` [mm^2], that decides.
     """
     r, work, a, b = np.empty((3, 3)), np.empty((6, 3)), np.empty(3), np.empty(3)
     for i in range(len(before)):
@@ -194,7 +200,7 @@ def _frames(
             for q in range(3):
                 a[q] += w * before[k, q]
                 b[q] += w * after[k, q]
-        size = 0.0
+        size = least
         for j in range(companions.shape[1]):
             k, w = companions[i, j], shares[i, j]
             for q in range(3):
