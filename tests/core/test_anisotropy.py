@@ -7,6 +7,7 @@ from spindle import spindle
 from vtkmuscle.core.anisotropy import (
     edge_stiffness,
     fibre_directions_at,
+    following_stiffness,
     harmonic_directions,
     nearest_segments,
 )
@@ -85,3 +86,10 @@ def test_one_bone_has_no_direction():
     points, triangles, fixed_to = spindle()
     topology = mesh_topology(len(points), triangles)
     assert harmonic_directions(points, topology, np.where(fixed_to == 1, -1, fixed_to)) is None
+
+
+def test_edges_give_way_along_the_fibres_and_short_ones_less():
+    points = np.array([[0.0, 0, 0], [0, 0, 4.0], [4.0, 0, 0], [0, 0, 1.0]])
+    edges, along = np.array([[0, 1], [0, 2], [0, 3]]), np.tile([0.0, 0, 1], (3, 1))
+    np.testing.assert_allclose(following_stiffness(points, edges, along), [0.1, 1.0, 1 - 0.9 / 3])
+    assert edge_stiffness(points, edges, along)[0] == 0.0

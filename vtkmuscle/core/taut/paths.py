@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,9 @@ ITERATIONS = 60
 #: Bones go from one pose to another in parts, in which they carry no end of a string farther than this, in
 #: segments: a string does not jump over what lies between.
 LARGEST_STEP = 4.0
+
+#: Bones whose moves differ by less than this have moved together: the strings go with them as they are [mm].
+TOGETHER = 1e-9
 
 #: Passes of averaging over neighbours along the fibre, of what was measured between it and the bones.
 THICKNESS_PASSES, ASIDE_PASSES = 2, 4
@@ -196,8 +199,11 @@ class TautPaths:
             Of the bones, rest to now.
         """
         transforms = np.array(transforms, dtype=np.float64)
-        known = np.array(transforms)
-        known[: len(before.transforms)] = before.transforms[: len(transforms)]
+        known = _known(before.transforms, transforms)
+        moves = _moves(known, transforms)
+        if np.ptp(moves, axis=0).max() <= TOGETHER:
+            points = self._with_bones(before.points, moves)
+            return replace(before, points=points, transforms=transforms)
         steps = math.ceil(self._carried(known, transforms) / (LARGEST_STEP * self._segment))
         state = before
         for number in range(1, steps):
@@ -217,11 +223,25 @@ class TautPaths:
             farthest = max(farthest, float(np.linalg.norm(b - a, axis=1).max()))
         return farthest
 
+    def _with_bones(self, points: Floats, moves: Floats) -> Floats:
+        """Return strings that went with their bones, whose moves (b, 4, 4) are blended from end to end.
+
+        Left where it was, a string might be met by a bone that its end is on, and be caught on its far side.
+        """
+        part = np.linspace(0.0, 1.0, points.shape[1])[None, :, None]
+        first, last = (
+            np.einsum("fij,fnj->fni", turn[:, :3, :3], points) + turn[:, None, :3, 3]
+            for turn in (moves[self.start_bones], moves[self.end_bones])
+        )
+        return np.ascontiguousarray(first + part * (last - first))
+
     def _pulled(self, start: TautState, transforms: Floats) -> TautState:
-        x = start.points.copy()
+        moves = _moves(start.transforms, transforms)
+        x = self._with_bones(start.points, moves)
         x[:, 0] = _carried_by(transforms[self.start_bones], self.fibres[:, 0])
         x[:, -1] = _carried_by(transforms[self.end_bones], self.fibres[:, -1])
         to_rest = np.array([inverse(transforms[bone]) for bone in self._numbers]).reshape(-1, 4, 4)
+        begin = x.copy()
         memory = Memory(start.place.copy(), start.pushed.copy())
         unfinished = np.ones(len(x), dtype=np.bool_)
         missing, done = np.zeros(_MISSING, dtype=np.int64), np.zeros(len(x), dtype=np.int64)
@@ -245,6 +265,10 @@ class TautPaths:
             )
             if lacking:
                 bones.fill(missing[:lacking])
+                # From the start again, so that it does not matter what was known already.
+                x[unfinished] = begin[unfinished]
+                memory.place[:, unfinished] = start.place[:, unfinished]
+                memory.pushed[:, unfinished] = start.pushed[:, unfinished]
         unsettled = int((done > ITERATIONS).sum())
         return TautState(x, transforms, memory.place, memory.pushed, unsettled)
 
@@ -287,6 +311,18 @@ def _smoothed(values: Floats, passes: int) -> Floats:
     for _ in range(passes):
         result[:, 1:-1] = 0.25 * result[:, :-2] + 0.5 * result[:, 1:-1] + 0.25 * result[:, 2:]
     return result
+
+
+def _known(before: Floats, now: Floats) -> Floats:
+    """Return the transforms before of all bones that have some now."""
+    known = np.array(now)
+    known[: len(before)] = before[: len(now)]
+    return known
+
+
+def _moves(before: Floats, now: Floats) -> Floats:
+    """Return how bones went on, (b, 4, 4)."""
+    return np.array([b @ inverse(a) for a, b in zip(_known(before, now), now, strict=True)])
 
 
 def _carried_by(transforms: Floats, points: Floats) -> Floats:

@@ -136,7 +136,8 @@ def pull_taut(  # noqa: PLR0912, PLR0915 - one loop, whose parts share all that 
     fibre's track (its course over that bone at rest) that is nearest to x. So bones push at right angles to
     the string, all of it has the same tension, and its points spread evenly over its shortest path. A guide
     keeps x on the track, a . (x - nearest place) = 0, with a the direction aside of it. Where a string
-    crosses the plane of a via ring outside of the ring, it is taken back to the ring's edge.
+    would cross the plane of a via ring outside of the ring, its point nearest to the plane is held on the
+    ring's edge: it bends there.
 
     Bones, guides and rings are springs on tangent planes; which of them push is decided anew in each
     iteration (primal-dual active set; Hintermüller, Ito, Kunisch 2002, *The primal-dual active set strategy
@@ -176,13 +177,14 @@ def pull_taut(  # noqa: PLR0912, PLR0915 - one loop, whose parts share all that 
     normal, pressure = np.zeros((n_bones, n, 3)), np.zeros((n_bones, n))
     used = np.zeros((n_bones, n), dtype=np.bool_)
     matrices, right, y = np.empty((n, 6)), np.empty((n, 3)), np.zeros((n, 3))
+    held = np.zeros((len(rings.frames), 5))
     work = np.empty((4, 3))
     n_missing = 0
     for f in range(len(x)):
         if not unfinished[f]:
             continue
         p = x[f]
-        gap[:], away[:], pressure[:] = np.inf, 0.0, 0.0
+        gap[:], away[:], pressure[:], held[:] = np.inf, 0.0, 0.0, 0.0
         pace, before, lacking, rests = 1.0, np.inf, False, False
         for count in range(iterations):
             done[f] = count + 1
@@ -207,8 +209,10 @@ def pull_taut(  # noqa: PLR0912, PLR0915 - one loop, whose parts share all that 
             if lacking:
                 break
             for ring in range(len(rings.frames)):
-                _hold_in_ring(rings, ring, f, p, matrices, right)
+                _hold_in_ring(rings, ring, f, p, held[ring], matrices, right)
             _solve(p, matrices, right, y)
+            for ring in range(len(rings.frames)):
+                _let_go(held[ring], y)
             wanted = 0.0
             for i in range(1, n - 1):
                 dx, dy, dz = y[i, 0] - p[i, 0], y[i, 1] - p[i, 1], y[i, 2] - p[i, 2]
@@ -327,11 +331,49 @@ def _bend(
 
 
 @kernel
-def _hold_in_ring(rings: Rings, ring: int, f: int, p: Floats, matrices: Floats, right: Floats) -> None:
-    """Add what takes a string back into a ring where it crosses the ring's plane nearest to its centre."""
+def _hold_in_ring(
+    rings: Rings, ring: int, f: int, p: Floats, held: Floats, matrices: Floats, right: Floats
+) -> None:
+    """Add what holds a string's point on a ring's edge, where the string would pass outside of it.
+
+    ``held`` (5,) is of this string and ring, from one iteration to the next: the point that is held, 0 for
+    none, the direction into the ring, and how far in that the point is to be.
+    """
     centre, normal, first, second = rings.frames[ring]
     corners = rings.corners[rings.offsets[ring] : rings.offsets[ring + 1]]
-    nearest, segment, across, s, t = np.inf, -1, 0.0, 0.0, 0.0
+    outside = rings.outside[ring, f]
+    i = int(held[0])
+    if i == 0:
+        i = _leaves_ring(centre, normal, first, second, corners, outside, p)
+        if i == 0:
+            return
+        held[0] = i
+    away = p[i] - centre
+    s = away[0] * first[0] + away[1] * first[1] + away[2] * first[2]
+    t = away[0] * second[0] + away[1] * second[1] + away[2] * second[2]
+    u, v = nearest_on_polygon(corners, s, t)
+    way = np.sqrt((u - s) ** 2 + (v - t) ** 2)
+    inside = is_inside(corners, s, t)
+    into = held[1:4]
+    # A point on the edge does not tell which way is into the ring: that is known from the iteration before.
+    if way > 0.0:
+        into[:] = ((u - s) * first + (v - t) * second) / (-way if inside else way)
+    at = into[0] * p[i, 0] + into[1] * p[i, 1] + into[2] * p[i, 2]
+    held[4] = at + (-way if inside else way) - outside
+    _add_spring(into, PUSH, held[4], matrices[i], right[i])
+    at = normal[0] * centre[0] + normal[1] * centre[1] + normal[2] * centre[2]
+    _add_spring(normal, PUSH, at, matrices[i], right[i])
+
+
+@kernel
+def _leaves_ring(
+    centre: Floats, normal: Floats, first: Floats, second: Floats, corners: Floats, outside: float, p: Floats
+) -> int:
+    """Return the point next to where a string crosses a ring's plane outside of it; 0 where it does not.
+
+    Of several crossings the one nearest to the centre counts.
+    """
+    nearest, point, s, t = np.inf, 0, 0.0, 0.0
     for i in range(len(p) - 1):
         a, b = p[i] - centre, p[i + 1] - centre
         low = a[0] * normal[0] + a[1] * normal[1] + a[2] * normal[2]
@@ -343,19 +385,20 @@ def _hold_in_ring(rings: Rings, ring: int, f: int, p: Floats, matrices: Floats, 
         u = cross[0] * first[0] + cross[1] * first[1] + cross[2] * first[2]
         v = cross[0] * second[0] + cross[1] * second[1] + cross[2] * second[2]
         if u * u + v * v < nearest:
-            nearest, segment, across, s, t = u * u + v * v, i, part, u, v
-    if segment < 0 or is_inside(corners, s, t):
-        return
+            nearest, s, t = u * u + v * v, u, v
+            point = min(max(i if part < 0.5 else i + 1, 1), len(p) - 2)
+    if point == 0 or is_inside(corners, s, t):
+        return 0
     u, v = nearest_on_polygon(corners, s, t)
-    way = np.sqrt((u - s) ** 2 + (v - t) ** 2)
-    off = way - rings.outside[ring, f]
-    if not off > 0.0:
-        return
-    inward = ((u - s) * first + (v - t) * second) / way
-    for i, share in ((segment, 1.0 - across), (segment + 1, across)):
-        if 0 < i < len(p) - 1:
-            at = inward[0] * p[i, 0] + inward[1] * p[i, 1] + inward[2] * p[i, 2]
-            _add_spring(inward, PUSH * share, at + off, matrices[i], right[i])
+    return point if np.sqrt((u - s) ** 2 + (v - t) ** 2) > outside else 0
+
+
+@kernel
+def _let_go(held: Floats, y: Floats) -> None:
+    """Let a point go that, solved, is farther in the ring than it has to be: the ring does not pull it."""
+    i = int(held[0])
+    if i > 0 and held[1] * y[i, 0] + held[2] * y[i, 1] + held[3] * y[i, 2] >= held[4]:
+        held[0] = 0.0
 
 
 @kernel

@@ -1,0 +1,160 @@
+"""Phantoms with strings in them, each made once, and the levers of the strings' pull."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from vtkmuscle import phantoms
+from vtkmuscle.core.obstacles import bone_axes
+from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread
+from vtkmuscle.core.taut.paths import POINTS, TautPaths
+from vtkmuscle.core.via_rings import via_ring
+from vtkmuscle.filters import FixedPointDetector
+from vtkmuscle.filters.arrays import blocks_of, point_array, points_of, polylines_of, triangles_of
+from vtkmuscle.filters.attachments import attachments_of
+from vtkmuscle.phantoms.ball_spindle import INSERTION, ORIGIN
+from vtkmuscle.phantoms.brim_flexor import taut
+from vtkmuscle.phantoms.cylinder_wrap import RADIUS, STRAIGHT, THICKNESS
+from vtkmuscle.phantoms.lifting_strap import fibre
+from vtkmuscle.phantoms.two_joint_strap import _middle_line
+from vtkmuscle.pipelines import decompose
+
+#: Fibres in a phantom: enough to be everywhere in it.
+FIBRES = 25
+
+
+@dataclass(frozen=True, eq=False)
+class Strung:
+    """A phantom, its muscle and bones as arrays, and fibres (f, n, 3), evenly spread points."""
+
+    phantom: phantoms.Phantom
+    names: list
+    points: np.ndarray
+    triangles: np.ndarray
+    fixed_to: np.ndarray
+    fibres: np.ndarray
+    start_bones: np.ndarray
+    end_bones: np.ndarray
+    bones: dict
+    rings: tuple
+
+    def pulled(self, **changed):
+        """Return the strings at rest; fibres, start_bones, end_bones, bones, rings, hold may be changed."""
+        given = {
+            "fibres": self.fibres,
+            "start_bones": self.start_bones,
+            "end_bones": self.end_bones,
+            "bones": self.bones,
+            "rings": self.rings,
+            **changed,
+        }
+        ways = [given.pop(name) for name in ("fibres", "start_bones", "end_bones")]
+        return TautPaths(*ways, self.points, self.triangles, given.pop("bones"), **given)
+
+    def poses(self, motion=None):
+        """Return the bones' transforms (k, b, 4, 4) at all times of a motion, by default the phantom's."""
+        motion = self.phantom.motion if motion is None else motion
+        return np.array(
+            [[motion.at(time).get(name, np.eye(4)) for name in self.names] for time in motion.times]
+        )
+
+
+def strung(phantom, n_fibres=FIBRES):
+    """Return a phantom with strings."""
+    ((name, muscle),) = phantom.muscles.items()
+    areas = phantom.attachments[name]
+    fixed = FixedPointDetector()(muscle, phantom.bones, areas)
+    points, triangles = points_of(fixed), triangles_of(fixed, "test")
+    fixed_to = point_array(fixed, "FixedTo", "test").astype(np.int64)
+    fibres = decompose(muscle, areas, template=phantom.templates[name], n_fibres=n_fibres).update().output
+    lines = polylines_of(fibres, "test")
+    fibres = evenly_spread(lines.points, lines.offsets, POINTS)
+    surfaces = [(points_of(bone), triangles_of(bone, "test")) for _, bone in blocks_of(phantom.bones)]
+    names = [bone for bone, _ in blocks_of(phantom.bones)]
+    rings = tuple(
+        (names.index(area.bone), via_ring(area.landmarks))
+        for area in attachments_of(areas, "test")
+        if area.role == "via"
+    )
+    bones = {number: (*surface, bone_axes(surface[0])) for number, surface in enumerate(surfaces)}
+    ends = bones_at_ends(fibres, points, fixed_to)
+    return Strung(phantom, names, points, triangles, fixed_to, fibres, *ends, bones, rings)
+
+
+def wound_line():
+    """Return the middle line of wrapping_cylinder (k, 2), to the middle of its attached face."""
+    middle, turn = RADIUS + THICKNESS / 2.0, np.radians(np.linspace(0.0, 95.0, 300))
+    return np.vstack([[-STRAIGHT, middle], middle * np.column_stack([np.sin(turn), np.cos(turn)])])
+
+
+#: Of each phantom: its middle line (y, z) at rest, and how far aside (x) and outward fibres lie of it [mm].
+COURSES = {
+    # Its course is over the cylinder to the right: outward is to the left.
+    "wrapping_cylinder": (wound_line, (-8.0, 0.0, 8.0), (3.0, 0.0, -3.0)),
+    "lifting_strap": (lambda: fibre(0.0).points(0.5), (-8.0, 0.0, 8.0), (-3.0, 0.0, 3.0)),
+    "strap_over_two_joints": (_middle_line, (-8.0, 0.0, 8.0), (-2.0, 0.0, 2.0)),
+    "flexor_over_brim": (lambda: taut(0.0).points(0.5), (-2.0, 0.0, 2.0), (-2.0, 0.0, 2.0)),
+    "spindle_over_ball": (lambda: np.array([ORIGIN, INSERTION])[:, 1:], (8.0, 12.0, 16.0), (-4.0, 0.0, 4.0)),
+    "tendon_through_ring": (lambda: [(-32.0, 80.0), (-32.0, -60.0)], (-2.0, 0.0, 2.0), (-2.0, 0.0, 2.0)),
+    "slivered_tendon": (lambda: [(-18.0, 220.0), (-18.0, -40.0)], (-1.0, 0.0, 1.0), (-1.0, 0.0, 1.0)),
+}
+
+
+def fibres_along(line, across, outward):
+    """Return fibres (f, n, 3) beside a line (k, 2) of the y-z plane; outward is right of its course."""
+    line = np.asarray(line, dtype=float)
+    line = evenly_spread(np.column_stack([np.zeros(len(line)), line]), [0, len(line)], POINTS)[0]
+    steps = np.gradient(line, axis=0)
+    right = np.cross(steps, [1.0, 0.0, 0.0]) / np.linalg.norm(steps, axis=1, keepdims=True)
+    return np.array([line + [x, 0.0, 0.0] + out * right for x in across for out in outward])
+
+
+@cache
+def known_paths(make, *, rings=True, hold=None, **settings):
+    """Return strings in a phantom, by its name, with fibres beside its middle line."""
+    made = strung_phantom(make, **settings)
+    line, across, outward = COURSES[make]
+    fibres = fibres_along(line(), across, outward)
+    start, end = bones_at_ends(fibres, made.points, made.fixed_to)
+    more = {} if rings else {"rings": ()}
+    return made.pulled(fibres=fibres, start_bones=start, end_bones=end, hold=hold, **more)
+
+
+@cache
+def strung_phantom(make, **settings):
+    """Return a phantom of vtkmuscle.phantoms, by its name, with strings; settings are tuples or numbers."""
+    return strung(getattr(phantoms, make)(**settings))
+
+
+@cache
+def paths_of(make, **settings):
+    """Return the strings of such a phantom at rest."""
+    return strung_phantom(make, **settings).pulled()
+
+
+def swept(paths, poses, start=None):
+    """Return the states (k) of strings at poses (k, b, 4, 4), one after the other."""
+    states, state = [], paths.rest if start is None else start
+    for pose in poses:
+        state = paths.follow(state, pose)
+        states.append(state)
+    return states
+
+
+def levers(paths, state, moving, centre, axis):
+    """Return how much each string turns some bones about an axis, at a tension of 1, (f,) [mm].
+
+    Its end pulls along its last segment; where a bone pushes it aside, it presses on that.
+
+    moving : numbers of the bones;  centre, axis : (3,), axis of the positive coordinate, unit.
+    """
+    steps = np.diff(state.points, axis=1)
+    along = steps / np.linalg.norm(steps, axis=2, keepdims=True)
+    force = np.zeros_like(state.points)
+    force[:, 1:-1] = along[:, 1:] - along[:, :-1]
+    pushed = [number for number, bone in enumerate(paths._numbers) if bone in moving]
+    force[:, 1:-1] *= state.pushed[pushed].any(axis=0)[:, 1:-1, None]
+    for end, bones, pull in ((0, paths.start_bones, along[:, 0]), (-1, paths.end_bones, -along[:, -1])):
+        force[:, end] = np.where(np.isin(bones, moving)[:, None], pull, 0.0)
+    return (np.cross(state.points - centre, force) @ np.asarray(axis)).sum(axis=1)
