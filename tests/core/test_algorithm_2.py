@@ -126,6 +126,7 @@ class PaperMuscle:
         i, j, o1, o2 = quad = self.quads[q]
         angle, n1, n2 = self.angle(quad, p)
         change = (angle - self.phi_0[q] + math.pi) % (2.0 * math.pi) - math.pi
+        change = min(max(change, -0.3), 0.3)  # ours, not the paper's: thin triangles would grow
         e = minus(p[j], p[i])
         length = math.sqrt(dot(e, e))
         m1, m2 = ([x / dot(n, n) for x in n] for n in (n1, n2))

@@ -54,7 +54,7 @@ class SolverParameters:
         What velocity points have that met a bone: ``"zero"`` or ``"keep"``, that of their displacement.
     """
 
-    iterations: int = 30
+    iterations: int = 10
     substeps: int = 1
     dt: float = 1.0
     damping: float = 0.99
@@ -64,8 +64,8 @@ class SolverParameters:
     external_force: tuple[float, ...] = (0.0, 0.0, 0.0)
     guidance: float = 0.02
     start: str = "blend"
-    solver: str = "anderson"
-    tolerance: float = 0.5
+    solver: str = "two-level"
+    tolerance: float = 0.0
     nodes: int = NODES
     order: str = "colour"
     dtype: str = "float64"

@@ -342,7 +342,7 @@ def _hold_in_ring(
     centre, normal, first, second = rings.frames[ring]
     corners = rings.corners[rings.offsets[ring] : rings.offsets[ring + 1]]
     outside = rings.outside[ring, f]
-    i = np.int64(held[0])
+    i = int(held[0])
     if i == 0:
         i = _leaves_ring(centre, normal, first, second, corners, outside, p)
         if i == 0:
@@ -396,7 +396,7 @@ def _leaves_ring(
 @kernel
 def _let_go(held: Floats, y: Floats) -> None:
     """Let a point go that, solved, is farther in the ring than it has to be: the ring does not pull it."""
-    i = np.int64(held[0])
+    i = int(held[0])
     if i > 0 and held[1] * y[i, 0] + held[2] * y[i, 1] + held[3] * y[i, 2] >= held[4]:
         held[0] = 0.0
 
