@@ -13,6 +13,8 @@ from vtkmuscle.core.topology import mesh_topology
 
 
 def solver_of(mesh=None, *, obstacles=(), anisotropy=True, **settings):
+    """Return a solver that follows no fibres; two-level, as far as iterations go, unless said otherwise."""
+    settings = {"solver": "two-level", "iterations": 10, "tolerance": 0.0, **settings}
     points, triangles, fixed_to = mesh or spindle(seed=0)
     topology = mesh_topology(len(points), triangles)
     directions = harmonic_directions(points, topology, fixed_to) if anisotropy else None

@@ -68,7 +68,8 @@ def bones(y=25.0):
 
 
 def deformer_of(muscle=None, motion=MOTION, fibres=None, **parameters):
-    deformer = PBDDeformer(iterations=parameters.pop("iterations", 4), **parameters)
+    """Return a deformer that does a few iterations, all of them."""
+    deformer = PBDDeformer(**{"iterations": 4, "tolerance": 0.0, **parameters})
     moving = BoneMotion(motion=motion)
     moving.connect(0, bones())
     deformer.connect(0, muscle or spindle())
@@ -227,7 +228,8 @@ def test_superficial_fibres_give_the_direction_whatever_fills_the_muscle(anisotr
     assert np.abs(results[0] - results[1]).max() > 0.1
     assert np.abs(results[0] - results[2]).max() < np.abs(results[0] - results[1]).max() / 2
     filled = [frame(made(seen, filling), 30.0) for seen in (straight, winding)]
-    assert np.abs(filled[0] - filled[1]).max() > 0.1
+    # Taut fibres carry the muscle: those that are seen only say which edges give way.
+    assert np.abs(filled[0] - filled[1]).max() > (0.05 if anisotropy == "taut" else 0.1)
     # Another superficial fibre starts again; without anisotropy none is looked at.
     deformer = made(straight)
     frame(deformer, 30.0)
@@ -733,16 +735,19 @@ def test_a_small_muscle_has_no_coarse_one(counted_steps):
 
 
 def test_the_coarse_start_depends_on_its_settings_and_only_there():
-    deformer = deformer_of(start="coarse", coarse_points=50, coarse_iterations=30)
+    """Without taut fibres: with them each step starts where they carry the muscle."""
+    off = {"anisotropy": "off"}
+    deformer = deformer_of(start="coarse", coarse_points=50, coarse_iterations=30, **off)
     before = frame(deformer, ANGLES[-1])
-    assert np.abs(before - frame(deformer_of(start="blend"), ANGLES[-1])).max() > 1e-3
+    assert np.abs(before - frame(deformer_of(start="blend", **off), ANGLES[-1])).max() > 1e-3
     for name, value in (("coarse_iterations", 3), ("coarse_points", 70)):
         setattr(deformer, name, value)
         assert not np.array_equal(frame(deformer, ANGLES[-1]), before)
     deformer.coarse_points, deformer.coarse_iterations = 50, 30
     np.testing.assert_array_equal(frame(deformer, ANGLES[-1]), before)
     deformer.start = "blend"
-    np.testing.assert_array_equal(frame(deformer, ANGLES[-1]), frame(deformer_of(start="blend"), ANGLES[-1]))
+    blended = frame(deformer_of(start="blend", **off), ANGLES[-1])
+    np.testing.assert_array_equal(frame(deformer, ANGLES[-1]), blended)
 
 
 def test_the_coarse_start_says_what_it_needs(monkeypatch):

@@ -88,13 +88,15 @@ def test_a_muscle_that_falls_apart_is_refused_by_name(deformer_of, monkeypatch):
 
 
 def test_a_reduced_muscle_can_start_from_a_coarser_one_still(deformer_of):
+    """Without taut fibres: with them each step starts where they carry the muscle."""
     time = deformer_of.times[3]
-    settings = {"iterations": 5, "max_triangles": 600, "solver": "anderson"}
+    settings = {"iterations": 5, "max_triangles": 600, "solver": "anderson", "anisotropy": "off"}
     blended = deformer_of(**settings).update(time=time).output
     started = deformer_of(**settings, start="coarse", coarse_points=100).update(time=time).output
     assert np.abs(points_of(started) - points_of(blended)).max() > 1e-2
     assert field_array(started, "VolumeRatio")[0] == pytest.approx(1.0, abs=1e-6)
-    converged = points_of(deformer_of(iterations=300, max_triangles=600).update(time=time).output)
+    converged = deformer_of(**{**settings, "iterations": 300, "solver": "two-level", "tolerance": 0.0})
+    converged = points_of(converged.update(time=time).output)
     assert _rms(points_of(started) - converged) < _rms(points_of(blended) - converged)
 
 

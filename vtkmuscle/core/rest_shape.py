@@ -59,6 +59,16 @@ class ShapeReport:
     across: tuple[float, float, float] | None = None
 
 
+def check_volume(points: Floats, volume: float) -> None:
+    """Raise a ValueError where a surface of points (n, 3) [mm] encloses no volume [mm^3]."""
+    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if abs(volume) <= LEAST_VOLUME * diagonal**3:
+        raise ValueError(
+            f"the surface encloses no volume ({volume:.3g} within a box of diagonal {diagonal:.3g}); it must "
+            "be a closed surface with all triangles facing outward"
+        )
+
+
 class RestShape:
     """Lengths, angles and volume of a closed surface at rest.
 
@@ -104,12 +114,7 @@ class RestShape:
         self._directed: tuple[Floats | None, Ints, Ints] = None, np.empty(0, np.int64), np.empty(0, np.int64)
         self.volume_gradient: Floats = np.empty_like(points)
         self.volume: float = volume_and_gradient(points, topology.triangles, self.volume_gradient)
-        diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
-        if abs(self.volume) <= LEAST_VOLUME * diagonal**3:
-            raise ValueError(
-                f"the surface encloses no volume ({self.volume:.3g} within a box of diagonal "
-                f"{diagonal:.3g}); it must be a closed surface with all triangles facing outward"
-            )
+        check_volume(points, self.volume)
 
     def compare(self, positions: Floats, directions: Floats | None = None) -> ShapeReport:
         """Return how far a deformed surface is from rest.

@@ -488,7 +488,7 @@ class MuscleSolver:
         settings = self.parameters
         push = dt * np.asarray(settings.external_force, dtype=np.float64)
         if self._target is not None:
-            p = self._target.copy()
+            p = self._target + dt * (settings.damping * push)
         elif coarse is not None and state.coarse is not None:
             p = self._prolonged(state.coarse, coarse, state.positions)
         elif self._follows_bones:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.blending import screw_between
 from vtkmuscle.core.mesh import signed_volume
+from vtkmuscle.core.rest_shape import check_volume
 from vtkmuscle.core.rigid import inverse
 from vtkmuscle.core.taut.bone_fields import BoneFields
 from vtkmuscle.core.taut.strings import Fields, Memory, Rings, Tissue, pull_taut
@@ -124,7 +125,7 @@ class TautPaths:
     Raises
     ------
     ValueError
-        If a fibre has no length.
+        If a fibre has no length, or the muscle no volume.
     """
 
     def __init__(
@@ -299,10 +300,18 @@ class TautPaths:
 
 
 def half_thickness(surface: Floats, triangles: Ints) -> float:
-    """Return V / A of a closed surface, half the mean thickness of what is flat [mm]."""
+    """Return V / A of a closed surface, half the mean thickness of what is flat [mm].
+
+    Raises
+    ------
+    ValueError
+        If it encloses no volume.
+    """
     a, b, c = (surface[triangles[:, corner]] for corner in range(3))
     area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-    return abs(signed_volume(surface, triangles)) / max(area, np.finfo(float).tiny)
+    volume = signed_volume(surface, triangles)
+    check_volume(surface, volume)
+    return abs(volume) / area
 
 
 def _smoothed(values: Floats, passes: int) -> Floats:
