@@ -34,6 +34,9 @@ FROM_BONES = 0.02
 #: Companions that are all within this part of the muscle's width of each other do not tell how it turns.
 LEAST_APART = 1e-3
 
+#: Weights that differ by less are the same.
+SAME = 1e-9
+
 #: Rounds in which strings that stray from those beside them lose weight.
 _ROUNDS = 5
 
@@ -68,15 +71,18 @@ class Carrier:
         self._tangents: Floats = directions_along(fibres).reshape(-1, 3)
         self._surface = np.ascontiguousarray(surface)
         self._tree = cKDTree(self._rest)
+        least = LEAST_APART * self._width
         near, self._companions = _nearest(self._tree, self._rest, COMPANIONS)
-        self._shares = _falling_off(near)
+        self._shares = _falling_off(near, least)
         near, self._carriers = _nearest(self._tree, self._surface, CARRIERS)
-        self._weights = _falling_off(near)
+        self._weights = _falling_off(near, least)
         beside = np.empty((f, n, min(BESIDE, f)), dtype=np.int64)
         parts = np.empty(beside.shape)
         for i in range(n):
             apart, found = _nearest(cKDTree(fibres[:, i]), fibres[:, i], BESIDE)
             falling = np.exp(-0.5 * (apart / self._width) ** 2)
+            if f > BESIDE:
+                falling = _to_nothing(falling)
             beside[:, i], parts[:, i] = found * n + i, falling / falling.sum(axis=1, keepdims=True)
         self._beside: Ints = beside.reshape(f * n, -1)
         self._parts: Floats = parts.reshape(f * n, -1)
@@ -155,14 +161,21 @@ def _nearest(tree: cKDTree, points: Floats, count: int) -> tuple[Floats, Ints]:
     return distances, found
 
 
-def _falling_off(near: Floats) -> Floats:
-    """Return weights for distances (m, k), ascending: Gaussian, 0 at the last, rows sum to 1."""
-    width = np.maximum(near[:, -1:] / 2.0, np.finfo(float).tiny)
-    values: Floats = np.exp(-0.5 * (near / width) ** 2)
-    falling = values - values[:, -1:]
-    values = np.where(falling.sum(axis=1, keepdims=True) > 0, falling, values)
+def _falling_off(near: Floats, least: float) -> Floats:
+    """Return weights for distances (m, k), ascending: Gaussian, 0 at the last, rows sum to 1.
+
+    Distances below ``least`` are all the same.
+    """
+    width = np.maximum(near[:, -1:] / 2.0, least)
+    values = _to_nothing(np.exp(-0.5 * (near / width) ** 2))
     values /= values.sum(axis=1, keepdims=True)
     return values
+
+
+def _to_nothing(values: Floats) -> Floats:
+    """Return values (m, k), descending, less the last: of those equally far rounding would choose one."""
+    falling: Floats = values - values[:, -1:]
+    return np.where(falling[:, :1] > SAME, falling, values)
 
 
 def _turns(paths: TautPaths, transforms: Floats) -> Floats:
