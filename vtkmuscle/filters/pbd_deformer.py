@@ -86,12 +86,20 @@ class PBDDeformer(Filter):
     edges (less so along the fibres, where a muscle gives way), the angles between neighbouring triangles
     and the volume of the muscle, and stay out of the bones.
 
-    The direction of the fibres comes from the fibres on port 2; where none are connected, from the harmonic
-    function between the points fixed to different bones; where those are fixed to one bone only, all edges
-    are equally stiff. The fibres on port 2 fill the muscle: each edge takes the direction of the nearest one.
+    With ``anisotropy="taut"``, the default, they also follow the muscle's fibres. Each fibre is a string from
+    bone to bone, pulled taut round the bones, from which it keeps away by what of the muscle lies between at
+    rest; strings carry the surface along. What edges and angles keep is the muscle carried like that, longer
+    or shorter along its fibres, thinner or thicker across; each iteration begins there, and draws the points
+    towards it by ``guidance``. So a frame is that of its pose, within what the strings know of the pose
+    before. ``"stiffness"`` (P21) makes edges the less stiff the more they run along the fibres,
+    k = 1 - abs(u . v), keeps the muscle as it is at rest, and pulls no strings.
+
+    The fibres are those on port 2; where none are connected, lines over the surface stand in for them, along
+    the harmonic function between the points fixed to different bones. Where those are fixed to one bone only,
+    there are no strings, and all edges are equally stiff. Each edge takes the direction of the nearest fibre.
     A few fibres that somebody has seen on the surface go to port 4: how they run in comparison with the
-    harmonic function's gradient is spread smoothly over all of the surface. They count more than port 2,
-    whose fibres then only tell how far apart the bones draw the muscle's ends.
+    harmonic function's gradient is spread smoothly over all of the surface. For the directions of the edges
+    they count more than port 2, whose fibres then are the strings.
 
     A frame depends on the frames before it. So the frame at time t is computed from rest through all time
     steps that the bones announce up to t, and t itself; steps that are known from earlier requests are not
@@ -102,41 +110,29 @@ class PBDDeformer(Filter):
     is used up, every second frame is dropped, then every second of those; a frame that was dropped is
     computed from the nearest kept one before it. Any setting gives the same frames.
 
-    ``anisotropy="stretch"`` lengthens or shortens the muscle's rest shape along its fibres as the bones move
-    the fibres' ends apart or together, and makes it thinner or thicker across: a muscle that shortens gets
-    thicker and does not buckle, and the solve converges soon. ``"stiffness"`` (P21) makes edges the less
-    stiff the more they run along the fibres, k = 1 - abs(u . v), and leaves the rest shape as it is.
-
-    Each step starts from ``"blend"``, ``"coarse"`` or ``"inertial"``. From ``"blend"``, the default, free
+    Without strings each step starts from ``"blend"``, ``"coarse"`` or ``"inertial"``. From ``"blend"`` free
     points start where the bones' motions, blended by harmonic weights, take them (they have no momentum
     then); with ``solver="two-level"`` they also go on as they did in the last step apart from that. From
-    ``"inertial"``, they start where their velocity takes them (P21). From ``"inertial"`` the muscle hangs
-    back behind the bones: on a right hip flexed by 90 degrees in steps of 2 edges are drawn out to more than
-    100 times their length. From ``"coarse"`` a muscle of ``coarse_points`` points, in which a change wanders
-    far in an iteration, makes each step first, from its own blended start, and the full muscle starts where
-    that takes it. A muscle of fewer than twice as many points starts from ``"blend"``.
+    ``"inertial"`` they start where their velocity takes them (P21), and strings do not guide them either: the
+    muscle hangs back behind the bones. From ``"coarse"`` a muscle of ``coarse_points`` points, in which a
+    change wanders far in an iteration, makes each step first, from its own blended start, and the full muscle
+    starts where that takes it. A muscle of fewer than twice as many points starts from ``"blend"``.
 
-    ``solver="anderson"`` takes the iteration of ``"gauss-seidel"`` nearer to its end in the same number of
-    iterations. Stiffnesses hold per iteration then, so that the shape it goes to does not depend on their
-    number; with ``"gauss-seidel"`` they hold per step. ``"two-level"``, the default, also corrects each
-    iteration by what a few nodes, which carry the points with them, see of all constraints together. It goes
-    to the same shape much sooner: on that hip 10 iterations end 0.003 to 0.09 mm from it in the median frame
-    (root mean square over the points, four muscles; in the worst one 0.7 mm, the gluteus maximus over the
-    ischium), 20 iterations 0.001 to 0.014 mm, where 10 with ``"anderson"`` leave 2 to 11 mm.
-    With ``start="inertial"``, ``collision="voxel"`` or in a muscle of fewer than 40 free points there is no
+    ``solver="anderson"``, the default, takes the iteration of ``"gauss-seidel"`` nearer to its end in the same
+    number of iterations, and stops at ``tolerance``. Stiffnesses hold per iteration then, so that the shape it
+    goes to does not depend on their number; with ``"gauss-seidel"`` they hold per step. ``"two-level"`` also
+    corrects each iteration by what a few nodes, which carry the points with them, see of all constraints
+    together, which without strings takes it to the same shape much sooner. With strings,
+    ``start="inertial"``, ``collision="voxel"`` or in a muscle of fewer than 40 free points there is no
     correction, and it is as ``"anderson"``.
 
     ``quality`` in the constructor, ``"preview"``, ``"balanced"`` or ``"accurate"``, stands for a few of the
-    parameters; those that are given count more. On a right hip in steps of 10 degrees ``"preview"`` is within
-    1.3 mm of the converged shape (RMS, any of four muscles), at about half the time of ``"balanced"``
-    (0.28 mm); ``"accurate"`` is within 0.08 mm, at 1.8 times that time.
+    parameters; those that are given count more.
 
-    ``collision="sdf"`` moves points that are in a bone to its surface, along which they slide. On that hip
-    they end at most 0.1 mm within the bones. Points that are in a bone at rest stay as deep as they are.
+    ``collision="sdf"`` moves points that are in a bone to its surface, along which they slide. Points that are in a bone at rest stay as deep as they are.
     ``"voxel"`` (P21) takes them back the way they came, which leaves dents and spikes where a muscle is drawn
     over a bone. ``bone_push="transform"`` (P21) then lets points in a bone's outermost voxels stick to it and
-    be drawn into the joint; ``"off"`` leaves them where the other constraints have them, which on that hip
-    left up to 0.5 mm of the iliacus within the bones (5.5 mm from ``start="blend"``).
+    be drawn into the joint; ``"off"`` leaves them where the other constraints have them.
 
     Muscles on port 3 stay as they are; this one is kept out of them, except as deep as it is in them at rest.
     So muscles are put in an order, in which each yields to those before it; ``vtkGroupDataSetsFilter`` makes
