@@ -67,7 +67,7 @@ def test_files_say_what_they_are(runs, series):
     steps = {step["filter"]: step["parameters"] for step in provenance_of(muscle)}
     assert {"FixedPointDetector", "BoneMotion", "SliceMorpher", "PBDDeformer"} <= set(steps)
     assert steps["PBDDeformer"]["iterations"] == 3
-    assert field_array(muscle, "Iterations").tolist() == [3]
+    assert 1 <= field_array(muscle, "Iterations")[0] <= 3  # at most: the tolerance may end them
 
 
 def test_another_format_replaces_the_first(tmp_path):
