@@ -151,7 +151,7 @@ def test_the_report_says_what_the_geometry_says(result, scene):
         assert row["edge_stretch_max"] == pytest.approx(stretch.max(), rel=1e-12)
         assert row["edge_stretch_p95"] == pytest.approx(np.percentile(stretch, 95), rel=1e-12)
         assert row["fixed_error_max_mm"] < 1e-6
-        assert row["iterations"] == 5
+        assert 1 <= row["iterations"] <= 5
         assert 0 <= row["penetration_p95_mm"] <= row["penetration_max_mm"] < 5
         assert 0 <= row["residual_mm"] <= row["estimated_distance_mm"]
         assert row["across_fibres_p5"] <= row["across_fibres_p50"] <= row["across_fibres_p95"]

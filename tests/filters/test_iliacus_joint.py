@@ -26,8 +26,8 @@ P21 = {
 @pytest.mark.realdata
 @pytest.mark.xfail(
     strict=True,
-    reason="pulled taut, the iliacus sinks into the gap of the joint, which a capsule fills that no scene has: "
-    "up to 18 points in the first 40 degrees, where the chord of its ends kept it away",
+    reason="pulled taut, the iliacus sinks into the gap of the joint, which a capsule fills that no scene "
+    "has: up to 18 points in the first 40 degrees, where the chord of its ends kept it away",
 )
 def test_the_iliacus_stays_out_of_the_joint(lhdl_hip):
     """Over 90 degrees of flexion: free points within the acetabulum, with the defaults and P21's settings."""
