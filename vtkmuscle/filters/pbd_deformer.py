@@ -120,8 +120,8 @@ class PBDDeformer(Filter):
 
     ``solver="anderson"``, the default, takes the iteration of ``"gauss-seidel"`` nearer to its end in the
     same number of iterations, and stops at ``tolerance``. Stiffnesses hold per iteration then, so that the
-    shape it goes to does not depend on their number; with ``"gauss-seidel"`` they hold per step. ``"two-level"`` also
-    corrects each iteration by what a few nodes, which carry the points with them, see of all constraints
+    shape it goes to does not depend on their number; with ``"gauss-seidel"`` they hold per step.
+    ``"two-level"`` also corrects each iteration by what a few nodes, which carry the points with them, see of all constraints
     together, which without strings takes it to the same shape much sooner. With strings,
     ``start="inertial"``, ``collision="voxel"`` or in a muscle of fewer than 40 free points there is no
     correction, and it is as ``"anderson"``.
