@@ -118,21 +118,22 @@ class PBDDeformer(Filter):
     change wanders far in an iteration, makes each step first, from its own blended start, and the full muscle
     starts where that takes it. A muscle of fewer than twice as many points starts from ``"blend"``.
 
-    ``solver="anderson"``, the default, takes the iteration of ``"gauss-seidel"`` nearer to its end in the same
-    number of iterations, and stops at ``tolerance``. Stiffnesses hold per iteration then, so that the shape it
-    goes to does not depend on their number; with ``"gauss-seidel"`` they hold per step. ``"two-level"`` also
-    corrects each iteration by what a few nodes, which carry the points with them, see of all constraints
-    together, which without strings takes it to the same shape much sooner. With strings,
+    ``solver="anderson"``, the default, takes the iteration of ``"gauss-seidel"`` nearer to its end in the
+    same number of iterations, and stops at ``tolerance``. Stiffnesses hold per iteration then, so that the
+    shape it goes to does not depend on their number; with ``"gauss-seidel"`` they hold per step.
+    ``"two-level"`` also corrects each iteration by what a few nodes, which carry the points with them, see of
+    all constraints together, which without strings takes it to the same shape much sooner. With strings,
     ``start="inertial"``, ``collision="voxel"`` or in a muscle of fewer than 40 free points there is no
     correction, and it is as ``"anderson"``.
 
     ``quality`` in the constructor, ``"preview"``, ``"balanced"`` or ``"accurate"``, stands for a few of the
     parameters; those that are given count more.
 
-    ``collision="sdf"`` moves points that are in a bone to its surface, along which they slide. Points that are in a bone at rest stay as deep as they are.
-    ``"voxel"`` (P21) takes them back the way they came, which leaves dents and spikes where a muscle is drawn
-    over a bone. ``bone_push="transform"`` (P21) then lets points in a bone's outermost voxels stick to it and
-    be drawn into the joint; ``"off"`` leaves them where the other constraints have them.
+    ``collision="sdf"`` moves points that are in a bone to its surface, along which they slide. Points that
+    are in a bone at rest stay as deep as they are. ``"voxel"`` (P21) takes them back the way they came, which
+    leaves dents and spikes where a muscle is drawn over a bone. ``bone_push="transform"`` (P21) then lets
+    points in a bone's outermost voxels stick to it and be drawn into the joint; ``"off"`` leaves them where
+    the other constraints have them.
 
     Muscles on port 3 stay as they are; this one is kept out of them, except as deep as it is in them at rest.
     So muscles are put in an order, in which each yields to those before it; ``vtkGroupDataSetsFilter`` makes
