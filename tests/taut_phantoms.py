@@ -63,15 +63,19 @@ class Strung:
 def strung(phantom, n_fibres=FIBRES):
     """Return a phantom with strings."""
     ((name, muscle),) = phantom.muscles.items()
-    areas = phantom.attachments[name]
-    fixed = FixedPointDetector()(muscle, phantom.bones, areas)
+    fibres = {"template": phantom.templates[name], "n_fibres": n_fibres}
+    return strung_muscle(muscle, phantom.bones, phantom.attachments[name], fibres=fibres, phantom=phantom)
+
+
+def strung_muscle(muscle, blocks, areas, *, fibres, phantom=None, **fixing):
+    """Return a muscle with strings; fibres are settings of decompose, fixing those of FixedPointDetector."""
+    fixed = FixedPointDetector(**fixing)(muscle, blocks, areas)
     points, triangles = points_of(fixed), triangles_of(fixed, "test")
     fixed_to = point_array(fixed, "FixedTo", "test").astype(np.int64)
-    fibres = decompose(muscle, areas, template=phantom.templates[name], n_fibres=n_fibres).update().output
-    lines = polylines_of(fibres, "test")
+    lines = polylines_of(decompose(fixed, areas, **fibres).update().output, "test")
     fibres = evenly_spread(lines.points, lines.offsets, POINTS)
-    surfaces = [(points_of(bone), triangles_of(bone, "test")) for _, bone in blocks_of(phantom.bones)]
-    names = [bone for bone, _ in blocks_of(phantom.bones)]
+    surfaces = [(points_of(bone), triangles_of(bone, "test")) for _, bone in blocks_of(blocks)]
+    names = [bone for bone, _ in blocks_of(blocks)]
     rings = tuple(
         (names.index(area.bone), via_ring(area.landmarks))
         for area in attachments_of(areas, "test")

@@ -121,8 +121,8 @@ class PBDDeformer(Filter):
     ``solver="anderson"``, the default, takes the iteration of ``"gauss-seidel"`` nearer to its end in the
     same number of iterations, and stops at ``tolerance``. Stiffnesses hold per iteration then, so that the
     shape it goes to does not depend on their number; with ``"gauss-seidel"`` they hold per step.
-    ``"two-level"`` also corrects each iteration by what a few nodes, which carry the points with them, see of all constraints
-    together, which without strings takes it to the same shape much sooner. With strings,
+    ``"two-level"`` also corrects each iteration by what a few nodes, which carry the points with them, see of
+    all constraints together, which without strings takes it to the same shape much sooner. With strings,
     ``start="inertial"``, ``collision="voxel"`` or in a muscle of fewer than 40 free points there is no
     correction, and it is as ``"anderson"``.
 
@@ -130,10 +130,10 @@ class PBDDeformer(Filter):
     parameters; those that are given count more.
 
     ``collision="sdf"`` moves points that are in a bone to its surface, along which they slide. Points that
-    are in a bone at rest stay as deep as they are.
-    ``"voxel"`` (P21) takes them back the way they came, which leaves dents and spikes where a muscle is drawn
-    over a bone. ``bone_push="transform"`` (P21) then lets points in a bone's outermost voxels stick to it and
-    be drawn into the joint; ``"off"`` leaves them where the other constraints have them.
+    are in a bone at rest stay as deep as they are. ``"voxel"`` (P21) takes them back the way they came, which
+    leaves dents and spikes where a muscle is drawn over a bone. ``bone_push="transform"`` (P21) then lets
+    points in a bone's outermost voxels stick to it and be drawn into the joint; ``"off"`` leaves them where
+    the other constraints have them.
 
     Muscles on port 3 stay as they are; this one is kept out of them, except as deep as it is in them at rest.
     So muscles are put in an order, in which each yields to those before it; ``vtkGroupDataSetsFilter`` makes
