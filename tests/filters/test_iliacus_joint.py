@@ -43,6 +43,6 @@ def test_the_iliacus_stays_out_of_the_joint(lhdl_hip):
     # Measured: 18 points, 0.90 mm deep; P21's settings draw in 192, 3.9 mm deep. Wanted: the one point that
     # is there at rest, 0.21 mm deep. Strings are kept off the bones, not out of the gap between head and
     # socket: from 2 to 40 degrees they carry the surface a little over the socket's rim.
-    assert (joint["defaults"] > 0).sum(axis=1).max() <= 20
-    assert joint["defaults"].max() < 1.0
+    assert (joint["defaults"] > 0).sum(axis=1).max() <= 1
+    assert joint["defaults"].max() < 0.5
     assert joint["P21"].max() > 3.0
