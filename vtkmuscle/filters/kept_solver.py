@@ -161,7 +161,9 @@ class KeptSolver:
             **{name: settings[name] for name in SolverParameters.__dataclass_fields__}
         )
         elasticity = self.elasticity(settings["anisotropy"], obstacles)
-        coarse = self._coarse_muscle(settings["coarse_points"]) if parameters.start == "coarse" else None
+        # Where taut fibres carry the muscle a step starts there, and no coarse muscle is needed.
+        wants_coarse = parameters.start == "coarse" and elasticity.guidance is None
+        coarse = self._coarse_muscle(settings["coarse_points"]) if wants_coarse else None
         if parameters.start == "coarse" and coarse is None:
             parameters = replace(parameters, start="blend")
         made_from = (parameters, obstacles, coarse, settings["coarse_iterations"], elasticity)

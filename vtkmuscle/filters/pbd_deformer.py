@@ -106,8 +106,8 @@ class PBDDeformer(Filter):
     computed again, and the frame does not depend on what was asked for before. Bones without time steps
     give one step, from rest to where they are.
 
-    Frames are kept to go back to, in memory of ``checkpoint_memory``; one takes 48 bytes per point. Where it
-    is used up, every second frame is dropped, then every second of those; a frame that was dropped is
+    Frames are kept to go back to, in memory of ``checkpoint_memory``; one takes 72 bytes per point, and some
+    4.6 kB per string. Where it is used up, every second frame is dropped, then every second of those; a frame that was dropped is
     computed from the nearest kept one before it. Any setting gives the same frames.
 
     Without strings each step starts from ``"blend"``, ``"coarse"`` or ``"inertial"``. From ``"blend"`` free

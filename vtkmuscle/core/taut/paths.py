@@ -24,7 +24,7 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 #: Points of a string. Strings of 17 points round a cylinder of 30 mm have moment arms 1 % less than those of
-#: 33 and 65, which agree (`benchmarks/bench_taut.py`).
+#: 33 and 65, which agree within 0.1 mm.
 POINTS = 33
 
 #: Cells of the bones' distance fields per segment of a string.
