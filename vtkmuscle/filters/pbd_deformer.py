@@ -107,8 +107,8 @@ class PBDDeformer(Filter):
     give one step, from rest to where they are.
 
     Frames are kept to go back to, in memory of ``checkpoint_memory``; one takes 72 bytes per point, and some
-    4.6 kB per string. Where it is used up, every second frame is dropped, then every second of those; a frame that was dropped is
-    computed from the nearest kept one before it. Any setting gives the same frames.
+    4.6 kB per string. Where it is used up, every second frame is dropped, then every second of those; a frame
+    that was dropped is computed from the nearest kept one before it. Any setting gives the same frames.
 
     Without strings each step starts from ``"blend"``, ``"coarse"`` or ``"inertial"``. From ``"blend"`` free
     points start where the bones' motions, blended by harmonic weights, take them (they have no momentum
