@@ -21,6 +21,7 @@ from vtkmuscle.core.coarse import coarse_muscle
 from vtkmuscle.core.obstacles import Obstacle
 from vtkmuscle.core.solver import MuscleSolver, MuscleState, SolverParameters
 from vtkmuscle.core.superficial import directions_over_muscle, seen_fibres
+from vtkmuscle.core.taut.carrying import Passengers
 from vtkmuscle.core.taut.guidance import Guidance
 from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread, lines_on_surface
 from vtkmuscle.core.taut.paths import POINTS, TautPaths
@@ -89,7 +90,7 @@ class KeptSolver:
         self._made_from: tuple[Any, ...] = ()
         self._elasticity: tuple[tuple[str, tuple[Obstacle, ...]], Elasticity] | None = None
         self._coarse: tuple[int, FixedMuscle | None] | None = None
-        self._fibre_weights: tuple[Guidance, tuple[Ints, Floats]] | None = None
+        self._passengers: tuple[Guidance, Passengers] | None = None
 
     def take(self, muscle: FixedMuscle) -> bool:
         """Work with this muscle from now on; return whether it is another than before."""
@@ -133,10 +134,9 @@ class KeptSolver:
         carried, fibres = state.guided.carried, self._muscle.fibres
         if fibres is None:
             return carried.surface, None
-        if self._fibre_weights is None or self._fibre_weights[0] is not guidance:
-            weights = guidance.fibre_weights(fibres.points, fibres.offsets)
-            self._fibre_weights = guidance, weights
-        return carried.surface, carried.points(fibres.points, *self._fibre_weights[1])
+        if self._passengers is None or self._passengers[0] is not guidance:
+            self._passengers = guidance, guidance.fibres(fibres.points, fibres.offsets)
+        return carried.surface, carried.points(self._passengers[1])
 
     def solver(self, settings: Mapping[str, Any], obstacles: tuple[Obstacle, ...]) -> MuscleSolver:
         """Return the solver.

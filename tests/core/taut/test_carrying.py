@@ -35,8 +35,8 @@ def test_at_rest_nothing_moves(make):
     carried = carrier.at(paths.follow(paths.rest, paths.rest.transforms))
     np.testing.assert_allclose(carried.surface, made.points, rtol=0.0, atol=1e-9)
     lines, offsets = made.fibres.reshape(-1, 3), made.fibres.shape[1] * np.arange(len(made.fibres) + 1)
-    weights = carrier.fibre_weights(lines, offsets)
-    np.testing.assert_allclose(carried.points(lines, *weights), lines, rtol=0.0, atol=1e-9)
+    passengers = carrier.fibres(lines, offsets)
+    np.testing.assert_allclose(carried.points(passengers), lines, rtol=0.0, atol=1e-9)
 
 
 def test_strings_all_in_one_place_do_not_turn_the_muscle():
@@ -133,11 +133,15 @@ def test_points_of_fibres_go_with_their_strings():
     # Every second point, as of fibres that have fewer than strings have.
     lines = paths.fibres[:, ::2]
     count, n = lines.shape[1], paths.fibres.shape[1]
-    weights = carrier.fibre_weights(lines.reshape(-1, 3), count * np.arange(len(lines) + 1))
-    np.testing.assert_allclose(weights[1].sum(axis=1), 1.0, rtol=1e-12)
-    assert (weights[0] // n == np.repeat(np.arange(len(lines)), count)[:, None]).all()
+    passengers = carrier.fibres(lines.reshape(-1, 3), count * np.arange(len(lines) + 1))
+    np.testing.assert_allclose(passengers.shares.sum(axis=1), 1.0, rtol=1e-12)
+    assert (passengers.carriers // n == np.repeat(np.arange(len(lines)), count)[:, None]).all()
     state = swept(paths, flexed("lifting_strap", "distal", 20.0, 40.0, 60.0))[-1]
-    moved = carrier.at(state).points(lines.reshape(-1, 3), *weights).reshape(lines.shape)
+    moved = carrier.at(state).points(passengers).reshape(lines.shape)
+    for end, bones in ((0, paths.start_bones), (-1, paths.end_bones)):
+        turns = state.transforms[bones]
+        at_bone = np.einsum("fij,fj->fi", turns[:, :3, :3], lines[:, end]) + turns[:, :3, 3]
+        np.testing.assert_allclose(moved[:, end], at_bone, rtol=0.0, atol=1e-9)
     lengths = np.linalg.norm(np.diff(moved, axis=1), axis=2).sum(axis=1)
     # Each keeps its place among those beside it, whose lengths differ: the mean counts.
     expected = np.mean([made.phantom.known["length"](60.0, depth) for depth in (-3.0, 0.0, 3.0)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -69,13 +70,10 @@ class Carrier:
         self._width = 4.0 * half_thickness(surface, triangles)
         self._rest: Floats = fibres.reshape(-1, 3)
         self._tangents: Floats = directions_along(fibres).reshape(-1, 3)
-        self._surface = np.ascontiguousarray(surface)
         self._tree = cKDTree(self._rest)
         least = LEAST_APART * self._width
         near, self._companions = _nearest(self._tree, self._rest, COMPANIONS)
         self._shares = _falling_off(near, least)
-        near, self._carriers = _nearest(self._tree, self._surface, CARRIERS)
-        self._weights = _falling_off(near, least)
         beside = np.empty((f, n, min(BESIDE, f)), dtype=np.int64)
         parts = np.empty(beside.shape)
         for i in range(n):
@@ -87,23 +85,38 @@ class Carrier:
         self._beside: Ints = beside.reshape(f * n, -1)
         self._parts: Floats = parts.reshape(f * n, -1)
         fixed = np.flatnonzero(fixed_to >= 0)
-        to_fixed, nearest = cKDTree(surface[fixed]).query(surface)
-        #: How much each point goes with the bone of the fixed point nearest to it.
-        self._with_bone: Floats = np.exp(-0.5 * (4.0 * to_fixed / self._width) ** 2)[:, None]
-        self._bone: Ints = fixed_to[fixed[nearest]]
+        self._fixed, self._fixed_to = cKDTree(surface[fixed]), fixed_to[fixed]
+        near, carriers = _nearest(self._tree, surface, CARRIERS)
+        self._surface = self._passengers(surface, carriers, _falling_off(near, least))
 
-    def fibre_weights(self, points: Floats, offsets: Ints) -> tuple[Ints, Floats]:
-        """Return for points (p, 3) of the fibres the strings' points that carry them, and their shares."""
+    def _passengers(self, points: Floats, carriers: Ints, shares: Floats) -> Passengers:
+        """Return points (p, 3) with what carries them (p, c), and with the fixed points near to them."""
+        apart, nearest = self._fixed.query(points)
+        with_bone = np.exp(-0.5 * (4.0 * apart / self._width) ** 2)
+        return Passengers(np.ascontiguousarray(points), carriers, shares, with_bone, self._fixed_to[nearest])
+
+    def fibres(self, points: Floats, offsets: Ints) -> Passengers:
+        """Return points (p, 3) of the fibres that the strings were made from; their ends go with the bones.
+
+        offsets : (f + 1,) int array
+            First point of each fibre, and p.
+        """
         n = self._paths.fibres.shape[1]
         carriers, shares = np.empty((len(points), 2), dtype=np.int64), np.empty((len(points), 2))
-        for fibre, (first, last) in enumerate(pairwise(offsets)):
-            steps = np.linalg.norm(np.diff(points[first:last], axis=0), axis=1)
+        for fibre, (begin, end) in enumerate(pairwise(offsets)):
+            steps = np.linalg.norm(np.diff(points[begin:end], axis=0), axis=1)
             along = np.concatenate([[0.0], np.cumsum(steps)])
             at = along / max(along[-1], np.finfo(float).tiny) * (n - 1)
             low = np.minimum(at.astype(np.int64), n - 2)
-            carriers[first:last] = fibre * n + low[:, None] + np.arange(2)
-            shares[first:last] = np.column_stack([1.0 - (at - low), at - low])
-        return carriers, shares
+            carriers[begin:end] = fibre * n + low[:, None] + np.arange(2)
+            shares[begin:end] = np.column_stack([1.0 - (at - low), at - low])
+        passengers = self._passengers(points, carriers, shares)
+        for ends, bones in (
+            (offsets[:-1], self._paths.start_bones),
+            (offsets[1:] - 1, self._paths.end_bones),
+        ):
+            passengers.with_bone[ends], passengers.bone[ends] = 1.0, bones
+        return passengers
 
     def at(self, state: TautState) -> Carried:
         """Return the muscle carried by the strings in a pose."""
@@ -122,12 +135,32 @@ class Carrier:
         )
         stretch = (stretch[self._beside] * self._parts).sum(axis=1)
         _frames(self._rest, places, *near, turns, least, self._tangents, stretch, THINNING, frames)
-        moved = np.empty_like(self._surface)
-        _carry(self._rest, places, frames, self._carriers, self._weights, self._surface, moved)
-        bones = state.transforms[self._bone]
-        with_bones = np.einsum("vij,vj->vi", bones[:, :3, :3], self._surface) + bones[:, :3, 3]
-        moved += self._with_bone * (with_bones - moved)
-        return Carried(self._rest, places, frames, moved)
+        return Carried(self._rest, places, frames, state.transforms, self._surface)
+
+
+@dataclass(frozen=True, eq=False)
+class Passengers:
+    """Points of a muscle that its strings carry.
+
+    Attributes
+    ----------
+    points : (p, 3) array
+        At rest [mm].
+    carriers : (p, c) int array
+        Points of strings that they go with.
+    shares : (p, c) array
+        How much with each; rows sum to 1.
+    with_bone : (p,) array
+        How much of them goes with a bone instead, in [0, 1].
+    bone : (p,) int array
+        Which one.
+    """
+
+    points: Floats
+    carriers: Ints
+    shares: Floats
+    with_bone: Floats
+    bone: Ints
 
 
 class Carried:
@@ -139,19 +172,25 @@ class Carried:
         Points of the surface [mm].
     """
 
-    def __init__(self, rest: Floats, places: Floats, frames: Floats, surface: Floats) -> None:
-        self._rest, self._places, self._frames = rest, places, frames
-        self.surface = surface
+    def __init__(
+        self, rest: Floats, places: Floats, frames: Floats, transforms: Floats, surface: Passengers
+    ) -> None:
+        self._rest, self._places, self._frames, self._transforms = rest, places, frames, transforms
+        self.surface: Floats = self.points(surface)
 
     @property
     def nbytes(self) -> int:
         """Memory that it takes, but for what all poses share [bytes]."""
         return self._places.nbytes + self._frames.nbytes + self.surface.nbytes
 
-    def points(self, points: Floats, carriers: Ints, shares: Floats) -> Floats:
-        """Return where points (p, 3) of the muscle at rest are carried to, by carriers and shares (p, c)."""
+    def points(self, passengers: Passengers) -> Floats:
+        """Return where points are carried to, (p, 3) [mm]."""
+        points = passengers.points
         moved = np.empty_like(points)
-        _carry(self._rest, self._places, self._frames, carriers, shares, points, moved)
+        _carry(self._rest, self._places, self._frames, passengers.carriers, passengers.shares, points, moved)
+        bones = self._transforms[passengers.bone]
+        with_bones = np.einsum("pij,pj->pi", bones[:, :3, :3], points) + bones[:, :3, 3]
+        moved += passengers.with_bone[:, None] * (with_bones - moved)
         return moved
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.anisotropy import fibre_directions_at
-from vtkmuscle.core.taut.carrying import Carried, Carrier
+from vtkmuscle.core.taut.carrying import Carried, Carrier, Passengers
 from vtkmuscle.core.taut.paths import TautPaths, TautState
 from vtkmuscle.core.topology import MeshTopology
 
@@ -78,6 +78,6 @@ class Guidance:
         state = self.paths.follow(self.paths.rest if before is None else before, transforms)
         return Guided(state, self._carrier.at(state))
 
-    def fibre_weights(self, points: Floats, offsets: Ints) -> tuple[Ints, Floats]:
-        """Return what carries points of the fibres; see :meth:`Carrier.fibre_weights`."""
-        return self._carrier.fibre_weights(points, offsets)
+    def fibres(self, points: Floats, offsets: Ints) -> Passengers:
+        """Return points of the fibres as what the strings carry; see :meth:`Carrier.fibres`."""
+        return self._carrier.fibres(points, offsets)
