@@ -10,8 +10,8 @@ import time
 
 import numpy as np
 
-from vtkmuscle.core.rigid import RigidMotion
-from vtkmuscle.core.solver import MuscleSolver
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.pbd.solver import MuscleSolver
 from vtkmuscle.phantoms import hip
 from vtkmuscle.pipelines import deform
 

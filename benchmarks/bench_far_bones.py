@@ -14,8 +14,8 @@ import time
 
 import numpy as np
 
-from vtkmuscle.core.rigid import RigidMotion
-from vtkmuscle.filters.arrays import blocks_of, field_array, multiblock_from, points_of, with_points
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.arrays import blocks_of, field_array, multiblock_from, points_of, with_points
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.phantoms import hip
 from vtkmuscle.pipelines import deform

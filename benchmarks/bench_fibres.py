@@ -17,11 +17,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from vtkmuscle import Scene
-from vtkmuscle.core.mean_value import transport
-from vtkmuscle.core.mesh import signed_volume
-from vtkmuscle.core.packing import filling_radius
-from vtkmuscle.core.polylines import polyline_lengths
-from vtkmuscle.core.sparse_weights import sparse_mean_value_coordinates, sparse_transport
+from vtkmuscle.core.fibres.mean_value import transport
+from vtkmuscle.core.fibres.packing import filling_radius
+from vtkmuscle.core.fibres.sparse_weights import sparse_mean_value_coordinates, sparse_transport
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.data.arrays import cell_array, checked_surface, field_array, polylines_of
+from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
 from vtkmuscle.filters import (
     FibreMetrics,
     FibreSmoother,
@@ -30,8 +32,6 @@ from vtkmuscle.filters import (
     SliceMorpher,
     TemplateFitter,
 )
-from vtkmuscle.filters.arrays import cell_array, checked_surface, field_array, polylines_of
-from vtkmuscle.filters.muscle_geometry import MuscleGeometry, muscle_geometry
 from vtkmuscle.io import fibre_summary
 
 Floats = NDArray[np.float64]

@@ -21,11 +21,11 @@ from muscle_problem import turned_muscle
 from naive_kernels import naive_dihedral, naive_distance
 from timing import interleaved
 
-from vtkmuscle.core import constraints
-from vtkmuscle.core.batched_iteration import BatchedIteration, available_threads
-from vtkmuscle.core.batches import pack
-from vtkmuscle.core.mesh import edge_lengths
-from vtkmuscle.core.topology import mesh_topology
+from vtkmuscle.core.mesh.surface import edge_lengths
+from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.pbd import constraints
+from vtkmuscle.core.pbd.batched_iteration import BatchedIteration, available_threads
+from vtkmuscle.core.pbd.batches import pack
 
 SHAPE_STIFFNESS = 0.9
 

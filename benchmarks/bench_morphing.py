@@ -17,10 +17,11 @@ from muscle_problem import data_folder
 from timing import interleaved
 
 from vtkmuscle import Scene
-from vtkmuscle.core.harmonic_morphing import attachment_field, morph_by_isolines
-from vtkmuscle.core.morphing import Slicing, morph_by_planes
-from vtkmuscle.core.sections import closed_surface
-from vtkmuscle.core.templates import TEMPLATES, sobol_points
+from vtkmuscle.core.morphing.isolines import attachment_field, morph_by_isolines
+from vtkmuscle.core.morphing.sections import closed_surface
+from vtkmuscle.core.morphing.slices import Slicing, morph_by_planes
+from vtkmuscle.core.template.kinds import TEMPLATES, sobol_points
+from vtkmuscle.data.arrays import field_array, points_of, triangles_of, with_points
 from vtkmuscle.filters import (
     FibreSmoother,
     FibreTemplateSource,
@@ -29,7 +30,6 @@ from vtkmuscle.filters import (
     TemplateFitter,
     attachments_from,
 )
-from vtkmuscle.filters.arrays import field_array, points_of, triangles_of, with_points
 from vtkmuscle.phantoms import hip
 
 ROUNDS = 7

@@ -19,10 +19,10 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from vtkmuscle.core.rigid import apply_transform, inverse
-from vtkmuscle.filters.arrays import field_array, point_array, points_of
+from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.data.arrays import field_array, point_array, points_of
+from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.pipelines import deform
 from vtkmuscle.scene import Scene
 

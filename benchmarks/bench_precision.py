@@ -12,8 +12,8 @@ import time
 import numpy as np
 from muscle_problem import turned_muscle
 
-from vtkmuscle.core.blending import screw_between
-from vtkmuscle.core.solver import MuscleSolver, SolverParameters
+from vtkmuscle.core.motion.blending import screw_between
+from vtkmuscle.core.pbd.solver import MuscleSolver, SolverParameters
 
 #: Turn of a step [degrees].
 STEP = 2.0

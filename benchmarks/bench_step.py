@@ -22,21 +22,14 @@ from muscle_problem import data_folder
 from published import P21
 
 from vtkmuscle import Scene
-from vtkmuscle.core import (
-    accelerated,
-    coarse,
-    contact,
-    projection,
-    rest_shape,
-    solver,
-    two_level,
-)
-from vtkmuscle.core.batched_iteration import BatchedIteration
-from vtkmuscle.core.batches import pack
+from vtkmuscle.core.collision import contact
+from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.pbd import accelerated, coarse, projection, rest_shape, solver, two_level
+from vtkmuscle.core.pbd.batched_iteration import BatchedIteration
+from vtkmuscle.core.pbd.batches import pack
 from vtkmuscle.core.taut import guidance
-from vtkmuscle.core.topology import mesh_topology
-from vtkmuscle.filters import base
-from vtkmuscle.filters.arrays import checked_surface, point_array, points_of
+from vtkmuscle.data.arrays import checked_surface, point_array, points_of
+from vtkmuscle.filters.base import filter as base
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector

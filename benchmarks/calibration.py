@@ -8,8 +8,8 @@ import numpy as np
 from bench_kernels import torus
 from naive_kernels import naive_distance
 
-from vtkmuscle.core.mesh import edge_lengths
-from vtkmuscle.core.topology import mesh_topology
+from vtkmuscle.core.mesh.surface import edge_lengths
+from vtkmuscle.core.mesh.topology import mesh_topology
 
 TRIANGLES = 10_000
 

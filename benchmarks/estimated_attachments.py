@@ -11,9 +11,9 @@ import sys
 import numpy as np
 
 from vtkmuscle import Scene, phantoms
-from vtkmuscle.core.mesh import triangle_normals
+from vtkmuscle.core.mesh.surface import triangle_normals
+from vtkmuscle.data.arrays import checked_surface, point_array
 from vtkmuscle.filters import FixedPointDetector
-from vtkmuscle.filters.arrays import checked_surface, point_array
 from vtkmuscle.pipelines import estimate_attachments
 
 

@@ -24,10 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle import RigidMotion, Scene, phantoms
-from vtkmuscle.core.moment_arms import moment_arms, quartic_moment_arms
-from vtkmuscle.core.polylines import polyline_lengths
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.moment_arms.derivatives import moment_arms, quartic_moment_arms
+from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.filters import BoneMotion, FibreTransport, FixedPointDetector, TautFibres
-from vtkmuscle.filters.arrays import polylines_of
 from vtkmuscle.io import curves_for, read_literature
 from vtkmuscle.phantoms import Phantom
 from vtkmuscle.pipelines import PRUNE, decompose, deform

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
-from vtkmuscle.core.blending import blend_motions
-from vtkmuscle.core.harmonic import harmonic_weights
+from vtkmuscle.core.mesh.harmonic import harmonic_weights
+from vtkmuscle.core.motion.blending import blend_motions
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

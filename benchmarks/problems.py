@@ -11,14 +11,13 @@ from bench_kernels import SHAPE_STIFFNESS, torus
 from naive_kernels import naive_dihedral, naive_distance
 
 from vtkmuscle import Scene, phantoms
-from vtkmuscle.core import constraints
-from vtkmuscle.core.batched_iteration import BatchedIteration
-from vtkmuscle.core.batches import pack
-from vtkmuscle.core.mesh import edge_lengths
-from vtkmuscle.core.rigid import RigidMotion, rotation_about
-from vtkmuscle.core.topology import mesh_topology
-from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.mesh.surface import edge_lengths
+from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
+from vtkmuscle.core.pbd import constraints
+from vtkmuscle.core.pbd.batched_iteration import BatchedIteration
+from vtkmuscle.core.pbd.batches import pack
+from vtkmuscle.data.arrays import (
     blocks_of,
     multiblock_from,
     points_of,
@@ -26,6 +25,7 @@ from vtkmuscle.filters.arrays import (
     surface_from,
     with_points,
 )
+from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
 from vtkmuscle.pipelines import decompose, deform
 
 #: Part of a torus's points that are fixed.

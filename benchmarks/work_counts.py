@@ -9,9 +9,10 @@ from contextlib import contextmanager
 from typing import Any
 
 from vtkmuscle import Scene, phantoms
-from vtkmuscle.core import contact, projection
+from vtkmuscle.core.collision import contact
+from vtkmuscle.core.pbd import projection
 from vtkmuscle.filters import FixedPointDetector
-from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.pipelines import deform
 
 #: Frames of the run.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.data.arrays import Polylines, polylines_of, with_polylines
 from vtkmuscle.filters import Filter, InputPort, OutputPort, Parameter
-from vtkmuscle.filters.arrays import Polylines, polylines_of, with_polylines
 
 
 class FibreCropper(Filter):

@@ -10,9 +10,9 @@ import numpy as np
 import pyvista as pv
 
 from vtkmuscle import phantoms
-from vtkmuscle.core.voxels import build_voxel_grid
+from vtkmuscle.core.collision.voxels import build_voxel_grid
+from vtkmuscle.data.arrays import blocks_of, checked_surface
 from vtkmuscle.filters import FixedPointDetector
-from vtkmuscle.filters.arrays import blocks_of, checked_surface
 
 hip = phantoms.hip()
 plotter = pv.Plotter(shape=(1, 3))

@@ -9,8 +9,8 @@ until the template's fibres run like them.
 
 import pyvista as pv
 
+from vtkmuscle.data.arrays import field_array
 from vtkmuscle.filters import FibreTubes
-from vtkmuscle.filters.arrays import field_array
 from vtkmuscle.phantoms import winding_spindle
 from vtkmuscle.pipelines import decompose
 

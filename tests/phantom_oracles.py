@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from vtkmuscle.core.rigid import apply_transform
-from vtkmuscle.filters.attachments import attachments_of
+from vtkmuscle.core.motion.rigid import apply_transform
+from vtkmuscle.data.attachments import attachments_of
 
 
 def taut_length(start, end, circles, outward, samples=20000):

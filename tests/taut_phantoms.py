@@ -6,13 +6,13 @@ from functools import cache
 import numpy as np
 
 from vtkmuscle import phantoms
-from vtkmuscle.core.obstacles import bone_axes
+from vtkmuscle.core.collision.obstacles import bone_axes
 from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.taut.paths import POINTS, TautPaths
-from vtkmuscle.core.via_rings import via_ring
+from vtkmuscle.core.taut.via_rings import via_ring
+from vtkmuscle.data.arrays import blocks_of, point_array, points_of, polylines_of, triangles_of
+from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.filters import FixedPointDetector
-from vtkmuscle.filters.arrays import blocks_of, point_array, points_of, polylines_of, triangles_of
-from vtkmuscle.filters.attachments import attachments_of
 from vtkmuscle.phantoms.ball_spindle import INSERTION, ORIGIN
 from vtkmuscle.phantoms.brim_flexor import taut
 from vtkmuscle.phantoms.cylinder_wrap import RADIUS, STRAIGHT, THICKNESS

@@ -13,8 +13,8 @@ import pyvista as pv
 from tiny_scene import write_tiny_scene
 
 import vtkmuscle.accessor
+from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters import FibreMetrics, FixedPointDetector, attachments_of
-from vtkmuscle.filters.arrays import points_of
 from vtkmuscle.io.pyvista_readers import read_landmark_file, read_scene_file
 from vtkmuscle.pipelines import decompose, deform
 

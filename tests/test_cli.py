@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import vtkmuscle
 from vtkmuscle.cli import app
-from vtkmuscle.filters.arrays import points_of, surface_from, triangles_of
+from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.io import write_polydata
 
 MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]

@@ -10,8 +10,8 @@ from vtkmodules.vtkIOGeometry import vtkGLTFReader
 
 import vtkmuscle
 from vtkmuscle.cli import app
+from vtkmuscle.data.arrays import blocks_of, field_array, field_string, points_of
 from vtkmuscle.filters import provenance_of
-from vtkmuscle.filters.arrays import blocks_of, field_array, field_string, points_of
 from vtkmuscle.io import read_series
 from vtkmuscle.plotting import can_render, export_scene
 from vtkmuscle.run.folder import RunFolder

@@ -11,7 +11,7 @@ from tiny_scene import HINGE, TOML, write_tiny_scene
 from typer.testing import CliRunner
 
 from vtkmuscle.cli import BAD_INPUT, app
-from vtkmuscle.core.template_files import read_template
+from vtkmuscle.core.template.template_files import read_template
 from vtkmuscle.filters import FibreTemplateSource, FibreTubes, PBDDeformer
 from vtkmuscle.io import read_landmarks, read_motion_table, read_polydata
 from vtkmuscle.io.vtp_check import check_vtp

@@ -5,11 +5,10 @@ import pytest
 from phantom_oracles import taut_length
 from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
 
-from vtkmuscle.core.mesh import survey
-from vtkmuscle.core.rigid import apply_transform, is_rigid
-from vtkmuscle.core.templates import KINDS, TEMPLATES
-from vtkmuscle.filters import FibreMetrics
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.mesh.surface import survey
+from vtkmuscle.core.motion.rigid import apply_transform, is_rigid
+from vtkmuscle.core.template.kinds import KINDS, TEMPLATES
+from vtkmuscle.data.arrays import (
     blocks_of,
     cell_array,
     field_array,
@@ -18,7 +17,8 @@ from vtkmuscle.filters.arrays import (
     surface_from,
     triangles_of,
 )
-from vtkmuscle.filters.attachments import attachments_of
+from vtkmuscle.data.attachments import attachments_of
+from vtkmuscle.filters import FibreMetrics
 from vtkmuscle.phantoms import (
     fibre_block,
     flexor_over_brim,
@@ -240,7 +240,7 @@ def test_strap_is_wound_up_as_the_cylinder_turns(cylinder):
 
 
 def test_block_agrees_with_the_pennate_template(block):
-    from vtkmuscle.core.templates import TEMPLATES
+    from vtkmuscle.core.template.kinds import TEMPLATES
 
     (muscle,) = block.muscles.values()
     points = points_of(muscle)

@@ -10,8 +10,8 @@ import pyvista as pv
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vtkmuscle.core.rigid import apply_transform, rotation_about
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
+from vtkmuscle.data.arrays import (
     Polylines,
     multiblock_from,
     points_of,

@@ -5,9 +5,9 @@ import pytest
 import pyvista as pv
 from vtkmodules.vtkFiltersGeometry import vtkCompositeDataGeometryFilter
 
-from vtkmuscle.core.rigid import hinge
+from vtkmuscle.core.motion.rigid import hinge
+from vtkmuscle.data.arrays import blocks_of, points_of
 from vtkmuscle.filters import BoneMotion
-from vtkmuscle.filters.arrays import blocks_of, points_of
 from vtkmuscle.pipelines import deform
 from vtkmuscle.plotting import add_time_slider, can_render, show_time
 

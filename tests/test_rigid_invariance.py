@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.rigid import RigidMotion, apply_transform, inverse, rotation_about
-from vtkmuscle.filters.arrays import blocks_of, multiblock_from, points_of, with_points
+from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, inverse, rotation_about
+from vtkmuscle.data.arrays import blocks_of, multiblock_from, points_of, with_points
 from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.phantoms import fibre_block
 from vtkmuscle.pipelines import decompose, deform

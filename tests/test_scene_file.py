@@ -12,9 +12,9 @@ from vtkmodules.vtkFiltersCore import vtkAppendPolyData
 from vtkmodules.vtkFiltersSources import vtkCubeSource
 
 from vtkmuscle import Scene, SceneError
-from vtkmuscle.core.mesh import signed_volume
-from vtkmuscle.core.rigid import RigidMotion, rotation_about
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
+from vtkmuscle.data.arrays import (
     Polylines,
     points_of,
     polylines_from,

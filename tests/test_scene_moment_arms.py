@@ -10,9 +10,9 @@ import pytest
 from tiny_scene import HINGE, TOML, write_tiny_scene
 
 from vtkmuscle import Scene, SceneError, hinge
-from vtkmuscle.core.coordinates import Coordinate
-from vtkmuscle.core.moment_arms import moment_arms
-from vtkmuscle.core.rigid import RigidMotion
+from vtkmuscle.core.moment_arms.derivatives import moment_arms
+from vtkmuscle.core.motion.coordinates import Coordinate
+from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.plotting import can_render
 from vtkmuscle.plotting.figures import plot_moment_arms
 

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial import Delaunay
 
 from vtkmuscle import Scene
-from vtkmuscle.core.rigid import apply_transform, inverse
-from vtkmuscle.filters.arrays import field_array, multiblock_from, points_of, set_field_array
+from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.data.arrays import field_array, multiblock_from, points_of, set_field_array
 from vtkmuscle.phantoms import hip
 from vtkmuscle.pipelines import deform
 from vtkmuscle.run.reach import bones_with_reach

@@ -13,11 +13,11 @@ from tiny_scene import write_tiny_scene
 import vtkmuscle.phantoms
 import vtkmuscle.plotting
 from vtkmuscle import Scene, SceneError
-from vtkmuscle.core.mesh import edge_lengths, signed_volume, unique_edges
-from vtkmuscle.core.polylines import polyline_lengths
-from vtkmuscle.core.rigid import RigidMotion, apply_transform
-from vtkmuscle.core.stages import STAGES
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, unique_edges
+from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform
+from vtkmuscle.core.pbd.stages import STAGES
+from vtkmuscle.data.arrays import (
     cell_array,
     point_array,
     points_of,
@@ -25,7 +25,7 @@ from vtkmuscle.filters.arrays import (
     triangles_of,
     with_points,
 )
-from vtkmuscle.filters.attachments import attachments_of
+from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.io import read_polydata
 from vtkmuscle.run import frame_numbers
 from vtkmuscle.run.measure import MuscleMeasure

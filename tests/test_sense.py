@@ -14,9 +14,9 @@ from typer.testing import CliRunner
 
 from vtkmuscle import phantoms
 from vtkmuscle.cli import app
-from vtkmuscle.core.rigid import RigidMotion
-from vtkmuscle.core.rings import ring_length, short_ring
-from vtkmuscle.filters.arrays import points_of, surface_from, with_points
+from vtkmuscle.core.attachments.rings import ring_length, short_ring
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.arrays import points_of, surface_from, with_points
 from vtkmuscle.io import read_landmarks
 from vtkmuscle.scene import Scene, SceneError
 from vtkmuscle.scene.sense import check_sense

@@ -13,7 +13,7 @@ from vtkmuscle.filters import (
     BoneMotion, FibreMetrics, FibreTemplateSource, FibreTransport, FibreTrimmer, FixedPointDetector,
     PBDDeformer, SliceMorpher, TemplateFitter,
 )
-from vtkmuscle.filters.arrays import points_of
+from vtkmuscle.data.arrays import points_of
 from vtkmuscle.phantoms import spindle_over_hinge, wrapping_cylinder
 
 def connected(made, *inputs):

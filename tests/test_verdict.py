@@ -11,11 +11,10 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle import Scene, hinge
 from vtkmuscle.cli import app
-from vtkmuscle.core.length_jumps import even_stretches, length_jumps
-from vtkmuscle.core.mesh import edge_lengths, unique_edges
-from vtkmuscle.core.rigid import RigidMotion
-from vtkmuscle.filters import PBDDeformer
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
+from vtkmuscle.core.moment_arms.length_jumps import even_stretches, length_jumps
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.arrays import (
     Polylines,
     points_of,
     polylines_from,
@@ -25,7 +24,8 @@ from vtkmuscle.filters.arrays import (
     triangles_of,
     with_points,
 )
-from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.data.surface_distance import SurfaceDistance
+from vtkmuscle.filters import PBDDeformer
 from vtkmuscle.plotting import can_render
 from vtkmuscle.run.limits import BEYOND, CHECKS, FULL_SIZE, LONGEST, SHORTEST
 from vtkmuscle.run.measure import MuscleMeasure

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
-from vtkmuscle.core.rigid import hinge
-from vtkmuscle.filters.arrays import points_of, with_points
-from vtkmuscle.filters.attachments import AttachmentArea, attachments_from
+from vtkmuscle.core.motion.rigid import hinge
+from vtkmuscle.data.arrays import points_of, with_points
+from vtkmuscle.data.attachments import AttachmentArea, attachments_from
 from vtkmuscle.io import write_motion_table, write_polydata
 
 TOML = """

@@ -16,15 +16,15 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from vtkmuscle import filters, phantoms, pipelines, plotting
-    from vtkmuscle.core.rigid import RigidMotion, hinge
+    from vtkmuscle.core.motion.rigid import RigidMotion, hinge
     from vtkmuscle.scene import Scene, SceneError
 
 __version__ = "0.1.0"
 
 _MODULES = ("filters", "phantoms", "pipelines", "plotting")
 _SOURCES = {
-    "RigidMotion": "vtkmuscle.core.rigid",
-    "hinge": "vtkmuscle.core.rigid",
+    "RigidMotion": "vtkmuscle.core.motion.rigid",
+    "hinge": "vtkmuscle.core.motion.rigid",
     "Scene": "vtkmuscle.scene",
     "SceneError": "vtkmuscle.scene",
 }

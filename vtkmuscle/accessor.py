@@ -13,9 +13,9 @@ import pyvista
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.rigid import RigidMotion
-from vtkmuscle.filters.arrays import Polylines, blocks_of, polylines_from
-from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, landmarks_of
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.arrays import Polylines, blocks_of, polylines_from
+from vtkmuscle.data.attachments import AttachmentArea, attachments_from, landmarks_of
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.fibre_tubes import FibreTubes
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector

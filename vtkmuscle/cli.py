@@ -415,7 +415,7 @@ def _found(muscle: Mapping[str, Any]) -> str:
 
 def _table(muscles: list[str], console: Console) -> Callable[[str, Mapping[str, Any]], None]:
     """Return what prints a row of figures of each frame, above the progress bars."""
-    from vtkmuscle.filters.convergence_table import ConvergenceTable
+    from vtkmuscle.filters.deformer.convergence_table import ConvergenceTable
 
     width = max(map(len, muscles))
     table = ConvergenceTable(console, label_width=width + 8)
@@ -520,8 +520,8 @@ def _facts(file: Path) -> dict[str, str]:
         return _facts_of_run(file)
     import numpy as np
 
-    from vtkmuscle.core.mesh import survey
-    from vtkmuscle.filters.arrays import points_of, triangles_of
+    from vtkmuscle.core.mesh.surface import survey
+    from vtkmuscle.data.arrays import points_of, triangles_of
     from vtkmuscle.io import read_polydata
 
     data = read_polydata(file)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from vtkmuscle.core.rigid import RigidMotion
+from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.filters.attachment_estimator import AttachmentEstimator
-from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource

@@ -24,10 +24,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from vtkmuscle import RigidMotion, Scene, phantoms
-from vtkmuscle.core.mesh import edge_lengths
-from vtkmuscle.core.topology import mesh_topology
+from vtkmuscle.core.mesh.surface import edge_lengths
+from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.data.arrays import checked_surface, field_array, points_of
 from vtkmuscle.filters import FibreTransport, FixedPointDetector
-from vtkmuscle.filters.arrays import checked_surface, field_array, points_of
 from vtkmuscle.pipelines import PRUNE, decompose, deform
 from vtkmuscle.plotting import can_render, choose_view, make_plotter
 from vtkmuscle.plotting.views import View

@@ -14,11 +14,11 @@ import numpy as np
 import pyvista as pv
 from common import Case, Table, main, picture
 
-from vtkmuscle.core.polylines import polyline_lengths
-from vtkmuscle.core.rigid import apply_transform
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.motion.rigid import apply_transform
+from vtkmuscle.data.arrays import points_of, polylines_of
+from vtkmuscle.data.attachments import AttachmentArea, attachments_from
 from vtkmuscle.filters import FibreTransport
-from vtkmuscle.filters.arrays import points_of, polylines_of
-from vtkmuscle.filters.attachments import AttachmentArea, attachments_from
 from vtkmuscle.pipelines import decompose
 
 FIBRES = {"template": "parallel", "n_fibres": 50, "resolution": 14}

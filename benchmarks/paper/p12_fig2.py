@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from common import Case, Table, main, picture, quietly
 
+from vtkmuscle.data.arrays import multiblock_from, polylines_of
+from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters import FibreTemplateSource, SliceMorpher, TemplateFitter
-from vtkmuscle.filters.arrays import multiblock_from, polylines_of
-from vtkmuscle.filters.surface_distance import SurfaceDistance
 
 #: Nearer to the surface than this is not outside of it [mm].
 TOLERANCE = 0.1

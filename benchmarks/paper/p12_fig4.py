@@ -6,9 +6,9 @@ import numpy as np
 import pyvista as pv
 from common import Case, Table, main
 
-from vtkmuscle.core.templates import TEMPLATES
+from vtkmuscle.core.template.kinds import TEMPLATES
+from vtkmuscle.data.arrays import field_array, polylines_of
 from vtkmuscle.filters import FibreTemplateSource
-from vtkmuscle.filters.arrays import field_array, polylines_of
 
 PUBLISHED = {"parallel": "bottom to top", "pennate": "lower side to upper side"}
 

@@ -10,8 +10,8 @@ import numpy as np
 import pyvista as pv
 from common import Case, Table, main, picture
 
+from vtkmuscle.data.arrays import field_array, multiblock_from
 from vtkmuscle.filters import FibreTemplateSource, TemplateFitter
-from vtkmuscle.filters.arrays import field_array, multiblock_from
 
 
 def tables(case: Case) -> list[Table]:

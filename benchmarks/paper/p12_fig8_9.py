@@ -12,6 +12,7 @@ import numpy as np
 from common import Case, Floats, Table, main, picture
 from scipy.spatial import cKDTree
 
+from vtkmuscle.data.arrays import multiblock_from, point_array, points_of, polylines_of
 from vtkmuscle.filters import (
     FibreSmoother,
     FibreTemplateSource,
@@ -20,7 +21,6 @@ from vtkmuscle.filters import (
     SliceMorpher,
     TemplateFitter,
 )
-from vtkmuscle.filters.arrays import multiblock_from, point_array, points_of, polylines_of
 
 NAME = "gluteus_medius"
 

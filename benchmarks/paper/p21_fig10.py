@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from common import FINE, P21, Case, Table, main, seen_alike, value
 
-from vtkmuscle.filters.arrays import points_of
+from vtkmuscle.data.arrays import points_of
 
 FLEXION, ITERATIONS = 40.0, 5
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from common import P21, Case, Floats, Table, angles_up_to, main
 
-from vtkmuscle.core.fibre_measures import smoothed_curve
-from vtkmuscle.core.polylines import polyline_lengths
-from vtkmuscle.filters.arrays import polylines_of
-from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.core.fibres.measures import smoothed_curve
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.data.arrays import polylines_of
+from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.plotting.sheets import curves
 
 PUBLISHED = {

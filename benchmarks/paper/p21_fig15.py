@@ -17,11 +17,11 @@ import numpy as np
 from common import P21, STEP, Case, Floats, Table, data_folder, main
 
 from vtkmuscle import RigidMotion
-from vtkmuscle.core.linear_blend import blend_fibres, fitted_a
-from vtkmuscle.core.polylines import polyline_lengths
-from vtkmuscle.core.rigid import apply_transform, inverse
-from vtkmuscle.filters.arrays import polylines_of
-from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.core.fibres.linear_blend import blend_fibres, fitted_a
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.data.arrays import polylines_of
+from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.io import read_motion_table
 from vtkmuscle.pipelines import deform
 from vtkmuscle.plotting.sheets import curves

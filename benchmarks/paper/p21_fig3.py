@@ -8,8 +8,8 @@ import numpy as np
 import pyvista as pv
 from common import EQUAL, FINE, Case, Table, main, picture
 
-from vtkmuscle.core.voxels import VoxelGrid, build_voxel_grid
-from vtkmuscle.filters.arrays import checked_surface, multiblock_from
+from vtkmuscle.core.collision.voxels import VoxelGrid, build_voxel_grid
+from vtkmuscle.data.arrays import checked_surface, multiblock_from
 
 SETTINGS: dict[str, dict[str, int]] = {
     "64 per axis": {"n_equal": 64},

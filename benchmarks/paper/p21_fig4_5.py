@@ -10,8 +10,8 @@ import numpy as np
 from common import EQUAL, Case, Table, main, picture
 from scipy.spatial import cKDTree
 
+from vtkmuscle.data.arrays import multiblock_from, point_array, points_of
 from vtkmuscle.filters import FixedPointDetector
-from vtkmuscle.filters.arrays import multiblock_from, point_array, points_of
 
 #: How far from the attachment areas a fixed point is wrong [mm].
 FAR = 5.0

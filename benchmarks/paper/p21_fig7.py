@@ -20,11 +20,11 @@ from common import P21, STEP, Case, Floats, Table, angles_up_to, main, value
 from published_loop import run
 
 from vtkmuscle import RigidMotion
-from vtkmuscle.core import solver
-from vtkmuscle.core.anisotropy import edge_stiffness, fibre_directions_at
-from vtkmuscle.core.mesh import edge_lengths
-from vtkmuscle.core.topology import mesh_topology
-from vtkmuscle.filters.arrays import checked_surface, point_array, points_of, polylines_of
+from vtkmuscle.core.mesh.surface import edge_lengths
+from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.pbd import solver
+from vtkmuscle.core.pbd.anisotropy import edge_stiffness, fibre_directions_at
+from vtkmuscle.data.arrays import checked_surface, point_array, points_of, polylines_of
 from vtkmuscle.pipelines import deform
 from vtkmuscle.plotting.sheets import curves
 

@@ -17,11 +17,11 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from vtkmuscle import RigidMotion
-from vtkmuscle.core.coarse import decimate
-from vtkmuscle.core.mesh import edge_lengths
-from vtkmuscle.core.topology import mesh_topology
-from vtkmuscle.filters.arrays import checked_surface, point_array, points_of, surface_from
-from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.core.mesh.surface import edge_lengths
+from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.pbd.coarse import decimate
+from vtkmuscle.data.arrays import checked_surface, point_array, points_of, surface_from
+from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.io import read_surface
 from vtkmuscle.pipelines import deform
 

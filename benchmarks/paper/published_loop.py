@@ -15,9 +15,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core import constraints
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.topology import mesh_topology
+from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.pbd import constraints
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -8,12 +8,12 @@ from bench_kernels import torus
 from calibration import TRIANGLES
 from problems import held_torus, iteration_of, naive_iteration_of
 
-from vtkmuscle.core.batches import pack
-from vtkmuscle.core.distance_grid import build_distance_grid
-from vtkmuscle.core.harmonic import harmonic_weights
-from vtkmuscle.core.sparse_weights import sparse_mean_value_coordinates, sparse_transport
-from vtkmuscle.core.topology import mesh_topology
-from vtkmuscle.filters.arrays import blocks_of, checked_surface, points_of
+from vtkmuscle.core.collision.distance_grid import build_distance_grid
+from vtkmuscle.core.fibres.sparse_weights import sparse_mean_value_coordinates, sparse_transport
+from vtkmuscle.core.mesh.harmonic import harmonic_weights
+from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.pbd.batches import pack
+from vtkmuscle.data.arrays import blocks_of, checked_surface, points_of
 
 ROUNDS, FEW = 20, 3
 

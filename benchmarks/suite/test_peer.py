@@ -14,8 +14,8 @@ import pytest
 from bench_kernels import SHAPE_STIFFNESS
 from problems import held_torus
 
-from vtkmuscle.core.batched_iteration import BatchedIteration
-from vtkmuscle.core.batches import pack
+from vtkmuscle.core.pbd.batched_iteration import BatchedIteration
+from vtkmuscle.core.pbd.batches import pack
 
 TRIANGLES, ROUNDS = 17_000, 30
 

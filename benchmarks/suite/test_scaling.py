@@ -9,7 +9,7 @@ from __future__ import annotations
 import pytest
 from problems import iteration_of, steps_of
 
-from vtkmuscle.core.batched_iteration import available_threads
+from vtkmuscle.core.pbd.batched_iteration import available_threads
 
 ROUNDS, FEW = 15, 2
 #: Steps take longer than an iteration by far.

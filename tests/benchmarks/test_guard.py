@@ -111,7 +111,7 @@ def test_one_more_projection_per_iteration_is_counted(guard, work, monkeypatch):
     """Plant what the guard is there for: a step that does its work twice."""
     import work_counts
 
-    from vtkmuscle.core.solver import MuscleSolver
+    from vtkmuscle.core.pbd.solver import MuscleSolver
 
     step = MuscleSolver.step
 

@@ -68,7 +68,7 @@ def test_roughness_is_the_angle_between_triangles(case):
     """The edges of a regular tetrahedron turn by 180 - 70.53 degrees."""
     from common import roughness
 
-    from vtkmuscle.filters.arrays import surface_from
+    from vtkmuscle.data.arrays import surface_from
 
     points = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
     triangles = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
@@ -101,8 +101,8 @@ def test_the_published_loop_has_minus_the_gradients_of_the_cosine(case, rng):
 def test_the_published_loop_stays_at_rest_and_follows_a_bone(case):
     from published_loop import run
 
-    from vtkmuscle.core.rigid import rotation_about
-    from vtkmuscle.core.topology import mesh_topology
+    from vtkmuscle.core.mesh.topology import mesh_topology
+    from vtkmuscle.core.motion.rigid import rotation_about
 
     body = pv.Sphere(radius=20.0, theta_resolution=16, phi_resolution=16)
     points, triangles = np.asarray(body.points, dtype=float), body.regular_faces.astype(np.int64)

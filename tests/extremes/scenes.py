@@ -5,9 +5,9 @@ import warnings
 
 import numpy as np
 
-from vtkmuscle.core.mesh import edge_lengths, signed_volume, unique_edges
-from vtkmuscle.core.rigid import RigidMotion, rotation_about
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, unique_edges
+from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
+from vtkmuscle.data.arrays import (
     field_array,
     multiblock_from,
     point_array,

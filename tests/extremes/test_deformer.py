@@ -7,9 +7,9 @@ from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 from scenes import bending, box, figure, fixed_ends, run, tube
 
-from vtkmuscle.core.mesh import edge_lengths, signed_volume, unique_edges
-from vtkmuscle.core.rigid import apply_transform, inverse, rotation_about
-from vtkmuscle.core.solver import MuscleSolver, SolverParameters
+from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, unique_edges
+from vtkmuscle.core.motion.rigid import apply_transform, inverse, rotation_about
+from vtkmuscle.core.pbd.solver import MuscleSolver, SolverParameters
 
 VOLUME = "V/V0 - 1"
 STRETCH = "longest edge, l/l0"

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from vtkmuscle.data.arrays import cell_array, checked_surface, field_array, points_of, surface_from
+from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of
+from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters import FibreMetrics, FibreTransport, FibreTubes, SliceMorpher
-from vtkmuscle.filters.arrays import cell_array, checked_surface, field_array, points_of, surface_from
-from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, attachments_of
-from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.phantoms import spindle_over_hinge
 from vtkmuscle.phantoms.implicit import thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution

@@ -29,9 +29,9 @@ from vtkmodules.vtkFiltersGeometry import vtkCompositeDataGeometryFilter
 
 import vtkmuscle
 from examples import OBJECTS, TIMES
-from vtkmuscle.filters.arrays import points_of, set_cell_array, set_field_array, set_point_array
-from vtkmuscle.filters.base import AbortedError
-from vtkmuscle.filters.provenance import add_provenance, provenance_entry, provenance_of
+from vtkmuscle.data.arrays import points_of, set_cell_array, set_field_array, set_point_array
+from vtkmuscle.data.provenance import add_provenance, provenance_entry, provenance_of
+from vtkmuscle.filters.base.filter import AbortedError
 
 # -------------------------------------------------------------------- 2 data
 

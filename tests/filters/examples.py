@@ -3,8 +3,8 @@
 import numpy as np
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
-from vtkmuscle.core.rigid import RigidMotion, apply_transform
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform
+from vtkmuscle.data.arrays import (
     Polylines,
     blocks_of,
     multiblock_from,

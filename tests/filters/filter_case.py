@@ -10,11 +10,11 @@ from vtkmodules.vtkCommonCore import vtkAbstractArray, vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
 
 from examples import OBJECTS, TIMES, deep_copy, example
-from vtkmuscle.filters.arrays import blocks_of, points_of, vtk_points
-from vtkmuscle.filters.base import Filter
-from vtkmuscle.filters.convergence_report import FIGURES
-from vtkmuscle.filters.parameters import InputPort, OutputPort
-from vtkmuscle.filters.pipeline_times import announce_times
+from vtkmuscle.data.arrays import blocks_of, points_of, vtk_points
+from vtkmuscle.data.pipeline_times import announce_times
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import InputPort, OutputPort
+from vtkmuscle.filters.deformer.convergence_report import FIGURES
 
 #: Arrays that say how a result came about, not what it is: they differ from run to run, or by parameters that
 #: change nothing else (threads, say).

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vtkmuscle.core.mesh import triangle_normals
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.mesh.surface import triangle_normals
+from vtkmuscle.data.arrays import (
     blocks_of,
     checked_surface,
     field_array,
@@ -12,8 +12,8 @@ from vtkmuscle.filters.arrays import (
     point_array,
     surface_from,
 )
+from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.filters.attachment_estimator import AttachmentEstimator
-from vtkmuscle.filters.attachments import attachments_of
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.scene.model import Scene
 

@@ -13,10 +13,10 @@ from vtkmodules.vtkFiltersCore import vtkCleanPolyData, vtkTubeFilter
 from vtkmodules.vtkFiltersSources import vtkLineSource
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
-from vtkmuscle.filters.arrays import multiblock_from, points_of, set_field_array, with_points
-from vtkmuscle.filters.base import AbortedError, Filter
-from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
-from vtkmuscle.filters.pipeline_times import times_of
+from vtkmuscle.data.arrays import multiblock_from, points_of, set_field_array, with_points
+from vtkmuscle.data.pipeline_times import times_of
+from vtkmuscle.filters.base.filter import AbortedError, Filter
+from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
 
 
 class Shift(Filter):

@@ -7,8 +7,8 @@ from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 from vtkmodules.vtkFiltersSources import vtkCubeSource
 
-from vtkmuscle.core.rigid import apply_transform, hinge
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.motion.rigid import apply_transform, hinge
+from vtkmuscle.data.arrays import (
     blocks_of,
     field_array,
     multiblock_from,

@@ -10,7 +10,7 @@ from filter_case import Case
 
 import vtkmuscle.filters
 from examples import example
-from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.plotting import can_render
 
 

@@ -8,9 +8,9 @@ from filter_case import Case, poisoned
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from examples import example
-from vtkmuscle.filters.arrays import points_of, polylines_from, polylines_of, set_field_array, with_points
-from vtkmuscle.filters.base import Filter
-from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.data.arrays import points_of, polylines_from, polylines_of, set_field_array, with_points
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
 
 
 class Sound(Filter):

@@ -8,8 +8,8 @@ import pytest
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
-from vtkmuscle.core.rigid import RigidMotion
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.arrays import (
     field_array,
     multiblock_from,
     point_array,

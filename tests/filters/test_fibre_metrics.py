@@ -4,7 +4,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from vtkmodules.vtkFiltersCore import vtkCleanPolyData, vtkTriangleFilter
 from vtkmodules.vtkFiltersSources import vtkCubeSource
 
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.data.arrays import (
     Polylines,
     cell_array,
     field_array,
@@ -140,7 +140,7 @@ def test_the_architecture_of_a_box_of_parallel_fibres(closed_box):
 
 @pytest.mark.parametrize("asked", [{"architecture": True}, {"sections": 3}])
 def test_measures_of_the_muscle_need_a_closed_muscle_and_fibres_with_a_length(box, asked):
-    from vtkmuscle.filters.arrays import surface_from, triangles_of
+    from vtkmuscle.data.arrays import surface_from, triangles_of
 
     with pytest.raises(ValueError, match="needs a muscle"):
         FibreMetrics(**asked)(straight_bundle())
@@ -150,7 +150,7 @@ def test_measures_of_the_muscle_need_a_closed_muscle_and_fibres_with_a_length(bo
 
 
 def test_penetration_is_that_of_the_deepest_point(box):
-    from vtkmuscle.filters.arrays import multiblock_from
+    from vtkmuscle.data.arrays import multiblock_from
 
     fibres = fibres_from([[-60, 0, 0], [0, 0, 3.0], [60, 0, 0]], [[-60, 0, 90], [60, 0, 90.0]])
     measured = FibreMetrics()(fibres, None, multiblock_from({"bone": box}))

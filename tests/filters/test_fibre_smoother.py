@@ -7,10 +7,10 @@ from scipy.spatial import ConvexHull, Delaunay, cKDTree
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle import Scene
-from vtkmuscle.core.mesh import signed_volume
-from vtkmuscle.core.packing import filling_radius
-from vtkmuscle.core.polylines import polyline_lengths
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.fibres.packing import filling_radius
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.data.arrays import (
     Polylines,
     cell_array,
     points_of,
@@ -20,10 +20,10 @@ from vtkmuscle.filters.arrays import (
     set_field_array,
     set_point_array,
 )
-from vtkmuscle.filters.attachments import attachments_of
+from vtkmuscle.data.attachments import attachments_of
+from vtkmuscle.data.muscle_geometry import muscle_geometry
+from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
-from vtkmuscle.filters.muscle_geometry import muscle_geometry
-from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.phantoms import fibre_block, hip, spindle_over_hinge, winding_spindle
 from vtkmuscle.pipelines import decompose
 

@@ -3,9 +3,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
-from vtkmuscle.core.rigid import apply_transform, rotation_about
-from vtkmuscle.filters import fibre_transport
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
+from vtkmuscle.data.arrays import (
     Polylines,
     cell_array,
     field_array,
@@ -16,8 +15,9 @@ from vtkmuscle.filters.arrays import (
     triangles_of,
     with_points,
 )
+from vtkmuscle.data.pipeline_times import announce_times
+from vtkmuscle.filters import fibre_transport
 from vtkmuscle.filters.fibre_transport import FibreTransport
-from vtkmuscle.filters.pipeline_times import announce_times
 
 
 @pytest.fixture

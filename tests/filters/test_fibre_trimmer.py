@@ -7,7 +7,7 @@ from vtkmodules.vtkFiltersCore import vtkCleanPolyData, vtkTriangleFilter
 from vtkmodules.vtkFiltersModeling import vtkLinearSubdivisionFilter
 from vtkmodules.vtkFiltersSources import vtkCubeSource
 
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.data.arrays import (
     Polylines,
     cell_array,
     field_array,
@@ -19,7 +19,7 @@ from vtkmuscle.filters.arrays import (
     surface_from,
     triangles_of,
 )
-from vtkmuscle.filters.attachments import AttachmentArea, attachments_from
+from vtkmuscle.data.attachments import AttachmentArea, attachments_from
 from vtkmuscle.filters.fibre_trimmer import FibreTrimmer
 
 LENGTH = 80.0
@@ -171,11 +171,11 @@ def test_a_muscle_with_a_hole_is_refused(muscle):
 def test_fibres_of_a_real_muscle_stay_in_it_and_end_apart_without_sharp_turns(lhdl_hip, name):
     from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
-    from vtkmuscle.filters.attachments import landmarks_of
+    from vtkmuscle.data.attachments import landmarks_of
+    from vtkmuscle.data.surface_distance import SurfaceDistance
     from vtkmuscle.filters.fibre_smoother import FibreSmoother
     from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
     from vtkmuscle.filters.slice_morpher import SliceMorpher
-    from vtkmuscle.filters.surface_distance import SurfaceDistance
     from vtkmuscle.filters.template_fitter import TemplateFitter
 
     def read(path):

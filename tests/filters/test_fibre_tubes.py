@@ -7,7 +7,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkFiltersCore import vtkMassProperties, vtkTriangleFilter
 from vtkmodules.vtkFiltersSources import vtkCubeSource
 
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.data.arrays import (
     Polylines,
     cell_array,
     point_array,

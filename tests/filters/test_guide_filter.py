@@ -11,7 +11,7 @@ import pytest
 from filter_case import Case, poisoned
 
 from examples import fibres
-from vtkmuscle.filters.arrays import polylines_of
+from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.plotting import can_render
 
 DOCS = Path(__file__).parents[2] / "docs"

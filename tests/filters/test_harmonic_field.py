@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.filters.arrays import field_string, point_array, points_of, set_point_array, with_points
+from vtkmuscle.data.arrays import field_string, point_array, points_of, set_point_array, with_points
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.filters.harmonic_field import HarmonicField
 from vtkmuscle.filters.slice_morpher import SliceMorpher

@@ -9,8 +9,8 @@ import threading
 import pytest
 from vtkmodules.vtkCommonCore import vtkObject
 
-from vtkmuscle.filters.failure_messages import failure_messages_off, silence_after_failure
-from vtkmuscle.filters.interrupts import interrupts_deferred
+from vtkmuscle.filters.base.failure_messages import failure_messages_off, silence_after_failure
+from vtkmuscle.filters.base.interrupts import interrupts_deferred
 
 
 @pytest.fixture(autouse=True)
@@ -24,7 +24,7 @@ def ctrl_c_counts():
 SETTING = """
 import os, signal, threading
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
-from vtkmuscle.filters.arrays import points_of
+from vtkmuscle.data.arrays import points_of
 from vtkmuscle.phantoms import spindle_over_hinge
 
 # A shell's background job ignores Ctrl-C, and what it starts inherits that.

@@ -3,8 +3,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from examples import PHANTOM, fibres, moving_bones
-from vtkmuscle.core.linear_blend import blend_fibres
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.fibres.linear_blend import blend_fibres
+from vtkmuscle.data.arrays import (
     cell_array,
     field_array,
     multiblock_from,
@@ -51,7 +51,7 @@ def test_times_are_those_of_the_bones():
 
 
 def test_with_fit_the_fibres_are_no_deeper_in_the_bones():
-    from vtkmuscle.filters.arrays import blocks_of
+    from vtkmuscle.data.arrays import blocks_of
     from vtkmuscle.filters.linear_blend_fibres import depth_in
 
     bones = moving_bones(90.0)

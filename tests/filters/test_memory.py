@@ -10,9 +10,8 @@ from test_pbd_deformer import bones, fixed_to
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
-from vtkmuscle.core.rigid import hinge
-from vtkmuscle.filters import BoneMotion, FibreMetrics, FibreTransport, FibreTubes, PBDDeformer
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.motion.rigid import hinge
+from vtkmuscle.data.arrays import (
     Polylines,
     points_of,
     polylines_from,
@@ -21,8 +20,9 @@ from vtkmuscle.filters.arrays import (
     triangles_of,
     with_points,
 )
-from vtkmuscle.filters.base import Filter
-from vtkmuscle.filters.parameters import InputPort, OutputPort
+from vtkmuscle.filters import BoneMotion, FibreMetrics, FibreTransport, FibreTubes, PBDDeformer
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import InputPort, OutputPort
 
 ANGLES = np.arange(0.0, 21.0, 2.0)
 #: Growth per update that is noise: caches of Python and VTK, fragments [bytes].

@@ -5,10 +5,9 @@ import pytest
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonDataModel import vtkDataObject
 
-from vtkmuscle.core.coordinates import Coordinate
-from vtkmuscle.core.rigid import RigidMotion, hinge, rotation_about
-from vtkmuscle.filters import MomentArms
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.motion.coordinates import Coordinate
+from vtkmuscle.core.motion.rigid import RigidMotion, hinge, rotation_about
+from vtkmuscle.data.arrays import (
     Polylines,
     cell_array,
     field_array,
@@ -17,7 +16,8 @@ from vtkmuscle.filters.arrays import (
     set_cell_array,
     set_field_array,
 )
-from vtkmuscle.filters.pipeline_times import announce_times
+from vtkmuscle.data.pipeline_times import announce_times
+from vtkmuscle.filters import MomentArms
 
 #: Two points that turn about the x axis with the bone, and where their fibres begin [mm].
 STARTS = np.array([[0.0, -80.0, 30.0], [5.0, -80.0, 40.0]])

@@ -10,16 +10,16 @@ from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 
 from examples import ball_beside
 from vtkmuscle import Scene, SceneError
-from vtkmuscle.core.muscle_contact import depth_in
-from vtkmuscle.core.rigid import RigidMotion
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.collision.muscle_contact import depth_in
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.arrays import (
     checked_surface,
     multiblock_from,
     points_of,
     set_point_array,
     with_points,
 )
-from vtkmuscle.filters.neighbours import outward_tree
+from vtkmuscle.filters.deformer.neighbours import outward_tree
 from vtkmuscle.phantoms import spindle_over_hinge
 from vtkmuscle.pipelines import deform
 from vtkmuscle.scene.model import Muscle

@@ -12,10 +12,10 @@ from vtkmodules.vtkFiltersCore import vtkPolyDataNormals, vtkTriangleFilter
 from vtkmodules.vtkFiltersSources import vtkCubeSource, vtkSphereSource
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
-from vtkmuscle.core.mesh import edge_lengths, signed_volume, unique_edges
-from vtkmuscle.core.rigid import RigidMotion, apply_transform, hinge, inverse, rotation_about
-from vtkmuscle.core.solver import MuscleSolver
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, unique_edges
+from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, hinge, inverse, rotation_about
+from vtkmuscle.core.pbd.solver import MuscleSolver
+from vtkmuscle.data.arrays import (
     Polylines,
     field_array,
     multiblock_from,
@@ -28,9 +28,9 @@ from vtkmuscle.filters.arrays import (
     triangles_of,
     with_points,
 )
-from vtkmuscle.filters.base import AbortedError
+from vtkmuscle.filters.base.filter import AbortedError
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.filters.convergence_report import read_convergence
+from vtkmuscle.filters.deformer.convergence_report import read_convergence
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 
 ANGLES = [0.0, 5.0, 10.0, 20.0, 30.0]
@@ -653,8 +653,8 @@ def test_no_grids_without_collision(monkeypatch):
     def never(*_, **__):
         raise AssertionError("a grid was made")
 
-    monkeypatch.setattr("vtkmuscle.core.obstacles.build_voxel_grid", never)
-    monkeypatch.setattr("vtkmuscle.core.obstacles.cached_distance_grid", never)
+    monkeypatch.setattr("vtkmuscle.core.collision.obstacles.build_voxel_grid", never)
+    monkeypatch.setattr("vtkmuscle.core.collision.obstacles.cached_distance_grid", never)
     deformer_of(collision="none").update(30.0)
 
 

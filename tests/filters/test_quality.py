@@ -5,10 +5,10 @@ import sys
 import numpy as np
 import pytest
 
-from vtkmuscle.core import coarse
+from vtkmuscle.core.pbd import coarse
+from vtkmuscle.data.arrays import field_array, point_array, points_of
 from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer
-from vtkmuscle.filters.arrays import field_array, point_array, points_of
-from vtkmuscle.filters.quality import PRESETS
+from vtkmuscle.filters.deformer.quality import PRESETS
 from vtkmuscle.phantoms import spindle_over_hinge
 
 

@@ -7,9 +7,9 @@ from scipy.spatial import cKDTree
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle import Scene
-from vtkmuscle.core.inside import points_inside
-from vtkmuscle.core.polylines import polyline_lengths
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.mesh.inside import points_inside
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.data.arrays import (
     Polylines,
     cell_array,
     field_array,
@@ -23,7 +23,7 @@ from vtkmuscle.filters.arrays import (
     triangles_of,
     with_points,
 )
-from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, landmarks_of
+from vtkmuscle.data.attachments import AttachmentArea, attachments_from, landmarks_of
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.filters.slice_morpher import SliceMorpher
 from vtkmuscle.filters.template_fitter import TemplateFitter

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.rigid import apply_transform, rotation_about
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
+from vtkmuscle.data.arrays import (
     Polylines,
     blocks_of,
     cell_array,
@@ -15,7 +15,7 @@ from vtkmuscle.filters.arrays import (
     triangles_of,
     with_points,
 )
-from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, attachments_of
+from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.filters.slice_morpher import SliceMorpher
 from vtkmuscle.filters.template_fitter import TemplateFitter

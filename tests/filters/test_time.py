@@ -10,12 +10,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from test_pbd_deformer import bones, fixed_to, spindle
 
-from vtkmuscle.core import obstacles, solver
-from vtkmuscle.core.rigid import hinge
-from vtkmuscle.filters import kept_solver
-from vtkmuscle.filters.arrays import points_of
+from vtkmuscle.core.collision import obstacles
+from vtkmuscle.core.motion.rigid import hinge
+from vtkmuscle.core.pbd import solver
+from vtkmuscle.data.arrays import points_of
+from vtkmuscle.filters.base.checkpoints import Checkpoints
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.filters.checkpoints import Checkpoints
+from vtkmuscle.filters.deformer import kept_solver
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 
 STEPS = (0.0, 4.0, 8.0, 12.0, 16.0, 20.0)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from vtkmuscle.data.arrays import Polylines, cell_array, point_array, points_of, polylines_from
 from vtkmuscle.filters import (
     AttachmentArea,
     FibreMetrics,
@@ -10,7 +11,6 @@ from vtkmuscle.filters import (
     attachments_from,
     attachments_of,
 )
-from vtkmuscle.filters.arrays import Polylines, cell_array, point_array, points_of, polylines_from
 from vtkmuscle.pipelines import decompose
 
 turn = 2.0 * np.pi * np.arange(8) / 8

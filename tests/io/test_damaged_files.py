@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from mutations import mutated, read_all
 from tiny_scene import ellipsoid
 
-from vtkmuscle.filters.arrays import points_of, set_field_array, set_point_array, triangles_of
+from vtkmuscle.data.arrays import points_of, set_field_array, set_point_array, triangles_of
 from vtkmuscle.io import read_polydata, write_vtkhdf
 from vtkmuscle.io.vtp_check import check_vtp
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from vtkmuscle.filters.attachments import AttachmentArea, attachments_from
+from vtkmuscle.data.attachments import AttachmentArea, attachments_from
 from vtkmuscle.io import read_landmarks, write_polydata
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0.5], [0, 1, 0]])

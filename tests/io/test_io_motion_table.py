@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vtkmuscle.core.coordinates import Coordinate
-from vtkmuscle.core.rigid import RigidMotion, hinge, rotation_about
+from vtkmuscle.core.motion.coordinates import Coordinate
+from vtkmuscle.core.motion.rigid import RigidMotion, hinge, rotation_about
 from vtkmuscle.io import motion_columns, read_motion_table, write_motion_table
 
 AXES = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda a: np.linalg.norm(a) > 0.1)

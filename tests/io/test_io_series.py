@@ -7,7 +7,7 @@ import pytest
 import pyvista
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
-from vtkmuscle.filters.arrays import points_of, surface_from
+from vtkmuscle.data.arrays import points_of, surface_from
 from vtkmuscle.io import Collection, Series, read_surface, write_polydata, write_text, writing
 
 TRIANGLE = np.array([[0, 1, 2]])

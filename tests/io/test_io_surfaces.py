@@ -11,8 +11,8 @@ from vtkmodules.vtkIOGeometry import vtkOBJWriter, vtkSTLWriter
 from vtkmodules.vtkIOLegacy import vtkPolyDataWriter, vtkUnstructuredGridWriter
 from vtkmodules.vtkIOPLY import vtkPLYWriter
 
-from vtkmuscle.core.mesh import survey
-from vtkmuscle.filters.arrays import points_of, surface_from, triangles_of, vtk_points, with_points
+from vtkmuscle.core.mesh.surface import survey
+from vtkmuscle.data.arrays import points_of, surface_from, triangles_of, vtk_points, with_points
 from vtkmuscle.io import SURFACE_SUFFIXES, read_polydata, read_surface, write_polydata
 
 WRITERS = {".vtk": vtkPolyDataWriter, ".stl": vtkSTLWriter, ".obj": vtkOBJWriter, ".ply": vtkPLYWriter}

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from vtkmodules.vtkIOHDF import vtkHDFReader
 
-from vtkmuscle.filters import FibreTemplateSource, provenance_of
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.data.arrays import (
     blocks_of,
     cell_array,
     field_array,
@@ -21,7 +20,8 @@ from vtkmuscle.filters.arrays import (
     set_point_array,
     surface_from,
 )
-from vtkmuscle.filters.pipeline_times import times_of
+from vtkmuscle.data.pipeline_times import times_of
+from vtkmuscle.filters import FibreTemplateSource, provenance_of
 from vtkmuscle.io import Collection, Series, read_series, write_polydata, write_vtkhdf
 
 TIMES = (0.0, 2.5, 5.0)

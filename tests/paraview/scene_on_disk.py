@@ -3,7 +3,7 @@
 from vtkmodules.vtkIOXML import vtkXMLMultiBlockDataReader, vtkXMLMultiBlockDataWriter
 
 from vtkmuscle import Scene, filters
-from vtkmuscle.filters.arrays import points_of
+from vtkmuscle.data.arrays import points_of
 from vtkmuscle.io import read_polydata, write_polydata
 from vtkmuscle.scene.reading import read_motion
 

@@ -7,7 +7,7 @@ from xml.etree.ElementTree import fromstring
 
 import pytest
 
-from vtkmuscle.core.rigid import RigidMotion
+from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.filters import Filter, InputPort, OutputPort, Parameter
 from vtkmuscle.paraview.properties import FILES, camel_case, plain, properties_of, spaced
 from vtkmuscle.paraview.proxies import proxy_parts

@@ -7,8 +7,8 @@ import pytest
 from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
 
 from vtkmuscle import Scene
+from vtkmuscle.data.arrays import blocks_of, points_of
 from vtkmuscle.filters import BoneMotion, FibreTemplateSource, FixedPointDetector, PBDDeformer
-from vtkmuscle.filters.arrays import blocks_of, points_of
 from vtkmuscle.paraview.muscle_scene import MuscleScene
 from vtkmuscle.paraview.properties import properties_of
 from vtkmuscle.paraview.shells import all_kinds, shell_of

@@ -14,9 +14,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of, via_rings_of
+    from vtkmuscle.data.provenance import provenance_of
     from vtkmuscle.filters.attachment_estimator import AttachmentEstimator
-    from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, attachments_of, via_rings_of
-    from vtkmuscle.filters.base import Filter
+    from vtkmuscle.filters.base.filter import Filter
+    from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
     from vtkmuscle.filters.bone_motion import BoneMotion
     from vtkmuscle.filters.fibre_metrics import FibreMetrics
     from vtkmuscle.filters.fibre_smoother import FibreSmoother
@@ -28,39 +30,37 @@ if TYPE_CHECKING:
     from vtkmuscle.filters.harmonic_field import HarmonicField
     from vtkmuscle.filters.linear_blend_fibres import LinearBlendFibres
     from vtkmuscle.filters.moment_arms import MomentArms
-    from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
     from vtkmuscle.filters.pbd_deformer import PBDDeformer
-    from vtkmuscle.filters.provenance import provenance_of
     from vtkmuscle.filters.slice_morpher import SliceMorpher
     from vtkmuscle.filters.taut_fibres import TautFibres
     from vtkmuscle.filters.template_fitter import TemplateFitter
 
 _SOURCES = {
-    "AttachmentArea": "attachments",
-    "AttachmentEstimator": "attachment_estimator",
-    "BoneMotion": "bone_motion",
-    "FibreMetrics": "fibre_metrics",
-    "FibreSmoother": "fibre_smoother",
-    "FibreTemplateSource": "fibre_template_source",
-    "FibreTransport": "fibre_transport",
-    "FibreTrimmer": "fibre_trimmer",
-    "FibreTubes": "fibre_tubes",
-    "Filter": "base",
-    "FixedPointDetector": "fixed_point_detector",
-    "HarmonicField": "harmonic_field",
-    "InputPort": "parameters",
-    "LinearBlendFibres": "linear_blend_fibres",
-    "MomentArms": "moment_arms",
-    "OutputPort": "parameters",
-    "PBDDeformer": "pbd_deformer",
-    "Parameter": "parameters",
-    "SliceMorpher": "slice_morpher",
-    "TautFibres": "taut_fibres",
-    "TemplateFitter": "template_fitter",
-    "attachments_from": "attachments",
-    "attachments_of": "attachments",
-    "provenance_of": "provenance",
-    "via_rings_of": "attachments",
+    "AttachmentArea": "vtkmuscle.data.attachments",
+    "AttachmentEstimator": "vtkmuscle.filters.attachment_estimator",
+    "BoneMotion": "vtkmuscle.filters.bone_motion",
+    "FibreMetrics": "vtkmuscle.filters.fibre_metrics",
+    "FibreSmoother": "vtkmuscle.filters.fibre_smoother",
+    "FibreTemplateSource": "vtkmuscle.filters.fibre_template_source",
+    "FibreTransport": "vtkmuscle.filters.fibre_transport",
+    "FibreTrimmer": "vtkmuscle.filters.fibre_trimmer",
+    "FibreTubes": "vtkmuscle.filters.fibre_tubes",
+    "Filter": "vtkmuscle.filters.base.filter",
+    "FixedPointDetector": "vtkmuscle.filters.fixed_point_detector",
+    "HarmonicField": "vtkmuscle.filters.harmonic_field",
+    "InputPort": "vtkmuscle.filters.base.parameters",
+    "LinearBlendFibres": "vtkmuscle.filters.linear_blend_fibres",
+    "MomentArms": "vtkmuscle.filters.moment_arms",
+    "OutputPort": "vtkmuscle.filters.base.parameters",
+    "PBDDeformer": "vtkmuscle.filters.pbd_deformer",
+    "Parameter": "vtkmuscle.filters.base.parameters",
+    "SliceMorpher": "vtkmuscle.filters.slice_morpher",
+    "TautFibres": "vtkmuscle.filters.taut_fibres",
+    "TemplateFitter": "vtkmuscle.filters.template_fitter",
+    "attachments_from": "vtkmuscle.data.attachments",
+    "attachments_of": "vtkmuscle.data.attachments",
+    "provenance_of": "vtkmuscle.data.provenance",
+    "via_rings_of": "vtkmuscle.data.attachments",
 }
 
 __all__ = [
@@ -94,7 +94,7 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name in _SOURCES:
-        return getattr(import_module(f"vtkmuscle.filters.{_SOURCES[name]}"), name)
+        return getattr(import_module(_SOURCES[name]), name)
     raise AttributeError(f"module 'vtkmuscle.filters' has no attribute {name!r}")
 
 

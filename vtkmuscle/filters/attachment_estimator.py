@@ -6,15 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.contact_areas import ContactArea, attached_contacts, contact_areas, outline
-from vtkmuscle.core.patches import FACING, approach, outward_normals
-from vtkmuscle.filters.arrays import checked_surface
-from vtkmuscle.filters.attachments import AttachmentArea, attachments_from
-from vtkmuscle.filters.base import Filter
+from vtkmuscle.core.attachments.contact_areas import ContactArea, attached_contacts, contact_areas, outline
+from vtkmuscle.core.attachments.patches import FACING, approach, outward_normals
+from vtkmuscle.data.arrays import checked_surface
+from vtkmuscle.data.attachments import AttachmentArea, attachments_from
+from vtkmuscle.data.surface_distance import SurfaceDistance
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
 from vtkmuscle.filters.bone_motion import bones_of
 from vtkmuscle.filters.fixed_point_detector import in_box
-from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
-from vtkmuscle.filters.surface_distance import SurfaceDistance
 
 #: Where no tolerance is given: this part of the diagonal of the muscle's box, 2 to 5 mm about the hip.
 TOLERANCE_PER_DIAGONAL = 0.015

@@ -11,10 +11,10 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonTransforms import vtkTransform
 from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
 
-from vtkmuscle.core.rigid import Floats, RigidMotion
-from vtkmuscle.filters.arrays import blocks_of, multiblock_from, set_field_array
-from vtkmuscle.filters.base import Filter
-from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.core.motion.rigid import Floats, RigidMotion
+from vtkmuscle.data.arrays import blocks_of, multiblock_from, set_field_array
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
 
 
 class BoneMotion(Filter):

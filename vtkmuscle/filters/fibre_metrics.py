@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.fibre_measures import (
+from vtkmuscle.core.fibres.measures import (
     angles_to,
     centroid_path,
     line_of_action,
@@ -15,10 +15,10 @@ from vtkmuscle.core.fibre_measures import (
     polyline_curvatures,
     section_areas,
 )
-from vtkmuscle.core.mesh import signed_volume, triangle_normals
-from vtkmuscle.core.polylines import end_directions, polyline_lengths
-from vtkmuscle.core.triangle_tree import triangle_tree
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
+from vtkmuscle.core.mesh.surface import signed_volume, triangle_normals
+from vtkmuscle.core.mesh.triangle_tree import triangle_tree
+from vtkmuscle.data.arrays import (
     Polylines,
     blocks_of,
     cell_array,
@@ -29,11 +29,11 @@ from vtkmuscle.filters.arrays import (
     set_point_array,
     with_polylines,
 )
-from vtkmuscle.filters.attachments import end_areas
-from vtkmuscle.filters.base import Filter
-from vtkmuscle.filters.inner_areas import inner_areas
-from vtkmuscle.filters.muscle_geometry import muscle_geometry
-from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.data.attachments import end_areas
+from vtkmuscle.data.inner_areas import inner_areas
+from vtkmuscle.data.muscle_geometry import muscle_geometry
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
 
 Floats = NDArray[np.float64]
 

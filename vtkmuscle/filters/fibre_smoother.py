@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.polylines import polyline_lengths, smooth_polylines
-from vtkmuscle.core.spreading import move_ends, steps_to_centres
-from vtkmuscle.core.triangle_tree import TriangleTree
-from vtkmuscle.filters.arrays import Polylines, field_string, polylines_of, set_cell_array, with_polylines
-from vtkmuscle.filters.attachments import end_areas
-from vtkmuscle.filters.base import Filter
-from vtkmuscle.filters.muscle_geometry import MuscleGeometry, muscle_geometry
-from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.core.fibres.spreading import move_ends, steps_to_centres
+from vtkmuscle.core.mesh.polylines import polyline_lengths, smooth_polylines
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree
+from vtkmuscle.data.arrays import Polylines, field_string, polylines_of, set_cell_array, with_polylines
+from vtkmuscle.data.attachments import end_areas
+from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
 
 Floats = NDArray[np.float64]
 

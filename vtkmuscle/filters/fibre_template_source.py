@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.template_files import read_template
-from vtkmuscle.core.templates import KINDS, TEMPLATES, sobol_points
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.template.kinds import KINDS, TEMPLATES, sobol_points
+from vtkmuscle.core.template.template_files import read_template
+from vtkmuscle.data.arrays import (
     Polylines,
     polylines_from,
     set_cell_array,
     set_field_array,
     set_point_array,
 )
-from vtkmuscle.filters.base import Filter
-from vtkmuscle.filters.parameters import OutputPort, Parameter
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import OutputPort, Parameter
 
 
 class FibreTemplateSource(Filter):
@@ -23,8 +23,9 @@ class FibreTemplateSource(Filter):
 
     Each fibre is a Bezier curve from the origin area, at the bottom of the cube, to the insertion area, at
     its top; which curve is given by two parameters (r, s). The fibres' parameters are Sobol points, as in
-    the paper. The points of a fibre are equally spaced in its parameter t. :mod:`vtkmuscle.core.templates`
-    says what each kind is, :mod:`vtkmuscle.core.template_files` how to write one of your own.
+    the paper. The points of a fibre are equally spaced in its parameter t.
+    :mod:`vtkmuscle.core.template.kinds` says what each kind is,
+    :mod:`vtkmuscle.core.template.template_files` how to write one of your own.
 
     Raises
     ------

@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.mean_value import mean_value_coordinates, transport
-from vtkmuscle.core.polylines import polyline_lengths
-from vtkmuscle.core.sparse_weights import (
+from vtkmuscle.core.fibres.mean_value import mean_value_coordinates, transport
+from vtkmuscle.core.fibres.sparse_weights import (
     SparseWeights,
     joined,
     sparse_mean_value_coordinates,
     sparse_transport,
 )
-from vtkmuscle.core.vertex_groups import vertex_groups
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.fibres.vertex_groups import vertex_groups
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.data.arrays import (
     Polylines,
     checked_surface,
     field_array,
@@ -29,10 +29,10 @@ from vtkmuscle.filters.arrays import (
     set_field_array,
     with_polylines,
 )
-from vtkmuscle.filters.base import Filter
-from vtkmuscle.filters.muscle_geometry import muscle_geometry
-from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
-from vtkmuscle.filters.pipeline_times import times_of
+from vtkmuscle.data.muscle_geometry import muscle_geometry
+from vtkmuscle.data.pipeline_times import times_of
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.discs import discs_over
-from vtkmuscle.core.triangle_tree import triangle_tree
-from vtkmuscle.core.trimming import EndArea, trim_fibres
-from vtkmuscle.filters.arrays import Polylines, field_array, polylines_of, with_polylines
-from vtkmuscle.filters.attachments import AttachmentArea, end_areas
-from vtkmuscle.filters.base import Filter
-from vtkmuscle.filters.inner_areas import inner_areas
-from vtkmuscle.filters.muscle_geometry import MuscleGeometry, muscle_geometry
-from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.core.attachments.discs import discs_over
+from vtkmuscle.core.fibres.trimming import EndArea, trim_fibres
+from vtkmuscle.core.mesh.triangle_tree import triangle_tree
+from vtkmuscle.data.arrays import Polylines, field_array, polylines_of, with_polylines
+from vtkmuscle.data.attachments import AttachmentArea, end_areas
+from vtkmuscle.data.inner_areas import inner_areas
+from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -9,10 +9,10 @@ from vtkmodules.vtkCommonDataModel import vtkDataSetAttributes, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 from vtkmodules.vtkFiltersCore import vtkTubeFilter
 
-from vtkmuscle.core.mesh import signed_volume
-from vtkmuscle.core.packing import filling_radius, room_between
-from vtkmuscle.core.polylines import polyline_lengths
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.fibres.packing import filling_radius, room_between
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.data.arrays import (
     Polylines,
     checked_surface,
     polylines_from,
@@ -21,8 +21,8 @@ from vtkmuscle.filters.arrays import (
     set_point_array,
     with_polylines,
 )
-from vtkmuscle.filters.base import Filter
-from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
 
 Floats = NDArray[np.float64]
 

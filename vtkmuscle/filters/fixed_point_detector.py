@@ -7,15 +7,15 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.mesh import edge_lengths, unique_edges
-from vtkmuscle.core.patches import attachment_patch
-from vtkmuscle.core.voxels import DEFAULT_N_MAX, build_voxel_grid
-from vtkmuscle.filters.arrays import checked_surface, set_point_array
-from vtkmuscle.filters.attachments import VIA, AttachmentArea, attachments_of
-from vtkmuscle.filters.base import Filter
+from vtkmuscle.core.attachments.patches import attachment_patch
+from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX, build_voxel_grid
+from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
+from vtkmuscle.data.arrays import checked_surface, set_point_array
+from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of
+from vtkmuscle.data.surface_distance import SurfaceDistance
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
 from vtkmuscle.filters.bone_motion import bones_of
-from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
-from vtkmuscle.filters.surface_distance import SurfaceDistance
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.harmonic_morphing import attachment_field
-from vtkmuscle.filters.arrays import point_array, set_point_array
-from vtkmuscle.filters.attachments import end_areas
-from vtkmuscle.filters.base import Filter
-from vtkmuscle.filters.muscle_geometry import muscle_geometry
-from vtkmuscle.filters.parameters import InputPort, OutputPort
+from vtkmuscle.core.morphing.isolines import attachment_field
+from vtkmuscle.data.arrays import point_array, set_point_array
+from vtkmuscle.data.attachments import end_areas
+from vtkmuscle.data.muscle_geometry import muscle_geometry
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import InputPort, OutputPort
 
 Floats = NDArray[np.float64]
 

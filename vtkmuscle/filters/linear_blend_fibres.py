@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.linear_blend import blend_fibres, fitted_a
-from vtkmuscle.core.polylines import polyline_lengths
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.fibres.linear_blend import blend_fibres, fitted_a
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.data.arrays import (
     Polylines,
     blocks_of,
     polylines_of,
@@ -20,11 +20,11 @@ from vtkmuscle.filters.arrays import (
     set_field_array,
     with_polylines,
 )
-from vtkmuscle.filters.base import Filter
-from vtkmuscle.filters.moving_bones import transforms_of
-from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
-from vtkmuscle.filters.pipeline_times import times_of
-from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.data.moving_bones import transforms_of
+from vtkmuscle.data.pipeline_times import times_of
+from vtkmuscle.data.surface_distance import SurfaceDistance
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
 
 Floats = NDArray[np.float64]
 

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.coordinates import ANGLES, TRANSLATIONS, Coordinate
-from vtkmuscle.core.joint_arms import checked_coordinates, coordinate_samples
-from vtkmuscle.core.moment_arms import moment_arms
-from vtkmuscle.core.polylines import polyline_lengths
-from vtkmuscle.core.rigid import RigidMotion
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.moment_arms.derivatives import moment_arms
+from vtkmuscle.core.moment_arms.of_joints import checked_coordinates, coordinate_samples
+from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS, Coordinate
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.arrays import (
     cell_array,
     field_array,
     polylines_of,
@@ -21,10 +21,10 @@ from vtkmuscle.filters.arrays import (
     set_field_array,
     with_polylines,
 )
-from vtkmuscle.filters.base import Filter
-from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
-from vtkmuscle.filters.pipeline_times import times_of
-from vtkmuscle.filters.time_path import input_at, requested_time, state_of_inputs
+from vtkmuscle.data.pipeline_times import times_of
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.time_path import input_at, requested_time, state_of_inputs
 
 Floats = NDArray[np.float64]
 
@@ -37,10 +37,10 @@ class MomentArms(Filter):
 
     A fibre that shortens as the coordinate q grows has a positive moment arm. The slope of its length is
     taken by local regression in a window that is chosen against the noise of the lengths
-    (:func:`vtkmuscle.core.moment_arms.moment_arms`), and has a standard error. The fibres are asked for at
-    every time step that is announced; what was measured is kept until something upstream changes. Fibres
-    that announce no time steps must have their history with them: the cell array ``Lengths`` and the field
-    array ``Times``.
+    (:func:`vtkmuscle.core.moment_arms.derivatives.moment_arms`), and has a standard error. The fibres are
+    asked for at every time step that is announced; what was measured is kept until something upstream
+    changes. Fibres that announce no time steps must have their history with them: the cell array ``Lengths``
+    and the field array ``Times``.
 
     The coordinate is one of the ``motion``, or where none is given the pipeline's time. Of a motion with one
     coordinate those frames count in which the bones' rotation depends on it alone, and not a way from rest

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.coarse import COARSE_ITERATIONS, COARSE_POINTS
-from vtkmuscle.core.muscle_contact import Neighbour
-from vtkmuscle.core.obstacles import Obstacle
-from vtkmuscle.core.solver import MuscleSolver, MuscleState
-from vtkmuscle.core.two_level import LEAST_NODES, NODES
-from vtkmuscle.core.via_rings import ViaRing
-from vtkmuscle.core.voxels import DEFAULT_N_MAX
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.collision.muscle_contact import Neighbour
+from vtkmuscle.core.collision.obstacles import Obstacle
+from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
+from vtkmuscle.core.pbd.coarse import COARSE_ITERATIONS, COARSE_POINTS
+from vtkmuscle.core.pbd.solver import MuscleSolver, MuscleState
+from vtkmuscle.core.pbd.two_level import LEAST_NODES, NODES
+from vtkmuscle.core.taut.via_rings import ViaRing
+from vtkmuscle.data.arrays import (
     blocks_of,
     checked_surface,
     point_array,
@@ -27,21 +27,21 @@ from vtkmuscle.filters.arrays import (
     set_point_array,
     with_points,
 )
-from vtkmuscle.filters.attachments import rings_by_bone
-from vtkmuscle.filters.base import Filter
+from vtkmuscle.data.attachments import rings_by_bone
+from vtkmuscle.data.moving_bones import RestBones, transforms_of
+from vtkmuscle.data.pipeline_times import times_of
+from vtkmuscle.data.superficial import checked_superficial
+from vtkmuscle.filters.base.checkpoints import MEGABYTE, Checkpoints
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.time_path import input_at, path_to, request_time, requested_time, state_of_inputs
 from vtkmuscle.filters.bone_motion import bones_of
-from vtkmuscle.filters.checkpoints import MEGABYTE, Checkpoints
-from vtkmuscle.filters.convergence_report import convergence_fields, convergence_row
-from vtkmuscle.filters.convergence_table import ConvergenceTable
-from vtkmuscle.filters.kept_solver import FixedMuscle
-from vtkmuscle.filters.moving_bones import RestBones, transforms_of
-from vtkmuscle.filters.neighbours import Neighbours
-from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
-from vtkmuscle.filters.pipeline_times import times_of
-from vtkmuscle.filters.quality import with_preset
-from vtkmuscle.filters.solved_muscle import MuscleShape, SolvedMuscle
-from vtkmuscle.filters.superficial import checked_superficial
-from vtkmuscle.filters.time_path import input_at, path_to, request_time, requested_time, state_of_inputs
+from vtkmuscle.filters.deformer.convergence_report import convergence_fields, convergence_row
+from vtkmuscle.filters.deformer.convergence_table import ConvergenceTable
+from vtkmuscle.filters.deformer.kept_solver import FixedMuscle
+from vtkmuscle.filters.deformer.neighbours import Neighbours
+from vtkmuscle.filters.deformer.quality import with_preset
+from vtkmuscle.filters.deformer.solved_muscle import MuscleShape, SolvedMuscle
 
 Ints = NDArray[np.int64]
 

@@ -8,23 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.fitting import lie_opposite
-from vtkmuscle.core.harmonic_morphing import morph_by_isolines
-from vtkmuscle.core.morphing import Box, Morph, Slicing, morph_by_planes
-from vtkmuscle.core.section_maps import MAPPINGS, SPREADS
-from vtkmuscle.core.twist import Found, Twisting
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.morphing.isolines import morph_by_isolines
+from vtkmuscle.core.morphing.section_maps import MAPPINGS, SPREADS
+from vtkmuscle.core.morphing.slices import Box, Morph, Slicing, morph_by_planes
+from vtkmuscle.core.morphing.twist import Found, Twisting
+from vtkmuscle.core.template.fitting import lie_opposite
+from vtkmuscle.data.arrays import (
     Polylines,
     field_array,
     polylines_of,
     set_field_array,
     with_polylines,
 )
-from vtkmuscle.filters.base import Filter
+from vtkmuscle.data.muscle_geometry import muscle_geometry
+from vtkmuscle.data.superficial import superficial_fibres
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
 from vtkmuscle.filters.harmonic_field import field_of, has_field
-from vtkmuscle.filters.muscle_geometry import muscle_geometry
-from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
-from vtkmuscle.filters.superficial import superficial_fibres
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

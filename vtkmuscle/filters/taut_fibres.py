@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.taut.paths import POINTS, TautPaths, TautState
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.data.arrays import (
     Polylines,
     checked_surface,
     point_array,
@@ -20,15 +20,15 @@ from vtkmuscle.filters.arrays import (
     set_field_array,
     with_polylines,
 )
-from vtkmuscle.filters.attachments import rings_by_bone
-from vtkmuscle.filters.base import Filter
+from vtkmuscle.data.attachments import rings_by_bone
+from vtkmuscle.data.moving_bones import RestBones, transforms_of
+from vtkmuscle.data.pipeline_times import times_of
+from vtkmuscle.filters.base.checkpoints import MEGABYTE, Checkpoints
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.time_path import input_at, path_to, request_time, requested_time, state_of_inputs
 from vtkmuscle.filters.bone_motion import bones_of
-from vtkmuscle.filters.checkpoints import MEGABYTE, Checkpoints
-from vtkmuscle.filters.kept_solver import FixedMuscle
-from vtkmuscle.filters.moving_bones import RestBones, transforms_of
-from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
-from vtkmuscle.filters.pipeline_times import times_of
-from vtkmuscle.filters.time_path import input_at, path_to, request_time, requested_time, state_of_inputs
+from vtkmuscle.filters.deformer.kept_solver import FixedMuscle
 
 Floats = NDArray[np.float64]
 

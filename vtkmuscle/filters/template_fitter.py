@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.fitting import (
+from vtkmuscle.core.morphing.superficial import SeenFibres, angle_to_nearest
+from vtkmuscle.core.motion.rigid import apply_transform
+from vtkmuscle.core.template.fitting import (
     ASSIGNMENTS,
     TIE,
     Fit,
@@ -19,20 +21,18 @@ from vtkmuscle.core.fitting import (
     principal_axis,
     turned_cube,
 )
-from vtkmuscle.core.rigid import apply_transform
-from vtkmuscle.core.superficial import SeenFibres, angle_to_nearest
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.data.arrays import (
     Polylines,
     field_array,
     polylines_of,
     set_field_array,
     with_polylines,
 )
-from vtkmuscle.filters.attachments import AttachmentArea, end_areas
-from vtkmuscle.filters.base import Filter
-from vtkmuscle.filters.muscle_geometry import muscle_geometry
-from vtkmuscle.filters.parameters import InputPort, OutputPort, Parameter
-from vtkmuscle.filters.superficial import superficial_fibres
+from vtkmuscle.data.attachments import AttachmentArea, end_areas
+from vtkmuscle.data.muscle_geometry import muscle_geometry
+from vtkmuscle.data.superficial import superficial_fibres
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
 
 Floats = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.filters.arrays import field_array
+from vtkmuscle.data.arrays import field_array
 from vtkmuscle.io.writing import write_text
 
 

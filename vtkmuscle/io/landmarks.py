@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.files import MOST_TEXT, check_is_file
-from vtkmuscle.filters.attachments import landmarks_of
+from vtkmuscle.data.attachments import landmarks_of
 from vtkmuscle.io.surfaces import read_polydata
 
 Floats = NDArray[np.float64]

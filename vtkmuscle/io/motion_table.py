@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vtkmuscle.core.coordinates import Coordinate
 from vtkmuscle.core.files import check_is_file
-from vtkmuscle.core.rigid import RigidMotion, is_rigid
+from vtkmuscle.core.motion.coordinates import Coordinate
+from vtkmuscle.core.motion.rigid import RigidMotion, is_rigid
 from vtkmuscle.io.writing import write_text
 
 Floats = NDArray[np.float64]
@@ -56,9 +56,9 @@ def read_motion_table(
         Joint centre in the rest pose, in the unit of the table.
     coordinates : sequence of str, or mapping of str to mapping, optional
         Columns that are joint coordinates, in degrees; or, per column, ``unit`` and ``positive`` of a
-        :class:`~vtkmuscle.core.coordinates.Coordinate`. Without it the column of the time is one, unless its
-        name is that of a time (``time``, ``frame`` ...) or it counts the rows. Columns that do not change are
-        left out.
+        :class:`~vtkmuscle.core.motion.coordinates.Coordinate`. Without it the column of the time is one,
+        unless its name is that of a time (``time``, ``frame`` ...) or it counts the rows. Columns that do
+        not change are left out.
 
     Returns
     -------
@@ -77,7 +77,7 @@ def read_motion_table(
     --------
     >>> from pathlib import Path
     >>> from tempfile import mkdtemp
-    >>> from vtkmuscle.core.rigid import hinge
+    >>> from vtkmuscle.core.motion.rigid import hinge
     >>> from vtkmuscle.io import read_motion_table, write_motion_table
     >>> table = Path(mkdtemp()) / "knee.csv"
     >>> write_motion_table(table, hinge("tibia", (0, 0, 0), (1, 0, 0), [0, 10, 20]), "tibia")

@@ -6,8 +6,8 @@ from typing import Any
 
 import pyvista
 
-from vtkmuscle.filters.arrays import multiblock_from
-from vtkmuscle.filters.attachments import AttachmentArea, attachments_from
+from vtkmuscle.data.arrays import multiblock_from
+from vtkmuscle.data.attachments import AttachmentArea, attachments_from
 from vtkmuscle.io.landmarks import read_landmarks
 
 

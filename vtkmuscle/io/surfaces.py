@@ -14,7 +14,7 @@ from vtkmodules.vtkIOLegacy import vtkGenericDataObjectReader
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle.core.files import check_is_file
-from vtkmuscle.filters.arrays import points_of, with_points
+from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.io.in_child import read_in_child
 from vtkmuscle.io.messages import first_line, vtk_messages
 from vtkmuscle.io.ply import read_ply

@@ -19,8 +19,8 @@ from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkIOHDF import vtkHDFReader
 
 from vtkmuscle.core.files import check_is_file
-from vtkmuscle.filters.arrays import multiblock_from
-from vtkmuscle.filters.pipeline_times import announce_times, times_of
+from vtkmuscle.data.arrays import multiblock_from
+from vtkmuscle.data.pipeline_times import announce_times, times_of
 from vtkmuscle.io.in_child import check_in_child
 from vtkmuscle.io.messages import vtk_messages
 from vtkmuscle.io.surfaces import read_polydata

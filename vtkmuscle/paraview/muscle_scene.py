@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.filters.arrays import multiblock_from
-from vtkmuscle.filters.attachments import attachments_from
-from vtkmuscle.filters.base import Filter
-from vtkmuscle.filters.parameters import OutputPort, Parameter
+from vtkmuscle.data.arrays import multiblock_from
+from vtkmuscle.data.attachments import attachments_from
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import OutputPort, Parameter
 from vtkmuscle.scene.checks import suggestion
 from vtkmuscle.scene.model import Scene
 

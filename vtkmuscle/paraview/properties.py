@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
-from vtkmuscle.core.rigid import RigidMotion
-from vtkmuscle.filters.parameters import Parameter
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.scene.model import Scene
 from vtkmuscle.scene.reading import read_motion
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from xml.etree.ElementTree import Element, SubElement, tostring
 
-from vtkmuscle.filters.base import Filter
-from vtkmuscle.filters.docstrings import split_docstring
-from vtkmuscle.filters.parameters import InputPort
+from vtkmuscle.filters.base.docstrings import split_docstring
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import InputPort
 from vtkmuscle.paraview.properties import FILES, camel_case, plain, properties_of, spaced
 
 #: The menu in which all filters are found.

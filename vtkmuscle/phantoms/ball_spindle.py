@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vtkmuscle.core.rigid import RigidMotion, apply_transform, rotation_about
-from vtkmuscle.filters.attachments import AttachmentArea
+from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, rotation_about
+from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.coordinates import checked_poses
 from vtkmuscle.phantoms.hinge_spindle import END_RADIUS, SIDES, bone_with_arm, spindle_profile
 from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution

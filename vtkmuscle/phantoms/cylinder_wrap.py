@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vtkmuscle.core.rigid import hinge
-from vtkmuscle.filters.attachments import AttachmentArea
+from vtkmuscle.core.motion.rigid import hinge
+from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.implicit import thick_sheet
 from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution
 from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.rigid import RigidMotion
-from vtkmuscle.filters.arrays import Polylines, polylines_from
-from vtkmuscle.filters.attachments import AttachmentArea
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.arrays import Polylines, polylines_from
+from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.meshing import box
 from vtkmuscle.phantoms.phantom import Phantom, phantom_from
 
@@ -55,7 +55,7 @@ def fibre_block(kind: str) -> Phantom:
     Parameters
     ----------
     kind : str
-        One of :data:`vtkmuscle.core.templates.KINDS`.
+        One of :data:`vtkmuscle.core.template.kinds.KINDS`.
 
     Returns
     -------

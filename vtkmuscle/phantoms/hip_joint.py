@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vtkmuscle.core.rigid import hinge
-from vtkmuscle.filters.attachments import AttachmentArea
+from vtkmuscle.core.motion.rigid import hinge
+from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.hip_bones import HEAD_RADIUS, femur, pelvis
 from vtkmuscle.phantoms.hip_muscles import Sheet, gluteus_maximus, gluteus_medius, iliacus
 from vtkmuscle.phantoms.implicit import Solid

@@ -8,8 +8,8 @@ from scipy.sparse import coo_array, csr_array
 from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkQuadricDecimation
 
-from vtkmuscle.core.mesh import unique_edges, vertex_normals
-from vtkmuscle.filters.arrays import points_of, set_point_array, surface_from, triangles_of
+from vtkmuscle.core.mesh.surface import unique_edges, vertex_normals
+from vtkmuscle.data.arrays import points_of, set_point_array, surface_from, triangles_of
 from vtkmuscle.phantoms.implicit import Solid
 
 Floats = NDArray[np.float64]

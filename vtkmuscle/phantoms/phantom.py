@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.rigid import RigidMotion
-from vtkmuscle.filters.arrays import multiblock_from, surface_from
-from vtkmuscle.filters.attachments import AttachmentArea, attachments_from
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.arrays import multiblock_from, surface_from
+from vtkmuscle.data.attachments import AttachmentArea, attachments_from
 
 #: A number, a function, or values by name.
 Answer = float | Callable[..., float] | Mapping[str, NDArray[np.float64]]

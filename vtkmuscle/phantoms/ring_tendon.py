@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.rigid import hinge
-from vtkmuscle.filters.attachments import VIA, AttachmentArea
+from vtkmuscle.core.motion.rigid import hinge
+from vtkmuscle.data.attachments import VIA, AttachmentArea
 from vtkmuscle.phantoms.hinge_spindle import bone_with_arm
 from vtkmuscle.phantoms.meshing import mesh_of
 from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from

@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vtkmuscle.core.rigid import RigidMotion, apply_transform, rotation_about
-from vtkmuscle.filters.attachments import AttachmentArea
+from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, rotation_about
+from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.coordinates import checked_poses
 from vtkmuscle.phantoms.implicit import block, rod, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.rigid import RigidMotion
-from vtkmuscle.filters.arrays import Polylines, polylines_from
-from vtkmuscle.filters.attachments import AttachmentArea
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.arrays import Polylines, polylines_from
+from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.meshing import box, solid_of_revolution, volume_of_revolution
 from vtkmuscle.phantoms.phantom import Phantom, phantom_from
 

@@ -14,9 +14,9 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike, NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.joint_arms import JointArms
-from vtkmuscle.core.polylines import polyline_lengths
-from vtkmuscle.filters.arrays import blocks_of, points_of, polylines_of
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.data.arrays import blocks_of, points_of, polylines_of
 from vtkmuscle.filters.fibre_tubes import FibreTubes
 from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.plotting.moment_arms import plot_moment_arms

@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from vtkmuscle.core.coordinates import ANGLES
-from vtkmuscle.core.joint_arms import JointArms
+from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.io.literature import LOWER, UPPER, LiteratureCurve, curves_for
 from vtkmuscle.plotting.sheets import DOTS_PER_INCH, save
 from vtkmuscle.plotting.surfaces import MUSCLE_RED, PALETTE

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkLogger
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.filters.arrays import blocks_of, point_array, points_of, polylines_from, polylines_of
+from vtkmuscle.data.arrays import blocks_of, point_array, points_of, polylines_from, polylines_of
 from vtkmuscle.plotting.views import View, axes_of
 
 Floats = NDArray[np.float64]

@@ -7,7 +7,7 @@ from typing import Any
 
 import pyvista
 
-from vtkmuscle.filters.base import Filter
+from vtkmuscle.filters.base.filter import Filter
 
 
 def show_time(plotter: pyvista.Plotter, time: float) -> None:

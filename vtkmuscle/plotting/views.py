@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.filters.arrays import blocks_of, points_of, triangles_of
+from vtkmuscle.data.arrays import blocks_of, points_of, triangles_of
 
 Floats = NDArray[np.float64]
 

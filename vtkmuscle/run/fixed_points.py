@@ -6,7 +6,7 @@ import warnings
 
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.filters.arrays import point_array
+from vtkmuscle.data.arrays import point_array
 
 
 def warn_of_fixed_points(name: str, muscle: vtkPolyData) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle import __version__
-from vtkmuscle.filters.arrays import blocks_of, set_field_array
+from vtkmuscle.data.arrays import blocks_of, set_field_array
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.series import Collection, Series
 from vtkmuscle.io.temporal import read_series, write_vtkhdf

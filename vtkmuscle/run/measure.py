@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.inside import points_inside
-from vtkmuscle.core.mesh import edge_lengths, signed_volume, unique_edges
-from vtkmuscle.core.muscle_contact import depth_in
-from vtkmuscle.core.rest_shape import dihedral_angles
-from vtkmuscle.core.rigid import apply_transform, inverse
-from vtkmuscle.core.topology import mesh_topology
-from vtkmuscle.core.triangle_tree import triangle_tree
-from vtkmuscle.filters.arrays import checked_surface, point_array, points_of, triangles_of
-from vtkmuscle.filters.neighbours import outward_tree
-from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.core.collision.muscle_contact import depth_in
+from vtkmuscle.core.mesh.inside import points_inside
+from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, unique_edges
+from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.mesh.triangle_tree import triangle_tree
+from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.core.pbd.rest_shape import dihedral_angles
+from vtkmuscle.data.arrays import checked_surface, point_array, points_of, triangles_of
+from vtkmuscle.data.surface_distance import SurfaceDistance
+from vtkmuscle.filters.deformer.neighbours import outward_tree
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

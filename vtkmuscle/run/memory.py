@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from vtkmuscle.core.distance_blocks import SIDE
-from vtkmuscle.core.obstacles import CELLS_PER_DIAGONAL
-from vtkmuscle.filters.arrays import points_of, triangles_of
+from vtkmuscle.core.collision.distance_blocks import SIDE
+from vtkmuscle.core.collision.obstacles import CELLS_PER_DIAGONAL
+from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.scene.model import Scene, SceneError
 

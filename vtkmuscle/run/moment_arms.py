@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vtkmuscle.core.joint_arms import JointArms
+from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.io.writing import write_text
 
 #: Columns of the table: a row per muscle, coordinate, fibre and value of the coordinate.

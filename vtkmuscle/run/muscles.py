@@ -12,8 +12,8 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 
-from vtkmuscle.core.polylines import polyline_lengths
-from vtkmuscle.filters.arrays import (
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.data.arrays import (
     cell_array,
     field_array,
     multiblock_from,
@@ -21,13 +21,13 @@ from vtkmuscle.filters.arrays import (
     polylines_of,
     set_cell_array,
 )
-from vtkmuscle.filters.base import AbortedError, Filter
-from vtkmuscle.filters.convergence_report import read_convergence
+from vtkmuscle.data.surface_distance import SurfaceDistance
+from vtkmuscle.filters.base.filter import AbortedError, Filter
+from vtkmuscle.filters.deformer.convergence_report import read_convergence
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.pbd_deformer import NEIGHBOURS, PBDDeformer
-from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.pipelines import PRUNE, TRANSPORT_SETTINGS, decompose, deform, pull_taut
 from vtkmuscle.run.fixed_points import warn_of_fixed_points
 from vtkmuscle.run.folder import RunFolder

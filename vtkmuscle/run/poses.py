@@ -10,7 +10,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkAppendPolyData
 
-from vtkmuscle.filters.arrays import blocks_of, multiblock_from, set_cell_array, set_field_array
+from vtkmuscle.data.arrays import blocks_of, multiblock_from, set_cell_array, set_field_array
 from vtkmuscle.io.temporal import SERIES_SUFFIXES, TimeSeries, read_series
 from vtkmuscle.run.claim import read_report
 

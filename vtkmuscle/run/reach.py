@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.rigid import apply_transform, inverse
-from vtkmuscle.filters.arrays import points_of, set_field_array
+from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.data.arrays import points_of, set_field_array
 from vtkmuscle.scene.model import Scene
 
 Floats = NDArray[np.float64]

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.filters.arrays import field_array, points_of
+from vtkmuscle.data.arrays import field_array, points_of
+from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
-from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.io.fibre_table import fibre_columns, fibre_summary, muscle_summary
 
 Floats = NDArray[np.float64]

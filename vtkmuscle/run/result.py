@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.fibre_measures import smoothed_curve
-from vtkmuscle.core.joint_arms import JointArms, joint_arms
-from vtkmuscle.core.rigid import RigidMotion
-from vtkmuscle.filters.arrays import with_points
+from vtkmuscle.core.fibres.measures import smoothed_curve
+from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.arrays import with_points
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.run.moment_arms import MomentArmTable
@@ -159,8 +159,8 @@ class Result:
         -------
         MomentArmTable
             Per muscle and coordinate arms, standard errors and a quartic fit [mm], see
-            :class:`~vtkmuscle.core.joint_arms.JointArms`; ``write``, ``columns`` and ``to_frame`` give a
-            table.
+            :class:`~vtkmuscle.core.moment_arms.of_joints.JointArms`; ``write``, ``columns`` and ``to_frame``
+            give a table.
 
         Raises
         ------

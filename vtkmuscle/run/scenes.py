@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from vtkmuscle.core.closed_shells import closed_shells
-from vtkmuscle.filters.arrays import points_of, surface_from, triangles_of
-from vtkmuscle.filters.base import AbortedError
-from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.core.mesh.closed_shells import closed_shells
+from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
+from vtkmuscle.data.surface_distance import SurfaceDistance
+from vtkmuscle.filters.base.filter import AbortedError
 from vtkmuscle.run.claim import scene_file
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.memory import check_memory

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.length_jumps import even_stretches, length_jumps
-from vtkmuscle.core.rigid import RigidMotion
-from vtkmuscle.filters.arrays import cell_array
+from vtkmuscle.core.moment_arms.length_jumps import even_stretches, length_jumps
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.arrays import cell_array
 from vtkmuscle.run.limits import CHECKS, FULL_SIZE, STEPS
 
 Floats = NDArray[np.float64]

@@ -12,17 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.mesh import survey
-from vtkmuscle.core.via_rings import passes_through, via_ring
+from vtkmuscle.core.mesh.surface import survey
+from vtkmuscle.core.taut.via_rings import passes_through, via_ring
 from vtkmuscle.core.words import shown
-from vtkmuscle.filters.arrays import checked_surface, points_of, surface_from
-from vtkmuscle.filters.attachments import ROLES, VIA, AttachmentArea
-from vtkmuscle.filters.base import Filter
+from vtkmuscle.data.arrays import checked_surface, points_of, surface_from
+from vtkmuscle.data.attachments import ROLES, VIA, AttachmentArea
+from vtkmuscle.data.superficial import checked_superficial
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.deformer.quality import PRESETS
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-from vtkmuscle.filters.parameters import Parameter
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
-from vtkmuscle.filters.quality import PRESETS
-from vtkmuscle.filters.superficial import checked_superficial
 from vtkmuscle.pipelines import FIBRE_SETTINGS, TRANSPORT_SETTINGS
 from vtkmuscle.scene.model import MILLIMETRES, Muscle, SceneError
 from vtkmuscle.scene.names import check_name

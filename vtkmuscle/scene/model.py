@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.rigid import RigidMotion
-from vtkmuscle.filters.arrays import blocks_of, multiblock_from
-from vtkmuscle.filters.attachments import AttachmentArea, attachments_from, attachments_of
-from vtkmuscle.filters.quality import PRESETS, with_preset
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.arrays import blocks_of, multiblock_from
+from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of
+from vtkmuscle.filters.deformer.quality import PRESETS, with_preset
 from vtkmuscle.io.literature import LiteratureCurve
 
 if TYPE_CHECKING:

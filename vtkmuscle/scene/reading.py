@@ -63,13 +63,13 @@ from typing import Any, TypeVar
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.coordinates import ANGLES, TRANSLATIONS, Coordinate
 from vtkmuscle.core.files import MOST_TEXT, check_is_file
-from vtkmuscle.core.rigid import RigidMotion, hinge
-from vtkmuscle.core.template_files import read_template
+from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS, Coordinate
+from vtkmuscle.core.motion.rigid import RigidMotion, hinge
+from vtkmuscle.core.template.template_files import read_template
 from vtkmuscle.core.words import shown
-from vtkmuscle.filters.arrays import multiblock_from
-from vtkmuscle.filters.attachments import VIA, AttachmentArea, attachments_of
+from vtkmuscle.data.arrays import multiblock_from
+from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of
 from vtkmuscle.io import (
     LiteratureCurve,
     curves_for,

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.closed_shells import closed_shells
-from vtkmuscle.core.rings import ring_area, ring_length, short_ring
-from vtkmuscle.filters.arrays import checked_surface, points_of
-from vtkmuscle.filters.attachments import AttachmentArea
-from vtkmuscle.filters.surface_distance import SurfaceDistance
+from vtkmuscle.core.attachments.rings import ring_area, ring_length, short_ring
+from vtkmuscle.core.mesh.closed_shells import closed_shells
+from vtkmuscle.data.arrays import checked_surface, points_of
+from vtkmuscle.data.attachments import AttachmentArea
+from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.scene.model import Muscle, Scene, SceneError
 from vtkmuscle.scene.sense_motion import motion_findings
 

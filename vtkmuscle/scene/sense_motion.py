@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.rigid import apply_transform, inverse
-from vtkmuscle.filters.arrays import points_of
+from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.data.arrays import points_of
 from vtkmuscle.scene.model import Scene
 
 Floats = NDArray[np.float64]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from vtkmuscle.filters.attachments import attachments_from
+from vtkmuscle.data.attachments import attachments_from
 from vtkmuscle.io import write_literature, write_motion_table, write_polydata, write_text
 from vtkmuscle.scene.model import Muscle, Scene
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import vtkmuscle
-from vtkmuscle.filters.arrays import points_of, triangles_of
+from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.io.writing import replacing, write_text
 from vtkmuscle.scene.model import Scene
 from vtkmuscle.tradeoff.settings import Setting
@@ -20,7 +20,7 @@ from vtkmuscle.tradeoff.trial import MuscleTrial, Trial
 #: Parts of the package that decide what comes out, and what is within them but does not: a setting has the
 #: values of its preset.
 _COMPUTING = ("core", "filters", "tradeoff/trial.py", "tradeoff/measures.py", "pipelines.py", "run/report.py")
-_NOT_COMPUTING = ("filters/quality.py",)
+_NOT_COMPUTING = ("filters/deformer/quality.py",)
 
 
 class Records:

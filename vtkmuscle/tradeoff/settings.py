@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from vtkmuscle.filters.quality import PRESETS
+from vtkmuscle.filters.deformer.quality import PRESETS
 
 #: The preset around which most settings are varied.
 CENTRE = "balanced"

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.rigid import RigidMotion
-from vtkmuscle.filters.arrays import cell_array, field_array, points_of
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.arrays import cell_array, field_array, points_of
+from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-from vtkmuscle.filters.surface_distance import SurfaceDistance
 from vtkmuscle.pipelines import decompose, deform
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.scene.model import Scene

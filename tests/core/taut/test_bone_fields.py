@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from taut_phantoms import strung_phantom
 
-from vtkmuscle.core.obstacles import bone_axes
-from vtkmuscle.core.rigid import apply_transform, rotation_about
+from vtkmuscle.core.collision.obstacles import bone_axes
+from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.core.taut.bone_fields import FAR, UNKNOWN, BoneFields, field_at, slope_at
 from vtkmuscle.phantoms.implicit import ball
 from vtkmuscle.phantoms.meshing import box, mesh_of

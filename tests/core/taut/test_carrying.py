@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from taut_phantoms import known_paths, paths_of, strung_phantom, swept
 
-from vtkmuscle.core.mesh import signed_volume
-from vtkmuscle.core.rigid import apply_transform, hinge, rotation_about
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
 from vtkmuscle.core.taut.carrying import GREATEST_STRETCH, THINNING, Carrier
 from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread, lines_on_surface
 from vtkmuscle.core.taut.paths import POINTS
-from vtkmuscle.core.topology import mesh_topology
 
 TURN = rotation_about((10.0, -20.0, 30.0), np.array([1.0, 2.0, 2.0]) / 3.0, 65.0)
 

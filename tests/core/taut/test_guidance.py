@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from taut_phantoms import known_paths, strung_phantom
 
-from vtkmuscle.core.anisotropy import following_stiffness
-from vtkmuscle.core.mesh import signed_volume
-from vtkmuscle.core.obstacles import DistanceObstacle
-from vtkmuscle.core.rigid import apply_transform, hinge, rotation_about
-from vtkmuscle.core.solver import MuscleSolver, SolverParameters
+from vtkmuscle.core.collision.obstacles import DistanceObstacle
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
+from vtkmuscle.core.pbd.anisotropy import following_stiffness
+from vtkmuscle.core.pbd.solver import MuscleSolver, SolverParameters
 from vtkmuscle.core.taut.guidance import Guidance
-from vtkmuscle.core.topology import mesh_topology
 
 MAKE = "lifting_strap"
 

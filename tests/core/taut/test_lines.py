@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from taut_phantoms import strung_phantom
 
-from vtkmuscle.core.rigid import apply_transform, rotation_about
+from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.core.taut.lines import STAND_INS, bones_at_ends, evenly_spread, lines_on_surface
-from vtkmuscle.core.topology import mesh_topology
 
 
 def spread(line, count):

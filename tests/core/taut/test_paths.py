@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from taut_phantoms import known_paths, levers, paths_of, strung_phantom, swept
 
-from vtkmuscle.core.rigid import apply_transform, hinge, rotation_about
+from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
 from vtkmuscle.core.taut import paths as taut_paths
 from vtkmuscle.core.taut.paths import TautPaths
 from vtkmuscle.phantoms import spindle_over_ball, strap_over_two_joints

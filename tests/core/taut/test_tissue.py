@@ -3,9 +3,9 @@
 import numpy as np
 from taut_phantoms import COURSES, fibres_along, strung_phantom
 
+from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.taut.bone_fields import BoneFields
 from vtkmuscle.core.taut.tissue import directions_along, tissue_between
-from vtkmuscle.core.triangle_tree import triangle_tree
 
 
 def between(make, across, outward, bone):

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.closed_shells import closed_shells
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.rigid import apply_transform, inverse
-from vtkmuscle.core.triangle_tree import TriangleTree, triangle_tree
+from vtkmuscle.core.mesh.closed_shells import closed_shells
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
+from vtkmuscle.core.motion.rigid import apply_transform, inverse
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

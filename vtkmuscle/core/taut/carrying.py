@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.ring_rotations import nearest_rotation
+from vtkmuscle.core.mesh.ring_rotations import nearest_rotation
 from vtkmuscle.core.taut.paths import TautPaths, TautState, half_thickness
 from vtkmuscle.core.taut.tissue import directions_along
 

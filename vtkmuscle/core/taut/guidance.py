@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.anisotropy import fibre_directions_at
+from vtkmuscle.core.mesh.topology import MeshTopology
+from vtkmuscle.core.pbd.anisotropy import fibre_directions_at
 from vtkmuscle.core.taut.carrying import Carried, Carrier, Passengers
 from vtkmuscle.core.taut.paths import TautPaths, TautState
-from vtkmuscle.core.topology import MeshTopology
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.harmonic import harmonic_field
-from vtkmuscle.core.topology import MeshTopology
+from vtkmuscle.core.mesh.harmonic import harmonic_field
+from vtkmuscle.core.mesh.topology import MeshTopology
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.blending import screw_between
-from vtkmuscle.core.mesh import signed_volume
-from vtkmuscle.core.rest_shape import check_volume
-from vtkmuscle.core.rigid import inverse
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.mesh.triangle_tree import triangle_tree
+from vtkmuscle.core.motion.blending import screw_between
+from vtkmuscle.core.motion.rigid import inverse
+from vtkmuscle.core.pbd.rest_shape import check_volume
 from vtkmuscle.core.taut.bone_fields import BoneFields
 from vtkmuscle.core.taut.strings import Fields, Memory, Rings, Tissue, pull_taut
 from vtkmuscle.core.taut.tissue import directions_along, tissue_between
-from vtkmuscle.core.triangle_tree import triangle_tree
-from vtkmuscle.core.via_rings import ViaRing, in_ring_plane, is_inside, moved_ring, nearest_on_polygon
+from vtkmuscle.core.taut.via_rings import ViaRing, in_ring_plane, is_inside, moved_ring, nearest_on_polygon
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.taut.bone_fields import FAR, Table, field_at, slope_at
-from vtkmuscle.core.via_rings import is_inside, nearest_on_polygon
+from vtkmuscle.core.taut.via_rings import is_inside, nearest_on_polygon
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.taut.bone_fields import BoneFields
-from vtkmuscle.core.triangle_tree import TriangleTree
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

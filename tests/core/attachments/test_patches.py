@@ -1,0 +1,296 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import pyvista as pv
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from vtkmuscle.core.attachments.patches import attachment_patch
+from vtkmuscle.core.mesh.surface import edge_lengths, triangle_normals, unique_edges
+
+RADIUS = 20.0
+
+
+def ball(n_points=3000):
+    """Return a triangulated sphere with points of no particular order."""
+    rng = np.random.default_rng(8)
+    i = np.arange(n_points) + 0.5
+    z, angle = 1 - 2 * i / n_points, np.pi * (1 + 5**0.5) * i
+    flat = np.sqrt(1 - z * z)
+    points = RADIUS * np.column_stack([flat * np.cos(angle), flat * np.sin(angle), z])
+    points = points[rng.permutation(n_points)]
+    triangles = ConvexHull(points).simplices.astype(np.int64)
+    inward = np.einsum("ij,ij->i", triangle_normals(points, triangles), points[triangles[:, 0]]) < 0
+    triangles[inward] = triangles[inward, ::-1]
+    return points, triangles
+
+
+BALL = ball()
+EDGE = edge_lengths(BALL[0], unique_edges(BALL[1])).mean()
+
+
+def latitude_ring(polar, *, n=24, radius=RADIUS, wobble=0.0):
+    angle = 2 * np.pi * np.arange(n) / n
+    polar = np.radians(polar) + wobble * np.sin(3 * angle)
+    return radius * np.column_stack(
+        [np.sin(polar) * np.cos(angle), np.sin(polar) * np.sin(angle), np.cos(polar)]
+    )
+
+
+def polar_angles():
+    return np.degrees(np.arccos(BALL[0][:, 2] / RADIUS))
+
+
+def is_cap(patch, polar):
+    """Return True where the patch is all points nearer to the pole, give or take an edge."""
+    slack = np.degrees(EDGE / RADIUS)
+    angles, chosen = polar_angles(), np.zeros(len(BALL[0]), dtype=bool)
+    chosen[patch] = True
+    return bool(chosen[angles < polar - slack].all() and not chosen[angles > polar + slack].any())
+
+
+@pytest.mark.parametrize("polar", [15.0, 40.0, 75.0])
+def test_a_ring_gives_the_cap_that_it_encloses(polar):
+    assert is_cap(attachment_patch(*BALL, latitude_ring(polar), True), polar)
+
+
+@pytest.mark.parametrize("off", [-0.3, -0.1, 0.1, 0.3])
+def test_landmarks_may_lie_off_the_muscle(off):
+    assert is_cap(attachment_patch(*BALL, latitude_ring(35.0, radius=(1 + off) * RADIUS), True), 35.0)
+
+
+def test_few_landmarks_are_joined_by_geodesics():
+    patch = attachment_patch(*BALL, latitude_ring(40.0, n=4), True)
+    # Great circles between four points at 40 degrees come as near to the pole as 30.7 degrees.
+    slack = 1.5 * np.degrees(EDGE / RADIUS)
+    assert np.isin(np.flatnonzero(polar_angles() < 30.7 - slack), patch).all()
+    assert (polar_angles()[patch] < 40.0 + slack).all()
+
+
+def test_direction_and_start_of_a_ring_do_not_matter():
+    ring = latitude_ring(35.0, wobble=0.1)
+    expected = set(attachment_patch(*BALL, ring, True))
+    for other in (ring[::-1], np.roll(ring, 7, axis=0)):
+        # Where two paths are equally short the choice may differ, in single points of the boundary.
+        assert len(expected ^ set(attachment_patch(*BALL, other, True))) <= 0.02 * len(expected)
+
+
+def test_a_ring_that_crosses_itself_keeps_all_its_loops():
+    t = 2 * np.pi * np.arange(32) / 32
+    eight = np.column_stack([12 * np.sin(t), 6 * np.sin(2 * t), np.full(32, RADIUS)])
+    patch = attachment_patch(*BALL, eight, True)
+    chosen = np.zeros(len(BALL[0]), dtype=bool)
+    chosen[patch] = True
+    x, y, z = BALL[0].T
+    in_lobes = (np.hypot(np.abs(x) - 8, y) < 2) & (z > 0)
+    assert in_lobes.sum() > 10
+    assert chosen[in_lobes].all()
+    assert not chosen[(z < 0) | ((np.abs(y) > 5) & (np.abs(x) < 2))].any()
+
+
+def test_landmarks_that_repeat_make_no_difference():
+    ring = latitude_ring(35.0)
+    np.testing.assert_array_equal(
+        attachment_patch(*BALL, ring, True), attachment_patch(*BALL, np.repeat(ring, 3, axis=0), True)
+    )
+
+
+def test_the_bone_decides_between_sides_of_like_size():
+    ring = latitude_ring(95.0)
+
+    def below(positions):  # a bone with a flat face
+        return positions[:, 2] + RADIUS
+
+    def above(positions):
+        return RADIUS - positions[:, 2]
+
+    assert is_cap(attachment_patch(*BALL, ring, True, bone_distance=above), 95.0)
+    lower = attachment_patch(*BALL, ring, True, bone_distance=below)
+    rest = np.setdiff1d(np.arange(len(BALL[0])), lower)
+    assert is_cap(rest, 95.0 - np.degrees(EDGE / RADIUS))
+    np.testing.assert_array_equal(lower, attachment_patch(*BALL, ring, True))
+
+
+THICK = 6.0
+
+
+def slab():
+    """Return a flat muscle, 60 x 30 x 6 mm, between z = 0 and z = 6."""
+    sheet = pv.Box((-30.0, 30.0, -15.0, 15.0, 0.0, THICK), level=19, quads=False).clean()
+    points = np.asarray(sheet.points, dtype=np.float64)
+    return points, sheet.faces.reshape(-1, 4)[:, 1:].astype(np.int64)
+
+
+SLAB = slab()
+
+
+def beneath(positions):
+    """Return the distances from a bone, on whose flat face the muscle lies."""
+    return positions[:, 2]
+
+
+def oval(height, *, n=24):
+    angle = 2 * np.pi * np.arange(n) / n
+    return np.column_stack([15 * np.cos(angle), 8 * np.sin(angle), np.full(n, height)])
+
+
+def within_oval(patch):
+    """Return True where the patch is all of the lower face within the oval, give or take an edge."""
+    x, y, z = SLAB[0].T
+    r, slack = np.hypot(x / 15, y / 8), 3.0 / 8.0
+    chosen = np.isin(np.arange(len(SLAB[0])), patch)
+    lower = z == 0.0
+    return bool(chosen[lower & (r < 1 - slack)].all() and not chosen[~lower | (r > 1 + slack)].any())
+
+
+@pytest.mark.parametrize("height", [-10.0, -1.0, 2.0, 4.0, THICK, THICK + 4.0])
+def test_the_patch_is_on_the_side_of_the_bone_wherever_the_landmarks_are(height):
+    """Landmarks in the muscle, or beyond it, are nearer to the face that looks away from the bone."""
+    assert within_oval(attachment_patch(*SLAB, oval(height), True, bone_distance=beneath))
+    turned = SLAB[0], SLAB[1][:, ::-1]  # inside out
+    assert within_oval(attachment_patch(*turned, oval(height), True, bone_distance=beneath))
+    curve = oval(height)[:8]
+    patch = attachment_patch(*SLAB, curve, False, tolerance=3.0, bone_distance=beneath)
+    assert (SLAB[0][patch][:, 2] == 0.0).all()
+
+
+def test_a_muscle_that_is_in_the_bone_is_attached_there():
+    def overlapping(positions):  # the bone's face is 3 mm inside the muscle
+        return positions[:, 2] - 3.0
+
+    assert within_oval(attachment_patch(*SLAB, oval(-1.0), True, bone_distance=overlapping))
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    off=st.floats(-10.0, 10.0),
+    jitter=st.floats(0.0, 1.0),
+    backwards=st.booleans(),
+    repeated=st.integers(1, 3),
+    start=st.integers(0, 23),
+)
+def test_perturbed_rings_give_the_same_patch_up_to_the_perturbation(
+    seed, off, jitter, backwards, repeated, start
+):
+    """Area of the patch within what the perturbation of the ring's radius allows; all on the bone's side."""
+    ring = oval(off) + np.random.default_rng(seed).uniform(-jitter, jitter, (24, 3))
+    ring = np.repeat(np.roll(ring, start, axis=0), repeated, axis=0)[:: -1 if backwards else 1]
+    patch = attachment_patch(*SLAB, ring, True, bone_distance=beneath)
+    x, y, z = SLAB[0][patch].T
+    assert (z == 0.0).all()
+    slack = 3.0 + jitter
+    assert (np.hypot(x / (15 + slack), y / (8 + slack)) <= 1.0).all()
+    core = (SLAB[0][:, 2] == 0.0) & (
+        np.hypot(SLAB[0][:, 0] / (15 - slack), SLAB[0][:, 1] / (8 - slack)) < 1.0
+    )
+    assert np.isin(np.flatnonzero(core), patch).all()
+
+
+def test_a_clearly_smaller_side_is_inside_wherever_the_bone_is():
+    def below(positions):
+        return np.linalg.norm(positions - [0.0, 0.0, -RADIUS], axis=1)
+
+    assert is_cap(attachment_patch(*BALL, latitude_ring(30.0), True, bone_distance=below), 30.0)
+
+
+def test_an_open_curve_gives_the_points_within_the_tolerance():
+    meridian = latitude_ring(90.0, n=24)[:7]  # a quarter of the equator
+    patch = attachment_patch(*BALL, meridian, False, tolerance=3.0)
+    assert (np.abs(BALL[0][patch][:, 2]) <= 3.0 + EDGE).all()
+    x, y, z = BALL[0].T
+    core = (np.abs(z) < 3.0 - EDGE) & (x > 0) & (y > 0)
+    assert np.isin(np.flatnonzero(core), patch).all()
+    wider = attachment_patch(*BALL, meridian, False, tolerance=6.0)
+    assert np.isin(patch, wider).all()
+    assert len(wider) > 1.5 * len(patch)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_points_and_landmarks_on_a_line_are_an_open_curve(closed, n):
+    line = np.array([[0.0, 0.0, 23.0], [5.0, 0.0, 23.0], [10.0, 0.0, 23.0]])[:n]
+    patch = attachment_patch(*BALL, line, closed)
+    assert len(patch)
+    np.testing.assert_array_equal(patch, attachment_patch(*BALL, line, False))
+    distances = np.linalg.norm(BALL[0][patch][:, None] - BALL[0][None, patch], axis=2)
+    assert distances.max() < 13.0 + 2 * EDGE
+
+
+def test_something_is_found_however_small_the_tolerance():
+    assert len(attachment_patch(*BALL, np.array([[0.0, 0.0, 25.0]]), False, tolerance=0.0)) == 1
+
+
+def test_the_other_face_of_a_thin_muscle_is_left_alone():
+    n = 21
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(n) * 1.0, np.arange(n) * 1.0, indexing="ij"))
+    points = np.vstack([np.column_stack([x, y, np.full(n * n, z)]) for z in (0.0, 0.5)])
+    i = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    sheet = np.vstack([np.column_stack([i, i + n, i + n + 1]), np.column_stack([i, i + n + 1, i + 1])])
+    rim = np.concatenate(
+        [np.arange(n), np.arange(n) * n + n - 1, np.arange(n) * n, np.arange(n) + n * (n - 1)]
+    )
+    side = np.column_stack([rim[:-1], rim[1:], rim[:-1] + n * n])
+    triangles = np.vstack([sheet, sheet[:, ::-1] + n * n, side])
+    curve = np.array([[6.0, 10.0, -1.0], [14.0, 10.0, -1.0]])
+    patch = attachment_patch(points, triangles, curve, False, tolerance=2.0)
+    assert len(patch) > 20
+    assert (points[patch][:, 2] == 0.0).all()
+
+
+def test_a_rigid_motion_and_other_units_make_no_difference():
+    ring = latitude_ring(35.0, wobble=0.1)
+    turn = Rotation.from_rotvec([0.3, -1.0, 2.0]).as_matrix()
+
+    def moved(points):
+        return 0.001 * (points @ turn.T + [300.0, -20.0, 5.0])
+
+    expected = attachment_patch(*BALL, ring, True)
+    found = attachment_patch(moved(BALL[0]), BALL[1], moved(ring), True)
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_renumbered_points_give_the_same_patch():
+    order = np.random.default_rng(4).permutation(len(BALL[0]))
+    number = np.argsort(order)  # new id of each old point
+    ring = latitude_ring(35.0, wobble=0.1)
+    found = attachment_patch(BALL[0][order], number[BALL[1]][::-1], ring, True)
+    np.testing.assert_array_equal(np.sort(order[found]), attachment_patch(*BALL, ring, True))
+
+
+def test_points_that_no_triangle_uses_are_never_chosen():
+    ring = latitude_ring(35.0)
+    points = np.vstack([BALL[0], ring])  # loose points exactly at the landmarks
+    np.testing.assert_array_equal(
+        attachment_patch(points, BALL[1], ring, True), attachment_patch(*BALL, ring, True)
+    )
+
+
+def test_landmarks_of_another_muscle_are_refused():
+    with pytest.raises(ValueError, match=r"landmark 2 is .* from the muscle"):
+        attachment_patch(*BALL, latitude_ring(30.0) + [[0, 0, 300 * (i == 2)] for i in range(24)], True)
+
+
+def test_no_landmarks_are_refused():
+    with pytest.raises(ValueError, match="no landmarks"):
+        attachment_patch(*BALL, np.zeros((0, 3)), True)
+
+
+def test_landmarks_on_unconnected_pieces_are_refused():
+    points = np.vstack([BALL[0], BALL[0] + [50.0, 0.0, 0.0]])
+    triangles = np.vstack([BALL[1], BALL[1] + len(BALL[0])])
+    across = np.array([[0.0, 0.0, 20.0], [50.0, 0.0, 20.0]])
+    with pytest.raises(ValueError, match="several pieces"):
+        attachment_patch(points, triangles, across, False)
+
+
+def test_a_second_piece_of_the_muscle_is_no_part_of_the_patch():
+    points = np.vstack([BALL[0], 0.2 * BALL[0] + [50.0, 0.0, 0.0]])
+    triangles = np.vstack([BALL[1], BALL[1] + len(BALL[0])])
+    np.testing.assert_array_equal(
+        attachment_patch(points, triangles, latitude_ring(35.0), True, tolerance=EDGE),
+        attachment_patch(*BALL, latitude_ring(35.0), True),
+    )

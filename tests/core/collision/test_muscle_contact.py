@@ -1,0 +1,107 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from vtkmodules.vtkFiltersSources import vtkSphereSource
+
+from vtkmuscle.core.collision.muscle_contact import MuscleContact, Neighbour, depth_in
+from vtkmuscle.core.mesh.triangle_tree import triangle_tree
+from vtkmuscle.data.arrays import checked_surface
+
+RADIUS = 20.0
+
+
+def ball_tree():
+    source = vtkSphereSource(radius=RADIUS, theta_resolution=120, phi_resolution=80)
+    source.Update()
+    return triangle_tree(*checked_surface(source.GetOutput(), "ball"))
+
+
+BALL = ball_tree()
+#: How far the ball's triangles are inside the sphere.
+SAGITTA = 0.03
+
+
+def contact(n, *, allowance=0.0, free=None, centre=(0.0, 0.0, 0.0)):
+    free = np.ones(n, dtype=bool) if free is None else free
+    neighbour = Neighbour(BALL, np.full(n, allowance))
+    return MuscleContact([neighbour], free, np.asarray(centre, dtype=float))
+
+
+def directions(seed, n):
+    found = np.random.default_rng(seed).normal(size=(n, 3))
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), height=st.floats(-10.0, 10.0))
+def test_points_go_straight_out_and_those_outside_stay(seed, height):
+    way = directions(seed, 50)
+    p = (RADIUS + height) * way
+    before = p.copy()
+    hit = contact(50).keep_out(p)
+    if height >= 0.0:
+        np.testing.assert_array_equal(p, before)
+        assert not hit.any()
+    elif height < -SAGITTA:
+        assert hit.all()
+        np.testing.assert_allclose(np.linalg.norm(p, axis=1), RADIUS, atol=2 * SAGITTA)
+        assert (np.linalg.norm(np.cross(p, way), axis=1) < 0.6).all()
+
+
+def test_points_may_be_as_deep_as_their_allowance():
+    p = np.array([[0.0, 0.0, 17.0], [0.0, 0.0, 19.0]])
+    hit = contact(2, allowance=2.0).keep_out(p)
+    np.testing.assert_array_equal(hit, [True, False])
+    np.testing.assert_allclose(p[:, 2], [18.0, 19.0], atol=2 * SAGITTA)
+
+
+def test_points_that_are_not_free_stay():
+    p = np.array([[0.0, 0.0, 17.0], [17.0, 0.0, 0.0]])
+    hit = contact(2, free=np.array([False, True])).keep_out(p)
+    np.testing.assert_array_equal(hit, [False, True])
+    np.testing.assert_array_equal(p[0], [0.0, 0.0, 17.0])
+
+
+def test_points_about_a_centre_are_where_they_are_in_the_scene():
+    centre = np.array([5.0, -3.0, 100.0])
+    p = np.array([[0.0, 0.0, 17.0]]) - centre
+    contact(1, centre=centre).keep_out(p)
+    np.testing.assert_allclose(p + centre, [[0.0, 0.0, 20.0]], atol=2 * SAGITTA)
+
+
+@pytest.mark.parametrize("stride", [0.05, 0.4, 3.0])
+def test_points_that_move_along_the_neighbour_are_kept_out_all_the_way(stride):
+    """The planes are found again as the points go on: after 12 mm they are not in the ball."""
+    keeper = contact(1)
+    p = np.array([[0.0, 0.0, 25.0]])
+    for _ in range(int(12.0 / stride)):
+        p += np.array([[stride, 0.0, 0.0]])
+        p *= 19.5 / np.linalg.norm(p)
+        keeper.keep_out(p)
+        assert np.linalg.norm(p) > RADIUS - 2 * SAGITTA
+
+
+def test_a_point_that_was_far_is_seen_when_it_comes():
+    keeper = contact(1)
+    p = np.array([[0.0, 0.0, 60.0]])
+    assert not keeper.keep_out(p).any()
+    p[:] = [0.0, 0.0, 22.0]
+    assert not keeper.keep_out(p).any()
+    p[:] = [0.0, 0.0, 19.0]
+    assert keeper.keep_out(p).all()
+
+
+def test_normals_computed_where_they_are_needed_are_those_of_the_whole_surface():
+    few = 21.0 * directions(3, 20)
+    part, whole = ball_tree(), ball_tree()
+    whole.signed(few)  # computes all normals
+    for mine, yours in zip(part.tangent_planes(few), whole.tangent_planes(few), strict=True):
+        np.testing.assert_array_equal(mine, yours)
+
+
+def test_depth_is_that_below_the_surface():
+    depth = depth_in(BALL, np.array([[0.0, 0.0, 15.0], [0.0, 0.0, 21.0], [100.0, 0.0, 0.0]]))
+    np.testing.assert_allclose(depth, [5.0, 0.0, 0.0], atol=2 * SAGITTA)

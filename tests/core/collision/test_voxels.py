@@ -1,0 +1,374 @@
+from __future__ import annotations
+
+import igl
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.ndimage import binary_dilation
+from scipy.spatial.transform import Rotation
+from shapes import ball, box, ring
+from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+
+from vtkmuscle.core.collision.voxels import (
+    BOUNDARY,
+    DEFAULT_N_MAX,
+    INSIDE,
+    OUTSIDE,
+    VoxelGrid,
+    build_voxel_grid,
+    resolve_collisions,
+)
+from vtkmuscle.core.mesh.closed_shells import closed_shells
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.motion.rigid import apply_transform
+from vtkmuscle.data.arrays import checked_surface
+
+AT_REST = np.eye(4)
+
+
+def clipped_to_box(corners, low, high):
+    """Return True where a triangle meets a box: cut the polygon by the six half spaces in turn."""
+    polygon = list(corners)
+    for axis in range(3):
+        for sign, bound in ((1.0, low[axis]), (-1.0, -high[axis])):
+            inside = [sign * point[axis] - bound for point in polygon]
+            cut = []
+            for i, point in enumerate(polygon):
+                j = (i + 1) % len(polygon)
+                if inside[i] >= 0:
+                    cut.append(point)
+                if (inside[i] >= 0) != (inside[j] >= 0):
+                    t = inside[i] / (inside[i] - inside[j])
+                    cut.append(point + t * (polygon[j] - point))
+            polygon = cut
+            if not polygon:
+                return False
+    return True
+
+
+def test_boundary_cells_are_exactly_those_that_a_triangle_meets():
+    rng = np.random.default_rng(11)
+    slack = 1e-6
+    met = missed = 0
+    for _ in range(60):
+        corners = rng.uniform(-5.0, 5.0, (3, 3)) * rng.choice([1.0, 0.01], 3)
+        grid = build_voxel_grid(corners, np.array([[0, 1, 2]]), n_equal=6, pockets=False)
+        for cell in np.ndindex(*grid.cells.shape):
+            low = grid.origin + grid.spacing * cell
+            high = low + grid.spacing
+            hair = slack * grid.spacing
+            if clipped_to_box(corners, low + hair, high - hair):
+                assert grid.cells[cell] == BOUNDARY
+                met += 1
+            elif not clipped_to_box(corners, low - hair, high + hair):
+                assert grid.cells[cell] != BOUNDARY
+                missed += 1
+    assert met > 500
+    assert missed > 5000
+
+
+@pytest.mark.parametrize(
+    "shape", [ball(centre=(100.0, -50.0, 3.0)), box(), ring()], ids=["ball", "box", "ring"]
+)
+def test_cells_agree_with_winding_numbers_but_for_the_boundary(shape):
+    grid = build_voxel_grid(*shape, n_max=20_000)
+    index = np.array(list(np.ndindex(*grid.cells.shape)))
+    centres = grid.origin + grid.spacing * (index + 0.5)
+    inside = igl.winding_number(shape[0], shape[1], centres) > 0.5
+    codes = grid.cells[tuple(index.T)]
+    assert (codes[inside] != OUTSIDE).all()
+    np.testing.assert_array_equal(inside[codes == INSIDE], True)
+    np.testing.assert_array_equal(inside[codes == OUTSIDE], False)
+
+
+@pytest.mark.parametrize("shape", [ball(), box(), ring()], ids=["ball", "box", "ring"])
+def test_the_volume_lies_between_the_inside_and_the_inside_with_the_boundary(shape):
+    grid = build_voxel_grid(*shape, n_max=100_000)
+    cell = grid.spacing.prod()
+    assert cell * (grid.cells == INSIDE).sum() < signed_volume(*shape) < cell * (grid.cells != OUTSIDE).sum()
+
+
+def test_the_hole_of_a_ring_is_outside():
+    grid = build_voxel_grid(*ring(), n_max=50_000)
+    assert not grid.contains(np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]])).any()
+    assert grid.contains(np.array([[10.0, 0.0, 0.0]])).all()
+
+
+def joined(*shapes):
+    offsets = np.cumsum([0] + [len(points) for points, _ in shapes])
+    triangles = [shape[1] + offset for shape, offset in zip(shapes, offsets, strict=False)]
+    return np.vstack([points for points, _ in shapes]), np.vstack(triangles)
+
+
+def test_a_room_between_shells_is_outside_though_it_cannot_be_reached():
+    """Six walls that overlap: no wall has the room inside it."""
+    walls = []
+    for axis in range(3):
+        for low, high in ((-10.0, -8.0), (8.0, 10.0)):
+            corners = np.full((2, 3), [[-10.0], [10.0]])
+            corners[:, axis] = low, high
+            walls.append(box(*corners))
+    grid = build_voxel_grid(*joined(*walls), n_max=30**3)
+    assert not grid.contains(np.array([[0.0, 0.0, 0.0], [5.0, -6.0, 6.0]])).any()
+    assert grid.contains(np.array([[9.0, 0.0, 0.0], [0.0, -9.5, 3.0]])).all()
+    sieve = build_voxel_grid(*joined(*walls), n_max=30**3, pockets=False)
+    assert sieve.contains(np.zeros((1, 3))).all()
+
+
+def test_a_hollow_in_a_bone_counts_as_bone_whichever_way_it_faces():
+    hollow = ball(radius=5.0)
+    for inner in (hollow, (hollow[0], hollow[1][:, ::-1])):
+        grid = build_voxel_grid(*joined(ball(radius=10.0), inner), n_max=30_000)
+        assert grid.contains(np.zeros((1, 3))).all()
+        assert grid.cells[tuple(np.array(grid.cells.shape) // 2)] == INSIDE
+
+
+@pytest.mark.parametrize("settings", [{}, {"n_equal": 64}], ids=["default", "equal"])
+@pytest.mark.parametrize("shape", [ball(), box(), ring()], ids=["ball", "box", "ring"])
+def test_the_volume_is_that_of_the_bone_and_half_a_boundary_layer_within_5_percent(shape, settings):
+    assert_volume(build_voxel_grid(*shape, **settings), signed_volume(*shape))
+
+
+def assert_volume(grid, volume):
+    """All that counts as bone is too large by half the boundary; a byte holds a cell."""
+    cell = grid.spacing.prod()
+    half_a_layer = 0.5 * cell * (grid.cells == BOUNDARY).sum()
+    assert cell * (grid.cells != OUTSIDE).sum() == pytest.approx(volume + half_a_layer, abs=0.05 * volume)
+    assert grid.cells.nbytes == grid.cells.size
+
+
+def read_bone(folder, bone):
+    reader = vtkXMLPolyDataReader()
+    reader.SetFileName(str(folder / "bones" / f"{bone}.vtp"))
+    reader.Update()
+    return checked_surface(reader.GetOutput(), bone)
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("bone", ["pelvis", "femur_r"])
+def test_voxels_of_real_bones_miss_nothing_and_fill_nothing(lhdl_hip, bone):
+    """The pelvis has 21 tunnels."""
+    points, triangles = read_bone(lhdl_hip, bone)
+    grid = build_voxel_grid(points, triangles)
+    surface = closed_shells(points, triangles)
+    assert_volume(grid, sum(signed_volume(surface.points, shell) for shell in surface.shells))
+    index = np.argwhere(grid.cells != BOUNDARY)
+    # Those next to the boundary, where mistakes are made, and a sample of the others.
+    near = binary_dilation(grid.cells == BOUNDARY, iterations=2)[tuple(index.T)]
+    chosen = index[near | (np.arange(len(index)) % 50 == 0)]
+    centres = grid.origin + grid.spacing * (chosen + 0.5)
+    winding = [igl.fast_winding_number(surface.points, shell, centres) for shell in surface.shells]
+    codes = grid.cells[tuple(chosen.T)]
+    np.testing.assert_array_equal(codes == INSIDE, np.max(winding, axis=0) > 0.5)
+
+
+def test_every_point_of_the_surface_is_contained_and_nothing_far_from_it_on_the_outside():
+    points, triangles = ball()
+    grid = build_voxel_grid(points, triangles, n_max=30_000)
+    weights = np.random.default_rng(0).dirichlet([1, 1, 1], (5, len(triangles)))
+    on_surface = np.einsum("kmc,mcd->kmd", weights, points[triangles]).reshape(-1, 3)
+    assert grid.contains(on_surface).all()
+    assert not grid.contains(points / 10.0 * (10.0 + 1.01 * np.linalg.norm(grid.spacing))).any()
+    assert not grid.contains(np.array([[1e30, 0.0, 0.0], [-1e30, 0.0, 0.0]])).any()
+
+
+@given(
+    st.lists(st.floats(0.01, 1000.0), min_size=3, max_size=3),
+    st.sampled_from([1, 2, 1000, 64**3]),
+)
+@settings(deadline=None, max_examples=30)
+def test_n_max_is_shared_out_by_the_sides_in_nearly_cubic_cells(sides, n_max):
+    points, triangles = box(high=sides)
+    grid = build_voxel_grid(points, triangles, n_max=n_max, pockets=False)
+    counts = np.array(grid.cells.shape) - 2
+    assert counts.prod() <= n_max
+    several = counts > 1
+    if several.any():
+        # A side of n cells may be up to 1 / n short of the next one.
+        assert (
+            grid.spacing[several].max() <= grid.spacing[several].min() * (1 + 1 / counts[several].min()) ** 2
+        )
+        np.testing.assert_array_less(grid.spacing[~several], 1.01 * grid.spacing[several].max() * 2)
+
+
+def test_n_equal_gives_as_many_cells_along_each_axis():
+    grid = build_voxel_grid(*box(), n_equal=12)
+    assert grid.cells.shape == (14, 14, 14)
+    np.testing.assert_allclose(grid.spacing, np.array([4.0, 2.0, 1.0]) / 12, rtol=1e-4)
+
+
+def test_the_outermost_layer_is_outside_even_along_flat_sides():
+    grid = build_voxel_grid(*box(), n_equal=8)
+    inner = grid.cells[1:-1, 1:-1, 1:-1]
+    assert (grid.cells != OUTSIDE).sum() == (inner != OUTSIDE).sum()
+    assert (inner != OUTSIDE).all()
+
+
+@pytest.mark.parametrize("flat", [(4.0, 2.0, 0.0), (4.0, 0.0, 0.0)])
+def test_a_surface_without_volume_is_all_boundary(flat):
+    points = np.array([[0.0, 0, 0], [1.0, 0, 0], [1.0, 1.0, 0], [0.3, 0.2, 0]]) * flat
+    with pytest.warns(UserWarning, match=r"^bone 7: the surface is open: .* enclose no volume"):
+        grid = build_voxel_grid(points, np.array([[0, 1, 2], [0, 2, 3]]), n_max=1000, what="bone 7")
+    assert np.isfinite(grid.spacing).all()
+    assert (grid.spacing > 0).all()
+    assert grid.contains(points).all()
+    assert not (grid.cells == INSIDE).any()
+
+
+def test_a_surface_that_is_one_point_is_refused():
+    with pytest.raises(ValueError, match="no triangles of three different points"):
+        build_voxel_grid(np.zeros((4, 3)), np.array([[0, 1, 2], [0, 2, 3]]))
+
+
+def test_the_order_of_the_triangles_does_not_matter():
+    points, triangles = ring()
+    shuffled = np.random.default_rng(2).permutation(triangles)[:, [1, 2, 0]]
+    a, b = build_voxel_grid(points, triangles, n_max=5000), build_voxel_grid(points, shuffled, n_max=5000)
+    np.testing.assert_array_equal(a.cells, b.cells)
+
+
+@pytest.mark.parametrize("wrong", [{"n_max": 0}, {"n_equal": 0}])
+def test_a_grid_of_no_cells_is_refused(wrong):
+    with pytest.raises(ValueError, match="n_max >= 1"):
+        build_voxel_grid(*box(), **wrong)
+
+
+# ------------------------------------------------------------------------------------- collisions
+
+
+@pytest.fixture(scope="module")
+def grid() -> VoxelGrid:
+    return build_voxel_grid(*ring(), n_max=8000)
+
+
+def crossing_segments(n=3000, seed=5, reach=16.0):
+    """Return previous positions, half of them near, and predicted positions in and about the ring."""
+    rng = np.random.default_rng(seed)
+    p = rng.uniform(-13.0, 13.0, (n, 3)) * [1, 1, 0.25]
+    near = p + rng.normal(size=(n, 3))
+    return np.where(np.arange(n)[:, None] % 2 == 0, near, rng.uniform(-reach, reach, (n, 3))), p
+
+
+def resolved(grid, x, p, *, now=AT_REST, step=AT_REST, free=None, bone_push=True):
+    after = p.copy()
+    free = np.ones(len(p), dtype=bool) if free is None else free
+    moved = resolve_collisions(grid, now, step, x, after, free, bone_push=bone_push)
+    return after, moved
+
+
+def test_points_that_were_outside_end_outside_on_their_segment(grid):
+    x, p = crossing_segments()
+    after, moved = resolved(grid, x, p)
+    was_outside = ~grid.contains(x)
+    np.testing.assert_array_equal(moved, grid.contains(p))
+    hit = moved & was_outside
+    assert hit.sum() > 500
+    assert not grid.contains(after[hit]).any()
+    t = np.einsum("ij,ij->i", after[hit] - p[hit], x[hit] - p[hit]) / np.sum((x - p)[hit] ** 2, axis=1)
+    assert ((t > 0) & (t <= 1 + 1e-12)).all()
+    np.testing.assert_allclose(after[hit], p[hit] + t[:, None] * (x - p)[hit], atol=3e-6 * grid.spacing.max())
+
+
+def test_the_walk_stops_at_the_first_outside_cell(grid):
+    x, p = crossing_segments()
+    after, moved = resolved(grid, x, p)
+    hit = np.flatnonzero(moved & ~grid.contains(x))
+    back_to_x = (after[hit] == x[hit]).all(axis=1)
+    assert 20 < back_to_x.sum() < len(hit)
+    for i in hit:
+        walked = p[i] + np.linspace(0, 1, 200)[:, None] * (after[i] - p[i])
+        outside = walked[~grid.contains(walked)]
+        # Only the cell of the end itself may be outside.
+        cells = np.floor((outside - grid.origin) / grid.spacing)
+        last = np.floor((after[i] - grid.origin) / grid.spacing)
+        assert np.abs(cells - last).max() == 0
+
+
+def test_a_point_whose_first_outside_cell_is_that_of_its_previous_position_goes_back_there(grid):
+    outside = np.argwhere(grid.cells[:-1] == OUTSIDE)
+    beside = outside[grid.cells[tuple((outside + np.array([1, 0, 0])).T)] != OUTSIDE]
+    x = grid.origin + grid.spacing * (beside + np.array([0.9, 0.4, 0.6]))
+    p = x + grid.spacing * [0.3, 0.01, -0.02]
+    after, moved = resolved(grid, x, p)
+    assert moved.all()
+    np.testing.assert_array_equal(after, x)
+
+
+def test_points_that_were_in_the_bone_move_with_it(grid):
+    x, p = crossing_segments()
+    step = np.eye(4)
+    step[:3, :3] = Rotation.from_rotvec([0.02, -0.01, 0.03]).as_matrix()
+    step[:3, 3] = [0.3, 0.2, -0.1]
+    after, moved = resolved(grid, x, p, step=step)
+    pushed = grid.contains(x) & grid.contains(p)
+    assert pushed.sum() > 50
+    np.testing.assert_allclose(after[pushed], apply_transform(step, x[pushed]), atol=1e-12)
+    left, moved_without = resolved(grid, x, p, step=step, bone_push=False)
+    np.testing.assert_array_equal(left[pushed], p[pushed])
+    np.testing.assert_array_equal(moved_without, moved & ~pushed)
+    np.testing.assert_array_equal(left[~pushed], after[~pushed])
+
+
+def test_points_that_do_not_end_in_the_bone_or_are_not_free_stay(grid):
+    x, p = crossing_segments()
+    free = np.arange(len(p)) % 2 == 0
+    after, moved = resolved(grid, x, p, free=free)
+    stay = ~free | ~grid.contains(p)
+    assert not moved[stay].any()
+    np.testing.assert_array_equal(after[stay], p[stay])
+
+
+@given(st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6))
+@settings(deadline=None, max_examples=20)
+def test_a_moved_bone_treats_points_moved_with_it_alike(motion):
+    grid = build_voxel_grid(*ring(), n_max=8000)
+    x, p = crossing_segments(n=500)
+    now = np.eye(4)
+    now[:3, :3] = Rotation.from_rotvec(motion[:3]).as_matrix()
+    now[:3, 3] = np.multiply(motion[3:], 50.0)
+    expected, expected_moved = resolved(grid, x, p)
+    after, moved = resolved(grid, apply_transform(now, x), apply_transform(now, p), now=now)
+    # Rounding may put a point that is on a cell's face into the neighbouring cell.
+    same = np.abs(after - apply_transform(now, expected)).max(axis=1) < 1e-6
+    assert same.mean() > 0.995
+    assert (moved == expected_moved).mean() > 0.995
+
+
+def test_extreme_segments_end_and_stay_finite(grid):
+    centre = np.array([10.0, 0.0, 0.0])
+    starts = np.array(
+        [centre, centre + 1e9, -1e300 * np.ones(3), centre + np.array([1e-300, 0, 0]), [0.0, 0.0, 0.0]]
+    )
+    ends = np.tile(centre, (len(starts), 1))
+    after, moved = resolved(grid, starts, ends)
+    assert moved.all()
+    assert np.isfinite(after).all()
+    assert not grid.contains(after[[1, 2, 4]]).any()
+    np.testing.assert_array_equal(after[0], centre)
+    corners = grid.origin + np.outer([0.0, 1.0], grid.spacing * grid.cells.shape)
+    untouched, none = resolved(grid, corners, corners)
+    np.testing.assert_array_equal(untouched, corners)
+    assert not none.any()
+
+
+def test_segments_along_cell_faces_and_edges_end_outside(grid):
+    inside = np.argwhere(grid.cells == INSIDE)
+    p = grid.origin + grid.spacing * inside  # on corners of cells
+    for direction in [(1, 0, 0), (0, -1, 0), (1, 1, 0), (-1, 1, 1), (1, -1, -1)]:
+        x = p + 200 * grid.spacing * direction
+        after, moved = resolved(grid, x, p)
+        assert moved.all()
+        assert not grid.contains(after).any()
+
+
+# ------------------------------------------------------------------------------------- real bones
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize(("bone", "published"), [("pelvis", 2_079_360), ("femur_r", 2_064_480)])
+def test_real_bones_have_about_as_many_cells_as_published(lhdl_hip, bone, published):
+    points, triangles = read_bone(lhdl_hip, bone)
+    grid = build_voxel_grid(points, triangles, n_max=DEFAULT_N_MAX)
+    counts = np.array(grid.cells.shape) - 2
+    assert 0.97 * published < counts.prod() < 1.03 * published

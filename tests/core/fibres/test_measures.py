@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from vtkmodules.vtkFiltersSources import vtkSphereSource
+
+from vtkmuscle.core.fibres.measures import (
+    angles_to,
+    centroid_path,
+    line_of_action,
+    physiological_cross_section,
+    plane_crossings,
+    polyline_curvatures,
+    section_areas,
+    smoothed_curve,
+)
+from vtkmuscle.data.arrays import checked_surface
+from vtkmuscle.phantoms.meshing import box
+
+
+def arc(radius, turn, n=40):
+    t = np.linspace(0, turn, n)
+    return radius * np.column_stack([np.cos(t), np.sin(t), 0 * t])
+
+
+def test_curvature_of_arcs_and_straight_lines():
+    lines = [arc(20.0, 2.0), arc(5.0, 3.0), np.linspace([0, 0, 0], [7, 8, 9], 10), np.zeros((4, 3))]
+    offsets = np.append(0, np.cumsum([len(line) for line in lines]))
+    at_points, mean, largest = polyline_curvatures(np.vstack(lines), offsets)
+    assert_allclose(mean, [1 / 20, 1 / 5, 0, 0], atol=1e-9)
+    assert_allclose(largest, mean, atol=1e-6)
+    assert_allclose(at_points[1:39], 1 / 20, rtol=1e-9)
+    assert_array_equal(at_points[[0, 39]], 0)
+
+
+def test_the_centroid_path_of_parallel_arcs_is_the_middle_one():
+    lines = [np.add(arc(20.0, 2.0), [0, 0, z]) for z in (-3.0, 0.0, 6.0)]
+    path = centroid_path(np.vstack(lines), np.array([0, 40, 80, 120]), 40)
+    assert_allclose(path, np.add(arc(20.0, 2.0), [0, 0, 1.0]), atol=0.01)
+
+
+def test_angles_to_the_line_of_action():
+    lines = np.array([[[0, 0, 0], [1, 0, 1]], [[0, 0, 0], [-1, 0, 1]], [[5, 0, 0], [5, 0, 7.0]]])
+    offsets = np.array([0, 2, 4, 6])
+    direction = line_of_action(lines.reshape(-1, 3), offsets)
+    assert_allclose(direction, [0, 0, 1])
+    assert_allclose(angles_to(lines.reshape(-1, 3), offsets, direction), [45, 45, 0], atol=1e-12)
+
+
+def test_the_physiological_cross_section_of_a_pennate_block():
+    # Fibres of length L at angle alpha in a volume V: V / L, and cos(alpha) of it along the line.
+    area, along = physiological_cross_section(96000.0, np.full(7, 60.0), np.full(7, 60.0))
+    assert area == pytest.approx(1600.0)
+    assert along == pytest.approx(800.0)
+
+
+def test_section_areas_of_a_box_whichever_way_it_faces():
+    points, triangles = box((0, 0, 0), (20.0, 30.0, 50.0), 6.0)
+    places = np.array([[10, 15, 17.3], [3.3, 15, 25], [10, 15, 99]])
+    normals = np.array([[0, 0, 1.0], [1, 0, 0], [0, 0, 1]])
+    assert_allclose(section_areas(points, triangles, places, normals), [600, 1500, 0], atol=1e-9)
+    assert_allclose(section_areas(points, triangles[:, ::-1], places, -normals), [600, 1500, 0], atol=1e-9)
+    slanted = np.array([[0, np.sin(0.3), np.cos(0.3)]])
+    area = section_areas(points, triangles, np.array([[10, 15, 25.0]]), slanted)
+    assert_allclose(area, 600 / np.cos(0.3), rtol=1e-9)
+
+
+def test_a_hollow_does_not_count_in_a_section():
+    outer, inner = (
+        checked_surface(vtkSphereSource(radius=r, theta_resolution=60, phi_resolution=60).update().output, "")
+        for r in (10.0, 6.0)
+    )
+    points = np.vstack([outer[0], inner[0]])
+    triangles = np.vstack([outer[1], inner[1][:, ::-1] + len(outer[0])])
+    area = section_areas(points, triangles, np.array([[0, 0, 0.01]]), np.array([[0, 0, 1.0]]))
+    assert_allclose(area, np.pi * (100 - 36), rtol=0.01)
+
+
+def test_fibres_that_cross_a_plane_are_counted_once_each():
+    lines = np.array(
+        [[[0, 0, 0], [0, 0, 2], [0, 0, 0.5], [0, 0, 3]], [[0, 0, 2.0], [0, 0, 3], [1, 0, 4], [1, 0, 5]]]
+    )
+    offsets = np.array([0, 4, 8])
+    up = np.array([0, 0, 1.0])
+    crossings = [plane_crossings(lines.reshape(-1, 3), offsets, np.array([0, 0, z]), up) for z in (1, 2.5, 9)]
+    assert crossings == [1, 2, 0]
+
+
+def test_smoothing_of_length_curves_keeps_lines_and_ends_and_removes_noise():
+    ramp = np.linspace(100.0, 150.0, 30)
+    assert_allclose(smoothed_curve(ramp), ramp, atol=1e-12)
+    noise = np.where(np.arange(30) % 2, 1.0, -1.0)
+    smoothed = smoothed_curve(np.column_stack([ramp + noise, ramp]))
+    assert_array_equal(smoothed[[0, -1], 0], (ramp + noise)[[0, -1]])
+    # The alternating part is a third of itself after each pass.
+    assert np.abs(smoothed[8:-8, 0] - ramp[8:-8]).max() == pytest.approx(3.0**-5, rel=1e-6)
+    assert_array_equal(smoothed_curve(ramp, passes=0), ramp)
+    assert_array_equal(smoothed_curve(ramp[:2]), ramp[:2])

@@ -1,0 +1,344 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial import cKDTree
+
+from vtkmuscle.core.fibres.trimming import (
+    EndArea,
+    assign_places,
+    beyond_plane,
+    trim_fibres,
+)
+from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
+
+RADIUS, LENGTH = 10.0, 100.0
+AXIS = np.array([0.0, 0.0, 1.0])
+
+
+def rod():
+    """Return a cylinder along z, from 0 to 100 mm, closed by fans of triangles."""
+    around, along = 24, 41
+    angles = np.arange(around) * 2 * np.pi / around
+    circle = RADIUS * np.column_stack([np.cos(angles), np.sin(angles)])
+    rings = [np.column_stack([circle, np.full(around, z)]) for z in np.linspace(0, LENGTH, along)]
+    points = np.vstack([*rings, [[0, 0, 0], [0, 0, LENGTH]]])
+    i, j = np.meshgrid(np.arange(around), np.arange(along - 1))
+    a, b = (i + around * j).ravel(), ((i + 1) % around + around * j).ravel()
+    sides = np.vstack([np.column_stack([a, b, b + around]), np.column_stack([a, b + around, a + around])])
+    ring, top = np.arange(around), around * (along - 1)
+    bottom_fan = np.column_stack([np.roll(ring, -1), ring, np.full(around, len(points) - 2)])
+    top_fan = np.column_stack([top + ring, top + np.roll(ring, -1), np.full(around, len(points) - 1)])
+    return points, np.vstack([sides, bottom_fan, top_fan]).astype(np.int64)
+
+
+def area(where, extremal):
+    """Return the area of the rod's points for which `where` is true, with landmarks up to a height."""
+    points, triangles = rod()
+    patch = np.flatnonzero(where(points))
+    landmarks = np.array([[RADIUS, 0, extremal], [0, RADIUS, points[patch, 2].mean()]])
+    return EndArea(landmarks, points, triangles, patch)
+
+
+def into_rod(places):
+    beside = np.maximum(np.hypot(places[:, 0], places[:, 1]) / RADIUS, 1.0)
+    return np.column_stack([places[:, :2] / beside[:, None], places[:, 2].clip(0, LENGTH)])
+
+
+BOTTOM = {"where": lambda p: p[:, 2] <= 10, "extremal": 10.0}
+TOP = {"where": lambda p: p[:, 2] >= 90, "extremal": 90.0}
+
+
+def trimmed(lines, *, origin=None, insertion=None, largest_cut=0.4, tolerance=0.6):
+    count = lines.shape[1]
+    offsets = np.arange(0, lines.shape[0] * count + 1, count)
+    result = trim_fibres(
+        lines.reshape(-1, 3),
+        offsets,
+        axis=AXIS,
+        origin=origin or area(**BOTTOM),
+        insertion=insertion or area(**TOP),
+        into_muscle=into_rod,
+        tolerance=tolerance,
+        largest_cut=largest_cut,
+    )
+    return result.reshape(lines.shape)
+
+
+def parallel(n=40, count=17, radius=8.0):
+    """Return straight fibres along the rod."""
+    i = np.arange(n) + 0.5
+    r, angle = radius * np.sqrt(i / n), np.pi * (1 + 5**0.5) * i
+    feet = np.column_stack([r * np.cos(angle), r * np.sin(angle), 0 * i])
+    return feet[:, None] + LENGTH * np.linspace(0, 1, count)[:, None] * AXIS
+
+
+def pinched(n=40, count=17):
+    """Return fibres that meet in a point at both ends, as those of a template do in the tips of a muscle."""
+    lines = parallel(n, count)
+    lines[:, :, :2] *= np.sin(np.pi * np.linspace(0, 1, count))[:, None]
+    return lines
+
+
+def distance_to_patch(places, end):
+    member = np.isin(np.arange(len(end.points)), end.patch)
+    a, b, c = np.moveaxis(end.points[end.triangles[member[end.triangles].all(axis=1)]], 1, 0)
+    normals = np.cross(b - a, c - a)
+    best = []
+    for place in places:
+        q = place - a
+        height = np.abs((q * normals).sum(1)) / np.linalg.norm(normals, axis=1)
+        v = (np.cross(q, c - a) * normals).sum(1) / (normals**2).sum(1)
+        w = (np.cross(b - a, q) * normals).sum(1) / (normals**2).sum(1)
+        within = (v >= -1e-9) & (w >= -1e-9) & (v + w <= 1 + 1e-9)
+        best.append(np.where(within, height, np.inf).min())
+    return np.array(best)
+
+
+def nearest_other(places):
+    return cKDTree(places).query(places, 2)[0][:, 1]
+
+
+@pytest.mark.parametrize("fibres", [parallel, pinched])
+def test_fibres_begin_and_end_on_the_areas(fibres):
+    result = trimmed(fibres())
+    assert_allclose(distance_to_patch(result[:, 0], area(**BOTTOM)), 0, atol=1e-9)
+    assert_allclose(distance_to_patch(result[:, -1], area(**TOP)), 0, atol=1e-9)
+
+
+@pytest.mark.parametrize("fibres", [parallel, pinched])
+def test_fibres_do_not_meet_but_are_spread_over_the_area(fibres):
+    result = trimmed(fibres())
+    for end in (0, -1):
+        # The end face alone would give each fibre a disc of this diameter.
+        own = 2 * RADIUS / np.sqrt(len(result))
+        assert nearest_other(result[:, end]).min() > 0.4 * own
+
+
+def test_fibres_that_meet_in_a_point_no_longer_do():
+    before = pinched()
+    assert nearest_other(before[:, 0]).max() < 1e-9
+    assert nearest_other(trimmed(before)[:, 0]).min() > 1.0
+
+
+def test_between_the_planes_the_fibres_run_as_before():
+    result = trimmed(parallel())
+    start = parallel()[:, :1, :2]
+    middle = (result[:, :, 2] > 12) & (result[:, :, 2] < 88)
+    assert middle.any(axis=1).all()
+    assert_allclose(np.where(middle[:, :, None], result[:, :, :2] - start, 0), 0, atol=1e-9)
+
+
+def test_points_are_spaced_evenly_along_each_fibre():
+    result = trimmed(parallel())
+    steps = np.linalg.norm(np.diff(result, axis=1), axis=2)
+    # All segments but the two with a bend are of one length.
+    assert_allclose(
+        np.sort(steps, axis=1)[:, 2:], steps.max(axis=1, keepdims=True) + np.zeros((1, 14)), rtol=1e-9
+    )
+
+
+def test_no_more_than_the_largest_cut_is_taken_off():
+    # An area along nearly the whole rod: its plane would leave nothing.
+    long = area(lambda p: (p[:, 2] <= 85) & (p[:, 0] >= 9), 85.0)
+    result = trimmed(parallel(), origin=long, largest_cut=0.25)
+    start = parallel()[:, 0, :2]
+    for fibre, foot in zip(result, start, strict=True):
+        middle = fibre[(fibre[:, 2] > 27) & (fibre[:, 2] < 88)]
+        assert len(middle) > 5
+        assert_allclose(middle[:, :2], np.broadcast_to(foot, (len(middle), 2)), atol=1e-9)
+
+
+def test_where_nothing_may_be_cut_a_fibre_is_only_drawn_to_the_nearest_free_place():
+    # The ends are too far from the faces to be on them.
+    faces = (area(lambda p: p[:, 2] <= 0, 10.0), area(lambda p: p[:, 2] >= LENGTH, 90.0))
+    short = np.clip(parallel(), [-20, -20, 4], [20, 20, 96])
+    result = trimmed(short, origin=faces[0], insertion=faces[1], largest_cut=0.0)
+    assert_allclose(result[:, 2:-2, :2], short[:, 2:-2, :2], atol=1e-9)
+    # The fibres fill 8 mm around the axis, the faces 10 mm, with a place every 3.2 mm.
+    moved = np.linalg.norm(result[:, [0, -1], :2] - short[:, [0, -1], :2], axis=2)
+    assert moved.max() < (RADIUS - 8.0) + 2 * RADIUS / np.sqrt(len(short))
+
+
+def test_fibres_that_run_from_area_to_area_are_left_as_they_are():
+    # Pennate: from the lower half of one side to the upper half of the other, all along the planes' way.
+    rng = np.random.default_rng(4)
+    turn, z = rng.uniform(-0.5, 0.5, 30), rng.uniform(2, 38, 30)
+    foot = np.column_stack([-RADIUS * np.cos(turn), RADIUS * np.sin(turn), z])
+    head = np.column_stack([RADIUS * np.cos(turn), RADIUS * np.sin(turn), z + 60])
+    lines = foot[:, None] + np.linspace(0, 1, 9)[:, None] * (head - foot)[:, None]
+    sides = (
+        area(lambda p: (p[:, 0] < -5) & (p[:, 2] <= 40), 40.0),
+        area(lambda p: (p[:, 0] > 5) & (p[:, 2] >= 60), 60.0),
+    )
+    result = trimmed(lines, origin=sides[0], insertion=sides[1])
+    assert_allclose(result, lines, atol=1e-9)
+
+
+def test_new_segments_stay_in_the_muscle_even_beside_a_hollow():
+    # Beyond z = 75 the rod is hollow around its axis: a straight cut to the end face would cross it.
+    pushed = []
+
+    def out_of_hollow(places):
+        radius = np.hypot(*places[:, :2].T)
+        hollow = (places[:, 2] > 75) & (places[:, 2] < 95) & (radius < 5)
+        moved = into_rod(places)
+        moved[hollow, :2] *= (5 / np.maximum(radius[hollow], 1e-9))[:, None]
+        pushed.append(np.linalg.norm(moved - places, axis=1).max())
+        return moved
+
+    lines = parallel(12, 41, radius=1.0)
+    # The fibres go around it, and end too far below the face to be on it.
+    lines *= [1, 1, 0.97]
+    z = lines[:, :, 2]
+    away = 7.0 * np.clip((z - 62) / 8, 0, 1)
+    turn = np.arctan2(lines[:, 0, 1], lines[:, 0, 0])
+    lines[:, :, 0] += away * np.cos(turn)[:, None]
+    lines[:, :, 1] += away * np.sin(turn)[:, None]
+    result = trim_fibres(
+        lines.reshape(-1, 3),
+        np.arange(0, 12 * 41 + 1, 41),
+        axis=AXIS,
+        origin=area(**BOTTOM),
+        insertion=area(lambda p: p[:, 2] >= LENGTH, 60.0),
+        into_muscle=out_of_hollow,
+        tolerance=0.6,
+        largest_cut=0.5,
+    )
+    assert max(pushed[:-1]) > 3  # cut where the plane is, the new segments would cross the hollow
+    assert pushed[-1] < 0.7  # and the final ones do not
+    assert_allclose(out_of_hollow(result), result, atol=1e-9)
+
+
+def test_a_rigid_motion_of_everything_moves_the_result():
+    rng = np.random.default_rng(0)
+    lines = parallel() + rng.normal(scale=0.3, size=(40, 17, 3)) * [1, 1, 0]
+    motion = rotation_about([1, 2, 3], [2, -1, 1], 63.0)
+    offsets = np.arange(0, 40 * 17 + 1, 17)
+
+    def moved_area(end):
+        move = apply_transform
+        return EndArea(move(motion, end.landmarks), move(motion, end.points), end.triangles, end.patch)
+
+    back = np.linalg.inv(motion)
+    result = trim_fibres(
+        apply_transform(motion, lines.reshape(-1, 3)),
+        offsets,
+        axis=motion[:3, :3] @ AXIS,
+        origin=moved_area(area(**BOTTOM)),
+        insertion=moved_area(area(**TOP)),
+        into_muscle=lambda places: apply_transform(motion, into_rod(apply_transform(back, places))),
+        tolerance=0.6,
+        largest_cut=0.4,
+    )
+    assert_allclose(apply_transform(back, result), trimmed(lines).reshape(-1, 3), atol=1e-6)
+
+
+def test_turning_the_muscle_around_turns_the_fibres_around():
+    forth = trimmed(parallel())
+    lines = parallel()[:, ::-1]
+    back = trim_fibres(
+        lines.reshape(-1, 3),
+        np.arange(0, 40 * 17 + 1, 17),
+        axis=-AXIS,
+        origin=area(**TOP),
+        insertion=area(**BOTTOM),
+        into_muscle=into_rod,
+        tolerance=0.6,
+        largest_cut=0.4,
+    ).reshape(lines.shape)
+    assert_allclose(back[:, ::-1], forth, atol=1e-9)
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_fibres_of_very_few_points_still_end_on_the_areas(count):
+    result = trimmed(parallel(count=count))
+    assert_allclose(distance_to_patch(result[:, 0], area(**BOTTOM)), 0, atol=1e-9)
+    assert_allclose(distance_to_patch(result[:, -1], area(**TOP)), 0, atol=1e-9)
+
+
+def test_more_fibres_than_are_assigned_at_once_all_end_in_places_of_their_own():
+    result = trimmed(parallel(n=600, count=5))
+    for end in (0, -1):
+        assert nearest_other(result[:, end]).min() > 1e-6
+
+
+def test_degenerate_fibres_give_finite_points():
+    lines = parallel(n=5)
+    lines[0] = [0, 0, 50]  # no length
+    lines[1] = lines[1][:1]  # no length, and on the surface
+    lines[2, :, 2] = 3.0  # all of it beyond the plane
+    assert np.isfinite(trimmed(lines)).all()
+
+
+@settings(deadline=None, max_examples=50)
+@given(seed=st.integers(0, 10**6), at=st.floats(-15, 15))
+def test_what_is_beyond_a_plane_is_cut_where_the_line_last_comes_through(seed, at):
+    rng = np.random.default_rng(seed)
+    line = rng.normal(scale=10, size=(9, 3))
+    heights = line[:, 2] - at
+    cut = beyond_plane(line, np.array([0, 9]), heights)[0]
+    dense = np.linspace(0, 1, 2001)
+    fine = np.vstack([a + dense[:-1, None] * (b - a) for a, b in pairwise(line)])
+    steps = np.linalg.norm(np.diff(np.vstack([fine, line[-1:]]), axis=0), axis=1)
+    below = np.flatnonzero(fine[:, 2] <= at)
+    expected = steps.sum() if not len(below) else steps[below[-1] + 1 :].sum()
+    assert_allclose(cut, 0 if heights[-1] <= 0 else expected, atol=0.05)
+
+
+def test_places_straight_ahead_are_taken_and_none_twice():
+    rng = np.random.default_rng(1)
+    feet = np.column_stack([rng.uniform(-5, 5, (30, 2)), np.zeros(30)])
+    ahead = rng.permutation(30)
+    assert_array_equal(
+        ahead[assign_places(feet, np.tile(AXIS, (30, 1)), feet[ahead] + 8 * AXIS)], np.arange(30)
+    )
+
+
+@settings(deadline=None, max_examples=40)
+@given(seed=st.integers(0, 2**32 - 1), count=st.integers(2, 12))
+def test_new_segments_in_a_plane_never_cross(seed, count):
+    rng = np.random.default_rng(seed)
+    starts = np.column_stack([rng.uniform(-5, 5, count), np.zeros(count), np.zeros(count)])
+    places = np.column_stack([rng.uniform(-9, 9, count), np.zeros(count), rng.uniform(1, 20, count)])
+    ends = places[assign_places(starts, np.tile(AXIS, (count, 1)), places)]
+
+    def side(a, b, c):
+        return (b[0] - a[0]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[0] - a[0])
+
+    for i in range(count):
+        for j in range(i):
+            a, b, c, d = starts[i], ends[i], starts[j], ends[j]
+            assert not (side(a, b, c) * side(a, b, d) < -1e-9 and side(c, d, a) * side(c, d, b) < -1e-9)
+
+
+def test_a_fibre_takes_a_place_farther_off_rather_than_turn_back():
+    # Two fibres whose ways cross: by distances alone each would turn back.
+    places = np.array([[0.0, 0, 3], [3, 0, 3.0]])
+    departures, rays = np.array([[1.4, 0, 0], [1.6, 0, 0]]), np.array([[1.0, 0, 0.2], [-1, 0, 0.2]])
+    assert_array_equal(assign_places(departures, np.tile(AXIS, (2, 1)), places), [0, 1])
+    assert_array_equal(assign_places(departures, rays, places), [1, 0])
+
+
+def test_where_the_area_runs_beside_the_fibres_the_nearest_fibre_ends_on_its_nearest_part():
+    depth = np.array([4.0, 1.0, 3.0, 2.0])
+    departures = np.column_stack([depth, 0 * depth, 0 * depth])
+    places = np.array([[0, 0, 40.0], [0, 0, 10], [0, 0, 30], [0, 0, 20]])
+    taken = assign_places(departures, np.tile(AXIS, (4, 1)), places)
+    assert_array_equal(places[taken, 2], 10 * depth)
+
+
+def test_fibres_that_reach_the_area_by_a_hook_get_another_end():
+    # Up along the rod, back down beside its end and onto the face: on the area, but not as a fibre is.
+    lines = parallel()
+    hooked = lines.copy()
+    hooked[:, -3] = lines[:, -1] - 3 * AXIS
+    hooked[:, -2] = lines[:, -1] - 8 * AXIS + [1.0, 0, 0]
+    result = trimmed(hooked)
+    steps = np.diff(result, axis=1)
+    steps /= np.linalg.norm(steps, axis=2, keepdims=True)
+    assert (steps[:, 1:] * steps[:, :-1]).sum(axis=2).min() > 0.5
+    assert_allclose(distance_to_patch(result[:, -1], area(**TOP)), 0, atol=1e-9)

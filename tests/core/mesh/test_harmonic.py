@@ -1,0 +1,128 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from spindle import spindle
+
+from vtkmuscle.core.mesh import harmonic
+from vtkmuscle.core.mesh.harmonic import (
+    cotangent_laplacian,
+    harmonic_extension,
+    harmonic_field,
+    harmonic_weights,
+    triangle_gradients,
+)
+
+
+def flat_grid(n=9):
+    x, y = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(n * n)]).astype(float)
+    i = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    triangles = np.vstack([np.column_stack([i, i + n, i + 1]), np.column_stack([i + 1, i + n, i + n + 1])])
+    return points, triangles
+
+
+def test_laplacian_is_symmetric_and_an_m_matrix_on_bad_triangles():
+    points, triangles, _ = spindle(seed=0)
+    points[triangles[7, 0]] = points[triangles[7, 1]]  # degenerate
+    matrix = cotangent_laplacian(points, triangles).toarray()
+    assert np.allclose(matrix, matrix.T)
+    assert np.allclose(matrix.sum(axis=1), 0.0, atol=1e-9)
+    assert np.isfinite(matrix).all()
+    assert (matrix - np.diag(np.diag(matrix)) <= 0).all()
+
+
+def test_laplacian_agrees_with_igl():
+    igl = pytest.importorskip("igl")
+    points, triangles, _ = spindle(rings=20, around=12)
+    ours, theirs = (
+        cotangent_laplacian(points, triangles).toarray(),
+        -igl.cotmatrix(points, triangles).toarray(),
+    )
+    kept = (theirs < -2e-3) & (ours < 0)
+    assert kept.sum() > len(points)
+    assert np.allclose(ours[kept], theirs[kept], rtol=1e-9)
+
+
+def test_linear_functions_in_the_plane_are_harmonic():
+    points, triangles = flat_grid()
+    border = np.flatnonzero((points[:, :2] == 0).any(axis=1) | (points[:, :2] == 8).any(axis=1))
+    wanted = points[:, :1] * 2.0 - points[:, 1:2] + 3.0
+    found = harmonic_extension(points, triangles, border, wanted[border])
+    # Diagonal edges have cotangent weight 0, which is raised to its lower bound: by symmetry no change.
+    assert np.allclose(found, wanted, atol=1e-9)
+
+
+def test_weights_are_a_partition_of_unity():
+    points, triangles, fixed_to = spindle(seed=1)
+    fixed_to[60:64] = 5
+    bones, weights = harmonic_weights(points, triangles, fixed_to)
+    assert bones.tolist() == [0, 1, 5]
+    assert weights.min() >= 0.0
+    assert weights.max() <= 1.0
+    assert np.allclose(weights.sum(axis=1), 1.0, atol=1e-14)
+    for column, bone in enumerate(bones):
+        assert np.array_equal(weights[fixed_to == bone, column], np.ones((fixed_to == bone).sum()))
+    middle = (fixed_to < 0) & (weights > 1e-6).all(axis=1)
+    assert middle.any()
+
+
+def test_weights_do_not_depend_on_the_pose_or_scale():
+    points, triangles, fixed_to = spindle(seed=2)
+    turn = Rotation.from_rotvec([0.3, -2.0, 1.0]).as_matrix()
+    _, before = harmonic_weights(points, triangles, fixed_to)
+    _, after = harmonic_weights(1e3 * points @ turn.T + 1e5, triangles, fixed_to)
+    assert np.allclose(before, after, atol=1e-8)
+
+
+def test_part_without_fixed_points_takes_the_mean():
+    points, triangles, fixed_to = spindle()
+    n = len(points)
+    both = np.vstack(
+        [points, points + np.array([100.0, 0, 0]), [[0.0, 50, 0]]]
+    )  # the last point is in no triangle
+    fixed = np.concatenate([fixed_to, np.full(n + 1, -1)])
+    _, weights = harmonic_weights(both, np.vstack([triangles, triangles + n]), fixed)
+    share = np.mean(fixed_to[fixed_to >= 0] == np.array([[0], [1]]), axis=1)
+    assert np.allclose(weights[n:], share)
+    assert np.allclose(weights[:n], harmonic_weights(points, triangles, fixed_to)[1])
+
+
+def test_field_runs_between_the_ends_that_are_farthest_apart():
+    points, triangles, fixed_to = spindle()
+    fixed_to[20:30] = 2  # a third bone just beside the lower end
+    field = harmonic_field(points, triangles, fixed_to)
+    assert set(np.unique(field[fixed_to == 1])) == {1.0 - field[fixed_to == 0][0]}
+    assert (field[fixed_to == 2] == field[fixed_to == 0][0]).all()
+    assert harmonic_field(points, triangles, np.where(fixed_to == 0, 0, -1)) is None
+    assert harmonic_field(points, triangles, np.full(len(points), -1)) is None
+
+
+def test_gradient_of_a_linear_function_is_its_tangential_part():
+    points, triangles, _ = spindle(seed=3)
+    direction = np.array([0.3, -0.5, 2.0])
+    gradients = triangle_gradients(points, triangles, points @ direction + 7.0)
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    assert np.allclose(gradients, direction - (normals @ direction)[:, None] * normals, atol=1e-9)
+    assert (triangle_gradients(points, triangles, np.full(len(points), 0.1)) == 0).all()
+
+
+@pytest.mark.parametrize("n_functions", [1, 3])
+def test_multigrid_gives_what_factors_give(monkeypatch, n_functions):
+    points, triangles = flat_grid(60)
+    points += np.random.default_rng(1).normal(0, 0.1, points.shape)
+    known = np.flatnonzero((points[:, 0] < 3) | (points[:, 0] > 56))
+    values = np.random.default_rng(0).random((len(known), n_functions))
+    direct = harmonic_extension(points, triangles, known, values)
+    asked = []
+    original = harmonic._solved_by_multigrid
+    monkeypatch.setattr(harmonic, "_solved_by_multigrid", lambda *a: asked.append(original(*a)) or asked[-1])
+    monkeypatch.setattr(harmonic, "MOST_FACTORISED", 100)
+    iterated = harmonic_extension(points, triangles, known, values)
+    assert asked[0] is not None
+    assert 0 < np.abs(iterated - direct).max() < 1e-9
+    # One that does not get there is not taken.
+    monkeypatch.setattr(harmonic, "MOST_STEPS", 1)
+    assert np.array_equal(harmonic_extension(points, triangles, known, values), direct)
+    assert asked[-1] is None

@@ -1,0 +1,112 @@
+from itertools import pairwise
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from vtkmuscle.core.mesh.polylines import (
+    end_directions,
+    evenly_spaced,
+    polyline_lengths,
+    resample_polyline,
+    smooth_polylines,
+)
+
+
+def random_lines(seed, sizes=(2, 7, 1, 16, 3)):
+    rng = np.random.default_rng(seed)
+    offsets = np.append(0, np.cumsum(sizes))
+    return rng.normal(size=(offsets[-1], 3)) * 10, offsets.astype(np.int64)
+
+
+def smoothed_by_the_formula(line, k, iterations):
+    for _ in range(iterations):
+        line = np.vstack([line[:1], (line[:-2] + k * line[1:-1] + line[2:]) / (k + 2), line[-1:]])
+    return line
+
+
+@settings(deadline=None, max_examples=40)
+@given(seed=st.integers(0, 10**6), k=st.floats(0, 50), iterations=st.integers(0, 6))
+def test_smoothing_is_the_papers_formula_on_each_line(seed, k, iterations):
+    points, offsets = random_lines(seed)
+    result = smooth_polylines(points, offsets, k, iterations)
+    for first, last in pairwise(offsets):
+        line = points[first:last]
+        expected = smoothed_by_the_formula(line, k, iterations) if len(line) > 2 else line
+        assert_allclose(result[first:last], expected, atol=1e-11)
+
+
+def test_smoothing_keeps_end_points_to_the_bit_and_its_input_as_it_was():
+    points, offsets = random_lines(1)
+    before = points.copy()
+    result = smooth_polylines(points, offsets, 4.0, 5)
+    assert_array_equal(result[offsets[:-1]], points[offsets[:-1]])
+    assert_array_equal(result[offsets[1:] - 1], points[offsets[1:] - 1])
+    assert_array_equal(points, before)
+
+
+def test_smoothing_leaves_straight_evenly_spaced_lines_alone():
+    line = np.linspace([1.0, 2, 3], [31, -8, 13], 11)
+    assert_allclose(smooth_polylines(line, np.array([0, 11]), 4.0, 50), line, atol=1e-12)
+
+
+def test_smoothing_shortens_a_zigzag():
+    zigzag = np.column_stack([np.arange(20.0), np.arange(20) % 2, np.zeros(20)])
+    offsets = np.array([0, 20])
+    once = smooth_polylines(zigzag, offsets, 4.0, 1)
+    more = smooth_polylines(zigzag, offsets, 4.0, 5)
+    lengths = [polyline_lengths(p, offsets)[0] for p in (zigzag, once, more)]
+    assert lengths[0] > lengths[1] > lengths[2] > 19
+
+
+def test_lengths_are_the_sums_of_segments():
+    points, offsets = random_lines(2)
+    expected = [np.linalg.norm(np.diff(points[a:b], axis=0), axis=1).sum() for a, b in pairwise(offsets)]
+    assert_allclose(polyline_lengths(points, offsets), expected, rtol=1e-13)
+
+
+@settings(deadline=None, max_examples=40)
+@given(seed=st.integers(0, 10**6), count=st.integers(2, 40))
+def test_evenly_spaced_points_are_on_the_line_and_equally_far_along_it(seed, count):
+    points, offsets = random_lines(seed)
+    line = points[offsets[3] : offsets[4]]
+    spaced = evenly_spaced(line, count)
+    assert len(spaced) == count
+    assert_array_equal(spaced[[0, -1]], line[[0, -1]])
+    arcs = np.append(0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
+    targets = np.linspace(0, arcs[-1], count)
+    expected = np.column_stack([np.interp(targets, arcs, line[:, i]) for i in range(3)])
+    assert_allclose(spaced, expected, atol=1e-10)
+
+
+def test_resampling_clamps_arcs_to_the_line_and_passes_repeated_points():
+    line = np.array([[0.0, 0, 0], [0, 0, 0], [4, 0, 0], [4, 0, 0], [4, 2, 0]])
+    arcs = np.array([-1.0, 0, 1, 4, 5, 6, 9])
+    expected = [[0, 0, 0], [0, 0, 0], [1, 0, 0], [4, 0, 0], [4, 1, 0], [4, 2, 0], [4, 2, 0]]
+    assert_allclose(resample_polyline(line, arcs), expected, atol=1e-14)
+
+
+def test_a_line_of_one_place_is_resampled_to_that_place():
+    for line in (np.ones((1, 3)), np.ones((4, 3))):
+        assert_array_equal(resample_polyline(line, np.array([0.0, 1.0])), np.ones((2, 3)))
+
+
+def test_end_directions_pass_over_repeated_points():
+    points = np.array(
+        [[0.0, 0, 0], [0, 0, 0], [2, 0, 0], [2, 3, 0], [2, 3, 0], [7, 7, 7], [7, 7, 7], [1, 1, 1]]
+    )
+    starts, ends = end_directions(points, np.array([0, 5, 7, 8]))
+    # Corners of 90 degrees: the segments' own directions.
+    assert_allclose(starts, [[1, 0, 0], [0, 0, 0], [0, 0, 0]])
+    assert_allclose(ends, [[0, 1, 0], [0, 0, 0], [0, 0, 0]])
+
+
+def test_end_directions_are_tangents_of_a_curve_not_its_chords():
+    angle = np.linspace(0.0, 0.5, 6)  # chords are 2.9 degrees off
+    circle = 30 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    starts, ends = end_directions(np.vstack([circle, [[0, 0, 0], [0, 0, 9]]]), np.array([0, 6, 8]))
+    truth = np.array([[0, 1, 0], [-np.sin(0.5), np.cos(0.5), 0]])
+    assert np.degrees(np.arccos([starts[0] @ truth[0], ends[0] @ truth[1]])).max() < 0.2
+    assert_array_equal(starts[1], [0, 0, 1])
+    assert_array_equal(ends[1], [0, 0, 1])

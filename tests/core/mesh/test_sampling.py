@@ -1,0 +1,111 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from vtkmuscle.core.mesh.sampling import PatchSamples, even_samples, samples_inside
+
+
+def sheet(size=8, spacing=5.0):
+    """Return a flat square sheet, 40 x 40 mm, of which every second column of cells is split otherwise."""
+    x, y = np.meshgrid(np.arange(size + 1), np.arange(size + 1), indexing="ij")
+    points = spacing * np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()]).astype(float)
+    corners = (x[:-1, :-1] * (size + 1) + y[:-1, :-1]).ravel()
+    a, b, c, d = corners, corners + size + 1, corners + size + 2, corners + 1
+    return points, np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])]).astype(np.int64)
+
+
+def nearest_other(places):
+    return cKDTree(places).query(places, 2)[0][:, 1]
+
+
+def test_dense_samples_are_on_the_triangles_between_the_points_and_nowhere_else():
+    points, triangles = sheet()
+    patch = np.flatnonzero(points[:, 0] <= 20)
+    samples = PatchSamples(points, triangles, patch).dense(1000)
+    assert len(samples) >= 1000
+    assert samples.min() >= 0
+    assert samples[:, 0].max() <= 20
+    assert_array_equal(samples[:, 2], 0)
+
+
+def test_dense_samples_are_of_even_density_whatever_the_triangles():
+    points, triangles = sheet()
+    points[points[:, 0] > 15, 0] += 60  # the fourth column of cells is 13 times as wide as the others
+    samples = PatchSamples(points, triangles, np.arange(len(points))).dense(4000)
+    counts = np.histogram2d(samples[:, 0], samples[:, 1], bins=[10, 4], range=[[0, 100], [0, 40]])[0]
+    assert_allclose(counts / len(samples), 1 / 40, rtol=0.1)
+
+
+def test_another_seed_gives_other_samples():
+    points, triangles = sheet()
+    first, second = (PatchSamples(points, triangles, np.arange(81)).dense(64, seed=s) for s in (0, 1))
+    assert cKDTree(first).query(second)[0].min() > 0
+
+
+@pytest.mark.parametrize("count", [1, 7, 50, 200])
+def test_even_samples_are_candidates_and_nearly_as_far_from_each_other_as_can_be(count):
+    points, triangles = sheet()
+    candidates = PatchSamples(points, triangles, np.arange(81)).dense(16 * count)
+    samples = even_samples(candidates, count)
+    assert samples.shape == (count, 3)
+    assert_array_equal(cKDTree(candidates).query(samples)[0], 0)
+    if count > 1:
+        # In a perfect triangular pattern the distance is 1.07 of the root of a sample's share.
+        assert nearest_other(samples).min() > 0.5 * 40 / np.sqrt(count)
+
+
+def test_even_samples_of_few_candidates_repeat_them():
+    candidates = np.arange(9.0).reshape(3, 3)
+    samples = even_samples(candidates, 7)
+    assert len(samples) == 7
+    assert len(np.unique(samples, axis=0)) == 3
+
+
+def test_points_without_a_common_triangle_are_sampled_along_edges_and_single_points_as_they_are():
+    points, triangles = sheet()
+    row = np.flatnonzero(points[:, 0] == 10)
+    samples = even_samples(PatchSamples(points, triangles, row).dense(500), 20)
+    assert_array_equal(samples[:, 0], 10)
+    assert nearest_other(samples).min() > 0.4 * 40 / 20
+    assert_array_equal(PatchSamples(points, triangles, row[:1]).dense(500), points[row[:1]])
+    assert_array_equal(PatchSamples(points, triangles, row[[0, 4]]).dense(500), points[row[[0, 4]]])
+
+
+def in_rod(places):
+    return np.minimum(10.0 - np.hypot(places[:, 0], places[:, 1]), 50.0 - np.abs(places[:, 2]))
+
+
+def in_block(places):
+    return (np.array([20.0, 20.0, 50.0]) - np.abs(places)).min(axis=1)
+
+
+def rod():
+    turns, heights = np.meshgrid(2.0 * np.pi * np.arange(12) / 12, np.linspace(-50.0, 50.0, 11))
+    return np.column_stack([10.0 * np.cos(turns).ravel(), 10.0 * np.sin(turns).ravel(), heights.ravel()])
+
+
+def block():
+    signs = np.array(np.meshgrid([-1, 1], [-1, 1], np.linspace(-1.0, 1.0, 11))).reshape(3, -1).T
+    return signs * [20.0, 20.0, 50.0]
+
+
+@pytest.mark.parametrize(("points", "depth"), [(rod(), in_rod), (block(), in_block)], ids=["rod", "block"])
+def test_positions_in_a_symmetric_body_depend_neither_on_noise_nor_on_how_it_is_turned(points, depth):
+    expected = samples_inside(depth, points, 1000)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        turn, shift = Rotation.random(random_state=rng).as_matrix(), 100.0 * rng.normal(size=3)
+        noisy = points @ turn.T + shift + 1e-10 * rng.normal(size=points.shape)
+        samples = samples_inside(lambda places, r=turn, d=shift: depth((places - d) @ r), noisy, 1000)
+        assert_allclose(samples, expected @ turn.T + shift, atol=1e-6)
+
+
+def test_positions_in_a_body_are_of_even_density():
+    samples = samples_inside(in_rod, rod(), 3000)
+    assert len(samples) == 3000
+    assert (in_rod(samples) > 0.0).all()
+    shares = [np.mean(np.hypot(*samples[:, :2].T) < radius) for radius in (2.5, 5.0, 7.5)]
+    assert_allclose(shares, np.square([0.25, 0.5, 0.75]), atol=0.015)
+    assert_allclose(np.histogram(samples[:, 2], 4, (-50.0, 50.0))[0] / 3000, 0.25, atol=0.015)

@@ -1,0 +1,171 @@
+"""What a triangle mesh is."""
+
+import igl
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vtkmuscle.core.mesh.surface import (
+    edge_lengths,
+    half_edges,
+    numbered_edges,
+    point_components,
+    signed_volume,
+    survey,
+    triangle_normals,
+    unique_edges,
+    vertex_normals,
+)
+from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
+from vtkmuscle.phantoms.meshing import box, solid_of_revolution
+
+TETRAHEDRON = (
+    np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]),
+    np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]),
+)
+
+
+@pytest.fixture
+def vase():
+    """A closed surface without symmetry along its axis."""
+    return solid_of_revolution([0.0, 3.0, 7.0, 12.0], [4.0, 6.0, 3.0, 5.0], 18)
+
+
+def test_half_edges_run_around_each_triangle():
+    np.testing.assert_array_equal(half_edges(np.array([[4, 7, 2]])), [[4, 7], [7, 2], [2, 4]])
+
+
+def test_unique_edges_of_a_tetrahedron_are_all_pairs():
+    np.testing.assert_array_equal(
+        unique_edges(TETRAHEDRON[1]), [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]
+    )
+
+
+def test_unique_edges_agree_with_igl(vase):
+    ours = unique_edges(vase[1])
+    theirs = np.sort(np.asarray(igl.edges(vase[1])), axis=1)
+    np.testing.assert_array_equal(ours, theirs[np.lexsort((theirs[:, 1], theirs[:, 0]))])
+
+
+@pytest.mark.parametrize("n", [5, 100])
+def test_edges_are_numbered_however_many_meet_in_a_point(n):
+    rim = np.random.default_rng(n).permutation(np.arange(1, n + 1))
+    triangles = np.column_stack([np.zeros(n, dtype=int), rim, np.roll(rim, -1)])
+    edges, edge_of = numbered_edges(triangles)
+    theirs, number = np.unique(np.sort(half_edges(triangles), axis=1), axis=0, return_inverse=True)
+    np.testing.assert_array_equal(edges, theirs)
+    np.testing.assert_array_equal(edge_of, number.reshape(-1))
+
+
+def test_edge_lengths():
+    points = np.array([(0.0, 0, 0), (3, 4, 0), (3, 4, 12)])
+    np.testing.assert_allclose(edge_lengths(points, np.array([[0, 1], [1, 2], [0, 2]])), [5, 12, 13])
+
+
+def test_volume_of_a_tetrahedron():
+    assert signed_volume(*TETRAHEDRON) == pytest.approx(1 / 6)
+
+
+def test_volume_of_a_surface_turned_inside_out_is_negative(vase):
+    points, triangles = vase
+    assert signed_volume(points, triangles[:, ::-1]) == pytest.approx(-signed_volume(points, triangles))
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    shift=st.tuples(*[st.floats(-1e6, 1e6)] * 3),
+    angle=st.floats(-360, 360),
+    scale=st.floats(1e-3, 1e3),
+)
+def test_volume_is_that_of_the_moved_surface_and_grows_with_the_cube_of_its_size(shift, angle, scale):
+    points, triangles = box((0, 0, 0), (2, 3, 5), 1.0)
+    turned = apply_transform(rotation_about((1, 1, 1), (1, 2, 3), angle), points)
+    moved = scale * turned + np.array(shift)
+    assert signed_volume(moved, triangles) == pytest.approx(30 * scale**3, rel=1e-5)
+
+
+def test_volume_far_from_the_origin_keeps_its_digits():
+    points, triangles = box((0, 0, 0), (1, 1, 1), 0.5)
+    assert signed_volume(points + 1e6, triangles) == pytest.approx(1.0, rel=1e-9)
+
+
+def test_triangle_normals_are_twice_the_area_long():
+    points = np.array([(0.0, 0, 0), (4, 0, 0), (0, 3, 0)])
+    np.testing.assert_allclose(triangle_normals(points, np.array([[0, 1, 2]])), [[0, 0, 12]])
+
+
+def test_vertex_normals_agree_with_igl(vase):
+    points, triangles = vase
+    expected = igl.per_vertex_normals(points, triangles, weighting=igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_AREA)
+    np.testing.assert_allclose(vertex_normals(points, triangles), expected, atol=1e-12)
+
+
+def test_vertex_normal_of_an_unused_point_is_zero():
+    points = np.vstack([TETRAHEDRON[0], [[9.0, 9, 9]]])
+    np.testing.assert_array_equal(vertex_normals(points, TETRAHEDRON[1])[4], [0, 0, 0])
+
+
+def test_vertex_normals_where_triangles_cancel_are_zero():
+    points = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0)])
+    np.testing.assert_array_equal(vertex_normals(points, np.array([[0, 1, 2], [0, 2, 1]])), np.zeros((3, 3)))
+
+
+def test_point_components():
+    labels = point_components(6, np.array([[0, 3], [3, 5], [1, 2]]))
+    assert len(set(labels[[0, 3, 5]])) == 1
+    assert labels[1] == labels[2]
+    assert len({labels[0], labels[1], labels[4]}) == 3
+
+
+def test_survey_of_a_sound_surface(vase):
+    report = survey(*vase)
+    assert report.closed
+    assert report.manifold
+    assert report.oriented
+    assert (report.n_components, report.n_unused_points, report.n_degenerate_triangles) == (1, 0, 0)
+    # Euler: V - E + F = 2.
+    assert report.n_points - len(unique_edges(vase[1])) + report.n_triangles == 2
+
+
+def test_survey_of_an_open_surface():
+    report = survey(TETRAHEDRON[0], TETRAHEDRON[1][1:])
+    assert not report.closed
+    assert report.n_boundary_edges == 3
+    assert report.manifold
+    assert report.oriented
+
+
+def test_survey_of_a_fin_on_an_edge():
+    points = np.vstack([TETRAHEDRON[0], [[2.0, 2, 2]]])
+    report = survey(points, np.vstack([TETRAHEDRON[1], [[1, 2, 4]]]))
+    assert not report.manifold
+    assert report.n_nonmanifold_edges == 1
+    assert report.n_boundary_edges == 2
+
+
+def test_survey_of_a_triangle_turned_over():
+    triangles = TETRAHEDRON[1].copy()
+    triangles[0] = triangles[0, ::-1]
+    report = survey(TETRAHEDRON[0], triangles)
+    assert report.closed
+    assert not report.oriented
+    assert report.n_misoriented_edges == 3
+
+
+def test_survey_counts_degenerate_triangles():
+    points = np.vstack([TETRAHEDRON[0], [[0.5, 0, 0]]])
+    report = survey(points, np.vstack([TETRAHEDRON[1], [[0, 1, 4], [1, 1, 2]]]))
+    assert report.n_degenerate_triangles == 2
+
+
+def test_survey_of_two_parts_and_a_loose_point():
+    points = np.vstack([TETRAHEDRON[0], TETRAHEDRON[0] + 5, [[9.0, 9, 9]]])
+    report = survey(points, np.vstack([TETRAHEDRON[1], TETRAHEDRON[1] + 4]))
+    assert report.n_components == 2
+    assert report.n_unused_points == 1
+    assert report.volume == pytest.approx(2 / 6)
+
+
+def test_survey_area():
+    assert survey(*box((0, 0, 0), (1, 2, 3), 0.5)).area == pytest.approx(22)

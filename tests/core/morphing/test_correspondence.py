@@ -1,0 +1,179 @@
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from vtkmuscle.core.morphing.correspondence import (
+    _cheapest_chain,
+    boundary_centroid,
+    cornered_loop,
+    loop_lengths,
+    refined_loop,
+    sampled_loop,
+    split_chain,
+    starting_points,
+    subdivided_rectangle,
+)
+
+Q0 = np.zeros(2)
+
+
+def ellipse(a=20.0, b=8.0, *, centre=(25.0, 15.0), turn=0.0, n=90, first=0):
+    angles = 2 * np.pi * (np.arange(n) + first) / n
+    points = np.column_stack([a * np.cos(angles), b * np.sin(angles)])
+    c, s = np.cos(turn), np.sin(turn)
+    return points @ np.array([[c, s], [-s, c]]) + centre
+
+
+@settings(deadline=None, max_examples=80)
+@given(seed=st.integers(0, 10**6), n=st.integers(4, 12))
+def test_the_split_has_the_least_error_of_all_splits(seed, n):
+    rng = np.random.default_rng(seed)
+    lengths = np.concatenate([[0.0], np.cumsum(rng.uniform(0.01, 1, n) ** 3)])
+    width, depth = rng.uniform(0.1, 10, 2)
+    splits, error = split_chain(lengths, width, depth)
+    scaled = lengths * 2 * (width + depth) / lengths[-1]
+    sides = np.array([width, depth, width, depth])
+
+    def cost(corners):
+        return ((np.diff(scaled[[0, *corners, n]]) - sides) ** 2).sum()
+
+    assert splits[0] == 0
+    assert splits[4] == n
+    assert (np.diff(splits) >= 1).all()
+    assert error == pytest.approx(cost(splits[1:4]), rel=1e-9)
+    assert error <= min(cost(c) for c in combinations(range(1, n), 3)) * (1 + 1e-9) + 1e-12
+
+
+def test_a_chain_that_has_the_rectangles_proportions_is_split_without_error():
+    splits, error = split_chain(np.array([0.0, 1, 3, 5, 8, 10]) * 7.0, 3.0, 2.0)
+    assert error == 0.0
+    assert np.array_equal(splits, [0, 2, 3, 4, 5])
+
+
+def test_the_rectangles_sides_keep_the_ratios_of_the_segments(rng):
+    lengths = np.concatenate([[0.0], np.cumsum(rng.uniform(0.2, 1, 20))])
+    splits, _ = split_chain(lengths, 4.0, 3.0)
+    rectangle = subdivided_rectangle(lengths, splits, 4.0, 3.0)
+    assert np.array_equal(rectangle[splits[:4]], [(0, 0), (4, 0), (4, 3), (0, 3)])
+    closed = np.vstack([rectangle, rectangle[:1]])
+    for side in range(4):
+        part = slice(splits[side], splits[side + 1] + 1)
+        steps = np.linalg.norm(np.diff(closed[part], axis=0), axis=1)
+        assert np.allclose(steps / steps.sum(), np.diff(lengths[part]) / np.ptp(lengths[part]))
+        assert steps.sum() == pytest.approx((4.0, 3.0)[side % 2])
+
+
+def test_a_refined_loop_is_the_same_curve_with_short_segments():
+    loop = np.array([(0.0, 0), (10, 0), (10, 1), (0, 1)])
+    refined = refined_loop(loop, 50)
+    lengths = loop_lengths(refined)
+    assert np.diff(lengths).max() <= 22 / 50 + 1e-12
+    assert lengths[-1] == pytest.approx(22)
+    assert {tuple(p) for p in loop} <= {tuple(p) for p in refined}
+    assert np.allclose(boundary_centroid(refined), boundary_centroid(loop))
+    assert np.allclose(boundary_centroid(loop), (5, 0.5))
+
+
+def test_samples_are_equally_spaced_and_begin_nearest_to_the_corner():
+    loop = ellipse(first=33)
+    samples = sampled_loop(loop, Q0, 64)
+    assert np.allclose(samples, sampled_loop(np.roll(loop, 7, axis=0), Q0, 64), atol=1e-12)
+    steps = np.linalg.norm(np.roll(samples, -1, axis=0) - samples, axis=1)
+    # Chords of a curved loop are a little shorter than its arcs.
+    assert np.abs(steps / steps.mean() - 1).max() < 0.02
+    dense = refined_loop(loop, 20000)
+    assert np.linalg.norm(samples[0]) <= np.linalg.norm(dense, axis=1).min() + 1e-9
+
+
+def test_samples_of_a_rectangle_are_on_it():
+    loop = np.array([(1.0, 2), (5, 2), (5, 3), (1, 3)])
+    samples = sampled_loop(np.roll(loop, 2, axis=0), Q0, 10)
+    assert np.allclose(samples[0], (1, 2))
+    assert np.allclose(samples, [(x, 2) for x in (1, 2, 3, 4, 5)] + [(x, 3) for x in (5, 4, 3, 2, 1)])
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 10**6), levels=st.integers(1, 4), n=st.integers(1, 5))
+def test_the_chain_is_the_cheapest_of_all(seed, levels, n):
+    rng = np.random.default_rng(seed)
+    costs, twists = rng.random((levels, n)), rng.random((levels - 1, n))
+
+    def cost(places):
+        steps = sum(twists[j, (places[j + 1] - places[j]) % n] for j in range(levels - 1))
+        return costs[np.arange(levels), places].sum() + steps
+
+    every = np.array(np.meshgrid(*[range(n)] * levels)).reshape(levels, -1).T
+    assert cost(_cheapest_chain(costs, twists)) <= min(cost(places) for places in every) + 1e-12
+
+
+def test_without_continuity_every_loop_starts_nearest_to_the_corner():
+    starts = starting_points([ellipse(), ellipse(turn=1.0)], np.array([0.0, 5.0]), 0.0, Q0)
+    assert np.array_equal(starts, np.zeros((2, 2)))
+    loop = ellipse(first=20)
+    start = cornered_loop(loop, Q0, 3.0, 2.0)[0]
+    assert np.linalg.norm(start) == pytest.approx(polygon_distance(loop, Q0), rel=1e-12)
+
+
+def polygon_distance(loop, point):
+    """Return the distance of a point from a closed loop."""
+    step = np.roll(loop, -1, axis=0) - loop
+    share = np.clip(((point - loop) * step).sum(axis=1) / (step**2).sum(axis=1), 0.0, 1.0)
+    return np.linalg.norm(loop + share[:, None] * step - point, axis=1).min()
+
+
+@pytest.mark.parametrize("sides", [(3.0, 2.0), (40.0, 1.0), (1.0, 1.0)])
+@pytest.mark.parametrize("n", [3, 4, 7, 90, 5000])
+def test_a_loop_has_vertices_where_the_sides_of_the_rectangle_end(n, sides):
+    angle = 2 * np.pi * np.arange(n) / n
+    loop = np.column_stack([20 + 15 * np.cos(angle), 12 + 4 * np.sin(angle)])
+    chain = cornered_loop(loop, Q0, *sides)
+    assert n <= len(chain) <= n + 4
+    lengths = loop_lengths(chain)
+    assert (np.diff(lengths) > 0).all()
+    assert lengths[-1] == pytest.approx(loop_lengths(loop)[-1], rel=1e-5)
+    splits, error = split_chain(lengths, *sides)
+    assert error < 1e-20 * sum(sides) ** 2
+    assert np.allclose(
+        lengths[splits] / lengths[-1] * 2 * sum(sides),
+        np.cumsum([0.0, sides[0], sides[1], sides[0], sides[1]]),
+    )
+
+
+def test_where_a_loop_starts_depends_continuously_on_it():
+    steps = np.linspace(0.0, 1.0, 200)
+    chains = [cornered_loop(ellipse(turn=0.3 * step), Q0, 3.0, 2.0)[0] for step in steps]
+    assert np.linalg.norm(np.diff(chains, axis=0), axis=1).max() < 0.1
+
+
+@pytest.mark.parametrize("n_levels", [1, 2, 16, 500])
+def test_equal_loops_all_start_at_the_same_place_nearest_to_the_corner(n_levels):
+    loops = [ellipse(first=k % 90) for k in range(n_levels)]
+    starts = starting_points(loops, np.linspace(0, 100, n_levels), 20.0, Q0)
+    assert np.allclose(starts, sampled_loop(loops[0], Q0, 128)[0], atol=1e-9)
+
+
+def crescent(lean, n=200):
+    """Return a bent strip whose two ends are about equally near to the corner, which leans to one of them."""
+    u = np.linspace(-1.2, 1.2, n // 2)
+    arc = np.column_stack([np.sin(u), np.cos(u)])
+    points = np.vstack([22 * arc, 16 * arc[::-1]])[::-1]
+    c, s = np.cos(lean - np.pi / 4), np.sin(lean - np.pi / 4)
+    return points @ np.array([[c, s], [-s, c]]) + (18, 18)
+
+
+@pytest.mark.parametrize("n_levels", [16, 400])
+def test_a_section_that_leans_to_the_other_side_does_not_make_the_start_jump(n_levels):
+    loops = [crescent(lean) for lean in np.linspace(-0.3, 0.2, n_levels)]
+    levels = np.linspace(0, 100, n_levels)
+    jumps = {}
+    for continuity in (0.0, 20.0):
+        targets = starting_points(loops, levels, continuity, Q0)
+        starts = np.array(
+            [cornered_loop(loop, target, 3.0, 2.0)[0] for loop, target in zip(loops, targets, strict=True)]
+        )
+        jumps[continuity] = np.linalg.norm(np.diff(starts, axis=0), axis=1).max()
+    assert jumps[0.0] > 20.0
+    assert jumps[20.0] < 4.0

@@ -1,0 +1,192 @@
+import igl
+import numpy as np
+import pytest
+from bent_muscle import bent_tube, half_circle, letter_s
+
+from vtkmuscle.core.morphing.isolines import attachment_field, morph_by_isolines, way_of_values
+from vtkmuscle.core.morphing.section_maps import MAPPINGS
+from vtkmuscle.core.morphing.sections import closed_surface
+from vtkmuscle.core.morphing.slices import Slicing, morph_by_planes
+from vtkmuscle.core.motion.rigid import apply_transform
+from vtkmuscle.core.template.fitting import SeenMuscle, centroid_axis, fit_box
+from vtkmuscle.core.template.kinds import TEMPLATES, sobol_points
+
+RADIUS = 12.0
+BOTTOM = np.array([(0.0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
+SETTINGS = {"slice_tolerance": 0.1, "continuity": 0.2, "mapping": "bijective"}
+
+
+def fitted(points, origin, insertion, n_fibres=40, resolution=15, kind="parallel"):
+    """Return the transform and the fitted fibres, (n, m, 3)."""
+    areas = {"origin_area": BOTTOM, "insertion_area": BOTTOM + np.array([0.0, 0, 1])}
+    ends = {"origin": points[origin], "insertion": points[insertion]}
+    axis = centroid_axis(ends["origin"], ends["insertion"])
+    box = fit_box(SeenMuscle(points), axis, **ends, **areas, angle_step=5.0)
+    cube = TEMPLATES[kind].fibres(*sobol_points(n_fibres).T, np.linspace(0, 1, resolution + 1))
+    return box.transform, apply_transform(box.transform, cube.reshape(-1, 3)).reshape(cube.shape)
+
+
+def by_isolines(cube, transform, surface, field, **settings):
+    slicing = Slicing(**(SETTINGS | settings))
+    return morph_by_isolines(cube.reshape(-1, 3), transform, closed_surface(*surface), field, slicing)
+
+
+def by_planes(cube, transform, surface, **settings):
+    slicing = Slicing(**(SETTINGS | settings))
+    return morph_by_planes(cube.reshape(-1, 3), transform, closed_surface(*surface), slicing)
+
+
+def lengths(fibres):
+    return np.linalg.norm(np.diff(fibres, axis=1), axis=2).sum(axis=1)
+
+
+def largest_turn(fibres):
+    steps = np.diff(fibres, axis=1)
+    steps /= np.linalg.norm(steps, axis=2, keepdims=True)
+    return np.degrees(np.arccos((steps[:, 1:] * steps[:, :-1]).sum(axis=2).clip(-1, 1))).max()
+
+
+@pytest.fixture(scope="module")
+def half_turn():
+    return bent_tube(half_circle(), RADIUS)
+
+
+@pytest.fixture(scope="module")
+def double_bend():
+    return bent_tube(letter_s(), RADIUS)
+
+
+@pytest.mark.parametrize("mapping", MAPPINGS)
+def test_fibres_of_a_muscle_bent_by_180_degrees_have_their_known_lengths(half_turn, mapping):
+    points, triangles, origin, insertion = half_turn
+    transform, cube = fitted(points, origin, insertion)
+    field = attachment_field(points, triangles, origin, insertion)
+    morph = by_isolines(cube, transform, (points, triangles), field, mapping=mapping)
+    fibres = morph.points.reshape(cube.shape)
+    from_axis = np.hypot(fibres[..., 0], fibres[..., 2])
+    assert np.ptp(from_axis, axis=1).max() < 0.1 * RADIUS
+    assert np.ptp(fibres[..., 1], axis=1).max() < 0.1 * RADIUS
+    assert np.abs(lengths(fibres) / (np.pi * from_axis.mean(axis=1)) - 1).max() < 0.01
+    assert np.ptp(from_axis.mean(axis=1)) > 1.5 * RADIUS  # they fill the muscle
+    assert largest_turn(fibres) < 20
+    angles = np.arctan2(fibres[..., 2], fibres[..., 0])
+    assert np.abs(np.abs(angles) - np.linspace(0, np.pi, 16)).max() < 0.05  # and are evenly divided
+    planes = by_planes(cube, transform, (points, triangles), mapping=mapping)
+    assert not planes.suits
+    assert np.ptp(np.hypot(*planes.points.reshape(cube.shape)[..., [0, 2]].T), axis=0).max() > RADIUS
+
+
+def test_fibres_of_a_muscle_bent_in_an_s_have_their_known_lengths(double_bend):
+    points, triangles, origin, insertion = double_bend
+    transform, cube = fitted(points, origin, insertion, resolution=30)
+    field = attachment_field(points, triangles, origin, insertion)
+    morph = by_isolines(cube, transform, (points, triangles), field)
+    fibres = morph.points.reshape(cube.shape)
+    side = np.where(fibres[..., 0] < 0, -1.0, 1.0)
+    outward = np.hypot(fibres[..., 0] - 50 * side, fibres[..., 2]) - 50
+    halves = [outward[:, :14].mean(axis=1), outward[:, 17:].mean(axis=1)]
+    # What is outside in one bend is inside in the other: all fibres are equally long.
+    assert np.abs(halves[0] + halves[1]).max() < 0.2 * RADIUS
+    assert np.abs(lengths(fibres) / (np.pi * (100 + halves[0] + halves[1])) - 1).max() < 0.02
+    assert largest_turn(fibres) < 30
+    assert not by_planes(cube, transform, (points, triangles)).suits
+
+
+def test_fibres_end_on_the_areas_and_are_inside(half_turn):
+    points, triangles, origin, insertion = half_turn
+    transform, cube = fitted(points, origin, insertion)
+    field = attachment_field(points, triangles, origin, insertion)
+    morph = by_isolines(cube, transform, (points, triangles), field)
+    fibres = morph.points.reshape(cube.shape)
+    for end, area in ((0, origin), (-1, insertion)):
+        disc = triangles[np.isin(triangles, area).all(axis=1)]
+        assert igl.point_mesh_squared_distance(fibres[:, end], points, disc)[0].max() < 1e-18
+    assert (fibres[:, 0, 0] > 0).all()
+    assert (fibres[:, -1, 0] < 0).all()
+    inner = fibres[:, 1:-1].reshape(-1, 3)
+    assert (igl.winding_number(points, triangles, inner) > 0.5).all()
+
+
+def test_neighbours_stay_neighbours_at_every_isoline(double_bend):
+    points, triangles, origin, insertion = double_bend
+    transform, cube = fitted(points, origin, insertion, n_fibres=64)
+    field = attachment_field(points, triangles, origin, insertion)
+    morph = by_isolines(cube, transform, (points, triangles), field)
+    fibres = morph.points.reshape(cube.shape)
+    r, s = sobol_points(64).T
+    apart = np.hypot(r[:, None] - r, s[:, None] - s)
+    close = np.argwhere((apart < 0.2) & (apart > 0))
+    for level in range(1, 15):
+        distances = np.linalg.norm(fibres[close[:, 0], level] - fibres[close[:, 1], level], axis=1)
+        assert distances.max() < 0.8 * RADIUS
+
+
+def test_a_field_of_another_pose_serves_as_well(half_turn):
+    points, triangles, origin, insertion = half_turn
+    field = attachment_field(points, triangles, origin, insertion)
+    moved = points * [1.0, 1.0, 1.1]
+    transform, cube = fitted(moved, origin, insertion)
+    own = attachment_field(moved, triangles, origin, insertion)
+    here, there = (by_isolines(cube, transform, (moved, triangles), f).points for f in (own, field))
+    assert np.linalg.norm(here - there, axis=1).max() < 3.0
+
+
+def test_a_mirrored_box_gives_the_mirrored_fibres(half_turn):
+    points, triangles, origin, insertion = half_turn
+    transform, cube = fitted(points, origin, insertion)
+    field = attachment_field(points, triangles, origin, insertion)
+    mirror = np.diag([1.0, -1.0, 1.0, 1.0])
+    here = by_isolines(cube, transform, (points, triangles), field).points
+    moved = apply_transform(mirror, cube.reshape(-1, 3)), mirror @ transform
+    there = by_isolines(*moved, (apply_transform(mirror, points), triangles[:, ::-1]), field).points
+    assert np.abs(there - apply_transform(mirror, here)).max() < 1e-6
+
+
+def test_ways_along_a_tube_are_those_of_its_centre_line_or_a_little_more():
+    path = np.column_stack([np.zeros(50), np.zeros(50), np.linspace(0, 100, 50)])
+    points, triangles, origin, insertion = bent_tube(path, RADIUS)
+    field = attachment_field(points, triangles, origin, insertion)
+    values, ways = way_of_values(points, triangles, field)
+    assert ways[-1] == pytest.approx(100, rel=1e-3)
+    assert np.abs(ways - 100 * values).max() < 0.2
+
+
+@pytest.mark.parametrize("resolution", [1, 1000])
+def test_extreme_resolutions(half_turn, resolution):
+    points, triangles, origin, insertion = half_turn
+    transform, cube = fitted(points, origin, insertion, n_fibres=3, resolution=resolution)
+    field = attachment_field(points, triangles, origin, insertion)
+    morph = by_isolines(cube, transform, (points, triangles), field)
+    assert np.isfinite(morph.points).all()
+
+
+def test_a_tetrahedron_is_a_muscle():
+    points = np.array([(0.0, 0, 0), (10, 0, 1), (0, 10, 2), (3, 3, 30)])
+    triangles = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
+    field = attachment_field(points, triangles, np.array([0, 1, 2]), np.array([3]))
+    transform, cube = fitted(points, [0, 1, 2], [3], n_fibres=5)
+    morph = by_isolines(cube, transform, (points, triangles), field)
+    assert np.isfinite(morph.points).all()
+    assert np.abs(morph.points.reshape(cube.shape)[:, -1] - points[3]).max() < 1e-9
+
+
+def test_overlapping_or_missing_areas_are_named(half_turn):
+    points, triangles, origin, insertion = half_turn
+    with pytest.raises(ValueError, match="overlap: 1 point"):
+        attachment_field(points, triangles, origin, np.append(insertion, origin[0]))
+    with pytest.raises(ValueError, match="no point of the muscle is in the insertion area"):
+        attachment_field(points, triangles, origin, np.zeros(0, dtype=np.int64))
+
+
+def test_areas_on_two_separate_parts_are_refused(half_turn):
+    points, triangles, origin, insertion = half_turn
+    n = len(points)
+    twice, both = np.vstack([points, points + np.array([0.0, 100, 0])]), np.vstack([triangles, triangles + n])
+    with pytest.raises(ValueError, match="no connected part"):
+        attachment_field(twice, both, origin, insertion + n)
+    # A second part without areas does no harm.
+    field = attachment_field(twice, both, origin, insertion)
+    transform, cube = fitted(points, origin, insertion)
+    one = by_isolines(cube, transform, (points, triangles), field[:n]).points
+    two = by_isolines(cube, transform, (twice, both), field).points
+    assert np.allclose(one, two)

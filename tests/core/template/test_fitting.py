@@ -1,0 +1,226 @@
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from vtkmuscle.core.motion.rigid import apply_transform
+from vtkmuscle.core.template.fitting import (
+    ASSIGNMENTS,
+    SeenMuscle,
+    centroid_axis,
+    fit_box,
+    lie_opposite,
+    principal_axis,
+    turned_cube,
+)
+from vtkmuscle.core.template.kinds import TEMPLATES
+
+SIDES = np.array([20.0, 40.0, 120.0])
+PARALLEL = {
+    "origin_area": TEMPLATES["parallel"].origin_areas.reshape(-1, 3),
+    "insertion_area": TEMPLATES["parallel"].insertion_areas.reshape(-1, 3),
+}
+
+
+def block(n=6):
+    """Return points on the surface of a block of the sides above, its corners among them."""
+    grid = np.stack(np.meshgrid(*[np.linspace(0, 1, n)] * 3), axis=-1).reshape(-1, 3)
+    return grid[((grid == 0) | (grid == 1)).any(axis=1)] * SIDES
+
+
+def cloud(seed):
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=(60, 3)) * [5.0, 9.0, 30.0], rng
+
+
+def rigid(seed):
+    transform = np.eye(4)
+    transform[:3, :3] = Rotation.random(random_state=seed).as_matrix()
+    transform[:3, 3] = np.random.default_rng(seed).normal(size=3) * 200
+    return transform
+
+
+def rectangle(low, high):
+    return np.array([(low[0], low[1], low[2]), (high[0], low[1], low[2]), high, (low[0], high[1], high[2])])
+
+
+def fit(points, origin, insertion, axis=None, angle_step=5.0, **areas):
+    axis = centroid_axis(origin, insertion) if axis is None else axis
+    areas = areas or PARALLEL
+    return fit_box(
+        SeenMuscle(points), axis, origin=origin, insertion=insertion, angle_step=angle_step, **areas
+    )
+
+
+def ends(points):
+    """Return landmarks at both ends of a muscle along z."""
+    return points[np.argsort(points[:, 2])[:8]], points[np.argsort(points[:, 2])[-8:]]
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 10**6))
+def test_the_box_holds_all_points_and_touches_them_and_is_right_handed(seed):
+    points, _ = cloud(seed)
+    transform = fit(points, *ends(points)).transform
+    inside = np.linalg.solve(transform[:3, :3], (points - transform[:3, 3]).T).T
+    assert np.abs(inside.min(axis=0)).max() < 1e-9
+    assert np.abs(inside.max(axis=0) - 1).max() < 1e-9
+    sides = np.linalg.norm(transform[:3, :3], axis=0)
+    frame = transform[:3, :3] / sides
+    assert np.abs(frame.T @ frame - np.eye(3)).max() < 1e-12
+    assert np.linalg.det(frame) > 0
+    assert np.allclose(frame[:, 2], centroid_axis(*ends(points)))
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 10**6))
+def test_the_fit_moves_with_the_muscle(seed):
+    points, _ = cloud(seed)
+    origin, insertion = ends(points)
+    here = fit(points, origin, insertion)
+    move = rigid(seed)
+    there = fit(*(apply_transform(move, p) for p in (points, origin, insertion)))
+    assert np.abs(there.transform - move @ here.transform).max() < 1e-8
+    assert there.error == pytest.approx(here.error, abs=1e-8)
+
+
+@pytest.mark.parametrize("square", [False, True])
+def test_the_fit_moves_with_a_muscle_that_is_symmetric(square):
+    points = block() * ([2.0, 1.0, 1.0] if square else [1.0, 1.0, 1.0])
+    origin, insertion = points[points[:, 2] == 0], points[points[:, 2] == SIDES[2]]
+    here = fit(points, origin, insertion)
+    for seed in range(5):
+        move = rigid(seed)
+        there = fit(*(apply_transform(move, p) for p in (points, origin, insertion)))
+        assert np.abs(there.transform - move @ here.transform).max() < 1e-8
+
+
+def test_a_block_is_met_exactly():
+    points = block()
+    for seed in range(4):
+        move = rigid(seed)
+        moved = apply_transform(move, points)
+        found = fit(moved, moved[points[:, 2] == 0], moved[points[:, 2] == SIDES[2]])
+        sides = np.linalg.norm(found.transform[:3, :3], axis=0)
+        assert np.allclose(np.sort(sides), SIDES, atol=1e-9)
+        # The template's corners are points of the block.
+        assert found.error < 1e-9
+
+
+def test_no_angle_of_the_sweep_is_better():
+    points, rng = cloud(3)
+    origin, insertion = points[rng.integers(60, size=5)], points[rng.integers(60, size=5)] + [0, 0, 60]
+    axis = centroid_axis(origin, insertion)
+    best = fit(points, origin, insertion)
+    start = best.transform[:3, 0] / np.linalg.norm(best.transform[:3, 0])
+    for angle in np.radians(np.arange(0, 360, 5.0)):
+        x = np.cos(angle) * start + np.sin(angle) * np.cross(axis, start)
+        frame = np.column_stack([x, np.cross(axis, x), axis])
+        local = points @ frame
+        low, high = local.min(axis=0), local.max(axis=0)
+        error = 0.0
+        for area, landmarks in (("origin_area", origin), ("insertion_area", insertion)):
+            corners = (low + PARALLEL[area] * (high - low)) @ frame.T
+            error += np.linalg.norm(corners[:, None] - landmarks, axis=2).min(axis=1).sum()
+        assert error >= best.error - 1e-9
+
+
+def test_a_finer_sweep_is_no_worse():
+    points, rng = cloud(5)
+    origin, insertion = points[rng.integers(60, size=5)], points[rng.integers(60, size=5)] + [0, 0, 60]
+    errors = [fit(points, origin, insertion, angle_step=step).error for step in (90.0, 30.0, 5.0, 1.0)]
+    assert errors == sorted(errors, reverse=True)
+
+
+@pytest.mark.parametrize("flip", [(1, 1), (-1, -1)])
+def test_aponeuroses_lie_on_the_template_faces_that_are_nearest_to_them(flip):
+    """Turned by half a turn about the long axis, the box turns with the attachments."""
+    points = block() - SIDES / 2
+    w, d, length = SIDES / 2
+    turn = np.diag([*flip, 1.0])
+    origin = rectangle((-w, -d, -length), (-w, d, 0)) @ turn
+    insertion = rectangle((w, -d, 0), (w, d, length)) @ turn
+    pennate = TEMPLATES["pennate"]
+    found = fit(
+        points,
+        origin,
+        insertion,
+        axis=np.array([0.0, 0, 1]),
+        origin_area=pennate.origin_areas[0],
+        insertion_area=pennate.insertion_areas[0],
+    )
+    across = found.transform[:3, 0] / np.linalg.norm(found.transform[:3, 0])
+    assert np.allclose(across, [flip[0], 0, 0], atol=1e-9)
+
+
+def test_principal_axis_is_the_long_one_and_points_to_the_insertion():
+    points = SeenMuscle(block() - SIDES / 2)
+    top, bottom = np.array([[0.0, 0, 50]]), np.array([[0.0, 0, -50]])
+    assert np.allclose(principal_axis(points, bottom, top), [0, 0, 1])
+    assert np.allclose(principal_axis(points, top, bottom), [0, 0, -1])
+
+
+def test_several_areas_of_a_role_unite_and_their_order_does_not_matter(rng):
+    points, _ = cloud(8)
+    origin, insertion = ends(points)
+    mixed = fit(points, rng.permutation(origin), rng.permutation(insertion))
+    assert np.allclose(mixed.transform, fit(points, origin, insertion).transform, atol=1e-9)
+
+
+def test_coinciding_centroids_are_refused():
+    ring = np.array([(1.0, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0)])
+    with pytest.raises(ValueError, match="axis='principal'"):
+        centroid_axis(ring, 2 * ring)
+    with pytest.raises(ValueError, match="coincide"):
+        centroid_axis(ring[:1], ring[:1])
+
+
+@pytest.mark.parametrize("flat", [0, 2])
+def test_a_flat_muscle_is_refused(flat):
+    points = block() @ Rotation.from_euler("z", 0.3).as_matrix()
+    points[:, flat] = 7.0
+    with pytest.raises(ValueError, match="one plane"):
+        fit(points, points[:2], points[2:4], axis=np.array([0.0, 0, 1]))
+
+
+@pytest.mark.parametrize("kind", list(TEMPLATES))
+def test_only_areas_at_bottom_and_top_lie_opposite(kind):
+    areas = (TEMPLATES[kind].origin_areas.reshape(-1, 3), TEMPLATES[kind].insertion_areas.reshape(-1, 3))
+    assert lie_opposite(*areas) == (kind not in {"pennate", "bipennate"})
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 10**6))
+def test_refinement_ends_in_a_minimum_that_a_fine_sweep_does_not_beat_nearby(seed):
+    points, _ = cloud(seed)
+    origin, insertion = ends(points)
+    coarse, fine = (
+        fit_box(
+            SeenMuscle(points),
+            np.array([0.0, 0, 1]),
+            origin=origin,
+            insertion=insertion,
+            origin_area=rectangle((0, 0, 0), (1, 1, 0)),
+            insertion_area=rectangle((0, 0, 1), (1, 1, 1)),
+            angle_step=5.0,
+            refine=refine,
+        )
+        for refine in (False, True)
+    )
+    assert fine.error <= coarse.error
+    assert abs(fine.angle - coarse.angle) <= 5.0
+
+
+@pytest.mark.parametrize("assignment", ASSIGNMENTS)
+def test_assignments_turn_the_cube_into_itself(assignment):
+    turn = turned_cube(assignment)
+    corners = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
+    assert {tuple(c) for c in apply_transform(turn, corners)} == {tuple(c) for c in corners}
+    assert np.linalg.det(turn) == pytest.approx(1)
+
+
+def test_the_six_assignments_put_every_axis_along_z_either_way_up():
+    assert len({tuple(a[2]) for a in ASSIGNMENTS}) == 6

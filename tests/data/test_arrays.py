@@ -1,0 +1,326 @@
+"""Between VTK data sets and numpy arrays, and attachment areas as data."""
+
+import numpy as np
+import pytest
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import VTK_DOUBLE, VTK_FLOAT, vtkPoints, vtkStringArray
+from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkFiltersSources import vtkPlaneSource
+
+from vtkmuscle.data.arrays import (
+    Polylines,
+    blocks_of,
+    cell_array,
+    checked_surface,
+    field_array,
+    field_string,
+    multiblock_from,
+    point_array,
+    points_of,
+    polylines_from,
+    polylines_of,
+    set_cell_array,
+    set_field_array,
+    set_point_array,
+    surface_from,
+    triangles_of,
+    with_points,
+    with_polylines,
+)
+from vtkmuscle.data.attachments import (
+    AttachmentArea,
+    attachments_from,
+    attachments_of,
+    end_areas,
+    via_rings_of,
+)
+
+POINTS = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
+TRIANGLES = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
+
+
+def lines_with_shared_points():
+    """Return two polylines of three points each that share one, listed out of order."""
+    data = vtkPolyData()
+    points = vtkPoints()
+    for point in [(0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 1, 0), (1, 2, 0)]:
+        points.InsertNextPoint(point)
+    cells = vtkCellArray()
+    for ids in [(2, 1, 0), (1, 3, 4)]:
+        cells.InsertNextCell(3)
+        for i in ids:
+            cells.InsertCellPoint(i)
+    data.SetPoints(points)
+    data.SetLines(cells)
+    return data
+
+
+# -------------------------------------------------------------------- points and surfaces
+
+
+def test_surface_keeps_points_and_triangles():
+    surface = surface_from(POINTS, TRIANGLES)
+    assert surface.GetPoints().GetDataType() == VTK_DOUBLE
+    np.testing.assert_array_equal(points_of(surface), POINTS)
+    np.testing.assert_array_equal(triangles_of(surface, "here"), TRIANGLES)
+
+
+def test_points_are_a_copy():
+    surface = surface_from(POINTS, TRIANGLES)
+    points_of(surface)[:] = 7.0
+    np.testing.assert_array_equal(points_of(surface), POINTS)
+
+
+def test_points_of_single_precision_become_double():
+    data = vtkPolyData()
+    data.SetPoints(vtkPoints())
+    data.GetPoints().SetDataType(VTK_FLOAT)
+    data.GetPoints().InsertNextPoint(0.1, 0.2, 0.3)
+    assert points_of(data).dtype == np.float64
+
+
+def test_points_of_an_empty_data_set_are_none():
+    assert points_of(vtkPolyData()).shape == (0, 3)
+
+
+def test_surface_does_not_share_memory_with_its_arrays():
+    points, triangles = POINTS.copy(), TRIANGLES.copy()
+    surface = surface_from(points, triangles)
+    points[:] = 7.0
+    triangles[:] = 0
+    np.testing.assert_array_equal(points_of(surface), POINTS)
+    np.testing.assert_array_equal(triangles_of(surface, "here"), TRIANGLES)
+
+
+def test_surface_of_faces_with_more_corners_is_refused():
+    plane = vtkPlaneSource()
+    plane.Update()
+    with pytest.raises(ValueError, match=r"here: .*not triangles.*vtkTriangleFilter"):
+        triangles_of(plane.GetOutput(), "here")
+
+
+def test_surface_without_triangles_is_refused():
+    with pytest.raises(ValueError, match="here: the surface has no triangles"):
+        triangles_of(lines_with_shared_points(), "here")
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_surface_with_a_point_that_is_not_finite_is_refused_by_its_number(bad):
+    points = POINTS.copy()
+    points[2, 1] = bad
+    with pytest.raises(ValueError, match=r"here: 1 point\(s\) are not finite, the first is point 2"):
+        checked_surface(surface_from(points, TRIANGLES), "here")
+
+
+def test_with_points_keeps_the_rest_and_leaves_the_input():
+    surface = surface_from(POINTS, TRIANGLES)
+    set_point_array(surface, "FixedTo", np.arange(4))
+    set_cell_array(surface, "part", np.arange(4.0))
+    moved = with_points(surface, POINTS + 1)
+    np.testing.assert_array_equal(points_of(surface), POINTS)
+    np.testing.assert_array_equal(points_of(moved), POINTS + 1)
+    np.testing.assert_array_equal(point_array(moved, "FixedTo", "here"), np.arange(4))
+    np.testing.assert_array_equal(cell_array(moved, "part", "here"), np.arange(4.0))
+
+
+# -------------------------------------------------------------------- polylines
+
+
+def test_polylines_round_trip():
+    lines = Polylines(np.arange(15.0).reshape(5, 3), np.array([0, 2, 5]))
+    back = polylines_of(polylines_from(lines), "here")
+    np.testing.assert_array_equal(back.points, lines.points)
+    np.testing.assert_array_equal(back.offsets, lines.offsets)
+    assert len(back) == 2
+    np.testing.assert_array_equal(back.line(1), lines.points[2:])
+
+
+def test_polylines_that_share_points_get_their_own():
+    lines = polylines_of(lines_with_shared_points(), "here")
+    np.testing.assert_array_equal(lines.offsets, [0, 3, 6])
+    np.testing.assert_array_equal(lines.line(0)[:, 0], [2, 1, 0])
+    np.testing.assert_array_equal(lines.line(1)[:, 1], [0, 1, 2])
+
+
+def test_with_polylines_puts_point_arrays_in_the_order_of_the_lines():
+    data = lines_with_shared_points()
+    set_point_array(data, "id", np.arange(5))
+    set_cell_array(data, "FibreId", np.array([10, 11]))
+    set_field_array(data, "Transform", np.arange(16.0))
+    result = with_polylines(data, polylines_of(data, "here"))
+    np.testing.assert_array_equal(point_array(result, "id", "here"), [2, 1, 0, 1, 3, 4])
+    np.testing.assert_array_equal(cell_array(result, "FibreId", "here"), [10, 11])
+    np.testing.assert_array_equal(field_array(result, "Transform"), np.arange(16.0))
+
+
+def test_with_polylines_of_other_lengths_drops_point_arrays_only():
+    data = lines_with_shared_points()
+    set_point_array(data, "id", np.arange(5))
+    set_cell_array(data, "FibreId", np.array([10, 11]))
+    result = with_polylines(data, Polylines(np.zeros((5, 3)), np.array([0, 2, 5])))
+    assert not result.GetPointData().HasArray("id")
+    np.testing.assert_array_equal(cell_array(result, "FibreId", "here"), [10, 11])
+
+
+def test_data_without_polylines_is_refused():
+    with pytest.raises(ValueError, match="here: there are no polylines"):
+        polylines_of(surface_from(POINTS, TRIANGLES), "here")
+
+
+def test_polylines_among_other_cells_are_refused():
+    data = lines_with_shared_points()
+    vertex = vtkCellArray()
+    vertex.InsertNextCell(1)
+    vertex.InsertCellPoint(0)
+    data.SetVerts(vertex)
+    with pytest.raises(ValueError, match=r"here: 1 cell\(s\) are not polylines"):
+        polylines_of(data, "here")
+
+
+def test_polylines_with_a_point_that_is_not_finite_are_refused():
+    data = lines_with_shared_points()
+    data.GetPoints().SetPoint(3, np.nan, 0, 0)
+    with pytest.raises(ValueError, match="here: some points are not finite"):
+        polylines_of(data, "here")
+
+
+# -------------------------------------------------------------------- arrays
+
+
+def test_arrays_are_copied_in_and_read_only_out():
+    surface, values = surface_from(POINTS, TRIANGLES), np.arange(4.0)
+    set_point_array(surface, "a", values)
+    values[:] = 7.0
+    view = point_array(surface, "a", "here")
+    np.testing.assert_array_equal(view, np.arange(4.0))
+    with pytest.raises(ValueError, match="read-only"):
+        view[0] = 1.0
+
+
+def test_array_of_the_same_name_is_replaced():
+    surface = surface_from(POINTS, TRIANGLES)
+    set_point_array(surface, "a", np.arange(4))
+    set_point_array(surface, "a", np.arange(4, 8))
+    np.testing.assert_array_equal(point_array(surface, "a", "here"), np.arange(4, 8))
+    assert surface.GetPointData().GetNumberOfArrays() == 1
+
+
+@pytest.mark.parametrize(("get", "kind"), [(point_array, "point"), (cell_array, "cell")])
+def test_missing_array_is_named(get, kind):
+    with pytest.raises(ValueError, match=f"here: the {kind} array 'FixedTo' is missing"):
+        get(surface_from(POINTS, TRIANGLES), "FixedTo", "here")
+
+
+def test_field_arrays_hold_numbers_and_strings():
+    data = vtkPolyData()
+    set_field_array(data, "FitError", 1.5)
+    set_field_array(data, "Bone", "fémur droit")
+    np.testing.assert_array_equal(field_array(data, "FitError"), [1.5])
+    assert field_string(data, "Bone") == "fémur droit"
+    assert field_array(data, "nothing") is None
+    assert field_string(data, "nothing") is None
+    assert field_string(data, "FitError") is None
+
+
+def test_empty_string_array_is_no_string():
+    data, array = vtkPolyData(), vtkStringArray()
+    array.SetName("Bone")
+    data.GetFieldData().AddArray(array)
+    assert field_string(data, "Bone") is None
+
+
+# -------------------------------------------------------------------- blocks
+
+
+def test_blocks_keep_names_and_order():
+    first, second = surface_from(POINTS, TRIANGLES), lines_with_shared_points()
+    data = multiblock_from({"pelvis": first, "femur": second})
+    assert [name for name, _ in blocks_of(data)] == ["pelvis", "femur"]
+    assert blocks_of(data)[1][1] is second
+
+
+def test_blocks_without_names_are_called_by_number():
+    data = vtkMultiBlockDataSet()
+    data.SetBlock(1, vtkPolyData())
+    assert [name for name, _ in blocks_of(data)] == ["0", "1"]
+    assert blocks_of(data)[0][1] is None
+
+
+# -------------------------------------------------------------------- attachment areas
+
+TRIANGLE = np.array([(0.0, 0.0, 1.0), (4.0, 0.0, 1.0), (0.0, 4.0, 1.0)])
+
+
+def test_attachment_areas_round_trip():
+    areas = [
+        AttachmentArea("origin", "pelvis", POINTS, closed=True),
+        AttachmentArea("insertion", "femur", POINTS + 1, closed=False),
+        AttachmentArea("origin", "sacrum", POINTS + 2, closed=True),
+        AttachmentArea("via", "femur", TRIANGLE, closed=True),
+    ]
+    back = attachments_of(attachments_from(areas), "here")
+    assert [(a.role, a.bone, a.closed) for a in back] == [(a.role, a.bone, a.closed) for a in areas]
+    for one, other in zip(areas, back, strict=True):
+        np.testing.assert_array_equal(one.landmarks, other.landmarks)
+
+
+def test_ends_and_via_rings_are_told_apart():
+    areas = [
+        AttachmentArea("via", "femur", TRIANGLE, closed=True),
+        AttachmentArea("origin", "pelvis", POINTS, closed=True),
+        AttachmentArea("insertion", "femur", POINTS + 1, closed=False),
+    ]
+    data = attachments_from(areas)
+    assert [area.role for area in attachments_of(data, "here")] == ["via", "origin", "insertion"]
+    assert [area.role for area in end_areas(data, "here")] == ["origin", "insertion"]
+    (ring,) = via_rings_of(data, "here")
+    assert (ring.role, ring.bone, ring.closed) == ("via", "femur", True)
+    np.testing.assert_array_equal(ring.landmarks, TRIANGLE)
+
+
+@pytest.mark.parametrize(
+    ("ring", "message"),
+    [
+        (AttachmentArea("via", "femur", TRIANGLE, closed=False), "must be closed; end its polyline"),
+        (AttachmentArea("via", "femur", TRIANGLE[[0, 1, 1]], closed=True), "3 landmarks or more"),
+        (AttachmentArea("via", "femur", TRIANGLE * [1, 0.001, 1], closed=True), "on a line"),
+    ],
+)
+def test_a_via_ring_that_is_none_is_refused_with_its_block(ring, message):
+    with pytest.raises(ValueError, match=f"here, block 'via_0': .*{message}"):
+        attachments_of(attachments_from([ring]), "here")
+
+
+def test_ring_is_a_polyline_whose_last_point_is_its_first():
+    block = attachments_from([AttachmentArea("origin", "pelvis", POINTS, closed=True)]).GetBlock(0)
+    points = points_of(block)[vtk_to_numpy(block.GetLines().GetConnectivityArray())]
+    np.testing.assert_array_equal(points[0], points[-1])
+
+
+def test_landmarks_without_a_line_are_an_open_area():
+    data = attachments_from([AttachmentArea("origin", "pelvis", POINTS, closed=True)])
+    data.GetBlock(0).SetLines(vtkCellArray())
+    (area,) = attachments_of(data, "here")
+    assert not area.closed
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda block: block.SetPoints(vtkPoints()), "no landmarks"),
+        (lambda block: set_field_array(block, "Role", "middle"), "'Role' is 'middle'.*'origin'"),
+        (lambda block: block.GetFieldData().RemoveArray("Role"), "'Role' is None"),
+        (lambda block: block.GetFieldData().RemoveArray("Bone"), "'Bone'"),
+        (lambda block: block.GetPoints().SetPoint(1, np.nan, 0, 0), "not finite"),
+    ],
+)
+def test_bad_attachment_is_refused_with_its_block(change, message):
+    data = attachments_from(
+        [
+            AttachmentArea("origin", "a", POINTS, closed=True),
+            AttachmentArea("insertion", "b", POINTS, closed=True),
+        ]
+    )
+    change(data.GetBlock(1))
+    with pytest.raises(ValueError, match=f"here, block 'insertion_1'.*{message}"):
+        attachments_of(data, "here")

@@ -1,0 +1,67 @@
+"""Closed surfaces with known insides, for tests of distances and collisions."""
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+
+def convex(points):
+    """Return a closed, outward oriented surface through points in convex position."""
+    triangles = ConvexHull(points).simplices.astype(np.int64)
+    corners = points[triangles]
+    inward = np.einsum(
+        "ij,ij->i",
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]),
+        corners[:, 0] - points.mean(axis=0),
+    )
+    triangles[inward < 0] = triangles[inward < 0][:, ::-1]
+    return points, triangles
+
+
+def ball(*, radius=10.0, centre=(0.0, 0.0, 0.0), n_points=400):
+    rng = np.random.default_rng(3)
+    directions = rng.normal(size=(n_points, 3))
+    return convex(radius * directions / np.linalg.norm(directions, axis=1, keepdims=True) + np.array(centre))
+
+
+def box(low=(0.0, 0.0, 0.0), high=(4.0, 2.0, 1.0)):
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+    return convex(np.array(low) + corners * (np.array(high) - np.array(low)))
+
+
+def ring(*, big=10.0, small=3.0, n_around=48, n_across=24):
+    """Return a torus about the z axis."""
+    u, v = np.meshgrid(np.arange(n_around), np.arange(n_across), indexing="ij")
+    a, b = 2 * np.pi * u.ravel() / n_around, 2 * np.pi * v.ravel() / n_across
+    distance = big + small * np.cos(b)
+    points = np.column_stack([distance * np.cos(a), distance * np.sin(a), small * np.sin(b)])
+
+    def number(i, j):
+        return (i % n_around) * n_across + j % n_across
+
+    corners = [number(u, v), number(u + 1, v), number(u + 1, v + 1), number(u, v + 1)]
+    p, q, r, s = (corner.ravel() for corner in corners)
+    return points, np.vstack([np.column_stack([p, q, r]), np.column_stack([p, r, s])]).astype(np.int64)
+
+
+def distance_to_box(points, low, high):
+    half = (np.array(high) - np.array(low)) / 2.0
+    beyond = np.abs(points - (np.array(high) + np.array(low)) / 2.0) - half
+    return np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0)
+
+
+def sphere(radius, n_points=6000):
+    """Return a ball of evenly spread points, within 0.2 % of its radius."""
+    turn = np.pi * (3.0 - 5.0**0.5) * np.arange(n_points)
+    z = 1.0 - (2.0 * np.arange(n_points) + 1.0) / n_points
+    return convex(
+        radius * np.column_stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z])
+    )
+
+
+def union(*shapes):
+    points, triangles, count = [], [], 0
+    for shape in shapes:
+        points.append(shape[0])
+        triangles.append(shape[1] + count)
+        count += len(shape[0])
+    return np.vstack(points), np.vstack(triangles)

@@ -1,0 +1,203 @@
+"""Where a muscle touches its bones, and which of these places are likely to be its attachments."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
+from vtkmuscle.core.mesh.surface import (
+    edge_lengths,
+    half_edges,
+    point_components,
+    triangle_normals,
+    unique_edges,
+)
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+#: A contact smaller than this part of the largest one on the same bone is noise.
+LEAST_SHARE = 0.05
+
+#: Of the points that touch a bone, those belong to its attachment that are at least this part as far from
+#: the other attachment as the farthest one. Over the nearer ones the muscle slides. The value was chosen on
+#: the four muscles of the LHDL hip, on which the estimates are measured, too: elsewhere they may be worse.
+SAME_END = 0.6
+
+#: Landmarks of an outline: at least, at most, and mean edges between them.
+FEWEST_LANDMARKS, MOST_LANDMARKS, EDGES_APART = 8, 40, 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class ContactArea:
+    """A connected part of a muscle's surface that touches a bone.
+
+    Attributes
+    ----------
+    bone : int
+        Index of the bone.
+    points : (k,) int array
+        Point ids of the muscle, ascending.
+    area : float
+        A third of the triangles around each point [mm^2].
+    """
+
+    bone: int
+    points: Ints
+    area: float
+
+
+def contact_areas(points: Floats, triangles: Ints, touching: Sequence[Bools]) -> list[ContactArea]:
+    """Return the connected contacts of a muscle with each bone, without those that are noise.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        The muscle [mm].
+    triangles : (m, 3) int array
+        Point ids.
+    touching : sequence of (n,) bool arrays
+        For each bone, the points that touch it.
+
+    Returns
+    -------
+    list of ContactArea
+        By bone, the largest first.
+    """
+    edges = unique_edges(triangles)
+    thirds = np.repeat(np.linalg.norm(triangle_normals(points, triangles), axis=1) / 6.0, 3)
+    weights = np.bincount(triangles.ravel(), thirds, len(points))
+    found = []
+    for bone, mask in enumerate(touching):
+        labels = point_components(len(points), edges[mask[edges].all(axis=1)])
+        parts = [np.flatnonzero(mask & (labels == label)) for label in np.unique(labels[mask])]
+        areas = [ContactArea(bone, part, float(weights[part].sum())) for part in parts]
+        areas.sort(key=lambda contact: -contact.area)
+        found += [contact for contact in areas if contact.area >= LEAST_SHARE * areas[0].area]
+    return found
+
+
+def attached_contacts(
+    points: Floats, triangles: Ints, contacts: Sequence[ContactArea]
+) -> tuple[list[ContactArea], list[ContactArea]]:
+    """Return the contacts that are likely to be attachments: those on one bone, and those on another.
+
+    A muscle is attached at its ends, and slides over bones between. So the two contacts, of different
+    bones, are sought that are large and far from each other along the surface: with the largest product of
+    that distance and the root of both areas. Of all contacts of these two bones what is far from the other
+    one is kept.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        The muscle [mm].
+    triangles : (m, 3) int array
+        Point ids.
+    contacts : sequence of ContactArea
+        From :func:`contact_areas`.
+
+    Returns
+    -------
+    first, second : lists of ContactArea
+        Those of the bone with the larger area first; both empty where fewer than two bones are touched.
+    """
+    edges = unique_edges(triangles)
+    lengths = edge_lengths(points, edges)
+    graph = coo_array((lengths, tuple(edges.T)), shape=(len(points), len(points))).tocsr()
+    ways = [dijkstra(graph, directed=False, indices=contact.points, min_only=True) for contact in contacts]
+
+    def apart(one: int, other: int) -> float:
+        return float(ways[one][contacts[other].points].mean())
+
+    def likelihood(pair: tuple[int, int]) -> float:
+        one, other = pair
+        return apart(*pair) * float(np.sqrt(contacts[one].area * contacts[other].area))
+
+    numbers = range(len(contacts))
+    pairs = [pair for pair in product(numbers, numbers) if contacts[pair[0]].bone < contacts[pair[1]].bone]
+    if not pairs:
+        return [], []
+    best = max(pairs, key=likelihood)
+    ends = []
+    for chosen, opposite in (best, best[::-1]):
+        bone = contacts[chosen].bone
+        touching = np.zeros(len(points), dtype=np.bool_)
+        for contact in contacts:
+            touching[contact.points] |= contact.bone == bone
+        far = ways[opposite] >= SAME_END * ways[opposite][contacts[chosen].points].max()
+        masks = [touching & far if number == bone else np.zeros_like(far) for number in range(bone + 1)]
+        ends.append(contact_areas(points, triangles, masks))
+    first, second = sorted(ends, key=lambda end: -sum(contact.area for contact in end))
+    return first, second
+
+
+def outline(points: Floats, triangles: Ints, patch: Ints) -> tuple[Floats, bool]:
+    """Return landmarks along the boundary of a patch of the muscle, in order.
+
+    The patch has to be connected. Holes in it, and what hangs on it by one point only, are left out.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        The muscle [mm].
+    triangles : (m, 3) int array
+        Point ids.
+    patch : (k,) int array
+        Point ids.
+
+    Returns
+    -------
+    landmarks : (j, 3) array
+        [mm]
+    closed : bool
+        True for a ring; False where the patch has no triangle, and its points are the landmarks.
+    """
+    inside = np.isin(triangles, patch).all(axis=1)
+    loops = _boundary_loops(triangles[inside])
+    if not loops:
+        spread = points[patch] - points[patch].mean(axis=0)
+        along = spread @ np.linalg.svd(spread, full_matrices=False)[2][0]
+        return points[patch[np.argsort(along, kind="stable")]], False
+    steps = [np.linalg.norm(points[loop] - points[np.roll(loop, -1)], axis=1) for loop in loops]
+    longest = int(np.argmax([step.sum() for step in steps]))
+    ring, step = points[loops[longest]], steps[longest]
+    spacing = EDGES_APART * float(step.mean())
+    count = int(np.clip(round(step.sum() / spacing), FEWEST_LANDMARKS, MOST_LANDMARKS))
+    # The boundary of a set of points is ragged: a mean over three points smooths it.
+    ring = (np.roll(ring, 1, axis=0) + 2.0 * ring + np.roll(ring, -1, axis=0)) / 4.0
+    closed = np.vstack([ring, ring[:1]])
+    at = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1)))
+    wanted = at[-1] * np.arange(count) / count
+    return np.column_stack([np.interp(wanted, at, closed[:, k]) for k in range(3)]), True
+
+
+def _boundary_loops(triangles: Ints) -> list[Ints]:
+    """Return the loops of edges that belong to one triangle only, each once round."""
+    directed = [(int(a), int(b)) for a, b in half_edges(triangles)]
+    both = set(directed)
+    following: dict[int, list[int]] = {}
+    for a, b in directed:
+        if (b, a) not in both:
+            following.setdefault(a, []).append(b)
+    loops = []
+    for start, ends in following.items():
+        while ends:
+            path, at = [start], ends.pop()
+            while True:
+                if at in path:  # back at a point where two loops may touch: what is between is one of them
+                    first = path.index(at)
+                    loops.append(np.array(path[first:], dtype=np.int64))
+                    del path[first + 1 :]
+                else:
+                    path.append(at)
+                if not following.get(at):
+                    break
+                at = following[at].pop()
+    return loops

@@ -1,0 +1,275 @@
+"""Attachment areas on the muscle: from landmarks digitised on a bone to the muscle's points.
+
+The landmarks' boundary is projected onto the muscle, neighbours are joined by geodesics, and the patch
+inside is the attachment: Kohout, Cervenka 2021, section 3.3, doi:10.1007/978-3-030-72379-8_24, after
+Kohout, Kukacka 2014, doi:10.1111/cgf.12354.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from vtkmuscle.core.attachments.geodesics import geodesic_curve
+from vtkmuscle.core.mesh.surface import (
+    edge_lengths,
+    numbered_edges,
+    signed_volume,
+    triangle_normals,
+    unique_edges,
+    vertex_normals,
+)
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+#: Landmarks farther from the muscle than this part of its box's diagonal belong to something else.
+FARTHEST_LANDMARK = 0.2
+
+#: A ring whose smaller side is less than this part of the surface encloses that side, without question.
+CLEAR_SHARE = 0.2
+
+#: Landmarks whose width is below this part of their length lie on a line and enclose nothing.
+_FLATNESS = 1e-3
+
+#: A way along the normal of a point that faces the bone nears it by this part of the way, at least; along
+#: that of a point that looks away it leaves the bone by as much. Between them is the rim of a muscle.
+FACING = 0.5
+
+
+def attachment_patch(
+    points: Floats,
+    triangles: Ints,
+    landmarks: Floats,
+    closed: bool,
+    *,
+    tolerance: float | None = None,
+    bone_distance: Callable[[Floats], Floats] | None = None,
+) -> Ints:
+    """Return the points of the muscle that an attachment area covers.
+
+    The landmarks are projected to the nearest points of the muscle, on the side that faces the bone where
+    one is within reach, and neighbours joined by geodesics along edges. A ring cuts the surface: the patch
+    is all that it cuts off except the largest part, its own points included, so that a ring which crosses
+    itself keeps all its loops, whichever way round it runs. Where the parts are of like size, the one
+    nearer to the bone is the patch. An open curve, a ring of landmarks on a line, and a ring that cuts
+    nothing off give the points within a tolerance of the projected curve, on its side of the muscle.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Points of the muscle [mm].
+    triangles : (m, 3) int array
+        Point ids.
+    landmarks : (k, 3) array
+        In boundary order [mm]; they may lie off the muscle.
+    closed : bool
+        True where the landmarks are a ring.
+    tolerance : float, optional
+        For curves: how far from the projected curve a point may be [mm]. Default: the mean edge length.
+    bone_distance : callable, optional
+        From points (j, 3) to their distances (j,) from the bone, negative inside; without it landmarks go
+        to either side of the muscle, and the smaller side of a ring is its inside.
+
+    Returns
+    -------
+    (k,) int array
+        Point ids, ascending.
+
+    Raises
+    ------
+    ValueError
+        If there are no landmarks, if one is too far from the muscle, or if two neighbours are on parts
+        of the muscle that are not connected.
+    """
+    edges = unique_edges(triangles)
+    within = float(edge_lengths(points, edges).mean()) if tolerance is None else tolerance
+    vertices = _nearest_vertices(points, triangles, landmarks, within, bone_distance)
+    ring = closed and not _on_a_line(landmarks)
+    curve = geodesic_curve(points, triangles, vertices, closed=ring)
+    if ring:
+        patch = _enclosed(points, triangles, curve, bone_distance)
+        if len(patch):
+            return patch
+    return _near_curve(points, edges, curve, within)
+
+
+def _nearest_vertices(
+    points: Floats,
+    triangles: Ints,
+    landmarks: Floats,
+    tolerance: float,
+    bone_distance: Callable[[Floats], Floats] | None,
+) -> Ints:
+    """Return for each landmark the nearest point that a triangle uses, neighbours never the same.
+
+    Landmarks off a thin muscle, or within it, may be nearer to the face that looks away from the bone; the
+    patch would be there. So points that face the bone go first.
+    """
+    if not len(landmarks):
+        raise ValueError("the attachment has no landmarks")
+    used = np.flatnonzero(np.bincount(triangles.reshape(-1), minlength=len(points)))
+    tree = cKDTree(points[used])
+    offsets, nearest = tree.query(landmarks)
+    diagonal = float(np.linalg.norm(np.ptp(points[used], axis=0)))
+    limit = max(FARTHEST_LANDMARK * diagonal, tolerance)
+    worst = int(np.argmax(offsets))
+    if offsets[worst] > limit:
+        raise ValueError(
+            f"landmark {worst} is {offsets[worst]:.4g} from the muscle, whose size is {diagonal:.4g}; at "
+            f"most {limit:.4g} is accepted: leave this attachment out if it is another muscle's or out of "
+            "the scene, and check the units, or give a larger tolerance"
+        )
+    if bone_distance is not None:
+        _prefer_facing(points, triangles, landmarks, nearest, (tree, used, limit), bone_distance)
+    vertices: Ints = used[nearest].astype(np.int64)
+    distinct: Ints = vertices[np.append(True, vertices[1:] != vertices[:-1])]
+    return distinct
+
+
+def _prefer_facing(
+    points: Floats,
+    triangles: Ints,
+    landmarks: Floats,
+    nearest: Ints,
+    among: tuple[cKDTree, Ints, float],
+    bone_distance: Callable[[Floats], Floats],
+) -> None:
+    """Give each landmark the nearest point that faces the bone, where there is one within the limit.
+
+    nearest : (k,), changed in place: for each landmark a number among the points that are used;
+    among : the tree of these points, their ids, and the limit.
+    """
+    tree, used, limit = among
+    normals, step = outward_normals(points, triangles)
+    waiting, count = np.arange(len(landmarks)), 1
+    while len(waiting):
+        offsets, found = tree.query(landmarks[waiting], [*range(count // 2 + 1, count + 1)])
+        ids = used[np.minimum(found, len(used) - 1)].ravel()
+        # Landmarks that are nearest to the rim stay there, but none is sent there.
+        least = -FACING if count == 1 else FACING
+        facing = approach(points[ids], normals[ids], step, bone_distance).reshape(found.shape) >= least
+        facing &= offsets <= limit
+        settled = facing.any(axis=1)
+        nearest[waiting[settled]] = found[settled, facing[settled].argmax(axis=1)]
+        waiting = waiting[~settled & (offsets[:, -1] <= limit)]
+        count *= 2
+
+
+def outward_normals(points: Floats, triangles: Ints) -> tuple[Floats, float]:
+    """Return the outward normals of a muscle's points, (n, 3), and the mean length of its edges."""
+    normals = vertex_normals(points, triangles) * np.sign(signed_volume(points, triangles) or 1.0)
+    return normals, float(edge_lengths(points, unique_edges(triangles)).mean())
+
+
+def approach(
+    positions: Floats, normals: Floats, step: float, bone_distance: Callable[[Floats], Floats]
+) -> Floats:
+    """Return how much a step out of the muscle nears a bone: 1 straight towards it, -1 away from it.
+
+    Parameters
+    ----------
+    positions : (k, 3) array
+        Points of the muscle [mm].
+    normals : (k, 3) array
+        Their outward normals.
+    step : float
+        How far out to look, > 0 [mm].
+    bone_distance : callable
+        From points (k, 3) to their distances (k,) from the bone, negative inside.
+
+    Returns
+    -------
+    (k,) array
+        Decrease of the distance / step.
+    """
+    nearer: Floats = (bone_distance(positions) - bone_distance(positions + step * normals)) / step
+    return nearer
+
+
+def _on_a_line(landmarks: Floats) -> bool:
+    """Return True where landmarks are fewer than three, or all on one straight line."""
+    spread = np.linalg.svd(landmarks - landmarks.mean(axis=0), compute_uv=False)
+    return len(landmarks) < 3 or bool(spread[1] <= _FLATNESS * spread[0])
+
+
+def _enclosed(
+    points: Floats, triangles: Ints, loop: Ints, bone_distance: Callable[[Floats], Floats] | None
+) -> Ints:
+    """Return the points inside a closed loop of edges, () where the loop cuts nothing off.
+
+    Triangles are flooded across all edges but the loop's. Of the parts that touch the loop, the largest
+    is the outside. That needs no simple loop: geodesics may share edges, touch and cross.
+    """
+    labels, at_loop = _parts_cut_by(triangles, loop, len(points))
+    if len(at_loop) < 2:
+        return np.zeros(0, dtype=np.int64)
+    areas = np.linalg.norm(triangle_normals(points, triangles), axis=1) / 2.0
+    part_areas = np.bincount(labels, weights=areas)
+    largest = at_loop[np.argmax(part_areas[at_loop])]
+    inside = np.isin(labels, at_loop) & (labels != largest)
+    outside = labels == largest
+    share = areas[inside].sum() / (areas[inside].sum() + areas[outside].sum())
+    # A flat muscle may be attached with a whole face, and then area does not tell the face on the bone
+    # from the other. (Nor does the plane of the ring: over a hollow bone the wrong face is nearer to it.)
+    if bone_distance is not None and share > CLEAR_SHARE:
+        distances = bone_distance(points[triangles].mean(axis=1))
+        nearness = [np.average(distances[part], weights=areas[part]) for part in (inside, outside)]
+        if nearness[1] < nearness[0]:
+            inside = outside
+    patch: Ints = np.union1d(triangles[inside], loop)
+    return patch
+
+
+def _parts_cut_by(triangles: Ints, loop: Ints, n_points: int) -> tuple[Ints, Ints]:
+    """Return the part of each triangle, (m,), where the loop's edges separate, and the parts at the loop."""
+    edges, edge_of = numbered_edges(triangles)
+    cut = np.isin(_edge_keys(edges, n_points), _edge_keys(np.column_stack([loop[:-1], loop[1:]]), n_points))
+    order = np.argsort(edge_of, kind="stable")
+    owners = order // 3  # the triangle of each half-edge
+    number = edge_of[order]
+    joined = (number[1:] == number[:-1]) & ~cut[number[1:]]
+    links = (owners[:-1][joined], owners[1:][joined])
+    dual = coo_array((np.ones(len(links[0])), links), shape=(len(triangles), len(triangles)))
+    labels: Ints = connected_components(dual, directed=False)[1].astype(np.int64)
+    return labels, np.unique(labels[owners[cut[number]]])
+
+
+def _edge_keys(edges: Ints, n_points: int) -> Ints:
+    low, high = edges.min(axis=1), edges.max(axis=1)
+    keys: Ints = low * n_points + high
+    return keys
+
+
+def _near_curve(points: Floats, edges: Ints, curve: Ints, tolerance: float) -> Ints:
+    """Return the points within a tolerance of a curve of edges that edges connect to it, and the curve's.
+
+    Through a thin muscle the other face may be as near, but it is not connected within the tolerance.
+    """
+    near = np.zeros(len(points), dtype=np.bool_)
+    low, high = points[curve].min(axis=0) - tolerance, points[curve].max(axis=0) + tolerance
+    candidates = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+    near[candidates] = _distances_to_polyline(points[candidates], points[curve]) <= tolerance
+    near[curve] = True
+    kept = edges[near[edges].all(axis=1)]
+    links = coo_array((np.ones(len(kept)), (kept[:, 0], kept[:, 1])), shape=(len(points), len(points)))
+    labels = connected_components(links, directed=False)[1]
+    found: Ints = np.flatnonzero(near & np.isin(labels, labels[curve])).astype(np.int64)
+    return found
+
+
+def _distances_to_polyline(points: Floats, line: Floats) -> Floats:
+    """Return the distance of each point to the nearest segment (or the only point) of a polyline, (n,)."""
+    distances: Floats = np.linalg.norm(points - line[0], axis=1)
+    for start, end in pairwise(line):
+        along = end - start
+        t = np.clip((points - start) @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
+        np.minimum(distances, np.linalg.norm(points - start - t[:, None] * along, axis=1), out=distances)
+    return distances

@@ -1,0 +1,360 @@
+"""A muscle and the bones that it may meet: which points are tested against which bone."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.collision.distance_collision import Clearance
+from vtkmuscle.core.collision.muscle_contact import MuscleContact
+from vtkmuscle.core.collision.obstacles import Obstacle
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.motion.rigid import apply_transform, inverse
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+
+#: A bone that does not move.
+_STILL = np.eye(4)
+
+#: A muscle with more than this part of its free points in a bone is taken to be swallowed by it.
+SWALLOWED = 0.9
+
+
+class Barrier:
+    """What keeps the free points of one muscle out of the bones.
+
+    Parameters
+    ----------
+    obstacles : sequence of Obstacle
+        Bones, in scene coordinates at rest.
+    rest : (n, 3) array
+        The muscle at rest, about its centre [mm].
+    centre : (3,) array
+        Where the points' origin is in the scene at rest [mm].
+    free : (n,) bool array
+        Points that may be moved.
+    bone_push : bool
+        See :meth:`~vtkmuscle.core.collision.obstacles.Obstacle.keep_out`.
+    warns : bool
+        Whether to warn of what cannot come out well.
+    """
+
+    def __init__(
+        self,
+        obstacles: Sequence[Obstacle],
+        rest: Floats,
+        centre: Floats,
+        free: Bools,
+        *,
+        bone_push: bool,
+        warns: bool = True,
+    ) -> None:
+        self.obstacles = tuple(obstacles)
+        self.free = free
+        self.any_free = bool(free.any())
+        self.bone_push = bone_push
+        self._warns = warns
+        self._rest = rest
+        self._about_centre = np.eye(4)
+        self._about_centre[:3, 3] = -centre
+        #: Which of the bones' transforms each obstacle has.
+        self.bones: Ints = np.array([obstacle.bone for obstacle in self.obstacles], dtype=np.int64)
+        boxes = [
+            (obstacle.box[0] - obstacle.margin - centre, obstacle.box[1] + obstacle.margin - centre)
+            for obstacle in self.obstacles
+        ]
+        #: Middle and half the sides of each obstacle's box at rest, about the muscle's centre.
+        self.boxes: Floats = np.array([((low + high) / 2, (high - low) / 2) for low, high in boxes])
+        self._from_axes: dict[int, Floats] = {}
+        self._allowances: dict[int, Floats | None] = {}
+        self._memory: dict[int, tuple[Floats, Clearance]] = {}
+        self._told: set[tuple[int, str]] = set()
+
+    def from_axes(self, number: int) -> Floats:
+        """Return the transform from an obstacle's axes to the scene at rest, about the muscle's centre."""
+        if number not in self._from_axes:
+            self._from_axes[number] = self._about_centre @ inverse(self.obstacles[number].axes)
+        return self._from_axes[number]
+
+    def allowance(self, number: int) -> Floats | None:
+        """Return how deep points may be in an obstacle."""
+        if number not in self._allowances:
+            at_rest = apply_transform(inverse(self.from_axes(number)), self._rest)
+            allowance = self.obstacles[number].allowance(at_rest)
+            self._allowances[number] = allowance
+            if allowance is not None:
+                inside = int((allowance[self.free] > self.obstacles[number].skin).sum())
+                if inside > SWALLOWED * self.free.sum():
+                    self.tell(
+                        number,
+                        "swallowed",
+                        f"{inside} of the muscle's {self.free.sum()} free points are in it at rest and may "
+                        "stay as deep; check that bone and muscle are in the same frame and unit",
+                    )
+        return self._allowances[number]
+
+    def memory(self, number: int) -> tuple[Floats, Clearance]:
+        """Return positions (n, 3) and clearances to work with at an obstacle, the same each time."""
+        if number not in self._memory:
+            self._memory[number] = np.empty_like(self._rest), Clearance(len(self._rest))
+        return self._memory[number]
+
+    def tell(self, number: int, kind: str, what: str) -> None:
+        """Warn of what was seen at an obstacle, once for each kind."""
+        if self._warns and (number, kind) not in self._told:
+            self._told.add((number, kind))
+            warnings.warn(f"{self.obstacles[number].name}: {what}", stacklevel=2)
+
+
+class Contact:
+    """A muscle and the bones during one step.
+
+    A bone whose box the free points' path does not meet is not looked at any closer, and all bones are
+    sorted out at once: far ones cost next to nothing, and no grid is built for them. Where points slide
+    along the bones, their path is followed from one call to the next. A point that is known to be away from
+    a bone is not tested again before it has moved that far.
+
+    Parameters
+    ----------
+    barrier : Barrier
+        What keeps points out.
+    now, before : (b, 4, 4) arrays
+        Transforms of all bones, rest to now and rest to the previous frame, of points about the centre.
+    x : (n, 3) array
+        Positions of the previous frame, about the centre [mm].
+    muscles : MuscleContact, optional
+        Other muscles to keep out of; where they press a muscle into a bone, the bone wins.
+    """
+
+    def __init__(
+        self,
+        barrier: Barrier,
+        now: Floats,
+        before: Floats,
+        x: Floats,
+        muscles: MuscleContact | None = None,
+    ) -> None:
+        self._barrier = barrier
+        self._muscles = muscles
+        if not barrier.obstacles:
+            return
+        self._now = now[barrier.bones]
+        self._steps = self._now @ _inverses(before[barrier.bones])
+        self._x = [x for _ in barrier.obstacles]
+        #: Where the bones are, and, seen from each, where points come from: as far as it takes them along.
+        self._low, self._high = _moved_boxes(self._now, barrier.boxes[:, 0], barrier.boxes[:, 1])
+        if not barrier.any_free:
+            return
+        self._box = low, high = _box(x, barrier.free)
+        self._from_low, self._from_high = _moved_boxes(self._steps, (low + high) / 2, (high - low) / 2)
+        self._followed: dict[int, _Followed] = {}
+
+    def keep_out(self, p: Floats) -> Bools:
+        """Move predicted positions out of the bones that they can have met.
+
+        Parameters
+        ----------
+        p : (n, 3) array
+            Positions about the centre [mm], changed in place.
+
+        Returns
+        -------
+        (n,) bool array
+            Points that were moved.
+        """
+        hit = np.zeros(len(p), dtype=np.bool_)
+        barrier = self._barrier
+        if self._muscles is not None:
+            hit |= self._muscles.keep_out(p)
+        if not (barrier.obstacles and barrier.any_free):
+            return hit
+        waiting = self._in_reach(p, 0)
+        while waiting:
+            number = waiting.pop(0)
+            obstacle = barrier.obstacles[number]
+            met = self._followed.get(number)
+            if met is None:
+                bone = self._now[number] @ barrier.from_axes(number)
+                if not self._meets(number, inverse(bone), p):
+                    continue
+                met = self._followed[number] = _Followed(bone, barrier.memory(number))
+                obstacle.begin(met.clearance, bone, self._steps[number], self._x[number])
+            first = not met.tested
+            if first:
+                met.last[:] = p
+            moved = obstacle.keep_out(
+                met.bone,
+                self._steps[number],
+                self._x[number],
+                p,
+                barrier.free,
+                allowance=barrier.allowance(number),
+                bone_push=barrier.bone_push,
+                clearance=met.clearance,
+            )
+            if first:
+                met.tested = True
+                self._look_at(number, met.bone, met.last, moved)
+            if moved.any():
+                hit |= moved
+                waiting = self._in_reach(p, number + 1)
+            if obstacle.slides:
+                met.last[:] = p
+                self._x[number], self._steps[number] = met.last, _STILL
+                self._from_low[number], self._from_high[number] = self._box
+        return hit
+
+    def _look_at(self, number: int, bone: Floats, predicted: Floats, moved: Bools) -> None:
+        """Warn where a step began with more in a bone, or farther through it, than can come out well."""
+        barrier, obstacle = self._barrier, self._barrier.obstacles[number]
+        if obstacle.slides and not moved.any():
+            return
+        # Those that slide along a bone were in it if they were moved.
+        ids = np.flatnonzero(barrier.free & moved if obstacle.slides else barrier.free)
+        to_axes = inverse(bone)
+        start = apply_transform(to_axes @ self._steps[number], self._x[number][ids])
+        end = apply_transform(to_axes, predicted[ids])
+        inside = obstacle.entered(end, moved[ids])
+        low, high = obstacle.box_along_axes
+        # Voxels do not see what a point has passed through: the box of its path has to do.
+        met = inside if obstacle.slides else _meet(start, end, low, high)
+        if not met.any():
+            return
+        ways = np.linalg.norm(end[met] - start[met], axis=1)
+        farthest, way = ids[met][ways.argmax()], float(ways.max())
+        thickness = float((high - low).min())
+        if way > thickness:
+            came_from = self._x[number][[farthest]]
+            carried = float(np.linalg.norm(apply_transform(self._steps[number], came_from) - came_from))
+            if carried > 0.5 * way:
+                barrier.tell(
+                    number,
+                    "jumped",
+                    f"it moved {way:.4g} mm against the muscle in one step, but is {thickness:.4g} mm thick; "
+                    "give the motion more frames, or use more substeps",
+                )
+            else:
+                barrier.tell(
+                    number,
+                    "flung",
+                    f"a point of the muscle moved {way:.4g} mm against it in one step by its own velocity, "
+                    f"but it is {thickness:.4g} mm thick; use start 'blend', in which points have no "
+                    "velocity, or more iterations",
+                )
+        if inside.sum() > SWALLOWED * barrier.free.sum():
+            barrier.tell(
+                number,
+                "swallowed",
+                f"{inside.sum()} of the muscle's {barrier.free.sum()} free points were in it at the "
+                "beginning of a step; give the motion more frames, or use more substeps",
+            )
+
+    def _in_reach(self, p: Floats, first: int) -> list[int]:
+        """Return the obstacles, from the first on, that the path to p may meet.
+
+        These are the ones whose boxes, along the axes of the scene, the box of the path meets. Where all are
+        followed already, what is known of each point says more than the boxes.
+        """
+        if len(self._followed) == len(self._barrier.obstacles):
+            return list(range(first, len(self._followed)))
+        self._box = low, high = _box(p, self._barrier.free)
+        apart = (np.maximum(self._from_high, high) < self._low) | (
+            np.minimum(self._from_low, low) > self._high
+        )
+        numbers: list[int] = np.flatnonzero(~apart.any(axis=1)).tolist()
+        return [number for number in numbers if number >= first]
+
+    def _meets(self, number: int, to_axes: Floats, p: Floats) -> bool:
+        """Return whether the path of the points may meet an obstacle's box along its own axes."""
+        obstacle, free = self._barrier.obstacles[number], self._barrier.free
+        starts = _box_seen_from(to_axes @ self._steps[number], self._x[number], free)
+        ends = _box_seen_from(to_axes, p, free)
+        low, high = obstacle.box_along_axes
+        lowest, highest = np.minimum(starts[0], ends[0]), np.maximum(starts[1], ends[1])
+        if (highest < low - obstacle.margin).any() or (lowest > high + obstacle.margin).any():
+            return False
+        if obstacle.cover(lowest, highest):
+            self._barrier.tell(
+                number,
+                "unforeseen",
+                "the muscle came farther along it than its bones would take it, so the distances from all of "
+                "the bone are needed, which are made now",
+            )
+        return True
+
+
+class _Followed:
+    """What is known of the points of a muscle and a bone that they have come near to."""
+
+    def __init__(self, bone: Floats, memory: tuple[Floats, Clearance]) -> None:
+        #: From the bone's axes to where it is.
+        self.bone = bone
+        #: Whether the first test is done.
+        self.tested = False
+        #: Positions after the last test, and how far they may go from there.
+        self.last, self.clearance = memory
+
+
+def _meet(start: Floats, end: Floats, low: Floats, high: Floats) -> Bools:
+    """Return whether the boxes of paths (n, 3), (n, 3) meet a box, (n,)."""
+    apart = (np.maximum(start, end) < low) | (np.minimum(start, end) > high)
+    met: Bools = np.logical_not(apart.any(axis=1))
+    return met
+
+
+def _inverses(transforms: Floats) -> Floats:
+    """Return the inverses of rigid transforms (k, 4, 4)."""
+    result = np.zeros_like(transforms)
+    result[:, :3, :3] = transforms[:, :3, :3].transpose(0, 2, 1)
+    result[:, :3, 3] = -np.einsum("bij,bj->bi", result[:, :3, :3], transforms[:, :3, 3])
+    result[:, 3, 3] = 1.0
+    return result
+
+
+def _moved_boxes(transforms: Floats, middles: Floats, halves: Floats) -> tuple[Floats, Floats]:
+    """Return the boxes of moved boxes, (k, 3) each: transforms (k, 4, 4), middles, halves (k, 3) or (3,)."""
+    turned = transforms[:, :3, :3]
+    centres = np.einsum("bij,bj->bi", turned, np.broadcast_to(middles, (len(turned), 3)))
+    centres += transforms[:, :3, 3]
+    reach = np.einsum("bij,bj->bi", np.abs(turned), np.broadcast_to(halves, (len(turned), 3)))
+    # A path or a box that has no extent must not be missed for a rounding error.
+    reach += 1e-9 * (np.abs(centres) + reach)
+    return centres - reach, centres + reach
+
+
+@kernel
+def _box(points: Floats, free: Bools) -> tuple[Floats, Floats]:
+    """Return the lowest and highest coordinates of the free points, infinite where there is none."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for k in range(3):
+        least, greatest = np.inf, -np.inf
+        for i in range(len(points)):
+            if free[i]:
+                # Unlike min() and max() this is one instruction: it need not care about NaN.
+                c = points[i, k]
+                least = c if c < least else least
+                greatest = c if c > greatest else greatest
+        low[k], high[k] = least, greatest
+    return low, high
+
+
+@kernel
+def _box_seen_from(transform: Floats, points: Floats, free: Bools) -> tuple[Floats, Floats]:
+    """Return the lowest and highest coordinates of the free points where a transform takes them."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for k in range(3):
+        least, greatest = np.inf, -np.inf
+        for i in range(len(points)):
+            if free[i]:
+                c = transform[k, 0] * points[i, 0] + transform[k, 1] * points[i, 1]
+                c = c + transform[k, 2] * points[i, 2] + transform[k, 3]
+                least = c if c < least else least
+                greatest = c if c > greatest else greatest
+        low[k], high[k] = least, greatest
+    return low, high

@@ -1,0 +1,413 @@
+"""Bones as voxels: what is outside, boundary or inside, and the collision response that follows from it.
+
+Kohout, Cervenka 2021, *Muscle Deformation Using Position Based Dynamics*, section 3.2,
+doi:10.1007/978-3-030-72379-8_24.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import label
+
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.closed_shells import ClosedShells, closed_shells
+from vtkmuscle.core.mesh.triangle_distance import winding_number
+from vtkmuscle.core.motion.rigid import inverse
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+Cells = NDArray[np.uint8]
+
+#: What a cell is.
+OUTSIDE, BOUNDARY, INSIDE = 0, 1, 2
+
+#: Number of cells in the experiments of P21, section 4.
+DEFAULT_N_MAX = 8 * 64**3
+
+#: Slack of the triangle-box test, in cells: rounding must not open a gap in the boundary.
+_OVERLAP_SLACK = 1e-9
+
+#: How far behind a cell face a stopped point is put, in cells, so that rounding leaves it in that cell.
+_NUDGE = 1e-6
+
+#: Thinnest side of the grid, as a part of the box's diagonal: flat surfaces have a box without volume.
+_THINNEST = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelGrid:
+    """A bone in its rest pose as a uniform grid of cells; everything beyond the grid is outside.
+
+    Attributes
+    ----------
+    origin : (3,) float array
+        Lowest corner of cell (0, 0, 0) [mm].
+    spacing : (3,) float array
+        Size of a cell [mm].
+    cells : (nx, ny, nz) uint8 array
+        0 outside, 1 boundary (a triangle meets the cell), 2 inside. The outermost layer is outside.
+    remarks : tuple of str
+        What was wrong with the surface, in words.
+    """
+
+    origin: Floats
+    spacing: Floats
+    cells: Cells
+    remarks: tuple[str, ...] = ()
+
+    def contains(self, points: Floats) -> Bools:
+        """Return whether each point (n, 3) [mm, rest pose] lies in a boundary or inside cell, (n,)."""
+        contained: Bools = self._states(points) != OUTSIDE
+        return contained
+
+    def encloses(self, points: Floats) -> Bools:
+        """Return whether each point (n, 3) [mm, rest pose] lies in an inside cell, (n,)."""
+        enclosed: Bools = self._states(points) == INSIDE
+        return enclosed
+
+    def _states(self, points: Floats) -> Cells:
+        in_cells = (np.asarray(points, dtype=np.float64) - self.origin) / self.spacing
+        within = ((in_cells >= 0) & (in_cells < self.cells.shape)).all(axis=1)
+        index = in_cells[within].astype(np.int64)
+        result = np.full(len(in_cells), OUTSIDE, dtype=np.uint8)
+        result[within] = self.cells[index[:, 0], index[:, 1], index[:, 2]]
+        return result
+
+
+def build_voxel_grid(
+    points: Floats,
+    triangles: Ints,
+    *,
+    n_max: int = DEFAULT_N_MAX,
+    n_equal: int | None = None,
+    pockets: bool = True,
+    what: str = "voxels",
+) -> VoxelGrid:
+    """Return the voxels of a closed surface.
+
+    The bounding box is divided into cells; the cells that a triangle meets are the boundary; what
+    cannot be reached from beyond the box without crossing the boundary is inside. That would take what is
+    left of a hole too narrow for the cells for bone, so the winding number of each enclosed pocket has the
+    last word. Holes in the surface are closed first. Every shell has an inside of its own, whichever way it
+    faces: a hollow counts as filled.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions in the rest pose [mm].
+    triangles : (m, 3) int array
+        Point ids.
+    n_max : int, optional
+        Number of cells, about, shared out by the sides of the box so that cells are nearly cubes.
+    n_equal : int, optional
+        Cells along each axis instead (the cells are then no cubes).
+    pockets : bool, optional
+        False leaves pockets of the outside that the boundary cuts off as inside, and holes in the surface
+        open: quicker, where the surface is closed and it is enough that nothing inside is missed.
+    what : str, optional
+        Named in warnings.
+
+    Returns
+    -------
+    VoxelGrid
+        With one more layer of outside cells on every side.
+
+    Warns
+    -----
+    UserWarning
+        If the surface is open, inside out or encloses no volume; says what was made of it. Not without
+        ``pockets``.
+
+    Raises
+    ------
+    ValueError
+        If n_max or n_equal is not positive.
+    """
+    if n_max < 1 or (n_equal is not None and n_equal < 1):
+        raise ValueError(
+            f"a voxel grid needs n_max >= 1 and n_equal >= 1, got n_max={n_max}, n_equal={n_equal}"
+        )
+    surface = None
+    if pockets:
+        surface = closed_shells(points, triangles)
+        points, triangles = surface.points, np.vstack(surface.shells)
+        if surface.remarks:
+            warnings.warn(f"{what}: " + "; ".join(surface.remarks), stacklevel=2)
+    used = points[np.unique(triangles)]
+    low, high = used.min(axis=0), used.max(axis=0)
+    # Wider than the surface by a hair, so that a flat side of a bone does not touch the outermost layer.
+    margin = _THINNEST * (float(np.linalg.norm(high - low)) or 1.0)
+    low, high = low - margin, high + margin
+    counts = np.full(3, n_equal) if n_equal is not None else _shared_out(high - low, n_max)
+    spacing = (high - low) / counts
+    origin = low - spacing
+    cells = np.full(tuple(int(n) + 2 for n in counts), INSIDE, dtype=np.uint8)
+    corners = ((points - origin) / spacing)[triangles]
+    _mark_boundary(corners, cells)
+    _flood_outside(cells)
+    if surface is not None:
+        _open_pockets(surface, origin, spacing, cells)
+    return VoxelGrid(origin, spacing, cells, () if surface is None else surface.remarks)
+
+
+def _open_pockets(surface: ClosedShells, origin: Floats, spacing: Floats, cells: Cells) -> None:
+    """Mark as outside the enclosed pockets that no shell winds round.
+
+    Between neighbouring cells that are not boundary there is no surface, so one cell speaks for its pocket.
+    cells : (nx, ny, nz), changed in place.
+    """
+    enclosed, count = label(cells == INSIDE)
+    flat = enclosed.reshape(-1)
+    first = np.full(count + 1, -1, dtype=np.int64)
+    within = np.flatnonzero(flat)
+    first[flat[within[::-1]]] = within[::-1]
+    outside = np.zeros(count + 1, dtype=np.bool_)
+    for number in range(1, count + 1):
+        index = np.array(np.unravel_index(first[number], cells.shape))
+        centre = origin + spacing * (index + 0.5)
+        outside[number] = not any(
+            winding_number(surface.points, shell, centre) > 0.5
+            for shell, solid in zip(surface.shells, surface.solid, strict=True)
+            if solid
+        )
+    cells[outside[enclosed]] = OUTSIDE
+
+
+def _shared_out(sides: Floats, n_max: int) -> Ints:
+    """Return the number of cells along each side of a box, at least 1, for about n_max nearly cubic cells."""
+    counts = np.ones(3, dtype=np.int64)
+    active = np.ones(3, dtype=np.bool_)
+    while active.any():
+        edge = np.exp((np.log(sides[active]).sum() - np.log(n_max)) / active.sum())
+        thin = active & (sides < edge)
+        if not thin.any():
+            counts[active] = np.maximum(1, np.floor(sides[active] / edge * (1.0 + 1e-12))).astype(np.int64)
+            break
+        active &= ~thin  # one cell across; the others share n_max among themselves
+    return counts
+
+
+@kernel
+def _mark_boundary(corners: Floats, cells: Cells) -> None:
+    """Mark the cells that a triangle meets.
+
+    Separating axes for a triangle and a box, Akenine-Moller 2001, *Fast 3D triangle-box overlap
+    testing*, doi:10.1080/10867651.2001.10487535: the triangle's plane, the box's three axes (by the
+    choice of the cells that are tried) and the nine products of edges with axes.
+    corners : (m, 3, 3) triangle corners in units of cells;  cells : (nx, ny, nz), changed in place.
+    """
+    half = 0.5 + _OVERLAP_SLACK
+    first, last = np.empty(3, np.int64), np.empty(3, np.int64)
+    for triangle in range(len(corners)):
+        a, b, c = corners[triangle, 0], corners[triangle, 1], corners[triangle, 2]
+        for k in range(3):
+            low, high = min(a[k], b[k], c[k]), max(a[k], b[k], c[k])
+            first[k] = max(0, int(np.floor(low - _OVERLAP_SLACK)))
+            last[k] = min(cells.shape[k] - 1, int(np.floor(high + _OVERLAP_SLACK)))
+        e0x, e0y, e0z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        e1x, e1y, e1z = c[0] - b[0], c[1] - b[1], c[2] - b[2]
+        e2x, e2y, e2z = a[0] - c[0], a[1] - c[1], a[2] - c[2]
+        nx, ny, nz = e0y * e1z - e0z * e1y, e0z * e1x - e0x * e1z, e0x * e1y - e0y * e1x
+        reach = half * (abs(nx) + abs(ny) + abs(nz))
+        for i in range(first[0], last[0] + 1):
+            for j in range(first[1], last[1] + 1):
+                for k in range(first[2], last[2] + 1):
+                    if cells[i, j, k] == BOUNDARY:
+                        continue
+                    ax, ay, az = a[0] - (i + 0.5), a[1] - (j + 0.5), a[2] - (k + 0.5)
+                    if abs(nx * ax + ny * ay + nz * az) > reach:
+                        continue
+                    bx, by, bz = b[0] - (i + 0.5), b[1] - (j + 0.5), b[2] - (k + 0.5)
+                    cx, cy, cz = c[0] - (i + 0.5), c[1] - (j + 0.5), c[2] - (k + 0.5)
+                    # In each plane (y z, z x, x y) the three edges against the square of the cell.
+                    if (
+                        _edge_misses(ay, az, cy, cz, e0y, e0z, half)
+                        or _edge_misses(by, bz, ay, az, e1y, e1z, half)
+                        or _edge_misses(cy, cz, by, bz, e2y, e2z, half)
+                        or _edge_misses(az, ax, cz, cx, e0z, e0x, half)
+                        or _edge_misses(bz, bx, az, ax, e1z, e1x, half)
+                        or _edge_misses(cz, cx, bz, bx, e2z, e2x, half)
+                        or _edge_misses(ax, ay, cx, cy, e0x, e0y, half)
+                        or _edge_misses(bx, by, ax, ay, e1x, e1y, half)
+                        or _edge_misses(cx, cy, bx, by, e2x, e2y, half)
+                    ):
+                        continue
+                    cells[i, j, k] = BOUNDARY
+
+
+@kernel
+def _edge_misses(
+    edge_u: float, edge_v: float, other_u: float, other_v: float, du: float, dv: float, half: float
+) -> bool:
+    """Return True where the normal of an edge, in a coordinate plane, separates triangle and square.
+
+    (edge_u, edge_v) is on the edge of direction (du, dv), (other_u, other_v) the corner opposite; the
+    square is centred at 0, with sides of 2 half.
+    """
+    p, q = dv * edge_u - du * edge_v, dv * other_u - du * other_v
+    reach = half * (abs(du) + abs(dv))
+    return min(p, q) > reach or max(p, q) < -reach
+
+
+@kernel
+def _flood_outside(cells: Cells) -> None:
+    """Mark as outside what can be reached from the corner cell (0, 0, 0) without entering the boundary.
+
+    P21 fills "with 8-directions", the diagonal neighbourhood of a plane. We go to the 6 face neighbours
+    only: no step then passes between two boundary cells that meet in an edge, whatever the boundary is.
+    The price is a few outside cells of narrow holes that it does not reach: :func:`_open_pockets`.
+    cells : (nx, ny, nz), changed in place.
+    """
+    shape = cells.shape
+    waiting = np.empty((cells.size, 3), np.int32)  # each cell waits once at most
+    waiting[0] = 0
+    cells[0, 0, 0] = OUTSIDE
+    count = 1
+    while count:
+        count -= 1
+        i, j, k = waiting[count]
+        for axis in range(3):
+            for side in (-1, 1):
+                u = i + side if axis == 0 else i
+                v = j + side if axis == 1 else j
+                w = k + side if axis == 2 else k
+                inside_grid = 0 <= u < shape[0] and 0 <= v < shape[1] and 0 <= w < shape[2]
+                if inside_grid and cells[u, v, w] == INSIDE:
+                    cells[u, v, w] = OUTSIDE
+                    waiting[count, 0], waiting[count, 1], waiting[count, 2] = u, v, w
+                    count += 1
+
+
+def resolve_collisions(
+    grid: VoxelGrid, now: Floats, step: Floats, x: Floats, p: Floats, free: Bools, *, bone_push: bool
+) -> Bools:
+    """Move the predicted positions that are in a bone out of it.
+
+    P21, section 3.2. A point whose predicted position is in a boundary or inside cell collides. If its
+    previous position is outside the bone as the bone is now (scenario one, the muscle hits the bone), the
+    segment from p to x is followed to the first outside cell: if x is in that cell p becomes x, else p
+    becomes the point where the segment enters the cell. If not (scenario two, the bone hits the muscle),
+    p becomes x moved by the bone's step.
+
+    Parameters
+    ----------
+    grid : VoxelGrid
+        The bone at rest.
+    now : (4, 4) array
+        Rigid transform of the bone from rest to now.
+    step : (4, 4) array
+        Rigid transform of the bone from the previous frame to now.
+    x : (n, 3) array
+        Positions of the previous frame [mm].
+    p : (n, 3) array
+        Predicted positions [mm], changed in place.
+    free : (n,) bool array
+        Points that may be moved.
+    bone_push : bool
+        False leaves p as it is in scenario two (P21, section 4.2, the iliacus).
+
+    Returns
+    -------
+    (n,) bool array
+        Points that were moved.
+    """
+    moved = np.zeros(len(p), dtype=np.bool_)
+    to_rest = inverse(now)
+    _resolve(grid.cells, grid.origin, grid.spacing, now, to_rest, step, x, p, free, bone_push, moved)
+    return moved
+
+
+@kernel
+def _resolve(
+    cells: Cells,
+    origin: Floats,
+    spacing: Floats,
+    now: Floats,
+    to_rest: Floats,
+    step: Floats,
+    x: Floats,
+    p: Floats,
+    free: Bools,
+    bone_push: bool,
+    moved: Bools,
+) -> None:
+    """Do what :func:`resolve_collisions` says; moved : (n,), changed in place."""
+    start, end = np.empty(3), np.empty(3)  # p and x in units of cells
+    stop = np.empty(3)
+    for i in range(len(p)):
+        if not free[i]:
+            continue
+        within = True
+        for k in range(3):
+            at_rest = to_rest[k, 0] * p[i, 0] + to_rest[k, 1] * p[i, 1] + to_rest[k, 2] * p[i, 2]
+            start[k] = (at_rest + to_rest[k, 3] - origin[k]) / spacing[k]
+            within = within and 0.0 <= start[k] < cells.shape[k]
+        if not within or cells[int(start[0]), int(start[1]), int(start[2])] == OUTSIDE:
+            continue
+        within = True
+        for k in range(3):
+            at_rest = to_rest[k, 0] * x[i, 0] + to_rest[k, 1] * x[i, 1] + to_rest[k, 2] * x[i, 2]
+            end[k] = (at_rest + to_rest[k, 3] - origin[k]) / spacing[k]
+            within = within and 0.0 <= end[k] < cells.shape[k]
+        if not within or cells[int(end[0]), int(end[1]), int(end[2])] == OUTSIDE:
+            if _traverse(cells, start, end, stop):
+                p[i] = x[i]
+            else:
+                for k in range(3):
+                    stop[k] = origin[k] + spacing[k] * stop[k]
+                for k in range(3):
+                    p[i, k] = now[k, 0] * stop[0] + now[k, 1] * stop[1] + now[k, 2] * stop[2] + now[k, 3]
+            moved[i] = True
+        elif bone_push:
+            for k in range(3):
+                p[i, k] = step[k, 0] * x[i, 0] + step[k, 1] * x[i, 1] + step[k, 2] * x[i, 2] + step[k, 3]
+            moved[i] = True
+
+
+@kernel
+def _traverse(cells: Cells, start: Floats, end: Floats, stop: Floats) -> bool:
+    """Follow a segment, cell by cell, from a cell of the bone to the first outside cell.
+
+    Amanatides, Woo 1987, *A fast voxel traversal algorithm for ray tracing*,
+    doi:10.2312/egtp.19871000. The number of steps along each axis is known from the end cells, so
+    rounding changes the order of two nearly simultaneous steps at most, never where the walk ends.
+    start, end : (3,) in units of cells, the end outside;  stop : (3,), written where the result is False.
+    Returns True where the first outside cell is that of the end.
+    """
+    cell, left = np.empty(3, np.int64), np.empty(3, np.int64)
+    for k in range(3):
+        cell[k] = int(start[k])
+        # Beyond the grid all is outside, so how far the end is beyond does not matter.
+        last = -1
+        if end[k] >= cells.shape[k]:
+            last = cells.shape[k]
+        elif end[k] >= 0.0:
+            last = int(end[k])
+        left[k] = last - cell[k]
+    t = 0.0
+    while left[0] or left[1] or left[2]:
+        axis, t = -1, np.inf
+        for k in range(3):
+            if left[k]:
+                face = cell[k] + 1.0 if left[k] > 0 else float(cell[k])
+                crossing = (face - start[k]) / (end[k] - start[k])
+                if axis < 0 or crossing < t:
+                    axis, t = k, crossing
+        side = 1 if left[axis] > 0 else -1
+        cell[axis] += side
+        left[axis] -= side
+        beyond = not 0 <= cell[axis] < cells.shape[axis]
+        if beyond or cells[cell[0], cell[1], cell[2]] == OUTSIDE:
+            break
+    if not (left[0] or left[1] or left[2]):
+        return True
+    # The entry is on the face between the two cells: put it behind the face, into the outside cell.
+    for k in range(3):
+        on_segment = start[k] + t * (end[k] - start[k])
+        stop[k] = min(max(on_segment, cell[k] + _NUDGE), cell[k] + 1.0 - _NUDGE)
+    return False

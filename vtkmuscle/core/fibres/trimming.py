@@ -1,0 +1,360 @@
+"""Fibre ends: cut away what lies beside an attachment area, and end the fibre on the area instead.
+
+Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.4,
+extended in doi:10.1007/978-3-642-38241-3_3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
+
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.polylines import evenly_spaced, polyline_lengths, resample_polyline
+from vtkmuscle.core.mesh.sampling import PatchSamples
+from vtkmuscle.core.mesh.surface import unit_vectors
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Largest turn from a fibre into its new end segment [degrees].
+LARGEST_TURN = 60.0
+#: A turn that needs no other cut [degrees].
+EASY_TURN = 30.0
+#: Multiples of the cut at the plane that are tried, the nearer to 1 the earlier.
+CUTS = (1.0, 0.8, 1.2, 0.6, 1.4, 0.4, 1.7, 0.2, 2.0, 0.0)
+#: Where along a new segment it is checked against the surface.
+CHECKS = (np.arange(16) + 0.5) / 16.0
+#: Ends nearer to each other than this share of an even spacing meet rather than spread over the area.
+LEAST_SPREAD = 0.1
+#: How much more a new segment counts by which it is longer than it goes ahead.
+TURNING = 2.0
+#: Fibres that share out an area together; the assignment costs the cube of their number.
+BATCH = 256
+
+
+@dataclass(frozen=True, eq=False)
+class EndArea:
+    """Where the fibres end at one side of the muscle.
+
+    Attributes
+    ----------
+    landmarks : (k, 3) array
+        Of all areas of this side [mm]; the extremal one places the cutting plane.
+    points : (n, 3) array
+        Points of the muscle [mm].
+    triangles : (m, 3) int array
+        Triangles of the muscle.
+    patch : (j,) int array
+        Ids of the points that are attached.
+    distance : callable or None
+        From positions (i, 3) to how far they are from what the landmarks span (i,) [mm]; a fibre that ends
+        there ends on the area. None: only ends on the patch do.
+    """
+
+    landmarks: Floats
+    points: Floats
+    triangles: Ints
+    patch: Ints
+    distance: Callable[[Floats], Floats] | None = None
+
+    @cached_property
+    def samples(self) -> PatchSamples:
+        """Positions on the area."""
+        return PatchSamples(self.points, self.triangles, self.patch)
+
+
+def trim_fibres(
+    points: Floats,
+    offsets: Ints,
+    *,
+    axis: Floats,
+    origin: EndArea,
+    insertion: EndArea,
+    into_muscle: Callable[[Floats], Floats],
+    tolerance: float,
+    largest_cut: float,
+) -> Floats:
+    """Return fibres that run from the origin area to the insertion area, with as many points as before.
+
+    At each side a plane perpendicular to the axis through the landmark that reaches furthest into the
+    muscle cuts the fibre's end off, and a straight segment to a place on the area replaces it (see
+    :func:`assign_places`). Where that segment would leave the muscle or turn by more than 60 degrees, less of
+    the fibre is cut: the whole cut is tried first, then three quarters of it, and so on; where nothing will
+    do, the least evil is taken. If most fibres end on an area anyway, spread over it, those that do are left
+    as they are there. The points are then spaced evenly along each fibre, and those that are
+    outside of the muscle moved to the nearest point of its surface.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Fibre points [mm], from the origin to the insertion.
+    offsets : (k + 1,) int array
+        First point of each fibre, and n. A fibre has at least two points.
+    axis : (3,) array
+        Unit vector from the origin to the insertion.
+    origin, insertion : EndArea
+        The two sides.
+    into_muscle : callable
+        From points (j, 3) to the nearest points (j, 3) of the muscle, themselves where they are in it [mm].
+    tolerance : float
+        How far a new segment may leave the muscle [mm].
+    largest_cut : float
+        Largest part of a fibre's length to cut off at either end, at most 0.5.
+
+    Returns
+    -------
+    (n, 3) array
+        Fibre points [mm].
+    """
+    backwards = points[_reversed_order(offsets)]
+    starts = _new_ends(backwards, offsets, -axis, origin, into_muscle, tolerance, largest_cut)
+    ends = _new_ends(points, offsets, axis, insertion, into_muscle, tolerance, largest_cut)
+    result = _replaced_ends(points, offsets, starts.cuts, starts.places, ends.cuts, ends.places)
+    inner = np.ones(len(result), dtype=np.bool_)
+    inner[offsets[:-1]] = inner[offsets[1:] - 1] = False
+    result[inner] = into_muscle(result[inner])
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class _Ends:
+    cuts: Floats  # (k,) length cut off each fibre [mm]
+    places: Floats  # (k, 3) its new end [mm]
+
+
+@kernel
+def _replaced_ends(
+    points: Floats, offsets: Ints, cut_first: Floats, firsts: Floats, cut_last: Floats, lasts: Floats
+) -> Floats:
+    """Return fibres with lengths cut off both ends and other ends put there, their points spaced evenly."""
+    result = np.empty_like(points)
+    for i in range(len(offsets) - 1):
+        line = points[offsets[i] : offsets[i + 1]]
+        count = len(line)
+        arcs = np.zeros(count)
+        for j in range(1, count):
+            arcs[j] = arcs[j - 1] + np.sqrt(((line[j] - line[j - 1]) ** 2).sum())
+        low, high = cut_first[i], arcs[-1] - cut_last[i]
+        inner = arcs[(arcs > low) & (arcs < high)]
+        kept = np.empty(len(inner) + 2)
+        kept[0], kept[-1] = low, high
+        kept[1:-1] = inner
+        whole = np.empty((len(kept) + 2, 3))
+        whole[0], whole[-1] = firsts[i], lasts[i]
+        whole[1:-1] = resample_polyline(line, kept)
+        result[offsets[i] : offsets[i + 1]] = evenly_spaced(whole, count)
+    return result
+
+
+def _new_ends(
+    points: Floats,
+    offsets: Ints,
+    direction: Floats,
+    area: EndArea,
+    into_muscle: Callable[[Floats], Floats],
+    tolerance: float,
+    largest_cut: float,
+) -> _Ends:
+    """Return how much to cut off the last points of fibres, and where they end instead."""
+    lengths = polyline_lengths(points, offsets)
+    ends = points[offsets[1:] - 1]
+    there = _already_there(ends, area, tolerance) & (_sharpest_turns(points, offsets) <= LARGEST_TURN)
+    there &= there.mean() > 0.5
+    extremal = (area.landmarks @ direction).min()
+    cuts = np.minimum(beyond_plane(points, offsets, points @ direction - extremal), largest_cut * lengths)
+    tried = np.minimum(np.outer(CUTS, cuts), largest_cut * lengths)
+    departures, rays = _departures(points, offsets, lengths - tried)
+    levels, places = np.zeros(len(cuts), dtype=np.int64), ends.copy()
+    n_batches = -(-len(cuts) // BATCH)
+    for batch in range(n_batches):
+        # Fibres of a batch are spread over all fibres, so that each batch covers the whole area.
+        mine = np.arange(batch, len(cuts), n_batches)
+        fibres = mine[~there[mine]]
+        if not len(fibres):
+            continue
+        # Behind the departures there is something only where the area reaches so far along the muscle that
+        # the cut was limited.
+        height = float((departures[0, fibres] @ direction).min())
+        free = area.samples.even(len(mine), direction=direction, above=height, seed=batch)
+        if there[mine].any():
+            taken = np.unique(cKDTree(free).query(ends[mine[there[mine]]])[1])
+            free = np.delete(free, taken[: len(free) - len(fibres)], axis=0)
+        places[fibres] = free[assign_places(departures[0, fibres], rays[0, fibres], free)]
+        levels[fibres] = _least_evil(
+            departures[:, fibres], rays[:, fibres], places[fibres], into_muscle, tolerance
+        )
+    cuts = np.where(there, 0.0, tried[levels, np.arange(len(cuts))])
+    return _Ends(cuts, places)
+
+
+def _least_evil(
+    departures: Floats,
+    rays: Floats,
+    places: Floats,
+    into_muscle: Callable[[Floats], Floats],
+    tolerance: float,
+) -> Ints:
+    """Return which cut suits each fibre, a number into CUTS.
+
+    The first one whose segment stays in the muscle and turns easily; else that of the least turn among
+    those that are allowed; else the one that leaves or turns least, relative to what is allowed.
+    """
+    open_ = np.arange(len(places))
+    levels, least = np.zeros(len(places), dtype=np.int64), np.full(len(places), np.inf)
+    for level in range(len(CUTS)):
+        starts = departures[level, open_]
+        segments = places[open_] - starts
+        checked = starts[:, None] + CHECKS[:, None] * segments[:, None]
+        ways_back = into_muscle(checked.reshape(-1, 3)).reshape(checked.shape) - checked
+        leaves = np.linalg.norm(ways_back, axis=2).max(axis=1) / tolerance
+        turns = np.degrees(np.arccos(np.clip(_cosines(rays[level, open_], segments), -1.0, 1.0)))
+        evil = np.maximum(leaves, turns / LARGEST_TURN)
+        evil[evil <= 1.0] = turns[evil <= 1.0] / 180.0
+        better = evil < least[open_]
+        levels[open_[better]] = level
+        least[open_[better]] = evil[better]
+        open_ = open_[(leaves > 1.0) | (turns > EASY_TURN)]
+        if not len(open_):
+            break
+    return levels
+
+
+def _already_there(ends: Floats, area: EndArea, tolerance: float) -> NDArray[np.bool_]:
+    """Return which fibres end on the area as they are; none, unless most of them do so without meeting.
+
+    Templates whose fibres run from area to area, as the pennate one, need no new ends. But where fibres
+    are pinched together in the tip of a muscle, that a few end on the area is no reason to keep those.
+    """
+    size, tree = area.samples.area, area.samples.tree(64 * len(ends))
+    on_area = tree.query(ends)[0] <= tolerance + np.sqrt(size / tree.n)
+    if area.distance is not None:
+        on_area |= area.distance(ends) <= tolerance
+    apart = np.full(len(ends), True)
+    if len(ends) > 1:
+        apart = cKDTree(ends).query(ends, 2)[0][:, 1] >= LEAST_SPREAD * np.sqrt(size / len(ends))
+    there = on_area & apart
+    return there if there.mean() > 0.5 else np.zeros(len(ends), dtype=np.bool_)
+
+
+@kernel
+def _sharpest_turns(points: Floats, offsets: Ints) -> Floats:
+    """Return the sharpest turn in the last third of each fibre (k,) [degrees]: one that hooks is not kept."""
+    result = np.zeros(len(offsets) - 1)
+    for line in range(len(result)):
+        first, last = offsets[line], offsets[line + 1]
+        for i in range(max(first + 1, last - 1 - (last - first) // 3), last - 1):
+            a, b = points[i] - points[i - 1], points[i + 1] - points[i]
+            across = np.sqrt((np.cross(a, b) ** 2).sum())
+            result[line] = max(result[line], np.degrees(np.arctan2(across, (a * b).sum())))
+    return result
+
+
+@kernel
+def _departures(points: Floats, offsets: Ints, arcs: Floats) -> tuple[Floats, Floats]:
+    """Return the points (c, k, 3) of fibres at arc lengths (c, k), and the directions that they run in.
+
+    The direction is that of one mean segment back, for what is left of the segment that is cut may be
+    arbitrarily short.
+    """
+    places, rays = np.empty((*arcs.shape, 3)), np.empty((*arcs.shape, 3))
+    at = np.empty(2)
+    for i in range(len(offsets) - 1):
+        line = points[offsets[i] : offsets[i + 1]]
+        step = 0.0
+        for j in range(1, len(line)):
+            step += np.sqrt(((line[j] - line[j - 1]) ** 2).sum())
+        step /= max(len(line) - 1, 1)
+        for level in range(len(arcs)):
+            at[0], at[1] = max(arcs[level, i] - step, 0.0), arcs[level, i]
+            pair = resample_polyline(line, at)
+            places[level, i] = pair[1]
+            rays[level, i] = pair[1] - pair[0]
+    return places, rays
+
+
+def _cosines(a: Floats, b: Floats) -> Floats:
+    """Return the cosines (k,) of the angles between vectors (k, 3); 1 for a vector of no length."""
+    scale = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
+    cosines: Floats = np.divide((a * b).sum(axis=1), scale, out=np.ones(len(a)), where=scale > 0)
+    return cosines
+
+
+def assign_places(departures: Floats, rays: Floats, places: Floats) -> Ints:
+    """Return which place each fibre ends at, no two fibres at the same: the new segments are short in all.
+
+    The paper takes the place on the area that is closest to the ray, for each fibre by itself. Where the area
+    is beside the rays rather than in front of them, that is the same place on its rim for many fibres, and
+    they meet in a point. So each fibre is given a place of its own, such that the sum of
+
+        |s| + 2 (|s| - s . u)
+
+    is least, s from where the fibre is left to its place, u the unit vector of its ray: a segment counts up
+    to five times where the fibre would have to turn back for it. Where all fibres run alike, the sum of s . u
+    is the same whatever goes where, and the sum of distances is least: two segments that cross would be
+    shorter exchanged, so they do not cross, and neighbours stay neighbours. Where the area runs beside the
+    fibres, the fibre next to it ends on its nearest part.
+
+    Parameters
+    ----------
+    departures : (k, 3) array
+        Where the new segments begin [mm].
+    rays : (k, 3) array
+        The way that the fibres go there, of any length.
+    places : (j, 3) array
+        Positions on the area, j >= k [mm].
+
+    Returns
+    -------
+    (k,) int array
+        Numbers of places, all different.
+    """
+    ahead = unit_vectors(rays)
+    along = ahead @ places.T - (ahead * departures).sum(axis=1, keepdims=True)
+    costs = (1.0 + TURNING) * cdist(departures, places) - TURNING * along
+    taken: Ints = linear_sum_assignment(costs)[1].astype(np.int64)
+    return taken
+
+
+@kernel
+def beyond_plane(points: Floats, offsets: Ints, heights: Floats) -> Floats:
+    """Return how much of each polyline's end is beyond a plane: from where it last comes through it.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions [mm].
+    offsets : (k + 1,) int array
+        First point of each line, and n.
+    heights : (n,) array
+        Signed distances from the plane, positive beyond it [mm].
+
+    Returns
+    -------
+    (k,) array
+        Arc lengths, 0 where a line ends on this side, its whole length where none of it is on this side.
+    """
+    result = np.zeros(len(offsets) - 1)
+    for line in range(len(result)):
+        for i in range(offsets[line + 1] - 1, offsets[line], -1):
+            if heights[i] <= 0.0:
+                break
+            length = np.sqrt(((points[i] - points[i - 1]) ** 2).sum())
+            if heights[i - 1] < 0.0:
+                length *= heights[i] / (heights[i] - heights[i - 1])
+            result[line] += length
+    return result
+
+
+def _reversed_order(offsets: Ints) -> Ints:
+    """Return the ids of all points, those of each line backwards."""
+    sums = np.repeat(offsets[:-1] + offsets[1:] - 1, np.diff(offsets))
+    order: Ints = sums - np.arange(offsets[-1])
+    return order

@@ -1,0 +1,207 @@
+"""Surfaces as closed shells, each facing outward: what a bone must be to have an inside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components
+
+from vtkmuscle.core.mesh.surface import point_components, signed_volume
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+#: A shell of less volume than this part of its box's diagonal cubed has no inside.
+LEAST_VOLUME = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedShells:
+    """The connected parts of a surface, closed and turned outward.
+
+    Attributes
+    ----------
+    points : (n, 3) array
+        Positions, with a point more for each hole that was closed.
+    shells : tuple of (k, 3) int arrays
+        Triangles of each part; every edge is run through as often one way as the other.
+    solid : tuple of bool
+        False for parts that enclose no volume.
+    remarks : tuple of str
+        What was wrong with the surface, in words.
+    """
+
+    points: Floats
+    shells: tuple[Ints, ...]
+    solid: tuple[bool, ...]
+    remarks: tuple[str, ...]
+
+
+def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
+    """Return the connected parts of a surface, mended where they are open or inside out.
+
+    Equal points are made one where the surface is open otherwise. Parts whose triangles disagree about
+    their side are made consistent. A hole is closed by triangles from its rim to the rim's centre. A part
+    that faces inward is turned round, so that a hollow in a bone counts as filled.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions.
+    triangles : (m, 3) int array
+        Point ids.
+
+    Returns
+    -------
+    ClosedShells
+        With a remark for each kind of defect; a hollow is none.
+
+    Raises
+    ------
+    ValueError
+        If there is no triangle of three different points, or a coordinate is not finite.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    triangles = _proper(np.asarray(triangles, dtype=np.int64).reshape(-1, 3))
+    _check_any(triangles)
+    if not np.isfinite(points[triangles]).all():
+        raise ValueError("the surface has a coordinate that is not finite")
+    remarks = []
+    if len(_excess(triangles)):
+        points, triangles = _welded(points, triangles)
+        _check_any(triangles)
+    if len(_excess(triangles)):
+        triangles, n_turned = _consistent(triangles)
+        if n_turned:
+            remarks.append(f"{n_turned} of {len(triangles)} triangles faced the other way and were turned")
+        rim = _excess(triangles)
+        if len(rim):
+            points, triangles, n_holes = _capped(points, triangles, rim)
+            remarks.append(f"the surface is open: {n_holes} hole(s), {len(rim)} edges, were closed")
+    labels = point_components(len(points), triangles[:, [0, 1, 1, 2]].reshape(-1, 2))[triangles[:, 0]]
+    order = np.argsort(labels, kind="stable")
+    shells = np.split(triangles[order], np.flatnonzero(np.diff(labels[order])) + 1)
+    volumes = [signed_volume(points[shell.reshape(-1)], _numbered(shell)) for shell in shells]
+    solid = [
+        abs(volume) > LEAST_VOLUME * float(np.linalg.norm(np.ptp(points[shell.reshape(-1)], axis=0))) ** 3
+        for shell, volume in zip(shells, volumes, strict=True)
+    ]
+    if sum(volumes) < 0 and any(solid):
+        remarks.append("the surface is inside out: its triangles face inward and were turned")
+    if not all(solid):
+        remarks.append(f"{solid.count(False)} of {len(shells)} part(s) enclose no volume: nothing is in them")
+    turned = [
+        shell[:, ::-1].copy() if volume < 0 else shell for shell, volume in zip(shells, volumes, strict=True)
+    ]
+    return ClosedShells(points, tuple(turned), tuple(solid), tuple(remarks))
+
+
+def _check_any(triangles: Ints) -> None:
+    if not len(triangles):
+        raise ValueError("the surface has no triangles of three different points")
+
+
+def _proper(triangles: Ints) -> Ints:
+    """Return the triangles without those that have a point twice."""
+    proper: Bools = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    return triangles[proper]
+
+
+def _numbered(shell: Ints) -> Ints:
+    return np.arange(shell.size, dtype=np.int64).reshape(-1, 3)
+
+
+def edge_numbers(triangles: Ints) -> Ints:
+    """Return a number for the edge from each corner to the next, (m, 3), the same in all its triangles."""
+    onward = np.roll(triangles, -1, axis=1)
+    low, high = np.minimum(triangles, onward), np.maximum(triangles, onward)
+    keys = (low * (int(triangles.max()) + 1) + high).reshape(-1)
+    order = np.argsort(keys, kind="stable")
+    new = np.r_[False, np.diff(keys[order]) != 0]
+    numbers = np.empty(len(keys), dtype=np.int64)
+    numbers[order] = np.cumsum(new)
+    return numbers.reshape(-1, 3)
+
+
+def _directions(triangles: Ints) -> Ints:
+    """Return 1 for edges that a triangle runs through from the lower point id to the higher, else -1."""
+    return np.where(triangles < np.roll(triangles, -1, axis=1), 1, -1).astype(np.int64)
+
+
+def _excess(triangles: Ints) -> Ints:
+    """Return the directed edges that lack one of the opposite direction, (k, 2)."""
+    numbers, directions = edge_numbers(triangles).reshape(-1), _directions(triangles).reshape(-1)
+    balance = np.rint(np.bincount(numbers, weights=directions)).astype(np.int64)
+    first = np.zeros(len(balance), dtype=np.int64)
+    first[numbers] = np.arange(len(numbers))
+    edges = np.flatnonzero(balance)
+    ends = np.column_stack([triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)])[first[edges]]
+    backward = (ends[:, 0] < ends[:, 1]) != (balance[edges] > 0)
+    ends[backward] = ends[backward][:, ::-1]
+    repeated: Ints = np.repeat(ends, np.abs(balance[edges]), axis=0)
+    return repeated
+
+
+def _welded(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
+    used, of_corner = np.unique(triangles, return_inverse=True)
+    distinct, of_used = np.unique(points[used], axis=0, return_inverse=True)
+    welded = of_used.reshape(-1)[of_corner.reshape(-1)].reshape(-1, 3).astype(np.int64)
+    return distinct, _proper(welded)
+
+
+def _consistent(triangles: Ints) -> tuple[Ints, int]:
+    """Return triangles that agree with their neighbours, and how many had to be turned for that.
+
+    Agreement spreads over edges of two triangles, from the first triangle of each part; of the two ways
+    to make a part consistent the one that turns fewer triangles is taken.
+    """
+    numbers, directions = edge_numbers(triangles).reshape(-1), _directions(triangles).reshape(-1)
+    order = np.argsort(numbers, kind="stable")
+    pairs = order[np.isin(numbers[order], np.flatnonzero(np.bincount(numbers) == 2))].reshape(-1, 2)
+    one, other = pairs[:, 0] // 3, pairs[:, 1] // 3
+    # 1: as they are; 2: one of them must be turned. Equal entries of a matrix are summed, hence minimum.
+    relation = 1 + (directions[pairs[:, 0]] == directions[pairs[:, 1]]).astype(np.int64)
+    key, at = np.unique(one * len(triangles) + other, return_index=True)
+    count = len(triangles)
+    graph = coo_array((relation[at], (key // count, key % count)), shape=(count, count)).tocsr()
+    n_parts, part = connected_components(graph, directed=False)
+    # One triangle of each part hangs on a root, so that one search goes through all parts.
+    first = np.unique(part, return_index=True)[1]
+    ones = np.ones(n_parts, dtype=np.int64)
+    rooted = coo_array(
+        (
+            np.concatenate([relation[at], ones]),
+            (np.r_[key // count, np.full(n_parts, count)], np.r_[key % count, first]),
+        ),
+        shape=(count + 1, count + 1),
+    ).tocsr()
+    rooted = rooted.maximum(rooted.T).tocsr()
+    reached, before = breadth_first_order(rooted, count, directed=False)
+    steps = np.asarray(rooted[before[reached[1:]], reached[1:]]).reshape(-1) == 2
+    turn = np.zeros(count + 1, dtype=np.bool_)
+    for triangle, differs in zip(reached[1:].tolist(), steps.tolist(), strict=True):
+        turn[triangle] = turn[before[triangle]] != differs
+    turn = turn[:count]
+    most = np.bincount(part, weights=turn) > 0.5 * np.bincount(part)
+    turn ^= most[part]
+    result = triangles.copy()
+    result[turn] = result[turn][:, ::-1]
+    return result, int(turn.sum())
+
+
+def _capped(points: Floats, triangles: Ints, rim: Ints) -> tuple[Floats, Ints, int]:
+    """Close each hole by triangles from the edges of its rim to the rim's centre."""
+    used, ends = np.unique(rim, return_inverse=True)
+    ends = ends.reshape(-1, 2)
+    hole_of_point = point_components(len(used), ends)
+    hole = hole_of_point[ends[:, 0]]
+    n_holes = int(hole_of_point.max()) + 1
+    middles = points[rim].mean(axis=1)
+    sums = np.column_stack([np.bincount(hole, weights=middles[:, k], minlength=n_holes) for k in range(3)])
+    centres = sums / np.bincount(hole, minlength=n_holes)[:, None]
+    caps = np.column_stack([rim[:, 1], rim[:, 0], len(points) + hole])
+    return np.vstack([points, centres]), np.vstack([triangles, caps]), n_holes

@@ -1,0 +1,232 @@
+"""Harmonic functions on a muscle's surface, with the fixed points as boundary values."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array, csr_matrix
+from scipy.sparse.linalg import splu
+
+from vtkmuscle.core.mesh.surface import half_edges, point_components, triangle_normals
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Bounds of an edge's cotangent weight; an edge between equilateral triangles has 0.58. The lower one
+#: keeps the matrix an M-matrix where triangles are obtuse, so that a harmonic function stays between its
+#: boundary values; the upper one keeps it well conditioned where triangles are degenerate.
+COTANGENT_BOUNDS = (1e-3, 1e3)
+#: Unknowns up to which a matrix is factorised.
+MOST_FACTORISED = 30_000
+#: Where multigrid ends, relative to the right-hand side, and after how many steps at the latest.
+PRECISION, MOST_STEPS = 1e-12, 100
+
+
+def cotangent_laplacian(points: Floats, triangles: Ints) -> csr_array:
+    """Return the cotangent Laplacian of a surface, with its weights kept positive.
+
+    L_ij = -(cot a + cot b) / 2 for the angles a, b opposite the edge i j, clamped to
+    :data:`COTANGENT_BOUNDS`; rows sum to zero. Pinkall, Polthier 1993, *Computing discrete minimal surfaces
+    and their conjugates*, doi:10.1080/10586458.1993.10504266.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions.
+    triangles : (m, 3) int array
+        Point ids.
+
+    Returns
+    -------
+    (n, n) sparse array
+        Symmetric, positive semidefinite.
+    """
+    n = len(points)
+    doubled_areas = np.linalg.norm(triangle_normals(points, triangles), axis=1)
+    cotangents = np.empty((len(triangles), 3))
+    for corner in range(3):  # the cotangent at a corner belongs to the edge opposite, here in half-edge order
+        apex, one, other = (points[triangles[:, (corner + 2 + turn) % 3]] for turn in range(3))
+        dots = np.einsum("ij,ij->i", one - apex, other - apex)
+        # The second bound is far above COTANGENT_BOUNDS: it only keeps the quotient from overflowing.
+        floor = np.maximum(1e-9 * np.abs(dots), np.finfo(float).tiny)
+        cotangents[:, corner] = dots / np.maximum(doubled_areas, floor)
+    bound = 2.0 * COTANGENT_BOUNDS[1]
+    halves = np.clip(cotangents.reshape(-1), -bound, bound) / 2.0
+
+    edges = half_edges(triangles)
+    proper = edges[:, 0] != edges[:, 1]
+    i, j = np.sort(edges[proper], axis=1).T
+    weights = coo_array((halves[proper], (i, j)), shape=(n, n)).tocsr()
+    weights.data = np.clip(weights.data, *COTANGENT_BOUNDS)
+    weights = weights + weights.T
+    degrees = np.asarray(weights.sum(axis=1)).reshape(-1)
+    diagonal = np.arange(n)
+    return csr_array(coo_array((degrees, (diagonal, diagonal)), shape=(n, n)).tocsr() - weights)
+
+
+def harmonic_extension(points: Floats, triangles: Ints, known: Ints, values: Floats) -> Floats:
+    """Return functions that are harmonic on a surface and have given values at some points.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions.
+    triangles : (m, 3) int array
+        Point ids.
+    known : (k,) int array
+        Points with a value, k >= 1, each once.
+    values : (k, c) array
+        Their values.
+
+    Returns
+    -------
+    (n, c) array
+        Between the least and the greatest value of each function. A connected part of the mesh without
+        a known point, where anything constant would be harmonic, takes the mean of the values.
+    """
+    n = len(points)
+    result = np.empty((n, values.shape[1]))
+    result[:] = values.mean(axis=0)
+    result[known] = values
+    components = point_components(n, half_edges(triangles))
+    reached = np.isin(components, components[known])
+    reached[known] = False
+    free = np.flatnonzero(reached)
+    if len(free):
+        rows = cotangent_laplacian(points, triangles)[free]
+        inner, border = rows[:, free], rows[:, known]
+        result[free] = _solved(inner, -(border @ values))
+    low, high = values.min(axis=0), values.max(axis=0)
+    bounded: Floats = np.clip(result, low, high)
+    return bounded
+
+
+def _solved(matrix: csr_array, right: Floats) -> Floats:
+    """Return x with matrix @ x = right, (n, c); the matrix is a part of a Laplacian, positive definite.
+
+    Factors of a large matrix fill up faster than it grows. Conjugate gradients with one cycle of algebraic
+    multigrid as the preconditioner (Ruge, Stueben 1987, doi:10.1137/1.9781611971057.ch4), which is made for
+    matrices like this, take about as many steps whatever its size.
+    """
+    found = _solved_by_multigrid(matrix, right) if matrix.shape[0] > MOST_FACTORISED else None
+    if found is not None:
+        return found
+    # The matrix is symmetric and diagonally dominant: no pivoting, and an ordering for symmetric ones.
+    factors = splu(
+        matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
+    result: Floats = factors.solve(right)
+    return result
+
+
+def _solved_by_multigrid(matrix: csr_array, right: Floats) -> Floats | None:
+    """Return the same by multigrid, None where it does not get there or PyAMG is not installed."""
+    try:
+        from pyamg import ruge_stuben_solver  # noqa: PLC0415 -- for large meshes only, and optional there
+    except ImportError:
+        return None
+    matrix = matrix.tocsr()
+    small = csr_matrix(
+        (matrix.data, matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)), shape=matrix.shape
+    )
+    hierarchy = ruge_stuben_solver(small)
+    result = np.empty_like(right)
+    for column in range(right.shape[1]):
+        wanted = right[:, column]
+        x = hierarchy.solve(wanted, tol=PRECISION, accel="cg", maxiter=MOST_STEPS)
+        if not np.linalg.norm(small @ x - wanted) <= 10.0 * PRECISION * np.linalg.norm(wanted):
+            return None
+        result[:, column] = x
+    return result
+
+
+def harmonic_weights(points: Floats, triangles: Ints, fixed_to: Ints) -> tuple[Ints, Floats]:
+    """Return for each point how much each bone moves it.
+
+    The weight of a bone is 1 at the points fixed to it, 0 at those fixed to others, harmonic between.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions.
+    triangles : (m, 3) int array
+        Point ids.
+    fixed_to : (n,) int array
+        Index of the bone each point is fixed to, -1 for free points; at least one is fixed.
+
+    Returns
+    -------
+    bones : (b,) int array
+        The bones that points are fixed to, ascending.
+    weights : (n, b) array
+        In [0, 1]; each row sums to 1.
+    """
+    known = np.flatnonzero(fixed_to >= 0)
+    bones, column = np.unique(fixed_to[known], return_inverse=True)
+    weights = harmonic_extension(points, triangles, known, np.eye(len(bones))[column.reshape(-1)])
+    return bones.astype(np.int64), weights / weights.sum(axis=1, keepdims=True)
+
+
+def harmonic_field(points: Floats, triangles: Ints, fixed_to: Ints) -> Floats | None:
+    """Return a function that runs from 0 to 1 between the two ends of a muscle.
+
+    The ends are the two bones whose fixed points' centres lie farthest apart; the points fixed to any
+    other bone count to the nearer of them.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions.
+    triangles : (m, 3) int array
+        Point ids.
+    fixed_to : (n,) int array
+        Index of the bone each point is fixed to, -1 for free points.
+
+    Returns
+    -------
+    (n,) array or None
+        None where fewer than two bones have fixed points.
+    """
+    known = np.flatnonzero(fixed_to >= 0)
+    bones, column = np.unique(fixed_to[known], return_inverse=True)
+    if len(bones) < 2:
+        return None
+    centres = np.array([points[known[column == b]].mean(axis=0) for b in range(len(bones))])
+    apart = np.linalg.norm(centres[:, None] - centres[None], axis=2)
+    start, end = divmod(int(apart.argmax()), len(bones))
+    if apart[start, end] == 0.0:  # all centres in one place: still two different bones
+        start, end = 0, 1
+    value = (apart[end] < apart[start]).astype(np.float64)
+    value[start], value[end] = 0.0, 1.0
+    extension = harmonic_extension(points, triangles, known, value[column][:, None])
+    field: Floats = extension[:, 0]
+    return field
+
+
+def triangle_gradients(points: Floats, triangles: Ints, field: Floats) -> Floats:
+    """Return the gradient of a function that is linear on each triangle.
+
+    grad f = sum_i f_i N x e_i / (2 A), e_i the edge opposite point i, N the unit normal.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions.
+    triangles : (m, 3) int array
+        Point ids.
+    field : (n,) array
+        Values at the points.
+
+    Returns
+    -------
+    (m, 3) array
+        In the plane of each triangle; 0 on degenerate triangles.
+    """
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    fa, fb, fc = (field[triangles[:, i]][:, None] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    squares = np.einsum("ij,ij->i", normals, normals)[:, None]
+    # With fb - fa and fc - fa a constant function has a gradient of exactly zero.
+    numerators = np.cross(normals, (fb - fa) * (a - c) + (fc - fa) * (b - a))
+    gradients: Floats = np.divide(numerators, squares, out=np.zeros_like(normals), where=squares > 0)
+    return gradients

@@ -1,0 +1,157 @@
+"""How the rings around the points of a surface turn as it deforms."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.surface import half_edges, vertex_normals
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Sweeps of Jacobi rotations, at most; five are common.
+_MOST_SWEEPS = 30
+
+#: Columns are orthogonal where their cosine is no more than this.
+_ORTHOGONAL = 1e-15
+
+#: A singular value below this part of the greatest is zero.
+_NOTHING = 1e-14
+
+
+def rings_of(triangles: Ints) -> Ints:
+    """Return the directed edges (k, 2) of all rings: (centre, neighbour), sorted by centre."""
+    directed = half_edges(triangles)
+    rings: Ints = np.unique(np.vstack([directed, directed[:, ::-1]]), axis=0)
+    return rings
+
+
+def ring_rotations(before: Floats, now: Floats, triangles: Ints, rings: Ints) -> Floats:
+    """Return how each point's ring has turned.
+
+    R minimises sum |R (x_j - x_i) - (x_j' - x_i')|^2 over the neighbours and the normal, the latter as long
+    as the neighbours are far, so that a flat ring has a definite rotation. Sorkine, Alexa 2007,
+    *As-rigid-as-possible surface modeling*, doi:10.2312/SGP/SGP07/109-116, eq. 5 and 6.
+
+    Parameters
+    ----------
+    before, now : (c, 3) arrays
+        Positions [mm].
+    triangles : (t, 3) int array
+        Point ids.
+    rings : (k, 2) int array
+        Pairs of a point and a neighbour of it, each both ways; see :func:`rings_of`.
+
+    Returns
+    -------
+    (c, 3, 3) array
+        Rotations.
+    """
+    rotations = np.zeros((len(before), 3, 3))
+    normals = vertex_normals(before, triangles), vertex_normals(now, triangles)
+    _turn(before, now, *normals, rings, rotations)
+    return rotations
+
+
+@kernel
+def _turn(
+    before: Floats, now: Floats, normals: Floats, turned: Floats, rings: Ints, rotations: Floats
+) -> None:
+    """Write the rotations (c, 3, 3), which are 0 at first."""
+    squares = np.zeros(len(before))
+    for ring in range(len(rings)):
+        i, j = rings[ring, 0], rings[ring, 1]
+        for b in range(3):
+            spoke = before[j, b] - before[i, b]
+            squares[i] += spoke * spoke
+            for a in range(3):
+                rotations[i, a, b] += (now[j, a] - now[i, a]) * spoke
+    work = np.empty((6, 3))
+    for i in range(len(before)):
+        for a in range(3):
+            for b in range(3):
+                rotations[i, a, b] += squares[i] * turned[i, a] * normals[i, b]
+        nearest_rotation(rotations[i], work)
+
+
+@kernel
+def nearest_rotation(matrix: Floats, work: Floats) -> None:
+    """Replace a matrix (3, 3) by the rotation R for which tr(R^T M) is greatest.
+
+    R = U V^T by the singular values of M, with the last column of U turned round where it would mirror: of
+    two columns the third is the cross product, so that the two of the greatest singular values are enough.
+    The identity where M is 0. work : (6, 3) working memory.
+    """
+    u, v = work[:3], work[3:]  # columns of M V and of V: each a row
+    greatest = np.abs(matrix).max()
+    scale = 1.0 / greatest if greatest > 0.0 else 1.0
+    for a in range(3):
+        for b in range(3):
+            u[b, a] = scale * matrix[a, b]
+            v[b, a] = 1.0 if a == b else 0.0
+    _orthogonalise(u, v)
+    lengths = np.sqrt((u * u).sum(axis=1))
+    least, most = lengths.argmin(), lengths.argmax()
+    if not lengths[most] > 0.0:
+        least, most = 0, 2
+        u[:] = v
+        lengths[:] = 1.0
+    elif least == most:  # all equal
+        least, most = 0, 2
+    middle = 3 - least - most
+    u[most] /= lengths[most]
+    if lengths[middle] > _NOTHING * lengths[most]:
+        u[middle] /= lengths[middle]
+    else:  # any direction across will do
+        u[middle] = 0.0
+        u[middle, np.abs(u[most]).argmin()] = 1.0
+        u[middle] -= (u[middle] * u[most]).sum() * u[most]
+        u[middle] /= np.sqrt((u[middle] ** 2).sum())
+    _cross(u[most], u[middle], u[least])
+    _cross(v[most], v[middle], v[least])
+    for a in range(3):
+        for b in range(3):
+            matrix[a, b] = u[0, a] * v[0, b] + u[1, a] * v[1, b] + u[2, a] * v[2, b]
+
+
+@kernel
+def _orthogonalise(u: Floats, v: Floats) -> None:
+    """Rotate pairs of the rows of u (3, 3), and of v with them, until those of u are orthogonal.
+
+    Hestenes 1958, *Inversion of matrices by biorthogonalization and related results*, doi:10.1137/0106005.
+    """
+    for _ in range(_MOST_SWEEPS):
+        done = True
+        for pair in range(3):
+            first, second = pair // 2, (pair + 3) // 2  # 0 and 1, 0 and 2, 1 and 2
+            one, two, both = 0.0, 0.0, 0.0
+            for k in range(3):
+                one += u[first, k] * u[first, k]
+                two += u[second, k] * u[second, k]
+                both += u[first, k] * u[second, k]
+            if not abs(both) > _ORTHOGONAL * np.sqrt(one * two):
+                continue
+            done = False
+            ratio = (two - one) / (2.0 * both)
+            tangent = 1.0 / (abs(ratio) + np.sqrt(1.0 + ratio * ratio))
+            tangent = tangent if ratio >= 0.0 else -tangent
+            cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
+            sine = cosine * tangent
+            for k in range(3):
+                x, y = u[first, k], u[second, k]
+                u[first, k], u[second, k] = cosine * x - sine * y, sine * x + cosine * y
+                x, y = v[first, k], v[second, k]
+                v[first, k], v[second, k] = cosine * x - sine * y, sine * x + cosine * y
+        if done:
+            break
+
+
+@kernel
+def _cross(a: Floats, b: Floats, out: Floats) -> None:
+    out[0], out[1], out[2] = (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )

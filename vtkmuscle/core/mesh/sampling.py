@@ -1,0 +1,246 @@
+"""Points spread evenly over a part of a surface."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.stats import qmc
+
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.surface import triangle_normals, unique_edges
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Blocks of eight times as many positions as wanted that are looked through: bodies fill most of a tenth of
+#: their boxes.
+MOST_BLOCKS = 64
+#: Positions above each other in a column.
+LAYERS = 16
+#: Root of g^3 = g + 1: remainders of multiples of 1 / g and 1 / g^2 are spread evenly over a square, however
+#: many are taken (Roberts 2018, *The unreasonable effectiveness of quasirandom sequences*).
+GOLDEN = 1.324717957244746
+#: How much more some points of a body count than others for its axes: enough to decide between axes that are
+#: as long, and too little to turn others.
+UNEVEN = 0.1
+#: Sets of evenly spread positions that are kept of an area.
+MOST_KEPT = 64
+
+
+def even_samples(candidates: Floats, count: int) -> Floats:
+    """Return some of many positions, spread evenly among them.
+
+    The farthest one is taken again and again; then each is moved to the centre of its cell a few times
+    (Lloyd's relaxation) and from there to the nearest candidate.
+
+    Parameters
+    ----------
+    candidates : (n, 3) array
+        Positions, n >= 1 [mm].
+    count : int
+        Number of samples, >= 1; where there are fewer candidates they are repeated.
+
+    Returns
+    -------
+    (count, 3) array
+        Some of the candidates [mm].
+    """
+    samples = candidates[_farthest(candidates, min(count, len(candidates)))]
+    for _ in range(4):
+        cells = cKDTree(samples).query(candidates)[1]
+        sizes = np.bincount(cells, minlength=len(samples))
+        sums = np.column_stack([np.bincount(cells, candidates[:, i], len(samples)) for i in range(3)])
+        filled = sizes > 0
+        samples[filled] = candidates[_nearest(candidates, sums[filled] / sizes[filled, None])]
+    return samples[np.arange(count) % len(samples)]
+
+
+@kernel
+def _nearest(candidates: Floats, places: Floats) -> Ints:
+    """Return which candidate is nearest to each place."""
+    squares = np.empty(len(candidates))
+    result = np.empty(len(places), dtype=np.int64)
+    for k in range(len(places)):
+        x, y, z = places[k, 0], places[k, 1], places[k, 2]
+        for i in range(len(candidates)):
+            dx, dy, dz = candidates[i, 0] - x, candidates[i, 1] - y, candidates[i, 2] - z
+            squares[i] = dx * dx + dy * dy + dz * dz
+        result[k] = squares.argmin()
+    return result
+
+
+@kernel
+def _farthest(candidates: Floats, count: int) -> Ints:
+    """Return which candidates are the farthest from those before, again and again; first the central one."""
+    n = len(candidates)
+    centre = np.zeros(3)
+    for i in range(n):
+        centre += candidates[i] / n
+    chosen = np.empty(count, dtype=np.int64)
+    distances = np.full(n, np.inf)
+    at, least = 0, np.inf
+    for i in range(n):
+        distance = ((candidates[i] - centre) ** 2).sum()
+        if distance < least:
+            at, least = i, distance
+    for k in range(count):
+        chosen[k] = at
+        x, y, z = candidates[at, 0], candidates[at, 1], candidates[at, 2]
+        farthest = -1.0
+        for i in range(n):
+            dx, dy, dz = candidates[i, 0] - x, candidates[i, 1] - y, candidates[i, 2] - z
+            distances[i] = min(distances[i], dx * dx + dy * dy + dz * dz)
+            if distances[i] > farthest:
+                at, farthest = i, distances[i]
+    return chosen
+
+
+class PatchSamples:
+    """Positions on the triangles between given points of a surface, each set of them found once.
+
+    Where the points have no triangle in common the edges between them are sampled, and where there are no
+    edges either the points themselves are returned.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Points of the surface [mm].
+    triangles : (m, 3) int array
+        Point ids.
+    patch : (j,) int array
+        Ids of the points to stay between, j >= 1.
+    """
+
+    def __init__(self, points: Floats, triangles: Ints, patch: Ints) -> None:
+        member = np.zeros(len(points), dtype=np.bool_)
+        member[patch] = True
+        self._faces = triangles[member[triangles].all(axis=1)]
+        self._areas = np.linalg.norm(triangle_normals(points, self._faces), axis=1)
+        self._points, self._patch = points, patch
+        self._edges = unique_edges(triangles) if not self._areas.sum() > 0 else np.empty((0, 2), np.int64)
+        self._edges = self._edges[member[self._edges].all(axis=1)]
+        self._dense: dict[tuple[int, int], Floats] = {}
+        self._trees: dict[int, cKDTree] = {}
+        self._even: dict[tuple[Any, ...], Floats] = {}
+
+    @property
+    def area(self) -> float:
+        """Area of the triangles [mm^2]."""
+        return float(self._areas.sum()) / 2.0
+
+    def dense(self, count: int, *, seed: int = 0) -> Floats:
+        """Return at least `count` positions of even density, (k, 3); another seed gives others."""
+        exponent = int(np.ceil(np.log2(count)))
+        key = exponent, seed
+        if key not in self._dense:
+            self._dense[key] = self._sampled(_sobol(exponent, seed))
+        return self._dense[key]
+
+    def tree(self, count: int) -> cKDTree:
+        """Return the search tree of at least `count` positions of even density."""
+        if count not in self._trees:
+            self._trees[count] = cKDTree(self.dense(count))
+        return self._trees[count]
+
+    def even(self, count: int, *, direction: Floats, above: float, seed: int = 0) -> Floats:
+        """Return positions, (count, 3), spread over what is above a height along a direction.
+
+        If no more than a hundredth is above it, they are spread over all.
+        """
+        wanted = 16 * count
+        candidates = self.dense(wanted, seed=seed)
+        share = float((candidates @ direction > above).mean())
+        # Which candidates are above is known from how many.
+        key: tuple[Any, ...] = count, seed
+        if 0.01 < share < 1.0:
+            wanted = int(np.ceil(wanted / share))
+            candidates = self.dense(wanted, seed=seed)
+            candidates = candidates[candidates @ direction > above]
+            key = count, seed, wanted, len(candidates), direction.tobytes()
+        if key not in self._even:
+            if len(self._even) >= MOST_KEPT:
+                self._even.clear()
+            self._even[key] = even_samples(candidates, count)
+        return self._even[key]
+
+    def _sampled(self, u: Floats) -> Floats:
+        """Return the positions that go with numbers (k, 3) in [0, 1)."""
+        points = self._points
+        if self._areas.sum() > 0:
+            a, b, c = points[self._faces[_shares(self._areas, u[:, 0])]].transpose(1, 0, 2)
+            root = np.sqrt(u[:, 1:2])  # uniform over it: Osada et al. 2002, doi:10.1145/571647.571648
+            on_faces: Floats = (1.0 - root) * a + root * (1.0 - u[:, 2:]) * b + root * u[:, 2:] * c
+            return on_faces
+        lengths = np.linalg.norm(points[self._edges[:, 1]] - points[self._edges[:, 0]], axis=1)
+        if lengths.sum() > 0:
+            a, b = points[self._edges[_shares(lengths, u[:, 0])]].transpose(1, 0, 2)
+            on_edges: Floats = (1.0 - u[:, 1:2]) * a + u[:, 1:2] * b
+            return on_edges
+        return points[self._patch]
+
+
+@lru_cache(maxsize=16)
+def _sobol(exponent: int, seed: int) -> Floats:
+    """Return 2^exponent numbers (k, 3) in [0, 1) of a low-discrepancy sequence."""
+    sequence = qmc.Sobol(3, scramble=False)
+    if seed:
+        sequence.fast_forward(seed * 2**exponent)
+    numbers: Floats = sequence.random(2**exponent)
+    numbers.setflags(write=False)
+    return numbers
+
+
+def samples_inside(depth: Callable[[Floats], Floats], points: Floats, count: int) -> Floats:
+    """Return positions of even density in a body; where the body moves they move with it.
+
+    They stand in columns along the body's longest axis, one layer above the other: what positions beside a
+    fibre say of where its middle is has the same error all along it, and so does not bend the fibre.
+
+    Parameters
+    ----------
+    depth : callable
+        From positions (n, 3) to how deep they are in the body (n,), 0 outside.
+    points : (m, 3) array
+        Of its surface [mm].
+    count : int
+        Number of positions, >= 1.
+
+    Returns
+    -------
+    (k, 3) array
+        Column by column, the columns from a low-discrepancy sequence [mm]; fewer than `count` where the body
+        has next to no volume.
+    """
+    centre = points.mean(axis=0)
+    # A round body has no second axis, and any axis may as well point the other way: rounding would decide.
+    # Points that count for more or less, by their numbers, decide instead.
+    weights = np.random.default_rng(0).random(len(points))
+    scales = np.sqrt(1.0 + UNEVEN * weights)[:, None]
+    axes = np.linalg.svd(scales * (points - centre), full_matrices=False)[2]
+    axes *= np.where(weights @ (points - centre) @ axes.T < 0.0, -1.0, 1.0)[:, None]
+    along = (points - centre) @ axes.T
+    low, high = along.min(axis=0), along.max(axis=0)
+    block = 2 ** int(np.ceil(np.log2(8 * count / LAYERS)))
+    layers = (np.arange(LAYERS) + 0.5) / LAYERS
+    found = np.empty((0, 3))
+    for first in range(0, MOST_BLOCKS * block, block):
+        numbers = np.arange(first, first + block)[:, None] + 0.5
+        across = np.repeat(numbers * [1.0 / GOLDEN, 1.0 / GOLDEN**2] % 1.0, LAYERS, axis=0)
+        shares = np.column_stack([np.tile(layers, block), across])
+        places = centre + (low + shares * (high - low)) @ axes
+        found = np.vstack([found, places[depth(places) > 0.0]])
+        if len(found) >= count:
+            break
+    return found[:count]
+
+
+def _shares(sizes: Floats, u: Floats) -> Ints:
+    """Return for each u in [0, 1) the number of the part that it falls into, parts as large as given."""
+    bounds = np.cumsum(sizes)
+    chosen: Ints = np.searchsorted(bounds, u * bounds[-1], side="right")
+    return chosen.clip(max=len(sizes) - 1)

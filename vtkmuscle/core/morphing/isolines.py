@@ -1,0 +1,346 @@
+"""From the fitted template into a muscle along a harmonic function, which follows the muscle's course.
+
+Kohout, Kukacka 2014, *Real-time modelling of fibrous muscle*, doi:10.1111/cgf.12354: the muscle is cut along
+isolines of a function that is 0 on the origin area, 1 on the insertion area, and harmonic on the surface
+between them. However the muscle bends, the isolines are across it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.harmonic import harmonic_extension
+from vtkmuscle.core.mesh.inside import points_inside
+from vtkmuscle.core.mesh.triangle_distance import nearest_on_triangle
+from vtkmuscle.core.morphing.correspondence import (
+    N_PLACES,
+    cyclic_products,
+    followed_starts,
+    sampled_loop,
+    starting_points,
+)
+from vtkmuscle.core.morphing.loop_chains import loop_areas, main_loops
+from vtkmuscle.core.morphing.sections import ClosedSurface, Sections, cut_surface
+from vtkmuscle.core.morphing.slices import (
+    SAME_HEIGHT,
+    Box,
+    Morph,
+    Slicing,
+    map_sections,
+    shared_levels,
+)
+from vtkmuscle.core.morphing.twist import guide_levels, turned_starts
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Classes of the function's values in which its gradient is averaged.
+N_CLASSES = 256
+#: Isolines by which the muscle's main branch is found.
+N_COURSE = 65
+#: The first and the last isoline are this part of the muscle's length from the attachment areas: on their
+#: rims they have many points in one place.
+END_MARGIN = 1e-3
+#: Beside the main branch's isoline there is another branch where there is one of more than this part of its
+#: area.
+OTHER_BRANCH = 0.05
+#: Triangles of an area, those with the nearest centres, on which the place nearest to a fibre's end is
+#: sought.
+N_NEAR = 12
+
+
+def attachment_field(points: Floats, triangles: Ints, origin: Ints, insertion: Ints) -> Floats:
+    """Return the function that is 0 on the origin area, 1 on the insertion area, harmonic between them.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Points of the muscle [mm].
+    triangles : (m, 3) int array
+        Point ids.
+    origin, insertion : (k,) int arrays
+        Ids of the points in the areas of each role.
+
+    Returns
+    -------
+    (n,) array
+        Values in [0, 1].
+
+    Raises
+    ------
+    ValueError
+        If a role has no points, the areas overlap, or no part of the muscle has both.
+    """
+    for role, area in (("origin", origin), ("insertion", insertion)):
+        if not len(area):
+            raise ValueError(
+                f"no point of the muscle is in the {role} area, and the function needs both areas"
+            )
+    both = np.intersect1d(origin, insertion)
+    if len(both):
+        raise ValueError(
+            f"the origin and the insertion area overlap: {len(both)} point(s) of the muscle are in both, the "
+            f"first one {both[0]}; no function is 0 and 1 there"
+        )
+    known = np.concatenate([origin, insertion])
+    values = np.repeat([0.0, 1.0], [len(origin), len(insertion)])
+    extension = harmonic_extension(points, triangles, known, values[:, None])
+    corners = extension[triangles, 0]
+    if not (np.ptp(corners, axis=1) > 0.0).any():
+        raise ValueError("no connected part of the muscle has both an origin and an insertion area")
+    field: Floats = extension[:, 0]
+    return field
+
+
+def morph_by_isolines(
+    fibre_points: Floats, transform: Floats, muscle: ClosedSurface, field: Floats, slicing: Slicing
+) -> Morph:
+    """Return fibre points moved from the fitted template into the muscle.
+
+    A plane at a height of the template, as a part of its length, goes with the isoline that is that part of
+    the way from the origin to the insertion, measured on the surface and averaged around it. Isolines are
+    matched to the planes' rectangles together, such that neighbours twist least against each other and the
+    sum of squared distances from the rectangles is least; where the muscle is bent away from the box's axis
+    the latter counts less. Ends of fibres, at the bottom and the top of the template, go to the nearest
+    places on the areas.
+
+    Parameters
+    ----------
+    fibre_points, transform, muscle, slicing
+        As for :func:`vtkmuscle.core.morphing.slices.morph_by_planes`.
+    field : (n,) array
+        From :func:`attachment_field`, of this muscle or of the same one in another pose.
+
+    Returns
+    -------
+    Morph
+        Points in the muscle [mm], and what there is to say about them.
+
+    Raises
+    ------
+    ValueError
+        If the function has no isolines with an inside.
+    """
+    box = Box(transform)
+    inside, surface = box.coordinates(fibre_points), box.surface(muscle)
+    slicing.report_progress(0.1)
+    values, ways = way_of_values(surface.points, surface.triangles, field)
+    length = float(ways[-1])
+
+    def cut(at: Floats) -> tuple[Sections, Floats, Ints]:
+        sections = cut_surface(surface, field, _strictly(np.interp(at, ways, values)))
+        areas = loop_areas(sections.points, sections.loop_offsets)
+        return sections, areas, main_loops(sections, at, np.linalg.norm(areas, axis=1))
+
+    regular = length * np.linspace(END_MARGIN, 1.0 - END_MARGIN, N_COURSE)
+    sections, areas, loops = cut(regular)
+    sizes = np.linalg.norm(areas, axis=1)
+    first, last = _single_branch(sections, sizes, loops)
+    share = float(sizes[loops[loops >= 0]].sum() / sizes.sum())
+    slicing.report_progress(0.3)
+
+    fractions = np.clip(inside[:, 2] / box.length, 0.0, 1.0)
+    levels, slice_of = shared_levels(fractions, max(slicing.slice_tolerance / box.length, SAME_HEIGHT))
+    begin, way = regular[first], regular[last] - regular[first]
+    levels = begin + levels * way
+    slicing.report_progress(0.4)
+
+    guides = begin + guide_levels(way)
+    followed = np.union1d(levels, guides)
+    sections, areas, loops = cut(followed)
+    loops, guiding = loops[np.searchsorted(followed, levels)], loops[np.searchsorted(followed, guides)]
+    hits, guides = np.flatnonzero(loops >= 0), guides[guiding >= 0]
+    rings, guide_rings = (
+        [np.ascontiguousarray(sections.loop(int(loop))) for loop in found[found >= 0]]
+        for found in (loops, guiding)
+    )
+    areas, guide_areas = areas[loops[hits]], areas[guiding[guiding >= 0]]
+    reach = slicing.continuity * length
+    guide_costs = _distances_from_rectangle(box.sides, guide_areas)
+    guide_starts = starting_points(guide_rings, guides, reach, np.zeros(3), guide_costs)
+    costs = _distances_from_rectangle(box.sides, areas)
+    starts = followed_starts(
+        rings, levels[hits], reach, (guide_rings, guides, guide_starts), np.zeros(3), costs
+    )
+
+    def guide() -> tuple[list[Floats], Floats, Floats]:
+        return guide_rings, guide_starts, (guides - begin) / way
+
+    twist = slicing.twisting.found(guide, box.seen, inside, box.sides)
+    starts = turned_starts(rings, starts, (levels[hits] - begin) / way, twist.twist)
+    slicing.report_progress(0.5)
+
+    mapped = map_sections(
+        rings,
+        starts,
+        hits,
+        levels,
+        begin + fractions * way,
+        slice_of,
+        inside,
+        box.sides,
+        slicing,
+        views=np.array([_view_along(area) for area in areas]),
+    )
+    result = mapped.places
+    at_origin, at_insertion = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
+    between = result[~(at_origin | at_insertion)]
+    n_outside = int((~points_inside(between, surface.points, surface.triangles)).sum())
+    for value, ends in ((0.0, at_origin), (1.0, at_insertion)):
+        area = np.flatnonzero(field == value)
+        result[ends] = _on_area(result[ends], surface.points, surface.triangles, area)
+    return Morph(box.positions(result), n_outside, mapped.n_unmapped, mapped.split_error, share, 0.0, twist)
+
+
+def way_of_values(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:
+    """Return how far the isolines of a function are from its least value, on the average around them.
+
+    ds/df is the length-weighted mean of 1 / |grad f| along an isoline. By the coarea formula that is the
+    ratio of the area to the integral of |grad f| between neighbouring isolines.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions [mm].
+    triangles : (m, 3) int array
+        Point ids.
+    field : (n,) array
+        Values in [0, 1], linear on each triangle.
+
+    Returns
+    -------
+    values : (k,) array
+        Strictly ascending, from 0 to 1.
+    ways : (k,) array
+        Strictly ascending, from 0 [mm].
+    """
+    areas, slopes = _per_class(points, triangles, field)
+    steps = np.divide(areas, slopes, out=np.zeros(N_CLASSES), where=slopes > 0.0)
+    # Without any triangle in a class: as steep as on the average.
+    steps[slopes <= 0.0] = areas.sum() / slopes.sum()
+    return np.linspace(0.0, 1.0, N_CLASSES + 1), np.append(0.0, np.cumsum(steps)) / N_CLASSES
+
+
+@kernel
+def _per_class(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:
+    """Return the area in each class of values, and the integral of the gradient's size over it."""
+    areas, slopes = np.zeros(N_CLASSES), np.zeros(N_CLASSES)
+    for t in range(len(triangles)):
+        a, b, c = triangles[t]
+        low, high = min(field[a], field[b], field[c]), max(field[a], field[b], field[c])
+        if not high > low:
+            continue
+        ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+        vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
+        uu, uv, vv = ux * ux + uy * uy + uz * uz, ux * vx + uy * vy + uz * vz, vx * vx + vy * vy + vz * vz
+        square = uu * vv - uv * uv
+        if not square > 1e-24 * uu * vv:
+            continue
+        du, dv = field[b] - field[a], field[c] - field[a]
+        # |grad f|^2 A^2 4 = du^2 vv - 2 du dv uv + dv^2 uu
+        slope = 0.5 * np.sqrt(max(du * du * vv - 2.0 * du * dv * uv + dv * dv * uu, 0.0))
+        area = 0.5 * np.sqrt(square)
+        first, last = int(low * N_CLASSES), min(int(high * N_CLASSES), N_CLASSES - 1)
+        for k in range(first, last + 1):
+            share = (min(high, (k + 1) / N_CLASSES) - max(low, k / N_CLASSES)) / (high - low)
+            areas[k] += share * area
+            slopes[k] += share * slope
+    return areas, slopes
+
+
+def _strictly(levels: Floats) -> Floats:
+    """Return levels that ascend strictly even where rounding has made neighbours equal."""
+    for i in range(1, len(levels)):
+        levels[i] = max(levels[i], np.nextafter(levels[i - 1], 2.0))
+    return levels
+
+
+def _single_branch(sections: Sections, sizes: Floats, loops: Ints) -> tuple[int, int]:
+    """Return the first and the last level between which the main branch is the only one.
+
+    An origin of several areas has an isoline around each; they join on their way to the insertion.
+    """
+    single = loops >= 0
+    for level in np.flatnonzero(single):
+        others = [n for n in sections.loops_of(int(level)) if n != loops[level]]
+        single[level] = not others or sizes[others].max() <= OTHER_BRANCH * sizes[loops[level]]
+    if not single.any():
+        single = loops >= 0
+    # The longest run of levels with one branch.
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], single, [False]]).astype(np.int64)))
+    runs = edges.reshape(-1, 2)
+    first, end = runs[np.diff(runs, axis=1)[:, 0].argmax()]
+    return int(first), int(end) - 1
+
+
+def _distances_from_rectangle(sides: Floats, areas: Floats) -> Callable[[Floats, Ints], Floats]:
+    """Return the function that :func:`starting_points` asks for what places of isolines cost."""
+    width, depth = sides[:2]
+    corners = np.array([(0.0, 0.0), (width, 0.0), (width, depth), (0.0, depth)])
+    rectangle = np.zeros((N_PLACES, 3))
+    rectangle[:, :2] = sampled_loop(corners, np.zeros(2), N_PLACES) - [width / 2.0, depth / 2.0]
+    along = areas[:, 2] / np.maximum(np.linalg.norm(areas, axis=1), np.finfo(float).tiny)
+
+    def costs(places: Floats, numbers: Ints) -> Floats:
+        centred = places - places.mean(axis=1, keepdims=True)
+        squares = (centred**2).sum(axis=2).mean(axis=1) + (rectangle**2).sum(axis=1).mean()
+        products = cyclic_products(np.broadcast_to(rectangle, centred.shape), centred)
+        weights = np.maximum(along[numbers], 0.0) ** 2
+        result: Floats = weights[:, None] * (squares[:, None] - 2.0 * products)
+        return result
+
+    return costs
+
+
+@kernel
+def _view_along(area: Floats) -> Floats:
+    """Return the rows of a rotation whose third one is the direction of a vector (3,)."""
+    length = np.sqrt((area**2).sum())
+    third = area / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
+    axis = np.zeros(3)
+    axis[np.abs(third).argmin()] = 1.0
+    first = np.cross(axis, third)
+    rows = np.empty((3, 3))
+    rows[0] = first / np.sqrt((first**2).sum())
+    rows[1] = np.cross(third, rows[0])
+    rows[2] = third
+    return rows
+
+
+def _on_area(ends: Floats, points: Floats, triangles: Ints, area: Ints) -> Floats:
+    """Return the places on an area that are nearest to points; on its points where it has no triangles."""
+    if not len(ends) or not len(area):
+        return ends
+    member = np.zeros(len(points), dtype=np.bool_)
+    member[area] = True
+    first, second, third = triangles.T
+    faces = triangles[member[first] & member[second] & member[third]]
+    if not len(faces):
+        on_points: Floats = points[area[cKDTree(points[area]).query(ends)[1]]]
+        return on_points
+    near = cKDTree(points[faces].mean(axis=1)).query(ends, min(N_NEAR, len(faces)))[1]
+    places: Floats = _nearest_of(ends, points, faces[near.reshape(len(ends), -1)])
+    return places
+
+
+@kernel
+def _nearest_of(ends: Floats, points: Floats, candidates: Ints) -> Floats:
+    """Return for each point the nearest place on its candidates, (n, k, 3) point ids."""
+    result = np.empty_like(ends)
+    for i in range(len(ends)):
+        least = np.inf
+        for k in range(candidates.shape[1]):
+            a, b, c = candidates[i, k]
+            x, y, z, _ = nearest_on_triangle(
+                ends[i, 0], ends[i, 1], ends[i, 2], points[a], points[b], points[c]
+            )
+            square = (x - ends[i, 0]) ** 2 + (y - ends[i, 1]) ** 2 + (z - ends[i, 2]) ** 2
+            if square < least:
+                least = square
+                result[i, 0], result[i, 1], result[i, 2] = x, y, z
+    return result

@@ -1,0 +1,170 @@
+"""Maps of the template's rectangle to a section of the muscle, flat or in space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.morphing.bijective import from_rectangle
+from vtkmuscle.core.morphing.correspondence import (
+    N_PLACES,
+    cornered_loop,
+    loop_lengths,
+    refined_loop,
+    split_chain,
+    subdivided_rectangle,
+)
+from vtkmuscle.core.morphing.planar_coordinates import mean_value_weights
+
+Floats = NDArray[np.float64]
+
+#: How a rectangle is mapped to a section.
+MAPPINGS = ("mean-value", "bijective")
+#: How a one-to-one map spreads points over a section: as it is, or so that they fill it evenly.
+SPREADS = ("map", "even")
+#: 1 + cos a below which a point that sees an edge under the angle a counts as close to it.
+LEAST_OPENING = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """Points in a section of the muscle.
+
+    Attributes
+    ----------
+    places : (m, k) float array
+        Their positions [mm].
+    split_error : float
+        Root of the sum of the four parts' squared errors, as a part of the rectangle's perimeter.
+    one_to_one : bool
+        False for the mean value map.
+    """
+
+    places: Floats
+    split_error: float
+    one_to_one: bool
+
+
+def map_section(
+    loop: Floats, target: Floats, sides: Floats, points: Floats, *, mapping: str, spread: str
+) -> Section:
+    """Map points of the template's rectangle to a section of the muscle.
+
+    Parameters
+    ----------
+    loop : (n, k) array
+        The section's boundary, counterclockwise, n >= 3; k is 2, or 3 for a loop in space, of which x and y
+        are a view [mm].
+    target : (k,) array
+        The correspondence starts where the section is nearest to this [mm].
+    sides : (2,) array or longer
+        Sides of the rectangle [mm].
+    points : (m, 2) array
+        Points of the rectangle [mm].
+    mapping : str
+        One of :data:`MAPPINGS`. ``"mean-value"``: f' = sum_i w_i(f) p_i, with w_i the mean value coordinates
+        of f in the subdivided rectangle and p_i the vertices of the section that correspond to the
+        rectangle's. ``"bijective"``: :func:`vtkmuscle.core.morphing.bijective.from_rectangle`, but the mean
+        value map for a section that crosses itself.
+    spread : str
+        One of :data:`SPREADS`. With ``"even"`` a one-to-one map takes equal areas of the rectangle to about
+        equal areas of the section (:mod:`vtkmuscle.core.morphing.even_spread`).
+
+    Returns
+    -------
+    Section
+        Positions, and how they were found.
+    """
+    ring, rectangle, error = _matched(loop, target, float(sides[0]), float(sides[1]))
+    if mapping == "bijective":
+        places, found = from_rectangle(ring, rectangle, points, spread == "even")
+        if found:
+            return Section(places, error, True)
+    return Section(mean_value_map(rectangle, ring, points), error, False)
+
+
+@kernel
+def _matched(loop: Floats, target: Floats, width: float, depth: float) -> tuple[Floats, Floats, float]:
+    """Return the refined loop, the point of the rectangle for each of its vertices, and the split's error."""
+    ring = cornered_loop(refined_loop(loop, N_PLACES), target, width, depth)
+    lengths = loop_lengths(ring)
+    splits, error = split_chain(lengths, width, depth)
+    rectangle = subdivided_rectangle(lengths, splits, width, depth)
+    return ring, rectangle, np.sqrt(error) / (2.0 * (width + depth))
+
+
+@kernel
+def mean_value_map(polygon: Floats, images: Floats, points: Floats) -> Floats:
+    """Return sum_i w_i(p) q_i, the mean value coordinates w_i of points applied to the polygon's images.
+
+    The coordinates are those of :func:`vtkmuscle.core.morphing.planar_coordinates.mean_value_weights`, which
+    is asked for points on the polygon or close to it; for others a simpler form allows for several vertices
+    at a time.
+
+    Parameters
+    ----------
+    polygon : (n, 2) array
+        Vertices in order.
+    images : (n, k) array
+        Where they go.
+    points : (m, 2) array
+        Points of the plane.
+
+    Returns
+    -------
+    (m, k) array
+        Their images.
+    """
+    n = len(polygon)
+    # One vertex more, so that the inner loops need no modulo.
+    xs, ys = np.append(polygon[:, 0], polygon[0, 0]), np.append(polygon[:, 1], polygon[0, 1])
+    dx, dy, r, tangents = np.empty(n + 1), np.empty(n + 1), np.empty(n + 1), np.empty(n + 1)
+    weights, exact = np.empty(n), np.empty(n)
+    result = np.zeros((len(points), images.shape[1]))
+    for p in range(len(points)):
+        x, y = points[p, 0], points[p, 1]
+        for i in range(n + 1):
+            dx[i], dy[i] = xs[i] - x, ys[i] - y
+            r[i] = np.sqrt(dx[i] * dx[i] + dy[i] * dy[i])
+        close = 0
+        for i in range(n):
+            product = r[i] * r[i + 1]
+            opening = product + dx[i] * dx[i + 1] + dy[i] * dy[i + 1]
+            tangents[i + 1] = (dx[i] * dy[i + 1] - dy[i] * dx[i + 1]) / opening
+            # 1 + cos a: near 0 where the point is on an edge, 0 / 0 at a vertex.
+            close += 0 if opening > LEAST_OPENING * product else 1
+        tangents[0] = tangents[n]
+        if close == 0:
+            total = 0.0
+            for i in range(n):
+                weights[i] = (tangents[i] + tangents[i + 1]) / r[i]
+            for i in range(n):
+                total += weights[i]
+            for i in range(n):
+                weights[i] /= total
+        else:
+            mean_value_weights(polygon, x, y, exact)
+            weights[:] = exact
+        for i in range(n):
+            for axis in range(images.shape[1]):
+                result[p, axis] += weights[i] * images[i, axis]
+    return result
+
+
+@kernel
+def count_outside(loop: Floats, points: Floats) -> int:
+    """Return the number of points (m, 2) outside of a closed loop (n, 2), by the even-odd rule."""
+    outside = 0
+    for p in range(len(points)):
+        x, y, inside = points[p, 0], points[p, 1], False
+        bx, by = loop[-1, 0], loop[-1, 1]
+        for i in range(len(loop)):
+            ax, ay = bx, by
+            bx, by = loop[i, 0], loop[i, 1]
+            if (ay > y) != (by > y) and (bx - ax) * (y - ay) / (by - ay) + ax > x:
+                inside = not inside
+        outside += not inside
+    return outside

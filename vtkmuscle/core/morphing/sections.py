@@ -1,0 +1,400 @@
+"""Sections of a closed surface at many levels of a scalar at once, as closed loops that know each other.
+
+With a height for the scalar these are parallel plane sections; with any other function on the points they
+are its isolines. A point counts as above a level if its value is equal or greater: a level through points
+or along edges is thereby as good as any other, and every loop is closed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.surface import signed_volume
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Sections:
+    """Loops of a surface at ascending levels, all of level 0 first.
+
+    A loop has the part of the surface that is above its level to the left, seen from outside: about the
+    direction in which the scalar grows, the outer boundary of a section runs counterclockwise and a hole
+    clockwise. The next loop begins where one ends, and the last point is not the first one again.
+
+    Attributes
+    ----------
+    points : (n, 3) float array
+        Points where edges of the surface meet the levels, in the unit of the surface's points.
+    loop_offsets : (k + 1,) int array
+        First point of each loop, and n.
+    level_offsets : (l + 1,) int array
+        First loop of each level, and k.
+    parts_below, parts_above : (k,) int array
+        Number of the part of the surface, cut along all loops, on either side of each loop.
+    vertex_parts : (v,) int array
+        Number of the part in which each point of the surface is.
+    """
+
+    points: Floats
+    loop_offsets: Ints
+    level_offsets: Ints
+    parts_below: Ints
+    parts_above: Ints
+    vertex_parts: Ints
+
+    def loop(self, number: int) -> Floats:
+        """Return the points of a loop, (m, 3), a view."""
+        return self.points[self.loop_offsets[number] : self.loop_offsets[number + 1]]
+
+    def loops_of(self, level: int) -> range:
+        """Return the numbers of the loops of a level."""
+        return range(int(self.level_offsets[level]), int(self.level_offsets[level + 1]))
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedSurface:
+    """A surface without holes, and what is opposite what on it.
+
+    Attributes
+    ----------
+    points : (n, 3) float array
+        Positions [mm].
+    triangles : (m, 3) int array
+        Point ids.
+    opposite : (3 m,) int array
+        From :func:`opposite_half_edges`: for all positions of the points the same.
+    """
+
+    points: Floats
+    triangles: Ints
+    opposite: Ints
+
+    def outward(self) -> ClosedSurface:
+        """Return the surface with triangles that face outward."""
+        if signed_volume(self.points, self.triangles) >= 0.0:
+            return self
+        return ClosedSurface(self.points, *_turned(self.triangles, self.opposite))
+
+
+def closed_surface(points: Floats, triangles: Ints) -> ClosedSurface:
+    """Return a surface that has no holes, or a ValueError as :func:`opposite_half_edges`."""
+    triangles = np.ascontiguousarray(triangles)
+    return ClosedSurface(points, triangles, opposite_half_edges(triangles, len(points)))
+
+
+def opposite_half_edges(triangles: Ints, n_points: int) -> Ints:
+    """Return for each half-edge of a closed surface the one that runs along it in the other triangle.
+
+    Parameters
+    ----------
+    triangles : (m, 3) int array
+        Point ids; half-edge 3 i + j runs from corner j of triangle i to the next corner.
+    n_points : int
+        Number of points of the surface.
+
+    Returns
+    -------
+    (3 m,) int array
+        Half-edges.
+
+    Raises
+    ------
+    ValueError
+        If the surface is open, or neighbouring triangles face different sides.
+    """
+    opposite = _opposites(triangles, n_points)
+    alone = int((opposite < 0).sum())
+    if alone:
+        raise ValueError(
+            f"the surface must be closed and its triangles must agree on the outside, but {alone} triangle "
+            "edge(s) have no counterpart; fill its holes and run vtkPolyDataNormals with ConsistencyOn"
+        )
+    return opposite
+
+
+def cut_surface(surface: ClosedSurface, values: Floats, levels: Floats) -> Sections:
+    """Cut a closed surface along levels of a scalar.
+
+    Every triangle is visited once per level that crosses it, whatever the number of levels.
+
+    Parameters
+    ----------
+    surface : ClosedSurface
+        That faces outward.
+    values : (n,) array
+        The scalar at each point, linear in between.
+    levels : (l,) array
+        Strictly ascending.
+
+    Returns
+    -------
+    Sections
+        Loops of at least three different points; smaller ones, at isolated extrema, are left out.
+    """
+    points, triangles = surface.points, surface.triangles
+    slabs = _slabs(levels, values)
+    crossings, rising, starts = _rising(triangles, slabs, len(levels))
+    crossed = _crossed_by(triangles, slabs, rising, starts)
+    cut, loop_offsets, level_offsets, loop_of = _traced(
+        points, triangles, surface.opposite, values, levels, slabs, crossings, crossed, starts
+    )
+    n_points, n_loops = len(points), len(loop_offsets) - 1
+    parts = _parts(triangles, slabs, crossings, rising, loop_of, n_points, n_loops)
+    return Sections(
+        points=cut,
+        loop_offsets=loop_offsets,
+        level_offsets=level_offsets,
+        parts_below=parts[n_points : n_points + n_loops],
+        parts_above=parts[n_points + n_loops :],
+        vertex_parts=parts[:n_points],
+    )
+
+
+def _turned(triangles: Ints, opposite: Ints) -> tuple[Ints, Ints]:
+    """Return triangles that face the other side, and their opposite half-edges."""
+    # (a, b, c) becomes (c, b, a): half-edge 0 is half-edge 1 the other way round, 1 is 0, and 2 stays.
+    halves = opposite.reshape(-1, 3)[:, [1, 0, 2]].reshape(-1)
+    side = halves % 3
+    return np.ascontiguousarray(triangles[:, ::-1]), halves - side + np.array([1, 0, 2])[side]
+
+
+@kernel
+def _opposites(triangles: Ints, n_points: int) -> Ints:
+    """Pair half-edges that join the same two points in opposite directions; -1 where there is no partner."""
+    count = np.zeros(n_points + 1, dtype=np.int64)
+    corners = triangles.reshape(-1)
+    ends = np.empty(len(corners), dtype=np.int64)
+    for half_edge in range(len(corners)):
+        ends[half_edge] = corners[half_edge - 2 if half_edge % 3 == 2 else half_edge + 1]
+        count[min(corners[half_edge], ends[half_edge]) + 1] += 1
+    first = np.cumsum(count)
+    filled = first.copy()
+    bucket = np.empty(len(corners), dtype=np.int64)
+    opposite = np.full(len(corners), -1, dtype=np.int64)
+    for half_edge in range(len(corners)):
+        a, b = corners[half_edge], ends[half_edge]
+        low = min(a, b)
+        for i in range(first[low], filled[low]):
+            other = bucket[i]
+            if opposite[other] < 0 and corners[other] == b and ends[other] == a:
+                opposite[half_edge], opposite[other] = other, half_edge
+                break
+        bucket[filled[low]] = half_edge
+        filled[low] += 1
+    return opposite
+
+
+@kernel
+def _slabs(levels: Floats, values: Floats) -> Ints:
+    """Return how many levels each value is above, or at: the number of the slab it is in."""
+    slabs = np.empty(len(values), dtype=np.int64)
+    last = 0
+    for i in range(len(values)):
+        value = values[i]
+        # Neighbours are often in one slab, or in the next one.
+        if last < len(levels) and levels[last] <= value:
+            last += 1
+        elif last > 0 and levels[last - 1] > value:
+            last -= 1
+        if (last < len(levels) and levels[last] <= value) or (last > 0 and levels[last - 1] > value):
+            last = np.searchsorted(levels, value, side="right")
+        slabs[i] = last
+    return slabs
+
+
+@kernel
+def _rising(triangles: Ints, slabs: Ints, n_levels: int) -> tuple[Ints, Ints, Ints]:
+    """Return what is crossed on the way up.
+
+    A half-edge from slab i to slab j > i crosses the levels i, i + 1, ... j - 1.
+
+    Returns
+    -------
+    crossings : (3 m,) int array
+        Number of the first crossing of each half-edge that rises; of others nothing.
+    rising : (k,) int array
+        The half-edges that rise.
+    starts : (n_levels + 1,) int array
+        How many crossings the levels below each one have.
+    """
+    corners = triangles.reshape(-1)
+    crossings = np.empty(len(corners), dtype=np.int64)
+    rising = np.empty(len(corners), dtype=np.int64)
+    changes = np.zeros(n_levels + 2, dtype=np.int64)
+    n_rising, n_crossings = 0, 0
+    for t in range(len(triangles)):
+        a, b, c = slabs[triangles[t, 0]], slabs[triangles[t, 1]], slabs[triangles[t, 2]]
+        if a == b == c:
+            continue
+        for side, low, high in ((0, a, b), (1, b, c), (2, c, a)):
+            if high > low:
+                crossings[3 * t + side] = n_crossings
+                rising[n_rising] = 3 * t + side
+                n_rising += 1
+                n_crossings += high - low
+                changes[low] += 1
+                changes[high] -= 1
+    starts = np.zeros(n_levels + 1, dtype=np.int64)
+    in_level = 0
+    for level in range(n_levels):
+        in_level += changes[level]
+        starts[level + 1] = starts[level] + in_level
+    return crossings, rising[:n_rising].copy(), starts
+
+
+@kernel
+def _crossed_by(triangles: Ints, slabs: Ints, rising: Ints, starts: Ints) -> Ints:
+    """Return the half-edges that cross each level upwards, those of level i from starts[i] on."""
+    corners = triangles.reshape(-1)
+    filled = starts.copy()
+    crossed = np.empty(starts[-1], dtype=np.int64)
+    for half_edge in rising:
+        end = corners[half_edge - 2 if half_edge % 3 == 2 else half_edge + 1]
+        for level in range(slabs[corners[half_edge]], slabs[end]):
+            crossed[filled[level]] = half_edge
+            filled[level] += 1
+    return crossed
+
+
+@kernel
+def _traced(
+    points: Floats,
+    triangles: Ints,
+    opposite: Ints,
+    values: Floats,
+    levels: Floats,
+    slabs: Ints,
+    crossings: Ints,
+    crossed: Ints,
+    starts: Ints,
+) -> tuple[Floats, Ints, Ints, Ints]:
+    """Return the points of all loops, their offsets, those of the levels, and the loop of each crossing.
+
+    Through each triangle that a level crosses, a loop enters by the half-edge that goes down and leaves by
+    the one that goes up, which is the other side of the next triangle's way in. Crossings of loops that are
+    left out get -2: there the surface is not cut.
+    """
+    corners = triangles.reshape(-1)
+    cut = np.empty((len(crossed), 3))
+    loop_of = np.full(len(crossed), -1, dtype=np.int64)
+    loop_offsets = np.zeros(len(crossed) + 1, dtype=np.int64)
+    level_offsets = np.zeros(len(levels) + 1, dtype=np.int64)
+    visited = np.empty(len(crossed), dtype=np.int64)
+    n_loops, n_cut = 0, 0
+    for level in range(len(levels)):
+        for i in range(starts[level], starts[level + 1]):
+            half_edge, first, n_visited = crossed[i], n_cut, 0
+            crossing = crossings[half_edge] + level - slabs[corners[half_edge]]
+            while loop_of[crossing] == -1:
+                loop_of[crossing] = n_loops
+                visited[n_visited] = crossing
+                n_visited += 1
+                a = corners[half_edge]
+                b = corners[half_edge - 2 if half_edge % 3 == 2 else half_edge + 1]
+                share = (levels[level] - values[a]) / (values[b] - values[a])
+                same = n_cut > first
+                for axis in range(3):
+                    # Written so that a share of 1 gives the end point to the last bit.
+                    cut[n_cut, axis] = (1.0 - share) * points[a, axis] + share * points[b, axis]
+                    same = same and cut[n_cut, axis] == cut[n_cut - 1, axis]
+                n_cut += 0 if same else 1
+                down = opposite[half_edge]
+                before = down + 2 if down % 3 == 0 else down - 1
+                after = down - 2 if down % 3 == 2 else down + 1
+                half_edge = after if slabs[corners[before]] > level else before
+                crossing = crossings[half_edge] + level - slabs[corners[half_edge]]
+            while n_cut > first + 1 and (cut[n_cut - 1] == cut[first]).all():
+                n_cut -= 1
+            if n_cut - first >= 3:
+                n_loops += 1
+                loop_offsets[n_loops] = n_cut
+            else:
+                n_cut = first
+                loop_of[visited[:n_visited]] = -2
+        level_offsets[level + 1] = n_loops
+    return cut[:n_cut].copy(), loop_offsets[: n_loops + 1].copy(), level_offsets, loop_of
+
+
+@kernel
+def _parts(
+    triangles: Ints, slabs: Ints, crossings: Ints, rising: Ints, loop_of: Ints, n_points: int, n_loops: int
+) -> Ints:
+    """Return the part of each point, of each loop's lower side and of each loop's upper side.
+
+    Union and find along every edge within a slab, and from loop to loop along every half-edge that rises.
+    """
+    corners = triangles.reshape(-1)
+    parent = np.arange(n_points + 2 * n_loops)
+    for t in range(len(triangles)):
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        # Each edge once: its other triangle has it the other way round.
+        if a < b and slabs[a] == slabs[b]:
+            _unite(parent, a, b)
+        if b < c and slabs[b] == slabs[c]:
+            _unite(parent, b, c)
+        if c < a and slabs[c] == slabs[a]:
+            _unite(parent, c, a)
+    for half_edge in rising:
+        node = corners[half_edge]
+        end = corners[half_edge - 2 if half_edge % 3 == 2 else half_edge + 1]
+        first = crossings[half_edge]
+        for crossing in range(first, first + slabs[end] - slabs[node]):
+            loop = loop_of[crossing]
+            if loop >= 0:
+                _unite(parent, node, n_points + loop)
+                node = n_points + n_loops + loop
+        _unite(parent, node, end)
+    for node in range(len(parent)):
+        parent[node] = _root(parent, node)
+    return parent
+
+
+@kernel
+def united(below: Ints, above: Ints, ignored: Ints) -> tuple[Ints, Ints]:
+    """Return the parts on either side of loops where the surface is not cut along some of the loops.
+
+    Parameters
+    ----------
+    below, above : (k,) int arrays
+        Numbers of the parts, as in :class:`Sections`.
+    ignored : (j,) int array
+        Numbers of these loops.
+
+    Returns
+    -------
+    below, above : (k,) int arrays
+        Equal for loops that the same part is beside.
+    """
+    sides = np.unique(np.concatenate((below, above)))
+    parent = np.arange(len(sides))
+    one, other = np.searchsorted(sides, below), np.searchsorted(sides, above)
+    for loop in ignored:
+        _unite(parent, one[loop], other[loop])
+    for i in range(len(one)):
+        one[i], other[i] = sides[_root(parent, one[i])], sides[_root(parent, other[i])]
+    return one, other
+
+
+@kernel
+def _root(parent: Ints, node: int) -> int:
+    """Return the root of a node, and shorten the way to it by halves."""
+    while parent[node] != node:
+        parent[node] = parent[parent[node]]
+        node = parent[node]
+    return node
+
+
+@kernel
+def _unite(parent: Ints, a: int, b: int) -> None:
+    """Join the sets of two nodes; the lower root stays, so that the result has no order of calls in it."""
+    first, second = _root(parent, a), _root(parent, b)
+    if first < second:
+        parent[second] = first
+    else:
+        parent[first] = second

@@ -1,0 +1,409 @@
+"""Slice by slice from the fitted template into the muscle.
+
+Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.3,
+extended in doi:10.1007/978-3-642-38241-3_3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.morphing.correspondence import boundary_centroid, followed_starts, starting_points
+from vtkmuscle.core.morphing.loop_chains import loop_areas, main_loops
+from vtkmuscle.core.morphing.section_maps import count_outside, map_section
+from vtkmuscle.core.morphing.sections import ClosedSurface, Sections, cut_surface
+from vtkmuscle.core.morphing.superficial import SeenFibres
+from vtkmuscle.core.morphing.twist import STRAIGHT, Found, Twisting, guide_levels, turned_starts
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: How far inside of the muscle's ends the first and the last slice are, as a part of its length: far enough
+#: to cut a flat end that is not quite level, too near to be seen.
+END_MARGIN = 1e-6
+#: Heights that differ by no more than this part of the box's length are equal but for rounding.
+SAME_HEIGHT = 1e-9
+#: Slices by which the muscle's course is judged.
+N_COURSE = 16
+#: A muscle is bent too much for parallel planes where more than this part of its course runs more steeply
+#: than this angle to the box's axis [degrees], or its main branch holds less than this part of its volume.
+LARGEST_STEEP_SHARE = 0.15
+STEEP = 45.0
+LEAST_SHARE = 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Morph:
+    """Fibres in a muscle, and how well the method suits it.
+
+    Attributes
+    ----------
+    points : (n, 3) float array
+        Points of the fibres [mm].
+    n_outside : int
+        By planes, points that the mean value map put outside of their section; along isolines, which are not
+        flat, points outside of the muscle but for ends on the attachment areas.
+    n_unmapped : int
+        Sections that cross themselves and so have no one-to-one map, where one was asked for.
+    split_error : float
+        Largest error of a section's four parts: root of the sum of their squared errors over the perimeter.
+    volume_share : float
+        Part of the muscle's volume that is in the branch which the fibres fill.
+    steep_share : float
+        Part of the branch's course that runs at more than :data:`STEEP` degrees to the box's axis.
+    twist : Found
+        By which sections are turned against each other, and how well that suits what was seen.
+    """
+
+    points: Floats
+    n_outside: int
+    n_unmapped: int
+    split_error: float
+    volume_share: float
+    steep_share: float
+    twist: Found
+
+    @property
+    def suits(self) -> bool:
+        """False where parallel planes do not follow the muscle's course."""
+        return self.volume_share >= LEAST_SHARE and self.steep_share <= LARGEST_STEEP_SHARE
+
+
+@dataclass(frozen=True, eq=False)
+class Slicing:
+    """What goes for planes as for isolines.
+
+    Attributes
+    ----------
+    slice_tolerance : float
+        Points of the fitted template whose heights differ by no more than this share a slice [mm].
+    continuity : float
+        Part of the muscle's length over which neighbouring slices resist twisting; 0 is the paper's rule.
+    mapping : str
+        One of :data:`vtkmuscle.core.morphing.section_maps.MAPPINGS`.
+    spread : str
+        One of :data:`vtkmuscle.core.morphing.section_maps.SPREADS`.
+    twisting : Twisting
+        How sections are turned along their contours, from origin to insertion.
+    report_progress : callable
+        Told the part of the work that is done.
+    """
+
+    slice_tolerance: float
+    continuity: float
+    mapping: str
+    spread: str = "map"
+    twisting: Twisting = STRAIGHT
+    report_progress: Callable[[float], None] = lambda fraction: None
+
+
+def morph_by_planes(
+    fibre_points: Floats, transform: Floats, muscle: ClosedSurface, slicing: Slicing
+) -> Morph:
+    """Return fibre points moved from the fitted template into the muscle.
+
+    For each height along the box's z axis at which there are fibre points, the plane there cuts the box in
+    a rectangle and the muscle in loops, of which :func:`vtkmuscle.core.morphing.loop_chains.main_loops`
+    chooses one. Rectangle and loop are matched (:mod:`vtkmuscle.core.morphing.correspondence`) and the
+    points of one mapped to the other (:mod:`vtkmuscle.core.morphing.section_maps`). A point keeps its
+    height, unless the chosen loops end before the box does: then the heights beyond the last slice that hits
+    are squeezed into what is left of the muscle there.
+
+    Parameters
+    ----------
+    fibre_points : (n, 3) array
+        Points of the fitted template [mm].
+    transform : (4, 4) array
+        Unit cube to box, from :func:`vtkmuscle.core.template.fitting.fit_box`.
+    muscle : ClosedSurface
+        The muscle.
+    slicing : Slicing
+        How finely it is sliced, and how slices are mapped.
+
+    Returns
+    -------
+    Morph
+        Points in the muscle [mm], and what there is to say about them.
+
+    Raises
+    ------
+    ValueError
+        If no slice through the template has an inside.
+    """
+    box = Box(transform)
+    inside, surface = box.coordinates(fibre_points), box.surface(muscle)
+    slicing.report_progress(0.1)
+
+    tolerance = max(slicing.slice_tolerance, SAME_HEIGHT * box.length)
+    all_heights = np.ascontiguousarray(surface.points[:, 2])
+    extent = all_heights[surface.triangles]  # of the points that are used
+    bottom, top = float(extent.min()), float(extent.max())
+    margin = END_MARGIN * (top - bottom)
+    heights = np.clip(inside[:, 2], bottom + margin, top - margin)
+    levels, slice_of = shared_levels(heights, tolerance)
+    # Neither the course nor where sections begin must depend on the heights that fibres happen to have.
+    regular = bottom + (top - bottom) * (np.arange(N_COURSE) + 0.5) / N_COURSE
+    guides = bottom + guide_levels(top - bottom)
+
+    def cut(at: Floats) -> tuple[Sections, Floats]:
+        sections = cut_surface(surface, all_heights, at)
+        return sections, loop_areas(sections.points, sections.loop_offsets)[:, 2]
+
+    followed = np.union1d(levels, guides)
+    together = np.union1d(followed, regular)
+    sections, sizes = cut(together)
+    course = main_loops(sections, together, sizes, np.searchsorted(together, regular))
+    volume_share, steep_share = _course(sections, sizes, np.searchsorted(together, regular), course)
+    main = main_loops(sections, together, sizes, np.searchsorted(together, followed))
+    if (main[np.searchsorted(followed, levels[[0, -1]])] < 0).any():
+        sections, sizes = cut(followed)
+        main = main_loops(sections, followed, sizes)
+        low, high = _branch_ends(sections, main, all_heights)
+        hit = followed[main >= 0]
+        heights = _squeezed(heights, hit[0], hit[-1], low + margin, high - margin)
+        levels, slice_of = shared_levels(heights, tolerance)
+        followed = np.union1d(levels, guides)
+        sections, sizes = cut(followed)
+        main = main_loops(sections, followed, sizes)
+    slicing.report_progress(0.35)
+
+    loops, guiding = main[np.searchsorted(followed, levels)], main[np.searchsorted(followed, guides)]
+    hits, guides = np.flatnonzero(loops >= 0), guides[guiding >= 0]
+    slices = [np.ascontiguousarray(sections.loop(int(loop))[:, :2]) for loop in loops[hits]]
+    rings = [sections.loop(int(loop)) for loop in guiding[guiding >= 0]]
+    flat = [np.ascontiguousarray(ring[:, :2]) for ring in rings]
+    reach = slicing.continuity * box.length
+    begin = starting_points(flat, guides, reach, np.zeros(2))
+    starts = followed_starts(slices, levels[hits], reach, (flat, guides, begin), np.zeros(2))
+
+    def guide() -> tuple[list[Floats], Floats, Floats]:
+        return rings, np.column_stack([begin, guides]), guides / box.length
+
+    twist = slicing.twisting.found(guide, box.seen, inside, box.sides)
+    starts = turned_starts(slices, starts, levels[hits] / box.length, twist.twist)
+    slicing.report_progress(0.5)
+
+    result = np.column_stack([inside[:, :2], heights])
+    mapped = map_sections(slices, starts, hits, levels, heights, slice_of, inside, box.sides, slicing)
+    result[:, :2] = mapped.places
+    return Morph(
+        box.positions(result),
+        mapped.n_outside,
+        mapped.n_unmapped,
+        mapped.split_error,
+        volume_share,
+        steep_share,
+        twist,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class MappedSections:
+    """Points in the sections of a muscle.
+
+    Attributes
+    ----------
+    places : (n, k) float array
+        Their positions [mm].
+    n_outside : int
+        Points outside of their section, seen along z.
+    n_unmapped : int
+        Sections without a one-to-one map, where one was asked for.
+    split_error : float
+        The largest one of a section.
+    """
+
+    places: Floats
+    n_outside: int
+    n_unmapped: int
+    split_error: float
+
+
+def map_sections(
+    loops: Sequence[Floats],
+    starts: Floats,
+    hits: Ints,
+    levels: Floats,
+    heights: Floats,
+    slice_of: Ints,
+    inside: Floats,
+    sides: Floats,
+    slicing: Slicing,
+    views: Floats | None = None,
+) -> MappedSections:
+    """Return points of the template in the sections of the muscle.
+
+    Points that share a slice though their heights differ are mapped by it and by the next one on their side,
+    and put between the two.
+
+    Parameters
+    ----------
+    loops : sequence of (j, k) arrays
+        The sections' boundaries, counterclockwise about z [mm].
+    starts : (l, k) array
+        Where the correspondence starts, from :func:`vtkmuscle.core.morphing.correspondence.followed_starts`
+        [mm].
+    hits : (l,) int array
+        Which level each section is at. A level without one, by rounding, takes that of the level next to it.
+    levels : (h,) array
+        Of the slices, ascending.
+    heights : (n,) array
+        Of the points, in the same unit.
+    slice_of : (n,) int array
+        Which level each point is at.
+    inside : (n, 2) array or wider
+        Points of the rectangle [mm].
+    sides : (2,) array or longer
+        Sides of the rectangle [mm].
+    slicing : Slicing
+        How to map; the second half of the progress is reported.
+    views : (l, 3, 3) array, optional
+        Rotations of sections in space that are seen along z only thereafter.
+
+    Returns
+    -------
+    MappedSections
+        In the order of the points.
+    """
+    above = heights - levels[slice_of]
+    others = slice_of + np.sign(above).astype(np.int64)
+    apart = np.abs(above) > SAME_HEIGHT * (levels[-1] - levels[0])
+    shared = np.flatnonzero(apart & (others >= 0) & (others < len(levels)))
+    shares = above[shared] / (levels[others[shared]] - levels[slice_of[shared]])
+    weights = np.concatenate([np.ones(len(inside)), shares])
+    weights[shared] -= shares
+    points = np.concatenate([np.arange(len(inside)), shared])
+    slices = np.concatenate([slice_of, others[shared]])
+    places = np.zeros((len(inside), loops[0].shape[1]))
+    n_outside = n_unmapped = 0
+    split_error = 0.0
+    for level, mine in enumerate(members(slices, len(levels))):
+        number = int(np.abs(hits - level).argmin())
+        loop, start = loops[number], starts[number]
+        if views is not None:
+            loop, start = loop @ views[number].T, views[number] @ start
+        section = map_section(
+            loop, start, sides, inside[points[mine], :2], mapping=slicing.mapping, spread=slicing.spread
+        )
+        found = section.places if views is None else section.places @ views[number]
+        places[points[mine]] += weights[mine, None] * found
+        split_error = max(split_error, section.split_error)
+        n_unmapped += not section.one_to_one and slicing.mapping == "bijective"
+        if not section.one_to_one:
+            n_outside += count_outside(loop, section.places[mine < len(inside)])
+        slicing.report_progress(0.5 + 0.5 * (level + 1) / len(levels))
+    return MappedSections(places, n_outside, n_unmapped, split_error)
+
+
+class Box:
+    """A fitted template's box, and coordinates along its sides.
+
+    Parameters
+    ----------
+    transform : (4, 4) array
+        Unit cube to box. A mirrored one has left-handed sides: all that is done in its coordinates is done to
+        the mirror image of the muscle.
+    """
+
+    def __init__(self, transform: Floats) -> None:
+        self.sides: Floats = np.linalg.norm(transform[:3, :3], axis=0)
+        self._frame: Floats = transform[:3, :3] / self.sides
+        self._corner: Floats = transform[:3, 3]
+
+    @property
+    def length(self) -> float:
+        """Length along z [mm]."""
+        return float(self.sides[2])
+
+    def coordinates(self, points: Floats) -> Floats:
+        """Return points (n, 3) along the sides, from the corner Q0 on [mm]."""
+        inside: Floats = (points - self._corner) @ self._frame
+        return inside
+
+    def surface(self, muscle: ClosedSurface) -> ClosedSurface:
+        """Return a muscle in these coordinates, facing outward."""
+        return ClosedSurface(self.coordinates(muscle.points), muscle.triangles, muscle.opposite).outward()
+
+    def positions(self, coordinates: Floats) -> Floats:
+        """Return the points (n, 3) that have these coordinates [mm]."""
+        points: Floats = coordinates @ self._frame.T + self._corner
+        return points
+
+    def seen(self, fibres: SeenFibres) -> SeenFibres:
+        """Return fibres on the surface in these coordinates."""
+        return fibres.within(self._corner, self._frame)
+
+
+def members(slice_of: Ints, n_slices: int) -> list[Ints]:
+    """Return the numbers of the points of each slice."""
+    order = np.argsort(slice_of, kind="stable")
+    return np.split(order, np.searchsorted(slice_of[order], np.arange(1, n_slices)))
+
+
+def shared_levels(heights: Floats, tolerance: float) -> tuple[Floats, Ints]:
+    """Return the levels of slices that heights can share, and the slice of each height.
+
+    From the lowest height on, a slice takes all heights up to the tolerance above its lowest one; its
+    level is half way between its lowest and its highest.
+
+    Parameters
+    ----------
+    heights : (n,) array
+        In any order [mm].
+    tolerance : float
+        Largest difference in one slice [mm].
+
+    Returns
+    -------
+    levels : (k,) array
+        Strictly ascending [mm].
+    slice_of : (n,) int array
+        Which level each height has.
+    """
+    order = np.argsort(heights, kind="stable")
+    slice_of = np.empty(len(heights), dtype=np.int64)
+    ascending = heights[order]
+    levels: list[float] = []
+    first = 0
+    while first < len(ascending):
+        last = int(np.searchsorted(ascending, ascending[first] + tolerance, side="right"))
+        slice_of[order[first:last]] = len(levels)
+        levels.append(0.5 * (ascending[first] + ascending[last - 1]))
+        first = last
+    return np.array(levels), slice_of
+
+
+def _branch_ends(sections: Sections, loops: Ints, heights: Floats) -> tuple[float, float]:
+    """Return the lowest and the highest height of the surface beyond the ends of a branch."""
+    branch = loops[loops >= 0]
+    below = heights[sections.vertex_parts == sections.parts_below[branch[0]]]
+    above = heights[sections.vertex_parts == sections.parts_above[branch[-1]]]
+    return float(below.min()), float(above.max())
+
+
+def _squeezed(heights: Floats, first: float, last: float, low: float, high: float) -> Floats:
+    """Return heights with those below `first` scaled to begin at `low`, above `last` to end at `high`."""
+    result = heights.copy()
+    below, above = heights < first, heights > last
+    if below.any():
+        result[below] = first - (first - heights[below]) * (first - low) / (first - heights.min())
+    if above.any():
+        result[above] = last + (heights[above] - last) * (high - last) / (heights.max() - last)
+    return result
+
+
+def _course(sections: Sections, sizes: Floats, levels: Ints, loops: Ints) -> tuple[float, float]:
+    """Return which part of the volume the main branch holds, and which part of its course is steep."""
+    branch = loops[loops >= 0]
+    whole = sum(float(sizes[sections.loops_of(int(level))].sum()) for level in levels)
+    share = float(sizes[branch].sum() / whole)
+    steps = np.diff([boundary_centroid(sections.loop(int(loop))) for loop in branch], axis=0)
+    if not len(steps):
+        return share, 0.0
+    lengths = np.linalg.norm(steps, axis=1)
+    steep = steps[:, 2] < np.cos(np.radians(STEEP)) * lengths
+    return share, float(lengths[steep].sum() / lengths.sum())

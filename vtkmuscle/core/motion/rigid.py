@@ -1,0 +1,228 @@
+"""Rigid motions: checking, inverting, applying and interpolating 4 x 4 transforms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.motion.coordinates import Coordinate
+
+Floats = NDArray[np.float64]
+
+#: Largest departure of R^T R from the identity that still counts as rigid: tables with 6 digits pass.
+ORTHOGONALITY_TOLERANCE = 1e-5
+
+
+def is_rigid(transform: Floats) -> bool:
+    """Return True for a finite 4 x 4 rotation and translation (no scale, no shear, no mirror)."""
+    transform = np.asarray(transform, dtype=np.float64)
+    if transform.shape != (4, 4) or not np.isfinite(transform).all():
+        return False
+    rotation = transform[:3, :3]
+    error = np.abs(rotation.T @ rotation - np.eye(3)).max()
+    return bool(
+        error <= ORTHOGONALITY_TOLERANCE
+        and np.linalg.det(rotation) > 0
+        and np.array_equal(transform[3], [0.0, 0.0, 0.0, 1.0])
+    )
+
+
+def apply_transform(transform: Floats, points: Floats) -> Floats:
+    """Return points (n, 3) moved by a 4 x 4 transform."""
+    moved = np.empty(np.shape(points))
+    _apply(
+        np.ascontiguousarray(transform, dtype=np.float64),
+        np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3),
+        moved.reshape(-1, 3),
+    )
+    return moved
+
+
+@kernel
+def _apply(transform: Floats, points: Floats, moved: Floats) -> None:
+    """Write the moved points: an eighth of the time that a product of matrices with so few columns takes."""
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        for k in range(3):
+            moved[i, k] = transform[k, 0] * x + transform[k, 1] * y + transform[k, 2] * z + transform[k, 3]
+
+
+def inverse(transform: Floats) -> Floats:
+    """Return the inverse of a rigid 4 x 4 transform."""
+    result = np.eye(4)
+    result[:3, :3] = transform[:3, :3].T
+    result[:3, 3] = -transform[:3, :3].T @ transform[:3, 3]
+    return result
+
+
+def rotation_about(centre: ArrayLike, axis: ArrayLike, angle: float) -> Floats:
+    """Return the 4 x 4 rotation by an angle [degrees] about an axis through a centre, right-handed."""
+    c = np.asarray(centre, dtype=np.float64)
+    direction = np.asarray(axis, dtype=np.float64)
+    direction = direction / np.linalg.norm(direction)
+    result = np.eye(4)
+    result[:3, :3] = Rotation.from_rotvec(np.radians(angle) * direction).as_matrix()
+    result[:3, 3] = c - result[:3, :3] @ c
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class RigidMotion:
+    """How bones move: for each moving bone a rigid transform per tabulated time, rest to posed.
+
+    Between two rows the rotation follows the shortest arc (slerp) and the translation is that of the
+    joint centre, so that a joint stays together; a bone without an entry stays where it is.
+
+    Parameters
+    ----------
+    times : (k,) array
+        Ascending pipeline times, in any unit (degrees of flexion, seconds).
+    transforms : mapping of str to (k, 4, 4) array
+        Per bone name, row major, mm.
+    centre : (3,) array, optional
+        Joint centre in the rest pose [mm]; the origin where it is not known.
+    coordinates : mapping of str to Coordinate, optional
+        Joint coordinates by name, a value for each time: what moment arms are taken by.
+
+    Raises
+    ------
+    ValueError
+        If times do not ascend, shapes differ or a transform is not rigid; the message says which.
+    """
+
+    times: Floats
+    transforms: Mapping[str, Floats]
+    centre: Floats | None = None
+    coordinates: Mapping[str, Coordinate] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        times = np.array(self.times, dtype=np.float64)
+        if times.ndim != 1 or not len(times) or not np.isfinite(times).all():
+            raise ValueError("the times of a motion must be a non-empty list of finite numbers")
+        if (np.diff(times) <= 0).any():
+            row = int(np.flatnonzero(np.diff(times) <= 0)[0]) + 1
+            raise ValueError(f"the times of a motion must ascend; row {row} ({times[row]:g}) does not")
+        object.__setattr__(self, "times", _frozen(times))
+        checked = {}
+        for bone, table in self.transforms.items():
+            array = np.array(table, dtype=np.float64)
+            if array.shape != (len(times), 4, 4):
+                raise ValueError(
+                    f"bone {bone!r}: transforms of shape {array.shape}, expected {(len(times), 4, 4)}"
+                )
+            for row, transform in enumerate(array):
+                if not is_rigid(transform):
+                    raise ValueError(
+                        f"bone {bone!r}: the transform of row {row} (time {times[row]:g}) is not rigid: "
+                        "it must be a rotation and a translation, with last row 0 0 0 1"
+                    )
+            checked[bone] = _frozen(array)
+        object.__setattr__(self, "transforms", checked)
+        if self.centre is not None:
+            centre = np.array(self.centre, dtype=np.float64)
+            if centre.shape != (3,) or not np.isfinite(centre).all():
+                raise ValueError("the centre of a motion must be three finite numbers")
+            object.__setattr__(self, "centre", _frozen(centre))
+        for name, coordinate in self.coordinates.items():
+            if len(coordinate.values) != len(times):
+                raise ValueError(
+                    f"coordinate {name!r}: {len(coordinate.values)} values, but there are {len(times)} times"
+                )
+        object.__setattr__(self, "coordinates", dict(self.coordinates))
+
+    def at(self, time: float) -> dict[str, Floats]:
+        """Return the 4 x 4 transform of each moving bone at a time; outside the table its end row."""
+        time = float(np.clip(time, self.times[0], self.times[-1]))
+        upper = int(np.searchsorted(self.times, time))
+        if self.times[upper] == time:
+            return {bone: table[upper] for bone, table in self.transforms.items()}
+        ends = slice(upper - 1, upper + 1)
+        fraction = (time - self.times[upper - 1]) / (self.times[upper] - self.times[upper - 1])
+        return {bone: self._between(table[ends], fraction) for bone, table in self.transforms.items()}
+
+    def part(self, frames: ArrayLike) -> RigidMotion:
+        """Return the motion at some of its times only, given by their numbers, ascending."""
+        kept = np.asarray(frames, dtype=np.int64)
+        return RigidMotion(
+            self.times[kept],
+            {bone: table[kept] for bone, table in self.transforms.items()},
+            self.centre,
+            {name: replace(one, values=one.values[kept]) for name, one in self.coordinates.items()},
+        )
+
+    def _between(self, pair: Floats, fraction: float) -> Floats:
+        centre = np.zeros(3) if self.centre is None else self.centre
+        result = np.eye(4)
+        rotations = Rotation.from_matrix(pair[:, :3, :3].copy())  # SciPy < 1.17 wants to write
+        result[:3, :3] = Slerp([0.0, 1.0], rotations)(fraction).as_matrix()
+        ends = pair[:, :3, :3] @ centre + pair[:, :3, 3]
+        moved_centre = (1.0 - fraction) * ends[0] + fraction * ends[1]
+        result[:3, 3] = moved_centre - result[:3, :3] @ centre
+        return result
+
+
+def hinge(
+    bone: str, centre: ArrayLike, axis: ArrayLike, angles: ArrayLike, *, coordinate: str | None = None
+) -> RigidMotion:
+    """Return the motion of one bone about a fixed axis.
+
+    Parameters
+    ----------
+    bone : str
+        Name of the bone that moves.
+    centre : (3,) array_like
+        A point on the axis, mm.
+    axis : (3,) array_like
+        Direction of the axis; positive angles turn right-handed about it.
+    angles : (k,) array_like
+        Ascending angles from rest, degrees; they are the pipeline's time.
+    coordinate : str, optional
+        What the angle is called, e.g. ``"knee_flexion"``; by default ``"BONE_angle"``.
+
+    Returns
+    -------
+    RigidMotion
+        With one row per angle, and the angle as its coordinate.
+
+    Raises
+    ------
+    ValueError
+        If the axis has no length or is not finite, or if two angles follow each other by 180 degrees or
+        more: the shortest way from one to the other would not be the hinge's.
+
+    Examples
+    --------
+    >>> from vtkmuscle.core.motion.rigid import hinge
+    >>> knee = hinge("tibia", centre=(0, 0, 0), axis=(1, 0, 0), angles=[0, 10, 20])
+    >>> knee.at(15.0)["tibia"].shape
+    (4, 4)
+    """
+    length = np.linalg.norm(np.asarray(axis, dtype=np.float64))
+    if not (np.isfinite(length) and length > 0):
+        raise ValueError(f"the axis of a hinge must be finite and have a length, but is {axis!r}")
+    times = np.asarray(angles, dtype=np.float64)
+    if (np.diff(times) >= 180.0).any():
+        raise ValueError("the angles of a hinge must follow each other by less than 180 degrees")
+    table = np.array([rotation_about(centre, axis, angle) for angle in times])
+    direction = ", ".join(f"{component:g}" for component in np.asarray(axis, dtype=np.float64))
+    angle = Coordinate(times, "deg", f"right-handed about ({direction})")
+    return RigidMotion(
+        times, {bone: table}, np.asarray(centre, dtype=np.float64), {coordinate or f"{bone}_angle": angle}
+    )
+
+
+def _frozen(array: Floats) -> Floats:
+    array.setflags(write=False)
+    return array
+
+
+def centred(transforms: Floats, centre: Floats) -> Floats:
+    """Return transforms (b, 4, 4) for points that are given about a centre (3,) before and after."""
+    about = np.array(transforms)
+    about[:, :3, 3] += about[:, :3, :3] @ centre - centre
+    return about

@@ -1,0 +1,263 @@
+"""What a muscle's surface is like at rest, and how far a deformed one is from that."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume
+from vtkmuscle.core.mesh.topology import MeshTopology
+from vtkmuscle.core.pbd.constraints import DEGENERATE_SINE, volume_and_gradient
+from vtkmuscle.core.pbd.percentiles import percentiles
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+_Spread = tuple[float, float, float]
+
+#: Edges run along the fibres where |u . v| is more than the cosine of 18 degrees, across them where it is
+#: less than that of 72 degrees.
+ALONG, ACROSS = math.cos(math.radians(18.0)), math.cos(math.radians(72.0))
+
+#: A surface of less volume than this part of its box's diagonal cubed encloses nothing.
+LEAST_VOLUME = 1e-9
+
+
+@dataclass(frozen=True)
+class ShapeReport:
+    """How well a deformed surface keeps what the constraints ask for.
+
+    Attributes
+    ----------
+    volume_ratio : float
+        V / V0.
+    edge_stretch_p50, edge_stretch_p95, edge_stretch_max : float
+        Median, 95th percentile and maximum of l / l0 over all edges.
+    dihedral_error_p50, dihedral_error_p95 : float
+        Median and 95th percentile of the absolute change of the angles between neighbouring triangles
+        [degrees].
+    degenerate_edges : int
+        Edges that had an angle between their triangles at rest and have none now, for a triangle beside them
+        has collapsed.
+    along, across : (3,) tuple or None
+        5th percentile, median and 95th percentile of l / l0 of the edges within 18 degrees of the fibres, and
+        of those over 72 degrees from them; None where no directions were given or no such edges exist.
+    """
+
+    volume_ratio: float
+    edge_stretch_p50: float
+    edge_stretch_p95: float
+    edge_stretch_max: float
+    dihedral_error_p50: float
+    dihedral_error_p95: float
+    degenerate_edges: int
+    along: tuple[float, float, float] | None = None
+    across: tuple[float, float, float] | None = None
+
+
+def check_volume(points: Floats, volume: float) -> None:
+    """Raise a ValueError where a surface of points (n, 3) [mm] encloses no volume [mm^3]."""
+    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if abs(volume) <= LEAST_VOLUME * diagonal**3:
+        raise ValueError(
+            f"the surface encloses no volume ({volume:.3g} within a box of diagonal {diagonal:.3g}); it must "
+            "be a closed surface with all triangles facing outward"
+        )
+
+
+class RestShape:
+    """Lengths, angles and volume of a closed surface at rest.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions at rest [mm].
+    topology : MeshTopology
+        Of the surface.
+
+    Attributes
+    ----------
+    lengths : (k,) array
+        Of the edges [mm].
+    angles, angle_defined : (q,) arrays
+        Signed dihedral angles of the quadruples [radians], and False beside degenerate triangles.
+    volume : float
+        [mm^3].
+    volume_gradient : (n, 3) array
+        dV / dp [mm^2].
+
+    Raises
+    ------
+    ValueError
+        If the surface is open or encloses no volume.
+    """
+
+    def __init__(self, points: Floats, topology: MeshTopology) -> None:
+        if topology.n_boundary_edges:
+            raise ValueError(
+                f"the surface is open: {topology.n_boundary_edges} edges belong to one triangle only; "
+                "close it (vtkFillHolesFilter), for an open surface has no volume to keep"
+            )
+        self._topology = topology
+        self._rest = points
+        self.lengths: Floats = edge_lengths(points, topology.edges)
+        self._long = self.lengths > 0
+        self._long_edges = np.ascontiguousarray(topology.edges[self._long])
+        self._long_lengths: Floats = self.lengths[self._long]
+        self.angles, self.angle_defined = dihedral_angles(points, topology.quads)
+        self._cosines, self._sines = np.cos(self.angles), np.sin(self.angles)
+        #: Directions of fibres, and which of the long edges are along and across them.
+        self._directed: tuple[Floats | None, Ints, Ints] = None, np.empty(0, np.int64), np.empty(0, np.int64)
+        self.volume_gradient: Floats = np.empty_like(points)
+        self.volume: float = volume_and_gradient(points, topology.triangles, self.volume_gradient)
+        check_volume(points, self.volume)
+
+    def compare(self, positions: Floats, directions: Floats | None = None) -> ShapeReport:
+        """Return how far a deformed surface is from rest.
+
+        Parameters
+        ----------
+        positions : (n, 3) array
+            Now [mm].
+        directions : (k, 3) array, optional
+            Unit direction of the fibres at each edge at rest, 0 where there is none.
+        """
+        stretch = _stretches(positions, self._long_edges, self._long_lengths)
+        median, high = percentiles(stretch, [50.0, 95.0])
+        changes, lost = _angle_changes(
+            positions, self._topology.quads, self._cosines, self._sines, self.angle_defined
+        )
+        errors = percentiles(changes, [50.0, 95.0], of=_degrees) if len(changes) else [0.0, 0.0]
+        return ShapeReport(
+            volume_ratio=signed_volume(positions, self._topology.triangles) / self.volume,
+            edge_stretch_p50=median,
+            edge_stretch_p95=high,
+            edge_stretch_max=float(stretch.max()),
+            dihedral_error_p50=errors[0],
+            dihedral_error_p95=errors[1],
+            degenerate_edges=lost,
+            **self._by_direction(stretch, directions),
+        )
+
+    def _by_direction(self, stretch: Floats, directions: Floats | None) -> dict[str, _Spread | None]:
+        """Return the spread of the stretches of edges along and across the fibres."""
+        if directions is None:
+            return {}
+        if directions is not self._directed[0]:
+            edges, v = self._long_edges, directions[self._long]
+            u = (self._rest[edges[:, 1]] - self._rest[edges[:, 0]]) / self._long_lengths[:, None]
+            cosines = np.abs(np.einsum("ij,ij->i", u, v))
+            known = (v != 0.0).any(axis=1)
+            along, across = known & (cosines > ALONG), known & (cosines < ACROSS)
+            self._directed = directions, np.flatnonzero(along), np.flatnonzero(across)
+        _, along, across = self._directed
+        return {"along": _spread(stretch[along]), "across": _spread(stretch[across])}
+
+
+def _spread(values: Floats) -> _Spread | None:
+    if not len(values):
+        return None
+    low, median, high = percentiles(values, [5.0, 50.0, 95.0])
+    return low, median, high
+
+
+def _degrees(squared_chords: Floats) -> Floats:
+    """Return the angles [degrees] of chords of the unit circle, given squared."""
+    angles: Floats = np.degrees(2.0 * np.arcsin(np.minimum(0.5 * np.sqrt(squared_chords), 1.0)))
+    return angles
+
+
+def dihedral_angles(points: Floats, quads: Ints) -> tuple[Floats, Bools]:
+    """Return the signed angles (q,) of quadruples of points, and False where one is not defined, (q,).
+
+    The same as :func:`~vtkmuscle.core.pbd.constraints.dihedral_angle`, one after the other without arrays in
+    between.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions [mm].
+    quads : (q, 4) int array
+        As in :class:`~vtkmuscle.core.mesh.topology.MeshTopology`.
+    """
+    angles, defined = np.zeros(len(quads)), np.zeros(len(quads), dtype=np.bool_)
+    _measure_angles(points, quads, angles, defined)
+    return angles, defined
+
+
+@kernel
+def _measure_angles(p: Floats, quads: Ints, angles: Floats, defined: Bools) -> None:
+    for q in range(len(quads)):
+        i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
+        ex, ey, ez = p[j, 0] - p[i, 0], p[j, 1] - p[i, 1], p[j, 2] - p[i, 2]
+        ax, ay, az = p[k, 0] - p[i, 0], p[k, 1] - p[i, 1], p[k, 2] - p[i, 2]
+        bx, by, bz = p[m, 0] - p[i, 0], p[m, 1] - p[i, 1], p[m, 2] - p[i, 2]
+        n1x, n1y, n1z = ey * az - ez * ay, ez * ax - ex * az, ex * ay - ey * ax
+        n2x, n2y, n2z = by * ez - bz * ey, bz * ex - bx * ez, bx * ey - by * ex
+        length = math.sqrt(ex * ex + ey * ey + ez * ez)
+        n1 = math.sqrt(n1x * n1x + n1y * n1y + n1z * n1z)
+        n2 = math.sqrt(n2x * n2x + n2y * n2y + n2z * n2z)
+        least = DEGENERATE_SINE * length
+        if (
+            length > 0.0
+            and n1 > least * math.sqrt(ax * ax + ay * ay + az * az)
+            and n2 > least * math.sqrt(bx * bx + by * by + bz * bz)
+        ):
+            # (n1 x n2) . e = -|e|^2 n1 . b, without the cancellation of the cross product.
+            sine = -length * (n1x * bx + n1y * by + n1z * bz)
+            angle = math.atan2(sine, n1x * n2x + n1y * n2y + n1z * n2z)
+            angles[q] = math.pi if angle == -math.pi else angle
+            defined[q] = True
+
+
+@kernel
+def _angle_changes(
+    p: Floats, quads: Ints, cosines: Floats, sines: Floats, defined: Bools
+) -> tuple[Floats, int]:
+    """Return by how much angles have changed, and how many are not defined any more.
+
+    A change is given as the square of its chord, 2 - 2 cos: that takes no arc tangent, and unlike the cosine
+    it tells small angles apart.
+    """
+    changes = np.empty(len(quads))
+    count, lost = 0, 0
+    for q in range(len(quads)):
+        if not defined[q]:
+            continue
+        i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
+        ex, ey, ez = p[j, 0] - p[i, 0], p[j, 1] - p[i, 1], p[j, 2] - p[i, 2]
+        ax, ay, az = p[k, 0] - p[i, 0], p[k, 1] - p[i, 1], p[k, 2] - p[i, 2]
+        bx, by, bz = p[m, 0] - p[i, 0], p[m, 1] - p[i, 1], p[m, 2] - p[i, 2]
+        n1x, n1y, n1z = ey * az - ez * ay, ez * ax - ex * az, ex * ay - ey * ax
+        n2x, n2y, n2z = by * ez - bz * ey, bz * ex - bx * ez, bx * ey - by * ex
+        length = ex * ex + ey * ey + ez * ez
+        n1, n2 = n1x * n1x + n1y * n1y + n1z * n1z, n2x * n2x + n2y * n2y + n2z * n2z
+        least = DEGENERATE_SINE * DEGENERATE_SINE * length
+        if (
+            length > 0.0
+            and n1 > least * (ax * ax + ay * ay + az * az)
+            and n2 > least * (bx * bx + by * by + bz * bz)
+        ):
+            sine = -math.sqrt(length) * (n1x * bx + n1y * by + n1z * bz)
+            cosine = n1x * n2x + n1y * n2y + n1z * n2z
+            size = 1.0 / math.sqrt(sine * sine + cosine * cosine)
+            changes[count] = (cosine * size - cosines[q]) ** 2 + (sine * size - sines[q]) ** 2
+            count += 1
+        else:
+            lost += 1
+    return changes[:count], lost
+
+
+@kernel
+def _stretches(p: Floats, edges: Ints, lengths: Floats) -> Floats:
+    """Return the lengths of edges (k, 2), each divided by its length at rest."""
+    stretch = np.empty(len(edges))
+    for e in range(len(edges)):
+        i, j = edges[e, 0], edges[e, 1]
+        x, y, z = p[i, 0] - p[j, 0], p[i, 1] - p[j, 1], p[i, 2] - p[j, 2]
+        stretch[e] = math.sqrt(x * x + y * y + z * z) / lengths[e]
+    return stretch

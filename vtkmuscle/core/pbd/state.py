@@ -1,0 +1,84 @@
+"""What a step of the solver starts from and leads to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.taut.guidance import Guided
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Trend:
+    """How a muscle moved in a step apart from following its bones; it will do much the same in the next.
+
+    Attributes
+    ----------
+    displacements : (n, 3) array
+        From where the bones alone would have taken the points, to where the solve did [mm].
+    transforms : (b, 4, 4) array
+        Of the bones before that step, rest to then, of points about the solver's ``centre``.
+    """
+
+    displacements: Floats
+    transforms: Floats
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes [bytes]."""
+        return self.displacements.nbytes + self.transforms.nbytes
+
+
+@dataclass(frozen=True, eq=False)
+class MuscleState:
+    """A muscle at one time.
+
+    Attributes
+    ----------
+    positions : (n, 3) array
+        Relative to the solver's ``centre`` [mm].
+    velocities : (n, 3) array
+        [mm / s]; 0 at points that collided, unless ``contact_velocity`` is ``"keep"``.
+    transforms : (b, 4, 4) array
+        Of the bones, rest to now.
+    colliding : int
+        Points that met a bone in the step that led here.
+    iterations : int
+        Done in that step.
+    residual : float
+        Root mean square over the points of what the last iteration moved them by [mm].
+    distance : float or None
+        Estimated root mean square distance to the converged shape [mm], where the solver knows it.
+    milliseconds : mapping of str to float
+        Time of each of :data:`~vtkmuscle.core.pbd.stages.STAGES` in that step [ms].
+    coarse : MuscleState or None
+        The coarse muscle at that time, where steps start from one.
+    trend : Trend or None
+        What the next step may expect, where steps start from it.
+    guided : Guided or None
+        The taut strings and what they say of the muscle, where it follows some.
+    """
+
+    positions: Floats
+    velocities: Floats
+    transforms: Floats
+    colliding: int = 0
+    iterations: int = 0
+    residual: float = 0.0
+    distance: float | None = None
+    milliseconds: Mapping[str, float] = field(default_factory=dict)
+    coarse: MuscleState | None = None
+    trend: Trend | None = None
+    guided: Guided | None = None
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes [bytes]."""
+        own = self.positions.nbytes + self.velocities.nbytes + self.transforms.nbytes
+        parts = (self.coarse, self.trend, self.guided)
+        return own + sum(part.nbytes for part in parts if part is not None)

@@ -1,0 +1,268 @@
+"""Via rings: where anatomy holds a muscle, and no bone does, as a retinaculum, a pulley or a trochlea.
+
+A ring is a polygon in a plane, which a muscle passes through: it slides along, but does not leave it. The
+polygon is convex, or at least seen whole from its centre (star-shaped), so that it has an inside whatever
+the landmarks' small errors.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.inside import points_inside
+from vtkmuscle.core.mesh.surface import unique_edges
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+#: Landmarks lie on a line if their polygon's area is less than this part of the square of its circumference:
+#: 0.08 of it for a circle, 0.008 for a strip of 30 : 1.
+_LEAST_AREA = 1e-3
+#: Landmarks may be this part of the ring's mean radius off its plane.
+_LARGEST_BEND = 0.5
+
+
+class ViaRing(NamedTuple):
+    """A ring in space.
+
+    Attributes
+    ----------
+    centre : (3,) array
+        Centroid of the area [mm].
+    normal : (3,) array
+        Unit normal of the plane, from whose tip the landmarks run counterclockwise.
+    axes : (2, 3) array
+        Unit vectors of the plane; with the normal they are right-handed.
+    corners : (k, 2) array
+        The polygon along the axes, about the centre, counterclockwise [mm].
+    """
+
+    centre: Floats
+    normal: Floats
+    axes: Floats
+    corners: Floats
+
+
+def via_ring(landmarks: Floats) -> ViaRing:
+    """Return the plane of a ring of landmarks and the polygon that they are in it.
+
+    The normal is that of the polygon's vector area (Newell's method), so that landmarks which crowd count no
+    more than others. Landmarks off the plane are moved onto it along the normal.
+
+    Parameters
+    ----------
+    landmarks : (k, 3) array
+        In order round the ring, each once [mm]; k >= 3.
+
+    Returns
+    -------
+    ViaRing
+        Plane and polygon.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than three landmarks, one is not finite, they lie on a line or far from a plane, or
+        do not run once round their centre.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from vtkmuscle.core.taut.via_rings import via_ring
+    >>> ring = via_ring(np.array([(0.0, 0.0, 5.0), (2.0, 0.0, 5.0), (2.0, 2.0, 5.0), (0.0, 2.0, 5.0)]))
+    >>> ring.centre.tolist(), ring.normal.tolist()
+    ([1.0, 1.0, 5.0], [0.0, 0.0, 1.0])
+    """
+    given = np.asarray(landmarks, dtype=np.float64)
+    if given.ndim != 2 or given.shape[1] != 3 or not np.isfinite(given).all():
+        raise ValueError("the landmarks of a via ring must be finite points x, y, z")
+    given = given[(given != np.roll(given, 1, axis=0)).any(axis=1)]
+    if len(given) < 3:
+        raise ValueError(f"a via ring needs 3 landmarks or more, each once, but there are {len(given)}")
+    middle = given.mean(axis=0)
+    away = given - middle
+    following = np.roll(away, -1, axis=0)
+    area = np.cross(away, following).sum(axis=0) / 2.0
+    size = float(np.linalg.norm(area))
+    if size < _LEAST_AREA * float(np.linalg.norm(following - away, axis=1).sum()) ** 2:
+        raise ValueError(
+            "the landmarks of a via ring lie on a line, or the ring crosses itself; give them in order, "
+            "once round"
+        )
+    normal = area / size
+    axes = _axes_across(normal, away)
+    flat = away @ axes.T
+    centroid = _centroid(flat)
+    corners = flat - centroid
+    heights = np.abs(away @ normal)
+    radius = float(np.linalg.norm(corners, axis=1).mean())
+    worst = int(heights.argmax())
+    if heights[worst] > _LARGEST_BEND * radius:
+        raise ValueError(
+            f"landmark {worst} of a via ring is {heights[worst]:.4g} off the ring's plane, whose mean radius "
+            f"is {radius:.4g}; a ring is about flat"
+        )
+    turns = _cross(corners, np.roll(corners, -1, axis=0))
+    if not (turns > 0.0).all():
+        side = int(np.flatnonzero(turns <= 0.0)[0])
+        raise ValueError(
+            f"a via ring turns back after landmark {side}; give the landmarks in order, once round, so that "
+            "all sides are seen from the centre"
+        )
+    return ViaRing(middle + centroid @ axes, normal, axes, np.ascontiguousarray(corners))
+
+
+def moved_ring(ring: ViaRing, transform: Floats) -> ViaRing:
+    """Return a ring that a bone takes along, by the bone's 4 x 4 transform from rest to its pose."""
+    turn, shift = transform[:3, :3], transform[:3, 3]
+    return ViaRing(turn @ ring.centre + shift, turn @ ring.normal, ring.axes @ turn.T, ring.corners)
+
+
+def in_ring_plane(ring: ViaRing, points: Floats) -> tuple[Floats, Floats]:
+    """Return where points (n, 3) are along the ring's axes, (n, 2), and their heights over it, (n,) [mm]."""
+    away = np.asarray(points, dtype=np.float64) - ring.centre
+    places: Floats = np.ascontiguousarray(away @ ring.axes.T)
+    heights: Floats = away @ ring.normal
+    return places, heights
+
+
+def within_ring(ring: ViaRing, points: Floats) -> Bools:
+    """Return which points (n, 3) are within the ring as seen along its normal; on its polygon either."""
+    inside: Bools = inside_polygon(ring.corners, in_ring_plane(ring, points)[0])
+    return inside
+
+
+def moved_within_ring(ring: ViaRing, points: Floats) -> Floats:
+    """Return points (n, 3) moved across the ring's normal to the nearest place within the ring [mm].
+
+    Points within stay as they are; heights over the plane stay.
+    """
+    places, _ = in_ring_plane(ring, points)
+    outside = ~inside_polygon(ring.corners, places)
+    moved = np.array(points, dtype=np.float64)
+    moved[outside] += (nearest_in_polygon(ring.corners, places[outside]) - places[outside]) @ ring.axes
+    return moved
+
+
+def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
+    """Return True where the plane of a ring cuts a closed surface within the ring.
+
+    A part of the cut's outline is within the ring, or the ring's centre is inside the surface.
+
+    Parameters
+    ----------
+    ring : ViaRing
+        The ring.
+    points : (n, 3) array
+        Points of the surface [mm].
+    triangles : (m, 3) int array
+        Point ids, closed.
+    """
+    edges = unique_edges(triangles)
+    heights = in_ring_plane(ring, points)[1][edges]
+    cut = (heights[:, 0] < 0.0) != (heights[:, 1] < 0.0)
+    if not cut.any():
+        return False
+    part = (heights[cut, 0] / (heights[cut, 0] - heights[cut, 1]))[:, None]
+    ends = points[edges[cut]]
+    outline = ends[:, 0] + part * (ends[:, 1] - ends[:, 0])
+    return bool(
+        within_ring(ring, outline).any()
+        or points_inside(ring.centre[None], points, triangles.astype(np.int64))[0]
+    )
+
+
+@kernel
+def inside_polygon(corners: Floats, places: Floats) -> Bools:
+    """Return which places of a plane are inside a polygon, by crossings of a ray.
+
+    Parameters
+    ----------
+    corners : (k, 2) array
+        Of the polygon, in order.
+    places : (n, 2) array
+        Of the plane.
+
+    Returns
+    -------
+    (n,) bool array
+        True inside; on the polygon either.
+    """
+    inside = np.empty(len(places), dtype=np.bool_)
+    for i in range(len(places)):
+        inside[i] = is_inside(corners, places[i, 0], places[i, 1])
+    return inside
+
+
+@kernel
+def nearest_in_polygon(corners: Floats, places: Floats) -> Floats:
+    """Return the place within a polygon that is nearest to each of some places, (n, 2).
+
+    Parameters
+    ----------
+    corners : (k, 2) array
+        Of the polygon, in order.
+    places : (n, 2) array
+        Of the plane; those inside the polygon stay.
+    """
+    nearest = places.copy()
+    for i in range(len(places)):
+        if not is_inside(corners, places[i, 0], places[i, 1]):
+            nearest[i, 0], nearest[i, 1] = nearest_on_polygon(corners, places[i, 0], places[i, 1])
+    return nearest
+
+
+@kernel
+def is_inside(corners: Floats, x: float, y: float) -> bool:
+    """Return whether a place is inside a polygon: a ray along x crosses an odd number of its sides."""
+    inside = False
+    k = len(corners)
+    for i in range(k):
+        ax, ay = corners[i, 0], corners[i, 1]
+        bx, by = corners[(i + 1) % k, 0], corners[(i + 1) % k, 1]
+        if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
+            inside = not inside
+    return inside
+
+
+@kernel
+def nearest_on_polygon(corners: Floats, x: float, y: float) -> tuple[float, float]:
+    """Return the place on a polygon's sides that is nearest to a place."""
+    best, best_x, best_y = np.inf, x, y
+    k = len(corners)
+    for i in range(k):
+        ax, ay = corners[i, 0], corners[i, 1]
+        dx, dy = corners[(i + 1) % k, 0] - ax, corners[(i + 1) % k, 1] - ay
+        part = ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy)
+        part = min(max(part, 0.0), 1.0)
+        px, py = ax + part * dx, ay + part * dy
+        squared = (px - x) ** 2 + (py - y) ** 2
+        if squared < best:
+            best, best_x, best_y = squared, px, py
+    return best_x, best_y
+
+
+def _axes_across(normal: Floats, away: Floats) -> Floats:
+    """Return unit vectors (2, 3) across a normal, the first one towards the first landmark."""
+    first = away[int(np.linalg.norm(np.cross(away, normal), axis=1).argmax())]
+    first = first - (first @ normal) * normal
+    first = first / np.linalg.norm(first)
+    return np.array([first, np.cross(normal, first)])
+
+
+def _centroid(corners: Floats) -> Floats:
+    """Return the centroid (2,) of a polygon's area."""
+    following = np.roll(corners, -1, axis=0)
+    turns = _cross(corners, following)
+    centroid: Floats = turns @ (corners + following) / (3.0 * turns.sum())
+    return centroid
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    crossed: Floats = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return crossed

@@ -1,0 +1,334 @@
+"""Fitting the template's cube to a muscle: an oriented box around it, turned to suit its attachments.
+
+Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.2,
+extended in doi:10.1007/978-3-642-38241-3_3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+from scipy.spatial import ConvexHull
+from scipy.spatial.distance import cdist
+
+from vtkmuscle.core.mesh.surface import extent
+
+Floats = NDArray[np.float64]
+
+#: Of costs that differ by less than this the first counts: a template's symmetries give ties.
+TIE = 1e-9
+#: Sides of the least rectangle's edges shorter than this part of the section are rounding.
+SHORTEST_EDGE = 1e-6
+#: To how many degrees a refined angle is found.
+FINEST_ANGLE = 1e-4
+#: Turns of the cube, as rows of the image of each axis, that put its z axis, x axis or y axis along the
+#: muscle, either way up. With the sweep's quarter turns these are all 24.
+ASSIGNMENTS = np.array(
+    [
+        np.eye(3),
+        [(1, 0, 0), (0, -1, 0), (0, 0, -1)],
+        [(0, 1, 0), (0, 0, 1), (1, 0, 0)],
+        [(0, 1, 0), (0, 0, -1), (-1, 0, 0)],
+        [(0, 0, 1), (1, 0, 0), (0, 1, 0)],
+        [(0, 0, -1), (1, 0, 0), (0, -1, 0)],
+    ]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A box around a muscle.
+
+    Attributes
+    ----------
+    transform : (4, 4) float array
+        Unit cube to world: a right-handed rotation of a cube scaled along its axes, and a translation. Its
+        z axis runs from origin to insertion.
+    error : float
+        Sum of distances from the template's area points to the nearest landmarks, in the unit of the points.
+    angle : float
+        Turn about the axis from where the sweep began [degrees].
+    cost : float
+        What makes one box better than another: the mean of the distances whose sum is the error, as a part of
+        the muscle's extent, and the angle to superficial fibres where there are some [rad].
+    """
+
+    transform: Floats
+    error: float
+    angle: float
+    cost: float
+
+
+def lie_opposite(origin_area: Floats, insertion_area: Floats) -> bool:
+    """Return True where a template's areas, (j, 3) points in the unit cube, are its bottom and its top.
+
+    Otherwise, as for aponeuroses on the sides, the line between their centroids is not the cube's z axis.
+    """
+    across = insertion_area.mean(axis=0) - origin_area.mean(axis=0) - [0.0, 0.0, 1.0]
+    return bool(np.abs(across).max() < 0.1)
+
+
+def centroid_axis(origin: Floats, insertion: Floats) -> Floats:
+    """Return the unit vector from the centroid of the origin to that of the insertion.
+
+    Raises
+    ------
+    ValueError
+        If the centroids coincide.
+    """
+    difference: Floats = insertion.mean(axis=0) - origin.mean(axis=0)
+    length = float(np.linalg.norm(difference))
+    extent = float(np.ptp(np.vstack([origin, insertion]), axis=0).max())
+    if not length > 1e-9 * extent:
+        raise ValueError(
+            "the centroids of the origin and insertion landmarks coincide and give no axis; "
+            "set axis='principal'"
+        )
+    return difference / length
+
+
+def principal_axis(muscle: SeenMuscle, origin: Floats, insertion: Floats) -> Floats:
+    """Return the unit eigenvector of the points' covariance with the largest eigenvalue, (3,).
+
+    Of its two directions, the one in which the insertion's centroid lies from the origin's.
+    """
+    axis = muscle.longest
+    return axis if axis @ (insertion.mean(axis=0) - origin.mean(axis=0)) >= 0.0 else -axis
+
+
+class SeenMuscle:
+    """A muscle as it is seen along axes; what is found out about each axis is kept.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Points of its surface.
+    """
+
+    def __init__(self, points: Floats) -> None:
+        self.points = points
+        self._views: dict[bytes, View] = {}
+
+    @cached_property
+    def extent(self) -> float:
+        """Its size."""
+        return extent(self.points)
+
+    @cached_property
+    def longest(self) -> Floats:
+        """The unit eigenvector of the points' covariance with the largest eigenvalue, (3,), either way."""
+        centred = self.points - self.points.mean(axis=0)
+        axis: Floats = np.linalg.eigh(centred.T @ centred)[1][:, -1]
+        return axis
+
+    def along(self, axis: Floats) -> View:
+        """Return the muscle seen along a unit vector (3,); ValueError if all points lie in one plane."""
+        key = axis.tobytes()
+        if key not in self._views:
+            self._views[key] = self._seen(axis)
+        return self._views[key]
+
+    def _seen(self, axis: Floats) -> View:
+        heights = self.points @ axis
+        bottom, top = float(heights.min()), float(heights.max())
+        first, second = _perpendicular(axis)
+        seen = np.column_stack([self.points @ first, self.points @ second])
+        if not _has_area(seen) or not top > bottom:
+            raise ValueError(
+                "the points of the muscle lie in one plane, so that no box of any volume holds them"
+            )
+        outline = seen[ConvexHull(seen).vertices]
+        return View(bottom, top, first, second, outline, _least_rectangle_angle(outline, _marker(seen)))
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A muscle seen along an axis.
+
+    Attributes
+    ----------
+    bottom, top : float
+        Where it begins and ends along the axis.
+    first, second : (3,) arrays
+        Unit vectors across the axis.
+    outline : (k, 2) array
+        Its convex hull, along these.
+    angle : float
+        Of a side of the least rectangle around it [rad].
+    """
+
+    bottom: float
+    top: float
+    first: Floats
+    second: Floats
+    outline: Floats
+    angle: float
+
+
+def fit_box(
+    muscle: SeenMuscle,
+    axis: Floats,
+    *,
+    origin: Floats,
+    insertion: Floats,
+    origin_area: Floats,
+    insertion_area: Floats,
+    angle_step: float,
+    refine: bool = False,
+    guide: Callable[[Floats], float] | None = None,
+) -> Fit:
+    """Return the box around a muscle whose areas lie nearest to the muscle's attachments.
+
+    Boxes whose z axis is the given one are turned about it by a full turn, step by step; each is the least
+    one that holds all points. For each point of the template's areas, put into the box, the nearest
+    landmark of the same role is found; the box with the least sum of these distances is returned, the first
+    one of those that tie. The paper starts from any two vectors across the axis: here they are the sides of
+    the least rectangle around the muscle seen along the axis, so that a box-shaped muscle is met exactly.
+
+    Parameters
+    ----------
+    muscle : SeenMuscle
+        The muscle.
+    axis : (3,) array
+        Unit vector from origin to insertion.
+    origin, insertion : (k, 3) array
+        Landmarks of all areas of each role.
+    origin_area, insertion_area : (j, 3) array
+        Points of the template's areas in the unit cube.
+    angle_step : float
+        Degrees.
+    refine : bool, optional
+        Go on from the best angle to a minimum between its neighbours.
+    guide : callable, optional
+        From a box, unit cube to world (4, 4), to the angle between the template's fibres in it and those that
+        are known [rad]. It counts as much as the mean distance of the areas from the landmarks, as a part of
+        the muscle's extent: areas that are off by a tenth of the muscle are as bad as fibres that are off
+        by 6 degrees.
+
+    Returns
+    -------
+    Fit
+        The best box.
+
+    Raises
+    ------
+    ValueError
+        If all points lie in one plane.
+    """
+    view = muscle.along(axis)
+    bottom, top, first, second = view.bottom, view.top, view.first, view.second
+    outline, start = view.outline, view.angle
+    ends = ((origin_area, origin), (insertion_area, insertion))
+
+    def boxes(degrees: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the frames, (k, 3, 3), and the lowest and highest corners, (k, 3), of turned boxes."""
+        turn = start + np.radians(degrees)
+        c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
+        sides = [outline[:, :1] * c.T + outline[:, 1:] * s.T, outline[:, 1:] * c.T - outline[:, :1] * s.T]
+        low = np.column_stack([*(side.min(axis=0) for side in sides), np.full(len(turn), bottom)])
+        high = np.column_stack([*(side.max(axis=0) for side in sides), np.full(len(turn), top)])
+        third = np.broadcast_to(axis, (len(turn), 3))
+        return np.stack([c * first + s * second, c * second - s * first, third], axis=2), low, high
+
+    def errors(degrees: Floats) -> Floats:
+        frames, low, high = boxes(degrees)
+        total = np.zeros(len(degrees))
+        for area, landmarks in ends:
+            inside = low[:, None] + area * (high - low)[:, None]
+            corners = np.einsum("kij,kaj->kai", frames, inside).reshape(-1, 3)
+            total += cdist(corners, landmarks).min(axis=1).reshape(len(degrees), -1).sum(axis=1)
+        return total
+
+    def transforms(degrees: Floats) -> Floats:
+        frames, low, high = boxes(degrees)
+        result = np.tile(np.eye(4), (len(degrees), 1, 1))
+        result[:, :3, :3] = frames * (high - low)[:, None]
+        result[:, :3, 3] = np.einsum("kij,kj->ki", frames, low)
+        return result
+
+    unit = (len(origin_area) + len(insertion_area)) * muscle.extent
+
+    def costs(degrees: Floats) -> Floats:
+        total = errors(degrees) / unit
+        if guide is not None:
+            total += [guide(box) for box in transforms(degrees)]
+        return total
+
+    steps = np.arange(0.0, 360.0, angle_step)
+    swept = costs(steps)
+    best = int((swept <= swept.min() + TIE).argmax())
+    angle, cost = float(steps[best]), float(swept[best])
+    if refine:
+        found = minimize_scalar(
+            lambda degrees: float(costs(np.array([degrees]))[0]),
+            bounds=(angle - angle_step, angle + angle_step),
+            method="bounded",
+            options={"xatol": FINEST_ANGLE},
+        )
+        if found.fun < cost - TIE:
+            angle, cost = float(found.x), float(found.fun)
+    at = np.array([angle])
+    return Fit(transforms(at)[0], float(errors(at)[0]), angle, cost)
+
+
+def _perpendicular(axis: Floats) -> tuple[Floats, Floats]:
+    """Return two unit vectors that make a right-handed frame with the axis in third place."""
+    first = np.cross(np.eye(3)[int(np.abs(axis).argmin())], axis)
+    first /= np.linalg.norm(first)
+    return first, np.cross(axis, first)
+
+
+def _has_area(seen: Floats) -> bool:
+    """Return False for points on a line, as far as rounding lets one tell."""
+    centred = seen - seen.mean(axis=0)
+    least, largest = np.linalg.eigvalsh(centred.T @ centred)
+    return bool(least > 1e-14 * largest)
+
+
+def _marker(seen: Floats) -> Floats:
+    """Return a direction that goes with the muscle when it moves, whatever symmetries it has.
+
+    The points are weighted by arbitrary but fixed numbers: multiples of the golden ratio, without the
+    integer part, which are spread evenly over (-1/2, 1/2).
+    """
+    weights = np.arange(len(seen)) * 0.6180339887498949 % 1.0 - 0.5
+    direction: Floats = weights @ (seen - seen.mean(axis=0))
+    return direction
+
+
+def _least_rectangle_angle(outline: Floats, marker: Floats) -> float:
+    """Return the angle of a side of the least rectangle around a convex polygon [rad].
+
+    One side of that rectangle lies along an edge of the polygon (Freeman, Shapira 1975,
+    doi:10.1145/360881.360919). Where several do equally well, as always for a rectangle, the side is taken
+    that points most nearly along the marker.
+    """
+    edges = np.roll(outline, -1, axis=0) - outline
+    lengths = np.linalg.norm(edges, axis=1)
+    edges = edges[lengths > SHORTEST_EDGE * lengths.sum()]
+    directions = edges / np.linalg.norm(edges, axis=1)[:, None]
+    sideways = np.column_stack([-directions[:, 1], directions[:, 0]])
+    areas = np.ptp(outline @ directions.T, axis=0) * np.ptp(outline @ sideways.T, axis=0)
+    least = areas <= areas.min() * (1.0 + TIE)
+    sides = np.vstack([directions[least], -directions[least], sideways[least], -sideways[least]])
+    x, y = sides[int((sides @ marker).argmax())]
+    return float(np.arctan2(y, x))
+
+
+def turned_cube(assignment: Floats) -> Floats:
+    """Return the transform (4, 4) of the unit cube to itself that turns it about its centre.
+
+    Parameters
+    ----------
+    assignment : (3, 3) array
+        One of :data:`ASSIGNMENTS`.
+    """
+    transform = np.eye(4)
+    transform[:3, :3] = assignment
+    transform[:3, 3] = 0.5 - assignment @ np.full(3, 0.5)
+    return transform

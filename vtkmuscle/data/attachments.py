@@ -1,0 +1,181 @@
+"""Attachment areas as data: one vtkMultiBlockDataSet, a block per area."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+
+from vtkmuscle.core.taut.via_rings import ViaRing, via_ring
+from vtkmuscle.data.arrays import (
+    Polylines,
+    blocks_of,
+    field_array,
+    field_string,
+    multiblock_from,
+    points_of,
+    polylines_from,
+    set_field_array,
+)
+
+#: Roles of areas where a muscle is attached: its ends.
+ROLES = ("origin", "insertion")
+#: Role of a ring that a muscle passes through, slides along in, and does not leave.
+VIA = "via"
+
+
+@dataclass(frozen=True, eq=False)
+class AttachmentArea:
+    """Where a muscle is attached to a bone, or held by it.
+
+    Attributes
+    ----------
+    role : str
+        ``"origin"`` or ``"insertion"``; or ``"via"``, for a ring that the muscle passes through: a
+        retinaculum or a pulley, which moves with the bone.
+    bone : str
+        Name of the bone's block.
+    landmarks : (k, 3) float array
+        In boundary order, each once, mm, in the rest pose.
+    closed : bool
+        True where the landmarks are the boundary of an area (a ring), False for an open curve or loose
+        points: then the attachment is what lies near the curve. A via ring is closed.
+    estimated : bool
+        True where nobody has seen the landmarks: they were made from where the muscle touches the bone.
+    """
+
+    role: str
+    bone: str
+    landmarks: NDArray[np.float64]
+    closed: bool
+    estimated: bool = False
+
+
+def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
+    """Return areas as the data set that filters take.
+
+    A ring is a polyline whose last point id is its first; an open curve is a plain polyline.
+    """
+    blocks = {}
+    for i, area in enumerate(areas):
+        points = np.vstack([area.landmarks, area.landmarks[:1]]) if area.closed else area.landmarks
+        block = polylines_from(Polylines(points, np.array([0, len(points)])))
+        set_field_array(block, "Bone", area.bone)
+        set_field_array(block, "Role", area.role)
+        set_field_array(block, "Estimated", int(area.estimated))
+        blocks[f"{area.role}_{i}"] = block
+    return multiblock_from(blocks)
+
+
+def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]:
+    """Return the areas of a data set.
+
+    Parameters
+    ----------
+    data : vtkMultiBlockDataSet
+        A block per area: a vtkPolyData with the field arrays ``Bone`` and ``Role`` and one polyline
+        through the landmarks (closed if its last point repeats its first), or points alone; where the
+        field array ``Estimated`` is not 0, the landmarks are an estimate.
+    where : str
+        Named in errors, e.g. ``"TemplateFitter: attachments"``.
+
+    Returns
+    -------
+    list of AttachmentArea
+        In the order of the blocks.
+
+    Raises
+    ------
+    ValueError
+        For a block without landmarks, with a coordinate that is not finite, or without its arrays; for a via
+        ring that is not closed, or that :func:`vtkmuscle.core.taut.via_rings.via_ring` refuses.
+    """
+    areas = []
+    for name, block in blocks_of(data):
+        label = f"{where}, block {name!r}"
+        if block is None or block.GetNumberOfPoints() == 0:
+            raise ValueError(f"{label}: there are no landmarks")
+        role, bone = field_string(block, "Role"), field_string(block, "Bone")
+        if role not in (*ROLES, VIA):
+            raise ValueError(
+                f"{label}: the field array 'Role' is {role!r}, but must be 'origin', 'insertion' or 'via'"
+            )
+        if not bone:
+            raise ValueError(f"{label}: the field array 'Bone' must name a bone")
+        landmarks, closed = landmarks_of(block, label)
+        if role == VIA:
+            _check_ring(landmarks, closed, label)
+        estimated = field_array(block, "Estimated")
+        areas.append(
+            AttachmentArea(role, bone, landmarks, closed, bool(estimated is not None and estimated[0]))
+        )
+    return areas
+
+
+def end_areas(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]:
+    """Return the areas where a muscle is attached, as :func:`attachments_of` does, but no via rings."""
+    return [area for area in attachments_of(data, where) if area.role in ROLES]
+
+
+def via_rings_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]:
+    """Return the rings that a muscle passes through, as :func:`attachments_of` does, but no ends.
+
+    Their planes and polygons: :func:`vtkmuscle.core.taut.via_rings.via_ring`.
+    """
+    return [area for area in attachments_of(data, where) if area.role == VIA]
+
+
+def rings_by_bone(
+    data: vtkMultiBlockDataSet | None, bones: Sequence[str], where: str
+) -> tuple[tuple[int, ViaRing], ...]:
+    """Return the via rings among attachments, each with the number of the bone that it goes with.
+
+    Raises
+    ------
+    ValueError
+        If a ring goes with a bone that is not there.
+    """
+    areas = [] if data is None else via_rings_of(data, where)
+    for area in areas:
+        if area.bone not in bones:
+            raise ValueError(
+                f"{where}: a via ring goes with the bone {area.bone!r}, but the bones are "
+                f"{', '.join(map(repr, bones))}"
+            )
+    return tuple((list(bones).index(area.bone), via_ring(area.landmarks)) for area in areas)
+
+
+def _check_ring(landmarks: NDArray[np.float64], closed: bool, where: str) -> None:
+    if not closed:
+        raise ValueError(
+            f"{where}: a via ring must be closed; end its polyline with the point that it begins with"
+        )
+    try:
+        via_ring(landmarks)
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from error
+
+
+def landmarks_of(data: vtkPolyData, where: str) -> tuple[NDArray[np.float64], bool]:
+    """Return the landmarks of an area in boundary order, and whether they close to a ring.
+
+    Raises
+    ------
+    ValueError
+        If a coordinate is not finite, or there is more than one polyline.
+    """
+    points = points_of(data)
+    if not np.isfinite(points).all():
+        raise ValueError(f"{where}: some landmarks are not finite")
+    lines = data.GetLines()
+    if lines.GetNumberOfCells() == 0:
+        return points, False
+    if lines.GetNumberOfCells() > 1:
+        raise ValueError(f"{where}: {lines.GetNumberOfCells()} polylines, expected one through all landmarks")
+    landmarks = points[vtk_to_numpy(lines.GetConnectivityArray())]
+    closed = len(landmarks) > 3 and bool(np.array_equal(landmarks[0], landmarks[-1]))
+    return (landmarks[:-1] if closed else landmarks), closed

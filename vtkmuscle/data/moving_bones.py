@@ -1,0 +1,198 @@
+"""What moving bones say: where they are, and what they are like at rest."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.core.collision.obstacles import DistanceObstacle, Obstacle, VoxelObstacle
+from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
+from vtkmuscle.core.motion.rigid import apply_transform, inverse, is_rigid
+from vtkmuscle.data.arrays import checked_surface, field_array, surface_from
+from vtkmuscle.data.surface_distance import SurfaceDistance
+
+Floats = NDArray[np.float64]
+
+#: How far a bone's points may be off its transform, as a part of its size and distance from the origin
+#: (coordinates may be float32).
+RIGIDITY_TOLERANCE = 1e-5
+
+#: The identity, as an array of the pipeline holds it.
+_AT_REST = np.eye(4).tobytes()
+
+#: Points of a bone that are looked at to see whether it moved with its transform.
+SAMPLE_SIZE = 100
+
+
+def transforms_of(bones: dict[str, vtkPolyData], where: str) -> Floats:
+    """Return the transforms of bones, rest to now, (b, 4, 4).
+
+    Raises
+    ------
+    ValueError
+        If a bone has no field array ``Transform``, or one that is not rigid.
+    """
+    transforms = np.zeros((len(bones), 4, 4))
+    transforms[:, range(4), range(4)] = 1.0
+    for index, (name, bone) in enumerate(bones.items()):
+        values = field_array(bone, "Transform")
+        if values is None:
+            raise ValueError(
+                f"{where}, block {name!r}: the field array 'Transform' is missing; BoneMotion adds it"
+            )
+        if values.tobytes() == _AT_REST:  # as most bones are, most of the time
+            continue
+        if values.size != transforms[index].size or not is_rigid(values.reshape(4, 4)):
+            raise ValueError(
+                f"{where}, block {name!r}: the field array 'Transform' must be 16 numbers, a rotation and a "
+                "translation, row by row, with last row 0 0 0 1"
+            )
+        transforms[index] = values.reshape(4, 4)
+    return transforms
+
+
+def _reach_of(bone: vtkPolyData, where: str) -> Floats | None:
+    """Return between which points, at rest, muscles are foreseen by a bone, None where nobody says."""
+    reach = field_array(bone, "Reach")
+    if reach is None:
+        return None
+    if reach.ndim != 2 or reach.shape[1] != 3 or not len(reach) or not np.isfinite(reach).all():
+        raise ValueError(f"{where}: the field array 'Reach' must be points, three finite numbers each")
+    return np.array(reach, dtype=np.float64)
+
+
+class RestBones:
+    """Bones in the rest pose as obstacles, found by taking back the motion of moving bones.
+
+    Parameters
+    ----------
+    where : str
+        Named in errors, e.g. ``"PBDDeformer: bones"``.
+    """
+
+    def __init__(self, where: str) -> None:
+        self._where = where
+        self._obstacles: dict[str, Obstacle] = {}
+        #: State of each bone's points, and its transform, when they were last found to agree.
+        self._checked: dict[str, tuple[int, bytes]] = {}
+        self._exact: dict[str, SurfaceDistance] = {}
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """The bones, in the order of their blocks."""
+        return tuple(self._obstacles.values())
+
+    def take(
+        self,
+        bones: dict[str, vtkPolyData],
+        transforms: Floats,
+        *,
+        collision: str,
+        cell: float | None = None,
+        skin: float = 0.0,
+        friction: float = 0.0,
+        n_max: int = DEFAULT_N_MAX,
+        n_equal: int | None = None,
+    ) -> None:
+        """Take the rest geometry from moving bones; a bone that is as before keeps its grid.
+
+        Take it from the same frame each time: from another one rounding differs, and with it the result.
+
+        Parameters
+        ----------
+        bones : dict of str to vtkPolyData
+            Bones now.
+        transforms : (b, 4, 4) array
+            Rest to now.
+        collision : str
+            ``"sdf"`` or ``"voxel"``.
+        cell : float, optional
+            With ``"sdf"``: distance of the grid's nodes [mm]; by the bone's size by default.
+        skin, friction : float
+            With ``"sdf"``: distance that points keep from the bones [mm], and Coulomb's coefficient.
+        n_max : int
+            With ``"voxel"``: number of voxels of a bone, about.
+        n_equal : int, optional
+            With ``"voxel"``: number of voxels along each axis instead.
+
+        Raises
+        ------
+        ValueError
+            If a bone is not made of triangles, or a coordinate is not finite, also of ``Reach``.
+        """
+        kept, self._obstacles = self._obstacles, {}
+        exact, self._exact = self._exact, {}
+        self._checked.clear()
+        for index, (name, bone) in enumerate(bones.items()):
+            where = f"{self._where}, block {name!r}"
+            points, triangles = checked_surface(bone, where)
+            rest = apply_transform(inverse(transforms[index]), points)
+            old = kept.get(name)
+            new: Obstacle
+            if collision == "voxel":
+                new = VoxelObstacle(index, rest, triangles, n_max=n_max, n_equal=n_equal, name=where)
+            else:
+                reach = _reach_of(bone, where)
+                new = DistanceObstacle(
+                    index, rest, triangles, cell=cell, skin=skin, friction=friction, reach=reach, name=where
+                )
+                new.take_over(old)
+            same = old is not None and new.same_as(old)
+            self._obstacles[name] = old if old is not None and same else new
+            if same and name in exact:
+                self._exact[name] = exact[name]
+
+    def depths(self, points: Floats, transforms: Floats) -> Floats:
+        """Return how deep points are in the bones, against their triangles.
+
+        Parameters
+        ----------
+        points : (n, 3) array
+            In the scene, now [mm].
+        transforms : (b, 4, 4) array
+            Of the bones, rest to now.
+
+        Returns
+        -------
+        (n,) array
+            0 outside [mm]. A bone that is not closed has no inside here; a warning says so.
+        """
+        result = np.zeros(len(points))
+        for name, obstacle in self._obstacles.items():
+            at_rest = apply_transform(inverse(transforms[obstacle.bone]), points)
+            low, high = obstacle.box
+            near = np.flatnonzero(((at_rest >= low) & (at_rest <= high)).all(axis=1))
+            if len(near):
+                if name not in self._exact:
+                    self._exact[name] = SurfaceDistance(surface_from(obstacle.points, obstacle.triangles))
+                result[near] = np.maximum(result[near], self._exact[name].depth(at_rest[near]))
+        return result
+
+    def check(self, bones: dict[str, vtkPolyData], transforms: Floats) -> None:
+        """Check that each bone is its rest geometry moved by its transform, at a sample of its points.
+
+        Raises
+        ------
+        ValueError
+            If one is not: its obstacle would be somewhere else than the bone.
+        """
+        for index, (name, bone) in enumerate(bones.items()):
+            state = bone.GetPoints().GetMTime(), transforms[index].tobytes()
+            if self._checked.get(name) == state:
+                continue
+            rest = self._obstacles[name].points
+            sample = np.linspace(0, len(rest) - 1, min(len(rest), SAMPLE_SIZE)).astype(np.int64)
+            expected = apply_transform(transforms[index], rest[sample])
+            off = np.inf
+            if bone.GetNumberOfPoints() == len(rest):
+                now = vtk_to_numpy(bone.GetPoints().GetData())[sample]
+                off = float(np.abs(now - expected).max())
+            scale = float(np.ptp(expected, axis=0).max()) + float(np.abs(expected).max())
+            if not off <= RIGIDITY_TOLERANCE * scale:
+                raise ValueError(
+                    f"{self._where}, block {name!r}: its points are not its rest points moved by its "
+                    "'Transform'; move bones with BoneMotion, or set collision to 'none'"
+                )
+            self._checked[name] = state

@@ -1,0 +1,206 @@
+"""What several filters ask of one muscle surface, computed once for all of them."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Sequence
+from functools import cached_property
+from threading import Lock
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.core.attachments.patches import attachment_patch
+from vtkmuscle.core.mesh.sampling import samples_inside
+from vtkmuscle.core.mesh.surface import half_edges
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
+from vtkmuscle.core.morphing.sections import ClosedSurface, opposite_half_edges
+from vtkmuscle.data.arrays import checked_surface
+from vtkmuscle.data.attachments import AttachmentArea
+from vtkmuscle.data.fingerprint import fingerprint
+from vtkmuscle.data.surface_distance import SurfaceDistance
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+T = TypeVar("T")
+
+#: Surfaces that are remembered: the muscles of a limb. One of 20 000 triangles takes about 10 MB.
+REMEMBERED = 8
+
+_known: OrderedDict[Any, MuscleGeometry] = OrderedDict()
+_topologies: OrderedDict[Any, SurfaceTopology] = OrderedDict()
+_lock = Lock()
+
+
+class SurfaceTopology:
+    """What of a surface stays the same wherever its points are.
+
+    Parameters
+    ----------
+    n_points : int
+        Number of points.
+    triangles : (m, 3) int array
+        Point ids.
+    """
+
+    def __init__(self, n_points: int, triangles: Ints) -> None:
+        self.n_points, self.triangles = n_points, triangles
+
+    @cached_property
+    def n_open_edges(self) -> int:
+        """Number of edges that only one triangle has."""
+        edges = half_edges(self.triangles)
+        keys = np.sort(edges.min(axis=1) * self.n_points + edges.max(axis=1))
+        new = np.r_[True, keys[1:] != keys[:-1], True]
+        return int((new[1:] & new[:-1]).sum())
+
+    @cached_property
+    def opposite(self) -> Ints:
+        """Of each half-edge the opposite one; ValueError where the surface is open."""
+        return opposite_half_edges(self.triangles, self.n_points)
+
+
+class MuscleGeometry:
+    """A surface and what was found out about it so far: each fact is computed when first asked for.
+
+    Parameters
+    ----------
+    surface : vtkPolyData
+        Triangles.
+    points : (n, 3) array
+        Its points [mm].
+    topology : SurfaceTopology
+        Of its triangles.
+    """
+
+    def __init__(self, surface: vtkPolyData, points: Floats, topology: SurfaceTopology) -> None:
+        self.points, self.triangles = points, topology.triangles
+        self._topology = topology
+        self._surface = vtkPolyData()
+        self._surface.DeepCopy(surface)  # the caller's may change
+        self._patches: dict[bytes, Ints] = {}
+        self._found: dict[Hashable, Any] = {}
+        self._patch_trees: dict[bytes, TriangleTree | None] = {}
+        self._samples = np.empty((0, 3))
+
+    @property
+    def n_open_edges(self) -> int:
+        """Number of edges that only one triangle has."""
+        return self._topology.n_open_edges
+
+    @property
+    def closed(self) -> ClosedSurface:
+        """The surface to cut; ValueError where it is open or its triangles face different sides."""
+        return ClosedSurface(self.points, self.triangles, self._topology.opposite)
+
+    @cached_property
+    def mean_edge(self) -> float:
+        """Mean length of an edge [mm]; in a closed mesh all edges are in two triangles, and count twice."""
+        edges = half_edges(self.triangles)
+        return float(np.linalg.norm(self.points[edges[:, 1]] - self.points[edges[:, 0]], axis=1).mean())
+
+    @cached_property
+    def distance(self) -> SurfaceDistance:
+        """Distances from the surface."""
+        return SurfaceDistance(self._surface)
+
+    def patch(self, area: AttachmentArea) -> Ints:
+        """Return the ids of the points that an attachment area covers; ValueError where it is off it."""
+        key = np.ascontiguousarray(area.landmarks).tobytes() + bytes([area.closed])
+        if key not in self._patches:
+            self._patches[key] = attachment_patch(self.points, self.triangles, area.landmarks, area.closed)
+        return self._patches[key]
+
+    def attached(self, areas: Sequence[AttachmentArea], role: str, where: str) -> Ints:
+        """Return the ids of the points that all areas of a role cover together, ascending.
+
+        Raises
+        ------
+        ValueError
+            If there is no such area, or the landmarks of one cannot be on this muscle.
+        """
+        patches = []
+        for number, area in enumerate(area for area in areas if area.role == role):
+            try:
+                patches.append(self.patch(area))
+            except ValueError as error:
+                raise ValueError(f"{where}: {role} area {number}: {error}") from error
+        if not patches:
+            raise ValueError(f"{where}: there is no area with the role {role!r}")
+        return np.unique(np.concatenate(patches))
+
+    def once(self, key: Hashable, find: Callable[[], T]) -> T:
+        """Return what a function finds out about the surface; it is asked once for each key."""
+        if key not in self._found:
+            self._found[key] = find()
+        found: T = self._found[key]
+        return found
+
+    def patch_tree(self, patch: Ints) -> TriangleTree | None:
+        """Return the triangles between points (j,) of the surface, None if there are none."""
+        key = patch.tobytes()
+        if key not in self._patch_trees:
+            member = np.zeros(len(self.points), dtype=np.bool_)
+            member[patch] = True
+            faces = self.triangles[member[self.triangles].all(axis=1)]
+            self._patch_trees[key] = triangle_tree(self.points, faces) if len(faces) else None
+        return self._patch_trees[key]
+
+    def samples(self, count: int) -> Floats:
+        """Return positions (k, 3) of even density in it, `count` but where it has next to no volume [mm]."""
+        if len(self._samples) < count:
+            self._samples = samples_inside(self.distance.depth, self.points, count)
+        return self._samples[:count]
+
+
+def muscle_geometry(surface: vtkPolyData, where: str) -> MuscleGeometry:
+    """Return what is known of a surface, the same object for the same points and triangles.
+
+    Content decides, not modification times, so that copies of a muscle share what is known, and a surface
+    that was changed through a numpy view is another one.
+
+    Parameters
+    ----------
+    surface : vtkPolyData
+        Triangles.
+    where : str
+        Named in errors, e.g. ``"FibreTrimmer: muscle"``.
+
+    Raises
+    ------
+    ValueError
+        If the surface has no triangles or other faces, or a point is not finite.
+    """
+    points_key, faces_key = _keys(surface)
+    with _lock:
+        found = _known.pop((points_key, faces_key), None)
+        if found is None:
+            points, triangles = checked_surface(surface, where)
+            topology = _topologies.pop((len(points), faces_key), None)
+            topology = topology or SurfaceTopology(len(points), triangles)
+            _remember(_topologies, (len(points), faces_key), topology)
+            found = MuscleGeometry(surface, points, topology)
+        _remember(_known, (points_key, faces_key), found)
+    return found
+
+
+def _keys(surface: vtkPolyData) -> tuple[Any, Any]:
+    """Return keys of a surface's points and of its faces, whatever these are."""
+    polys, points = surface.GetPolys(), surface.GetPoints()
+    if points is None or polys.GetNumberOfCells() == 0:
+        return None, None
+    # Whatever the arrays' types: copies may have others.
+    positions = np.asarray(vtk_to_numpy(points.GetData()), dtype=np.float64)
+    arrays = vtk_to_numpy(polys.GetOffsetsArray()), vtk_to_numpy(polys.GetConnectivityArray())
+    faces = fingerprint(*(np.asarray(array, dtype=np.int64) for array in arrays))
+    return fingerprint(positions), (surface.GetNumberOfStrips(), faces)
+
+
+def _remember(known: OrderedDict[Any, Any], key: Any, value: Any) -> None:
+    """Put something at the end of what is remembered, and forget what is too much."""
+    known[key] = value
+    while len(known) > REMEMBERED:
+        known.popitem(last=False)

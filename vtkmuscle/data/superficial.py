@@ -1,0 +1,43 @@
+"""Superficial fibres as filters take them: what a user has seen on a muscle's surface."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.morphing.superficial import SeenFibres, seen_fibres
+from vtkmuscle.data.arrays import Polylines, polylines_of
+
+Floats = NDArray[np.float64]
+
+
+def checked_superficial(data: vtkPolyData, where: str) -> Polylines:
+    """Return superficial fibres.
+
+    Parameters
+    ----------
+    data : vtkPolyData
+        Polylines.
+    where : str
+        Named in the error, e.g. ``"SliceMorpher: superficial"``.
+
+    Raises
+    ------
+    ValueError
+        If there are no polylines, a point is not finite, or none has a length.
+    """
+    lines = polylines_of(data, where)
+    if not polyline_lengths(lines.points, lines.offsets).max() > 0.0:
+        raise ValueError(
+            f"{where}: no fibre has a length, so that they have no direction; digitise two points or more of "
+            "each"
+        )
+    return lines
+
+
+def superficial_fibres(data: vtkPolyData, where: str, points: Floats) -> SeenFibres:
+    """Return superficial fibres of a muscle with the points (n, 3) in pieces; raises as the above does."""
+    lines = checked_superficial(data, where)
+    return seen_fibres(lines.points, lines.offsets, points)

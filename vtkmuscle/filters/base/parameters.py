@@ -1,0 +1,265 @@
+"""Declared parameters and ports: one declaration gives validation, change guards, pickling and docs."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
+
+from vtkmuscle.core.words import shown
+
+if TYPE_CHECKING:
+    from vtkmuscle.filters.base.filter import Filter
+
+T = TypeVar("T")
+
+
+class Parameter(Generic[T]):
+    """A property of a filter that is checked when set and marks the filter modified when it changes.
+
+    Parameters
+    ----------
+    kind : type
+        ``int``, ``float``, ``bool``, ``str``, ``tuple`` (a vector of floats) or any class.
+    default : object
+        Value of a new filter. ``None`` makes the parameter optional.
+    minimum, maximum : float, optional
+        Bounds of a number, both allowed values.
+    above : float, optional
+        A bound that the number must exceed.
+    choices : sequence of str, optional
+        The allowed strings.
+    aliases : mapping of bool to str, optional
+        Which of them True and False stand for.
+    length : int, optional
+        Number of components of a vector.
+    units : str, optional
+        Unit of the value, for the documentation.
+    doc : str
+        One sentence on what the parameter does.
+
+    Examples
+    --------
+    >>> from vtkmuscle.filters import FibreSmoother
+    >>> smoother = FibreSmoother(iterations=3)
+    >>> smoother.iterations = -1
+    Traceback (most recent call last):
+        ...
+    ValueError: FibreSmoother.iterations is -1, but must be an integer >= 0
+    """
+
+    def __init__(
+        self,
+        kind: type[Any],
+        *,
+        default: T,
+        minimum: float | None = None,
+        maximum: float | None = None,
+        above: float | None = None,
+        choices: Sequence[str] = (),
+        aliases: Mapping[bool, str] | None = None,
+        length: int | None = None,
+        units: str = "",
+        doc: str,
+    ) -> None:
+        self.kind = kind
+        self.default = default
+        self.minimum = minimum
+        self.maximum = maximum
+        self.above = above
+        self.choices = tuple(choices)
+        self.aliases = dict(aliases or {})
+        self.length = length
+        self.units = units
+        self.doc = doc
+        self.name = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> Parameter[T]: ...
+
+    @overload
+    def __get__(self, instance: Filter, owner: type) -> T: ...
+
+    def __get__(self, instance: Filter | None, owner: type) -> T | Parameter[T]:
+        if instance is None:
+            return self
+        value: T = instance._parameter_values[self.name]
+        return value
+
+    def __set__(self, instance: Filter, value: T) -> None:
+        checked = self.check(value, type(instance).__name__)
+        values = instance._parameter_values
+        if self.name in values and self._same(values[self.name], checked):
+            return
+        values[self.name] = checked
+        instance.Modified()
+
+    @staticmethod
+    def _same(old: Any, new: Any) -> bool:
+        if old is new:
+            return True
+        plain = (bool, int, float, str, tuple)
+        return isinstance(old, plain) and type(old) is type(new) and bool(old == new)
+
+    @property
+    def allowed(self) -> str:
+        """The allowed values in words."""
+        if self.choices:
+            words = "one of " + ", ".join(repr(choice) for choice in self.choices)
+        elif self.kind is bool:
+            words = "True or False"
+        elif self.kind is tuple:
+            words = f"{self.length} finite numbers"
+        elif self.kind in (int, float):
+            words = "an integer" if self.kind is int else "a finite number"
+            bounds = [
+                f"{sign} {bound:g}"
+                for sign, bound in ((">", self.above), (">=", self.minimum), ("<=", self.maximum))
+                if bound is not None
+            ]
+            words = " ".join([words, " and ".join(bounds)]).strip()
+        elif self.kind is str:
+            words = "a string"
+        else:
+            article = "an" if self.kind.__name__[0] in "AEIOU" else "a"
+            words = f"{article} {self.kind.__name__}"
+        return words + (" or None" if self.default is None else "")
+
+    def check(self, value: Any, owner: str) -> Any:
+        """Return the value in its own type, or raise a ValueError that says what is allowed."""
+        converted = self._converted(value)
+        if converted is _REFUSED:
+            raise ValueError(f"{owner}.{self.name} is {shown(value)}, but must be {self.allowed}")
+        return converted
+
+    def _converted(self, value: Any) -> Any:
+        if value is None:
+            return None if self.default is None else _REFUSED
+        if isinstance(value, bool):
+            value = self.aliases.get(value, value)
+        convert = _CONVERTERS.get(self.kind)
+        if convert is None:
+            return value if isinstance(value, self.kind) else _REFUSED
+        converted = convert(value)
+        return converted if converted is not _REFUSED and self._within(converted) else _REFUSED
+
+    def _within(self, value: Any) -> bool:
+        if self.choices:
+            return value in self.choices
+        if self.length is not None:
+            return len(value) == self.length
+        return (
+            (self.minimum is None or value >= self.minimum)
+            and (self.maximum is None or value <= self.maximum)
+            and (self.above is None or value > self.above)
+        )
+
+
+class _Refused:
+    """Says that a value is not allowed (None may be a value)."""
+
+
+_REFUSED = _Refused()
+
+
+def _to_bool(value: Any) -> Any:
+    is_bool = isinstance(value, bool) or type(value).__name__ in ("bool", "bool_")
+    return bool(value) if is_bool else _REFUSED
+
+
+def _to_int(value: Any) -> Any:
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+        return _REFUSED
+    return int(value)
+
+
+def _to_float(value: Any) -> Any:
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        return _REFUSED
+    try:
+        return float(value) if math.isfinite(value) else _REFUSED
+    except OverflowError:  # an integer that no float is as large as
+        return _REFUSED
+
+
+def _to_str(value: Any) -> Any:
+    return str(value) if isinstance(value, str) else _REFUSED
+
+
+def _to_vector(value: Any) -> Any:
+    if isinstance(value, str):
+        return _REFUSED
+    try:
+        numbers_ = [_to_float(component) for component in value]
+    except TypeError:
+        return _REFUSED
+    return _REFUSED if any(n is _REFUSED for n in numbers_) else tuple(numbers_)
+
+
+_CONVERTERS: dict[type[Any], Callable[[Any], Any]] = {
+    bool: _to_bool,
+    int: _to_int,
+    float: _to_float,
+    str: _to_str,
+    tuple: _to_vector,
+}
+
+
+class InputPort:
+    """An input of a filter.
+
+    Parameters
+    ----------
+    kind : type
+        The VTK class that the port takes.
+    content : str
+        What the data set is, e.g. ``"muscle"``: the contract suite finds its example input by it.
+    optional : bool, optional
+        May the port stay unconnected? The filter is then given ``None``.
+    doc : str
+        What the port expects, arrays included.
+    """
+
+    def __init__(self, kind: type[Any], *, content: str, optional: bool = False, doc: str) -> None:
+        self.kind = kind
+        self.content = content
+        self.optional = optional
+        self.doc = doc
+        self.name = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    @property
+    def type_name(self) -> str:
+        """Name of the VTK class, as the executive wants it."""
+        return self.kind.__name__
+
+
+class OutputPort:
+    """An output of a filter.
+
+    Parameters
+    ----------
+    kind : type
+        The VTK class that the port gives.
+    doc : str
+        What is on the port, arrays included.
+    """
+
+    def __init__(self, kind: type[Any], *, doc: str) -> None:
+        self.kind = kind
+        self.doc = doc
+        self.name = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    @property
+    def type_name(self) -> str:
+        """Name of the VTK class, as the executive wants it."""
+        return self.kind.__name__

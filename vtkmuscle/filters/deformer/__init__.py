@@ -1,0 +1,1 @@
+"""The parts of PBDDeformer: the solver that it keeps, its report, its presets."""

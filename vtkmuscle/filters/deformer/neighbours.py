@@ -1,0 +1,59 @@
+"""Muscles beside a muscle: where they are, and how deep it was in them at rest."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+
+from vtkmuscle.core.collision.muscle_contact import Neighbour, depth_in
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
+from vtkmuscle.data.arrays import blocks_of, checked_surface, point_array
+
+Floats = NDArray[np.float64]
+
+
+class Neighbours:
+    """The neighbours of one muscle over time.
+
+    Parameters
+    ----------
+    where : str
+        Named in errors, e.g. ``"PBDDeformer: neighbours"``.
+    rest : (n, 3) array
+        The muscle at rest [mm].
+    """
+
+    def __init__(self, where: str, rest: Floats) -> None:
+        self._where = where
+        self._rest = rest
+        self._allowances: dict[int, Floats] = {}
+
+    def at(self, muscles: vtkMultiBlockDataSet) -> list[Neighbour]:
+        """Return the neighbours as they are in a data set.
+
+        Raises
+        ------
+        ValueError
+            If a block is not a surface of triangles, or has no point array ``Displacement``.
+        """
+        found = []
+        for number, (name, block) in enumerate(blocks_of(muscles)):
+            where = f"{self._where}, block {name!r}"
+            if not isinstance(block, vtkPolyData):
+                raise ValueError(f"{where}: expected a vtkPolyData; connect outputs of PBDDeformer")
+            points, triangles = checked_surface(block, where)
+            if number not in self._allowances:
+                displacement = np.array(point_array(block, "Displacement", where))
+                rest = outward_tree(points - displacement, triangles)
+                self._allowances[number] = depth_in(rest, self._rest)
+            found.append(Neighbour(outward_tree(points, triangles), self._allowances[number]))
+        return found
+
+
+def outward_tree(points: Floats, triangles: NDArray[np.int64]) -> TriangleTree:
+    """Return the tree of a closed surface, its triangles turned to face outward where they do not."""
+    if signed_volume(points, triangles) < 0.0:
+        triangles = np.ascontiguousarray(triangles[:, ::-1])
+    return triangle_tree(points, triangles)
