@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import csv
-import math
 from collections.abc import Mapping, Sequence
-from itertools import islice
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vtkmuscle.core.files import check_is_file
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, is_rigid
+from vtkmuscle.io.csv_table import filled_rows, finite_number
 from vtkmuscle.io.writing import write_text
 
 Floats = NDArray[np.float64]
@@ -111,20 +108,20 @@ def read_motion_table(
         given = dict(zip(header, cells, strict=False))
         if len(cells) != len(header):
             raise ValueError(f"{where} has {len(cells)} cells, but the header has {len(header)}; correct it")
-        times.append(float(row) if time is None else _number(given[time], time, where))
+        times.append(float(row) if time is None else finite_number(given[time], time, where))
         if row and times[-1] <= times[-2]:
             raise ValueError(
                 f"{where}: the times ({time}) must ascend, but {times[-1]:g} comes after {times[-2]:g}; sort "
                 "the rows, or leave out the time column so that rows are numbered"
             )
         transform = np.array(
-            [_number(given[c], c, where) if c in given else _LAST_ROW[c] for c in TRANSFORM_COLUMNS]
+            [finite_number(given[c], c, where) if c in given else _LAST_ROW[c] for c in TRANSFORM_COLUMNS]
         ).reshape(4, 4)
         if not is_rigid(transform):
             raise ValueError(f"{where}: the transform is not rigid: {_why_not_rigid(transform)}")
         transforms.append(transform)
         for name in kinds:
-            values[name].append(_number(given[name], name, where))
+            values[name].append(finite_number(given[name], name, where))
     found = {name: Coordinate(np.array(values[name]), **kinds[name]) for name in kinds}
     if coordinates is None:
         found = {name: one for name, one in found.items() if not _counts_rows(one.values)}
@@ -195,20 +192,7 @@ def _counts_rows(values: Floats) -> bool:
 
 
 def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    check_is_file(path)
-    most = 2 * MOST_FRAMES  # with empty lines and comments
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as lines:
-            rows = [(number, cells) for number, cells in enumerate(islice(csv.reader(lines), most), start=1)]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"{path}: the file is not a CSV table in UTF-8: {error}; export it again") from error
-    filled = [
-        (number, [cell.strip() for cell in cells])
-        for number, cells in rows
-        if any(cell.strip() for cell in cells) and not cells[0].lstrip().startswith("#")
-    ]
-    if len(filled) - 1 > MOST_FRAMES or len(rows) == most:
-        raise ValueError(f"{path}: the table has more than {MOST_FRAMES} rows; leave some out")
+    filled = filled_rows(path, MOST_FRAMES)
     if len(filled) < 2:
         raise ValueError(f"{path}: the table has no rows; it needs a header line and one line per time")
     header = filled[0][1]
@@ -216,16 +200,6 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     if twice:
         raise ValueError(f"{path}: the column(s) {', '.join(twice)} appear twice; rename one")
     return header, filled[1:]
-
-
-def _number(cell: str, column: str, where: str) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise ValueError(f"{where}: {column} is {cell!r}, but must be a finite number")
-    return value
 
 
 def _why_not_rigid(transform: Floats) -> str:

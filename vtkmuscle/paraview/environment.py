@@ -120,7 +120,7 @@ def shell_commands(folder: Path) -> list[str]:
     Parameters
     ----------
     folder : path
-        With the packages.
+        As of :func:`settings`.
 
     Returns
     -------

@@ -59,10 +59,8 @@ def contact_areas(points: Floats, triangles: Ints, touching: Sequence[Bools]) ->
 
     Parameters
     ----------
-    points : (n, 3) array
-        The muscle [mm].
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        The muscle [mm]; point ids.
     touching : sequence of (n,) bool arrays
         For each bone, the points that touch it.
 
@@ -96,10 +94,8 @@ def attached_contacts(
 
     Parameters
     ----------
-    points : (n, 3) array
-        The muscle [mm].
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        The muscle [mm]; point ids.
     contacts : sequence of ContactArea
         From :func:`contact_areas`.
 
@@ -145,10 +141,8 @@ def outline(points: Floats, triangles: Ints, patch: Ints) -> tuple[Floats, bool]
 
     Parameters
     ----------
-    points : (n, 3) array
-        The muscle [mm].
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        The muscle [mm]; point ids.
     patch : (k,) int array
         Point ids.
 

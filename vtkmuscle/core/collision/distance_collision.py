@@ -46,7 +46,6 @@ def resolve_distance_collisions(
     skin: float = 0.0,
     friction: float = 0.0,
     allowance: Floats | None = None,
-    exempt: Bools | None = None,
     clearance: Clearance | None = None,
 ) -> Bools:
     """Move the predicted positions that are in a bone, or came through it, out of it.
@@ -79,8 +78,6 @@ def resolve_distance_collisions(
     allowance : (n,) array, optional
         How much deeper than the skin each point may be [mm], >= 0: for points that are in the bone at
         rest, :func:`~vtkmuscle.core.collision.distance_lookup.rest_allowance`.
-    exempt : (n,) bool array, optional
-        Points that the bone does not concern.
     clearance : Clearance, optional
         Points that it knows to be away from the bone are passed over, and it learns from those that are not.
         The bone must stand still from one call to the next.
@@ -107,7 +104,6 @@ def resolve_distance_collisions(
             f"skin must be 0 to {widest:g} mm (the band of the distance grid less 1.5 cells) and friction "
             f">= 0, got skin={skin:g} mm, friction={friction:g}; build the grid with a wider band"
         )
-    movable = free if exempt is None else free & ~exempt
     known = Clearance(len(p)) if clearance is None else clearance
     moved = np.zeros(len(p), dtype=np.bool_)
     to_rest = known.to_rest(now)
@@ -122,7 +118,7 @@ def resolve_distance_collisions(
         to_rest @ step,
         x,
         p,
-        movable,
+        free,
         float(skin),
         np.zeros(len(p)) if allowance is None else allowance,
         float(friction),

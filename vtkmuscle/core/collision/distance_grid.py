@@ -61,12 +61,6 @@ class DistanceGrid:
     remarks: tuple[str, ...] = ()
 
     @property
-    def dims(self) -> tuple[int, int, int]:
-        """Number of cells along each axis."""
-        nx, ny, nz = (SIDE * n for n in self.table.shape)
-        return nx, ny, nz
-
-    @property
     def nbytes(self) -> int:
         """Memory of the grid [bytes]."""
         return self.table.nbytes + self.values.nbytes
@@ -92,10 +86,8 @@ def build_distance_grid(
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions in the rest pose [mm].
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions in the rest pose [mm]; point ids.
     cell : float
         Distance of neighbouring nodes [mm].
     band : float, optional

@@ -20,10 +20,8 @@ def polyline_curvatures(points: Floats, offsets: Ints) -> tuple[Floats, Floats, 
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions [mm].
-    offsets : (k + 1,) int array
-        First point of each line, and n.
+    points, offsets : (n, 3) array, (k + 1,) int array
+        Positions [mm]; first point of each line, and n.
 
     Returns
     -------
@@ -57,10 +55,8 @@ def centroid_path(points: Floats, offsets: Ints, count: int) -> Floats:
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions [mm].
-    offsets : (k + 1,) int array
-        First point of each line, and n.
+    points, offsets : (n, 3) array, (k + 1,) int array
+        Positions [mm]; first point of each line, and n.
     count : int
         Points of the path, >= 2.
     """
@@ -114,10 +110,8 @@ def section_areas(points: Floats, triangles: Ints, places: Floats, normals: Floa
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions [mm].
-    triangles : (m, 3) int array
-        Point ids, closed, facing outward.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions [mm]; point ids, closed, facing outward.
     places, normals : (s, 3) arrays
         A point in each plane [mm] and its unit normal.
     """

@@ -329,10 +329,8 @@ def beyond_plane(points: Floats, offsets: Ints, heights: Floats) -> Floats:
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions [mm].
-    offsets : (k + 1,) int array
-        First point of each line, and n.
+    points, offsets : (n, 3) array, (k + 1,) int array
+        Positions [mm]; first point of each line, and n.
     heights : (n,) array
         Signed distances from the plane, positive beyond it [mm].
 

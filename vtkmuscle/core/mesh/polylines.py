@@ -23,10 +23,8 @@ def smooth_polylines(points: Floats, offsets: Ints, k: float, iterations: int) -
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions [mm].
-    offsets : (m + 1,) int array
-        First point of each line, and n.
+    points, offsets : (n, 3) array, (m + 1,) int array
+        Positions [mm]; first point of each line, and n.
     k : float
         Weight of the middle point, >= 0.
     iterations : int
@@ -127,10 +125,8 @@ def end_directions(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions.
-    offsets : (m + 1,) int array
-        First point of each line, and n.
+    points, offsets : (n, 3) array, (m + 1,) int array
+        Positions; first point of each line, and n.
 
     Returns
     -------

@@ -195,6 +195,17 @@ def _sobol(exponent: int, seed: int) -> Floats:
     return numbers
 
 
+def uneven_weights(count: int) -> Floats:
+    """Return arbitrary but fixed numbers (count,), spread evenly over [0, 1).
+
+    Points that are weighted by them decide by their order where a body's symmetry leaves a choice, such as
+    the sign of an axis: rounding would choose otherwise once the body has moved. They are multiples of the
+    golden ratio, without the integer part.
+    """
+    fractions: Floats = np.modf(0.5 * (1.0 + 5.0**0.5) * np.arange(count))[0]
+    return fractions
+
+
 def samples_inside(depth: Callable[[Floats], Floats], points: Floats, count: int) -> Floats:
     """Return positions of even density in a body; where the body moves they move with it.
 

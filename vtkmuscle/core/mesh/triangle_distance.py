@@ -65,10 +65,8 @@ def pseudonormals(points: Floats, triangles: Ints) -> Floats:
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions.
-    triangles : (m, 3) int array
-        Point ids, outward oriented.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions; point ids, outward oriented.
 
     Returns
     -------

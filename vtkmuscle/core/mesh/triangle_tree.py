@@ -34,10 +34,8 @@ class TriangleTree:
 
     Attributes
     ----------
-    points : (n, 3) array
-        Positions.
-    triangles : (m, 3) int array
-        Point ids, m >= 1.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions; point ids, m >= 1.
     order : (m,) int array
         Which triangle is at which place of the order.
     corners : (m, 3, 3) array
@@ -131,10 +129,8 @@ def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions, finite.
-    triangles : (m, 3) int array
-        Point ids, m >= 1.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions, finite; point ids, m >= 1.
 
     Returns
     -------

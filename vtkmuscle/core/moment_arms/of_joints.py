@@ -180,16 +180,3 @@ def _quartic(curves: Floats, samples: Floats, number: int) -> tuple[Floats | Non
         return quartic_moment_arms(curves, samples[:, number])
     except ValueError:  # too few values for it
         return None, None
-
-
-def mean_and_range(curves: Mapping[str, JointArms]) -> dict[str, dict[str, float]]:
-    """Return per coordinate the mean, least and largest moment arm over fibres and frames, JSON-able."""
-    return {
-        name: {
-            "mean": float(found.arms.mean()),
-            "min": float(found.arms.min()),
-            "max": float(found.arms.max()),
-            "error_mean": float(found.errors.mean()),
-        }
-        for name, found in curves.items()
-    }

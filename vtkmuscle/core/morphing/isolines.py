@@ -205,10 +205,8 @@ def way_of_values(points: Floats, triangles: Ints, field: Floats) -> tuple[Float
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions [mm].
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions [mm]; point ids.
     field : (n,) array
         Values in [0, 1], linear on each triangle.
 

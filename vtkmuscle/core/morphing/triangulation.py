@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.bins import sorted_into_bins
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -192,18 +193,11 @@ def _sorted_into_cells(polygon: Floats) -> tuple[Floats, Floats, int, Ints, Ints
     for axis in range(2):
         low[axis] = polygon[:, axis].min()
         cell[axis] = max((polygon[:, axis].max() - low[axis]) / side, 1e-300)
-    starts = np.zeros(side * side + 1, dtype=np.int64)
-    cells, order = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    cells = np.empty(n, dtype=np.int64)
     for i in range(n):
         column = min(int((polygon[i, 0] - low[0]) / cell[0]), side - 1)
         cells[i] = min(int((polygon[i, 1] - low[1]) / cell[1]), side - 1) * side + column
-        starts[cells[i] + 1] += 1
-    for i in range(side * side):
-        starts[i + 1] += starts[i]
-    filled = starts.copy()
-    for i in range(n):
-        order[filled[cells[i]]] = i
-        filled[cells[i]] += 1
+    order, starts = sorted_into_bins(cells, side * side)
     return low, cell, side, order, starts
 
 

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.spatial import cKDTree
 
+from vtkmuscle.core.mesh.segments import segments
 from vtkmuscle.core.mesh.surface import unit_vectors
 from vtkmuscle.core.morphing.correspondence import N_PLACES, loop_lengths, nearest_place, sampled_loop
-from vtkmuscle.core.morphing.superficial import SeenFibres, angle_between, root_mean_square, segments
+from vtkmuscle.core.morphing.superficial import SeenFibres, angle_between, root_mean_square
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -222,10 +223,8 @@ class BoundaryDrift:
 
     Parameters
     ----------
-    points : (n, 3) array
-        Points of the template's fibres along the sides of its box [mm].
-    offsets : (k + 1,) int array
-        First point of each fibre, and n.
+    points, offsets : (n, 3) array, (k + 1,) int array
+        Points of the template's fibres along the sides of its box [mm]; first point of each fibre, and n.
     sides : (3,) array
         Of the box [mm].
     """
