@@ -37,7 +37,8 @@ class LocalFit:
     slopes : (m, k, d) array
         By each coordinate; 0 where it is not determined.
     slope_errors : (m, k, d) array
-        Standard errors of the slopes, for noise that is independent from sample to sample; without the bias of the fit.
+        Standard errors of the slopes, for noise that is independent from sample to sample; without the bias of
+        the fit.
     determined : (m, d) bool array
         Whether the samples near a place tell the slope by a coordinate apart from those by the others.
     window : int
