@@ -9,11 +9,9 @@ from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkQuadricDecimation
 
 from vtkmuscle.core.mesh.surface import unique_edges, vertex_normals
+from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import points_of, set_point_array, surface_from, triangles_of
 from vtkmuscle.phantoms.implicit import Solid
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def mesh_of(solid: Solid, spacing: float, n_triangles: int, *, passes: int = 8) -> tuple[Floats, Ints]:

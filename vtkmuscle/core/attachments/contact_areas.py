@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -18,10 +17,7 @@ from vtkmuscle.core.mesh.surface import (
     triangle_normals,
     unique_edges,
 )
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: A contact smaller than this part of the largest one on the same bone is noise.
 LEAST_SHARE = 0.05

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: How much longer an edge counts that is one chord aside of the chord. On a sphere of like triangles paths
 #: stray 6 % of the chord from the great circle with 10, 16 % (at most 38 %) with 0, and are as long.

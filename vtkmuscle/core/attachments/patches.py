@@ -65,10 +65,8 @@ def attachment_patch(
 
     Parameters
     ----------
-    points : (n, 3) array
-        Points of the muscle [mm].
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        The muscle's [mm]; point ids.
     landmarks : (k, 3) array
         In boundary order [mm]; they may lie off the muscle.
     closed : bool

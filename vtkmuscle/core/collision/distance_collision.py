@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.collision.distance_grid import DistanceGrid
 from vtkmuscle.core.collision.distance_lookup import distance_at, normal_at
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.motion.rigid import inverse
-
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
-Table = NDArray[np.int32]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.types import Bools, Floats, Singles, Table
 
 #: Cells of the band of a grid that a skin must leave free.
 SKIN_CELLS = 1.5

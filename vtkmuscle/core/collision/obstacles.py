@@ -11,7 +11,6 @@ from threading import Lock
 from weakref import WeakValueDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.collision.distance_collision import SKIN_CELLS, Clearance, resolve_distance_collisions
 from vtkmuscle.core.collision.distance_grid import BAND_CELLS, DistanceGrid
@@ -20,10 +19,7 @@ from vtkmuscle.core.collision.grid_cache import cached_distance_grid
 from vtkmuscle.core.collision.voxels import VoxelGrid, build_voxel_grid, resolve_collisions
 from vtkmuscle.core.mesh.sampling import uneven_weights
 from vtkmuscle.core.motion.rigid import apply_transform
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: By how much the weights of a bone's points differ.
 UNEVENNESS = 1e-3

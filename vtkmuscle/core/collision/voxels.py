@@ -17,10 +17,8 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.closed_shells import ClosedShells, closed_shells
 from vtkmuscle.core.mesh.triangle_distance import winding_number
 from vtkmuscle.core.motion.rigid import inverse
+from vtkmuscle.core.types import Bools, Floats, Ints
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 Cells = NDArray[np.uint8]
 
 #: What a cell is.

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.segments import segment_distances
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Neighbours that are looked at first, of which a fibre's own points are some.
 _FIRST_NEIGHBOURS = 12

@@ -20,9 +20,7 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.polylines import evenly_spaced, polyline_lengths, resample_polyline
 from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.mesh.surface import unit_vectors
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Largest turn from a fibre into its new end segment [degrees].
 LARGEST_TURN = 60.0

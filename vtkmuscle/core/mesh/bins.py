@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
-
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Ints
 
 
 @kernel

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, csr_matrix
 from scipy.sparse.linalg import splu
 
 from vtkmuscle.core.mesh.surface import half_edges, point_components, triangle_normals
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Bounds of an edge's cotangent weight; an edge between equilateral triangles has 0.58. The lower one
 #: keeps the matrix an M-matrix where triangles are obtuse, so that a harmonic function stays between its

@@ -7,15 +7,12 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.stats import qmc
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.surface import triangle_normals, unique_edges
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Blocks of eight times as many positions as wanted that are looked through: bodies fill most of a tenth of
 #: their boxes.

@@ -6,11 +6,8 @@ from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Samples that differ by less than this part of the range of each coordinate are at one place.
 SAME_PLACE = 1e-6
@@ -37,8 +34,8 @@ class LocalFit:
     slopes : (m, k, d) array
         By each coordinate; 0 where it is not determined.
     slope_errors : (m, k, d) array
-        Standard errors of the slopes, for noise that is independent from sample to sample; without the bias of
-        the fit.
+        Standard errors of the slopes, for noise that is independent from sample to sample; without the bias
+        of the fit.
     determined : (m, d) bool array
         Whether the samples near a place tell the slope by a coordinate apart from those by the others.
     window : int

@@ -24,9 +24,8 @@ from vtkmuscle.core.mesh.segments import segments
 from vtkmuscle.core.mesh.surface import extent, triangle_normals, unit_vectors, vertex_normals
 from vtkmuscle.core.mesh.topology import MeshTopology
 from vtkmuscle.core.pbd.anisotropy import fibre_directions_at
+from vtkmuscle.core.types import Floats, Ints
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Turns = NDArray[np.complex128]
 
 #: Segments are cut in pieces of no more than this part of the extent of the muscle that they belong to.

@@ -10,14 +10,10 @@ a number of flips that grows with their square, most of which the first points w
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.bins import sorted_into_bins
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Twice an area below this part of the polygon's squared size is zero but for rounding.
 FLAT = 1e-14

@@ -14,7 +14,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.spatial import cKDTree
 
@@ -22,9 +21,7 @@ from vtkmuscle.core.mesh.segments import segments
 from vtkmuscle.core.mesh.surface import unit_vectors
 from vtkmuscle.core.morphing.correspondence import N_PLACES, loop_lengths, nearest_place, sampled_loop
 from vtkmuscle.core.morphing.superficial import SeenFibres, angle_between, root_mean_square
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Heights of the sections by which a twist is found, and how far the first and the last are from the ends.
 N_LEVELS, MARGIN = 33, 0.02

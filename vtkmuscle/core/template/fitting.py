@@ -11,15 +11,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.spatial import ConvexHull
 from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.mesh.sampling import uneven_weights
 from vtkmuscle.core.mesh.surface import extent
-
-Floats = NDArray[np.float64]
+from vtkmuscle.core.types import Floats
 
 #: Of costs that differ by less than this the first counts: a template's symmetries give ties.
 TIE = 1e-9
