@@ -24,7 +24,7 @@ from published import P21
 from vtkmuscle import Scene
 from vtkmuscle.core.collision import contact
 from vtkmuscle.core.mesh.topology import mesh_topology
-from vtkmuscle.core.pbd import accelerated, coarse, projection, rest_shape, solver, two_level
+from vtkmuscle.core.pbd import accelerated, coarse, projection, rest_shape, solver
 from vtkmuscle.core.pbd.batched_iteration import BatchedIteration
 from vtkmuscle.core.pbd.batches import pack
 from vtkmuscle.core.taut import guidance
@@ -40,7 +40,7 @@ from vtkmuscle.pipelines import PRUNE, decompose, deform
 SETTINGS: dict[str, dict[str, Any]] = {
     "gauss-seidel": {"solver": "gauss-seidel"},
     "anderson (default)": {"solver": "anderson"},
-    "stiffness, blend, two-level": {"anisotropy": "stiffness", "solver": "two-level"},
+    "stiffness, anderson": {"anisotropy": "stiffness"},
     "stiffness, coarse, anderson": {"anisotropy": "stiffness", "start": "coarse"},
     "P21": P21,
 }
@@ -55,7 +55,6 @@ STAGES: dict[str, list[tuple[Any, str]]] = {
     "constraints": [(projection.ColourOrder, "iterate"), (projection.SequentialOrder, "iterate")],
     "collision": [(contact.Contact, "__init__"), (contact.Contact, "keep_out")],
     "acceleration": [(accelerated, "anderson")],
-    "correction": [(two_level.CoarseCorrection, name) for name in ("__init__", "touch", "add")],
     "settling": [(solver.MuscleSolver, "_settle")],
     "report": [(rest_shape.RestShape, "compare")],
     "provenance": [(base, "add_provenance")],

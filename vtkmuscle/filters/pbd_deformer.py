@@ -16,7 +16,6 @@ from vtkmuscle.core.collision.obstacles import Obstacle
 from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
 from vtkmuscle.core.pbd.coarse import COARSE_ITERATIONS, COARSE_POINTS
 from vtkmuscle.core.pbd.solver import MuscleSolver, MuscleState
-from vtkmuscle.core.pbd.two_level import LEAST_NODES, NODES
 from vtkmuscle.core.taut.via_rings import ViaRing
 from vtkmuscle.data.arrays import (
     blocks_of,
@@ -54,8 +53,7 @@ _ONLY_WITH = {
     "n_max": ("collision", {"voxel"}),
     "n_equal": ("collision", {"voxel"}),
     "bone_push": ("collision", {"voxel"}),
-    "tolerance": ("solver", {"anderson", "two-level"}),
-    "nodes": ("solver", {"two-level"}),
+    "tolerance": ("solver", {"anderson"}),
     "guidance": ("anisotropy", {"taut"}),
     "coarse_points": ("start", {"coarse"}),
     "coarse_iterations": ("start", {"coarse"}),
@@ -112,7 +110,7 @@ class PBDDeformer(Filter):
 
     Without strings each step starts from ``"blend"``, ``"coarse"`` or ``"inertial"``. From ``"blend"`` free
     points start where the bones' motions, blended by harmonic weights, take them (they have no momentum
-    then); with ``solver="two-level"`` they also go on as they did in the last step apart from that. From
+    then). From
     ``"inertial"`` they start where their velocity takes them (P21), and strings do not guide them either: the
     muscle hangs back behind the bones. From ``"coarse"`` a muscle of ``coarse_points`` points, in which a
     change wanders far in an iteration, makes each step first, from its own blended start, and the full muscle
@@ -121,10 +119,6 @@ class PBDDeformer(Filter):
     ``solver="anderson"``, the default, takes the iteration of ``"gauss-seidel"`` nearer to its end in the
     same number of iterations, and stops at ``tolerance``. Stiffnesses hold per iteration then, so that the
     shape it goes to does not depend on their number; with ``"gauss-seidel"`` they hold per step.
-    ``"two-level"`` also corrects each iteration by what a few nodes, which carry the points with them, see of
-    all constraints together, which without strings takes it to the same shape much sooner. With strings,
-    ``start="inertial"``, ``collision="voxel"`` or in a muscle of fewer than 40 free points there is no
-    correction, and it is as ``"anderson"``.
 
     ``quality`` in the constructor, ``"preview"``, ``"balanced"`` or ``"accurate"``, stands for a few of the
     parameters; those that are given count more.
@@ -298,9 +292,8 @@ class PBDDeformer(Filter):
     solver = Parameter(
         str,
         default="anderson",
-        choices=("gauss-seidel", "anderson", "two-level"),
-        doc="The iteration: as it is (P21), accelerated towards the same shape, or accelerated and corrected "
-        "on a coarse level, which takes it there soonest where no taut fibres guide it.",
+        choices=("gauss-seidel", "anderson"),
+        doc="The iteration: as it is (P21), or accelerated towards the same shape.",
     )
     tolerance = Parameter(
         float,
@@ -309,14 +302,6 @@ class PBDDeformer(Filter):
         units="mm",
         doc="Stop at this distance to the converged shape (root mean square), a bound of it where points are "
         "drawn to taut fibres, else an estimate; not with solver 'gauss-seidel'. 0 never stops.",
-    )
-    nodes = Parameter(
-        int,
-        default=NODES,
-        minimum=LEAST_NODES,
-        maximum=600,
-        doc="Nodes of the coarse correction, about, with solver 'two-level'; fewer where there are not 8 "
-        "free points for each. What they add to an iteration's cost grows with their square.",
     )
     order = Parameter(
         str,

@@ -84,7 +84,6 @@ def _around_centre() -> list[Setting]:
     vary("iterations", 2, 4, 6, 10, 20, 40, 100, tolerance=0.0)
     vary("tolerance", 1.0, 0.3, 0.1, 0.03, 0.01, iterations=400)
     vary("solver", "anderson", "gauss-seidel", tolerance=0.0)
-    vary("nodes", 50, 100, 250)
     vary("substeps", 2, 4)
     vary("start", "inertial", "coarse")
     vary("anisotropy", "stiffness", "off")

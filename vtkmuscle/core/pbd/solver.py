@@ -29,8 +29,7 @@ from vtkmuscle.core.pbd.parameters import SolverParameters
 from vtkmuscle.core.pbd.projection import ColourOrder, Projection, SequentialOrder
 from vtkmuscle.core.pbd.rest_shape import RestShape, ShapeReport, dihedral_angles
 from vtkmuscle.core.pbd.stages import StageClock, add_stages
-from vtkmuscle.core.pbd.state import MuscleState, Trend
-from vtkmuscle.core.pbd.two_level import CoarseCorrection, CoarseModel, has_coarse_model
+from vtkmuscle.core.pbd.state import MuscleState
 from vtkmuscle.core.taut.guidance import Guidance, Guided
 
 __all__ = ["MuscleSolver", "MuscleState", "SolverParameters"]
@@ -50,9 +49,6 @@ SETTLING_PASSES = 6
 OUT_OF_RANGE = (
     "the muscle left the range of floating point numbers; use a smaller external_force or another dt"
 )
-
-#: A step's trend is taken into the next at most so many times, where the bones go on or turn back.
-GOING_ON = (-1.0, 2.0)
 
 #: Relative error of the volume that is as good as none.
 VOLUME_TOLERANCE = 1e-6
@@ -195,13 +191,11 @@ class MuscleSolver:
         stiffness = np.ones(len(self.topology.edges)) if edge_stiffness is None else edge_stiffness
         stiffness = self._per_iteration(settings.stiffness * stiffness)
         shape_stiffness = float(self._per_iteration(settings.shape_stiffness))
-        self._stiffness = stiffness, shape_stiffness
         made_from = (
             self._guidance,
             settings.order,
             settings.dtype,
             settings.threads,
-            settings.nodes,
             shape_stiffness,
             self._volume_stiffness,
         )
@@ -209,7 +203,6 @@ class MuscleSolver:
         if before is not None and before[0] == made_from and np.array_equal(before[1], stiffness):
             return
         self._projection_made_from = made_from, stiffness
-        self._coarse_model: CoarseModel | None = None
         if settings.order == "colour":
             packed = pack(
                 self.topology,
@@ -398,7 +391,6 @@ class MuscleSolver:
             *convergence,
             clock.stop(),
             coarse=coarse,
-            trend=self._trend(state, before, now, p),
             guided=guided,
         )
 
@@ -440,7 +432,6 @@ class MuscleSolver:
             self._projection if self._target is None else _Drawn(self._draw, self._projection),
             keep_out,
             self.topology.edges,
-            self._correction,
             # A muscle that momentum throws at a bone may touch it with all its points.
             bones_last=self.parameters.start != "inertial",
             bound=1.0 / guidance if guidance > 0.0 else None,
@@ -455,32 +446,6 @@ class MuscleSolver:
             workspace=self._workspace,
         )
 
-    @property
-    def _has_correction(self) -> bool:
-        """Whether iterations are corrected on a coarse level.
-
-        They are not where the muscle keeps its momentum: what that and forces do to it is what is left of
-        them after the iterations, and the end of the solve knows of neither. And not where a bone of voxels
-        takes points back the way they came: a map with such jumps has no use for it.
-        """
-        settings = self.parameters
-        return (
-            settings.solver == "two-level"
-            and self._target is None
-            and settings.start != "inertial"
-            and all(obstacle.slides for obstacle in self._barrier.obstacles)
-            and has_coarse_model(self._free)
-        )
-
-    def _correction(self, p: Floats) -> CoarseCorrection | None:
-        """Return the coarse correction of iterations from p on, if there is one."""
-        if not self._has_correction:
-            return None
-        if self._coarse_model is None:
-            made = CoarseModel(self.rest, self.topology, self._free, *self._stiffness, self.parameters.nodes)
-            self._coarse_model = made
-        return CoarseCorrection(self._coarse_model, p, keeps_volume=self._volume_stiffness > 0.0)
-
     def _predict(
         self, state: MuscleState, now: Floats, before: Floats, dt: float, coarse: MuscleState | None
     ) -> Floats:
@@ -493,7 +458,7 @@ class MuscleSolver:
             p = self._prolonged(state.coarse, coarse, state.positions)
         elif self._follows_bones:
             # The muscle follows the bones: it keeps no momentum of its own.
-            p = self._blended(before, now, state.positions + self._expected(state.trend, before, now))
+            p = self._blended(before, now, state.positions)
             if push.any():
                 p += dt * (settings.damping * push)
         else:
@@ -510,28 +475,6 @@ class MuscleSolver:
         """Return points moved as the bones have moved."""
         bones, weights = self._blend_weights
         return blend_motions(np.array([now[bone] @ inverse(before[bone]) for bone in bones]), weights, x)
-
-    def _expected(self, trend: Trend | None, before: Floats, now: Floats) -> Floats | float:
-        """Return what the muscle will do apart from following its bones, if it goes on as in the last step.
-
-        As much of the last step's as its fixed points go on in the same direction.
-        """
-        if trend is None:
-            return 0.0
-        last, further = 0.0, 0.0
-        for bone, fixed in self._fixed:
-            a, b, c = (apply_transform(t[bone], self.rest[fixed]) for t in (trend.transforms, before, now))
-            last += float(np.sum((b - a) ** 2))
-            further += float(np.sum((b - a) * (c - b)))
-        if last == 0.0:
-            return 0.0
-        return float(np.clip(further / last, *GOING_ON)) * trend.displacements
-
-    def _trend(self, state: MuscleState, before: Floats, now: Floats, p: Floats) -> Trend | None:
-        """Return how the muscle has moved apart from following its bones."""
-        if self._target is not None or not (self._has_correction and self._follows_bones):
-            return None
-        return Trend(p - self._blended(before, now, state.positions), before)
 
     def _prolonged(self, before: MuscleState, now: MuscleState, x: Floats) -> Floats:
         """Return the full muscle moved as the coarse one has moved."""
