@@ -27,7 +27,6 @@ WAYS = {
     "taut": {"solver": "gauss-seidel"},
     "taut, Anderson": {"solver": "anderson"},
     "stiffness, Anderson": {"anisotropy": "stiffness", "solver": "anderson"},
-    "stiffness, coarse + Anderson": {"anisotropy": "stiffness", "start": "coarse", "solver": "anderson"},
 }
 ITERATIONS = (3, 10, 25, 50)
 

@@ -14,7 +14,6 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.collision.muscle_contact import Neighbour
 from vtkmuscle.core.collision.obstacles import Obstacle
 from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
-from vtkmuscle.core.pbd.coarse import COARSE_ITERATIONS, COARSE_POINTS
 from vtkmuscle.core.pbd.solver import MuscleSolver, MuscleState
 from vtkmuscle.core.taut.via_rings import ViaRing
 from vtkmuscle.data.arrays import (
@@ -55,8 +54,6 @@ _ONLY_WITH = {
     "bone_push": ("collision", {"voxel"}),
     "tolerance": ("solver", {"anderson"}),
     "guidance": ("anisotropy", {"taut"}),
-    "coarse_points": ("start", {"coarse"}),
-    "coarse_iterations": ("start", {"coarse"}),
 }
 
 
@@ -108,13 +105,11 @@ class PBDDeformer(Filter):
     4.6 kB per string. Where it is used up, every second frame is dropped, then every second of those; a frame
     that was dropped is computed from the nearest kept one before it. Any setting gives the same frames.
 
-    Without strings each step starts from ``"blend"``, ``"coarse"`` or ``"inertial"``. From ``"blend"`` free
+    Without strings each step starts from ``"blend"`` or ``"inertial"``. From ``"blend"`` free
     points start where the bones' motions, blended by harmonic weights, take them (they have no momentum
     then). From
     ``"inertial"`` they start where their velocity takes them (P21), and strings do not guide them either: the
-    muscle hangs back behind the bones. From ``"coarse"`` a muscle of ``coarse_points`` points, in which a
-    change wanders far in an iteration, makes each step first, from its own blended start, and the full muscle
-    starts where that takes it. A muscle of fewer than twice as many points starts from ``"blend"``.
+    muscle hangs back behind the bones.
 
     ``solver="anderson"``, the default, takes the iteration of ``"gauss-seidel"`` nearer to its end in the
     same number of iterations, and stops at ``tolerance``. Stiffnesses hold per iteration then, so that the
@@ -276,18 +271,9 @@ class PBDDeformer(Filter):
     start = Parameter(
         str,
         default="blend",
-        choices=("inertial", "blend", "coarse"),
-        doc="Where free points start each step: where their velocity takes them (P21), where the bones' "
-        "blended motions do, or where a muscle of fewer points goes.",
-    )
-    coarse_points = Parameter(
-        int,
-        default=COARSE_POINTS,
-        minimum=4,
-        doc="Points of the coarse muscle, about; a muscle of fewer than twice as many starts from 'blend'.",
-    )
-    coarse_iterations = Parameter(
-        int, default=COARSE_ITERATIONS, minimum=1, doc="Iterations of the coarse muscle per step."
+        choices=("inertial", "blend"),
+        doc="Where free points start each step: where their velocity takes them (P21), or where the bones' "
+        "blended motions do.",
     )
     solver = Parameter(
         str,
@@ -309,13 +295,6 @@ class PBDDeformer(Filter):
         choices=("colour", "sequential"),
         doc="Order of projections: edges many at once and the volume last, or all one by one "
         "and the volume before angles and bones (P21), which keeps it less well.",
-    )
-    max_triangles: Parameter[int | None] = Parameter(
-        int,
-        default=None,
-        minimum=4,
-        doc="Solve a decimated muscle of so many triangles, about, and carry the full one with it; None "
-        "solves the full one, as where it has no more. Needs the extra 'coarse' (fast-simplification).",
     )
     penetration = Parameter(
         bool,
@@ -526,9 +505,7 @@ class PBDDeformer(Filter):
             lines = polylines_of(fibres, "PBDDeformer: fibres")
         if superficial is not None and self.anisotropy != "off":
             seen = checked_superficial(superficial, "PBDDeformer: superficial")
-        if self._muscle.take(
-            FixedMuscle(points, triangles, fixed_to, lines, seen, rings), self.max_triangles
-        ):
+        if self._muscle.take(FixedMuscle(points, triangles, fixed_to, lines, seen, rings)):
             self._frames.clear()
             self._neighbours = None
 

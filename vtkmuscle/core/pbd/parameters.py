@@ -28,8 +28,7 @@ class SolverParameters:
         Part of its way to where the taut fibres carry it that each iteration draws a point, in [0, 1]; 0
         leaves them to their rest shape.
     start : str
-        Where the solve of a step starts: ``"inertial"``, ``"blend"``, or ``"coarse"``, which needs a coarse
-        muscle.
+        Where the solve of a step starts: ``"inertial"`` or ``"blend"``.
     solver : str
         ``"gauss-seidel"`` or ``"anderson"``: the iteration as it is, or accelerated.
     tolerance : float

@@ -22,7 +22,6 @@ from vtkmuscle.core.motion.rigid import apply_transform, centred, inverse
 from vtkmuscle.core.pbd.accelerated import AcceleratedSolve
 from vtkmuscle.core.pbd.anderson import Workspace
 from vtkmuscle.core.pbd.batches import pack
-from vtkmuscle.core.pbd.coarse import Prolongation
 from vtkmuscle.core.pbd.constraints import VOLUME_FLOOR, per_iteration_stiffness, project_volume
 from vtkmuscle.core.pbd.convergence import root_mean_square_distance
 from vtkmuscle.core.pbd.parameters import SolverParameters
@@ -78,17 +77,13 @@ class MuscleSolver:
         default there are none.
     obstacles : sequence of Obstacle, optional
         Bones that free points are kept out of.
-    coarse : MuscleSolver, optional
-        Of the same muscle with fewer points (:func:`~vtkmuscle.core.pbd.coarse.coarse_muscle`), for the start
-        ``"coarse"``: it makes each step first, and the full muscle starts where that takes it.
     warns : bool
         Whether to warn of bones that meet the muscle in a way that cannot come out well.
 
     Raises
     ------
     ValueError
-        If the surface is open or encloses no volume, or if a step is to start from a coarse muscle and there
-        is none.
+        If the surface is open or encloses no volume.
     """
 
     def __init__(
@@ -101,7 +96,6 @@ class MuscleSolver:
         edge_stiffness: Floats | None = None,
         guidance: Guidance | None = None,
         obstacles: Sequence[Obstacle] = (),
-        coarse: MuscleSolver | None = None,
         warns: bool = True,
     ) -> None:
         self.topology: MeshTopology = mesh_topology(len(points), triangles)
@@ -119,9 +113,7 @@ class MuscleSolver:
         self._barrier = Barrier((), self.rest, self.centre, self._free, bone_push=False)
         self._target: Floats | None = None
         self._projection_made_from: tuple[tuple[object, ...], Floats] | None = None
-        self._coarse: MuscleSolver | None = None
-        self._prolongation: Prolongation | None = None
-        self._prepare(parameters, edge_stiffness, guidance, obstacles, coarse)
+        self._prepare(parameters, edge_stiffness, guidance, obstacles)
 
     def adjusted(
         self,
@@ -130,7 +122,6 @@ class MuscleSolver:
         edge_stiffness: Floats | None = None,
         guidance: Guidance | None = None,
         obstacles: Sequence[Obstacle] = (),
-        coarse: MuscleSolver | None = None,
     ) -> MuscleSolver:
         """Return a solver of the same muscle with other settings, as if it were made anew.
 
@@ -139,11 +130,11 @@ class MuscleSolver:
 
         Parameters
         ----------
-        parameters, edge_stiffness, guidance, obstacles, coarse
+        parameters, edge_stiffness, guidance, obstacles
             As of the class.
         """
         other = copy(self)
-        other._prepare(parameters, edge_stiffness, guidance, obstacles, coarse)
+        other._prepare(parameters, edge_stiffness, guidance, obstacles)
         return other
 
     def _prepare(
@@ -152,11 +143,9 @@ class MuscleSolver:
         edge_stiffness: Floats | None,
         guidance: Guidance | None,
         obstacles: Sequence[Obstacle],
-        coarse: MuscleSolver | None,
     ) -> None:
         """Make what depends on the settings."""
         self.parameters = parameters
-        self._prepare_coarse(coarse)
         push = parameters.bone_push == "transform"
         if push != self._barrier.bone_push or tuple(obstacles) != self._barrier.obstacles:
             self._barrier = Barrier(
@@ -165,20 +154,6 @@ class MuscleSolver:
         self._prepare_volume()
         self._guidance = guidance
         self._prepare_projection(edge_stiffness)
-
-    def _prepare_coarse(self, coarse: MuscleSolver | None) -> None:
-        if self.parameters.start != "coarse":
-            coarse = None
-        elif coarse is None:
-            raise ValueError(
-                "start is 'coarse', but no coarse muscle is given; give one, or use start 'blend'"
-            )
-        before, self._coarse = self._coarse, coarse
-        if coarse is None:
-            self._prolongation = None
-        elif before is None or before.topology is not coarse.topology:
-            about_centre = coarse.rest + (coarse.centre - self.centre)
-            self._prolongation = Prolongation(about_centre, coarse.topology.triangles, self.rest)
 
     def _prepare_volume(self) -> None:
         squares = np.einsum("ij,ij->i", self._shape.volume_gradient, self._shape.volume_gradient)
@@ -265,8 +240,7 @@ class MuscleSolver:
     def rest_state(self, n_bones: int) -> MuscleState:
         """Return the muscle at rest, with all of n bones in their rest pose."""
         transforms = np.broadcast_to(np.eye(4), (n_bones, 4, 4))
-        coarse = None if self._coarse is None else self._coarse.rest_state(n_bones)
-        return MuscleState(self.rest, np.zeros_like(self.rest), transforms, coarse=coarse)
+        return MuscleState(self.rest, np.zeros_like(self.rest), transforms)
 
     def points(self, state: MuscleState) -> Floats:
         """Return the positions of a state in the scene's coordinates, (n, 3) [mm]."""
@@ -364,10 +338,7 @@ class MuscleSolver:
             return hit
 
         with np.errstate(over="ignore", invalid="ignore"):  # told below, in our words
-            coarse = None
-            if self._coarse is not None and state.coarse is not None:
-                coarse = self._coarse._substep(state.coarse, transforms, neighbours, lambda _: progress(0.0))
-            p = self._predict(state, now, before, dt, coarse)
+            p = self._predict(state, now, before, dt)
             _check_finite(p)
             solve = self._plain if self.parameters.solver == "gauss-seidel" else self._accelerated
             clock.switch("constraints")
@@ -390,7 +361,6 @@ class MuscleSolver:
             int(collided.sum()),
             *convergence,
             clock.stop(),
-            coarse=coarse,
             guided=guided,
         )
 
@@ -446,16 +416,12 @@ class MuscleSolver:
             workspace=self._workspace,
         )
 
-    def _predict(
-        self, state: MuscleState, now: Floats, before: Floats, dt: float, coarse: MuscleState | None
-    ) -> Floats:
+    def _predict(self, state: MuscleState, now: Floats, before: Floats, dt: float) -> Floats:
         """P21 Algorithm 2, lines 6 to 15."""
         settings = self.parameters
         push = dt * np.asarray(settings.external_force, dtype=np.float64)
         if self._target is not None:
             p = self._target + dt * (settings.damping * push)
-        elif coarse is not None and state.coarse is not None:
-            p = self._prolonged(state.coarse, coarse, state.positions)
         elif self._follows_bones:
             # The muscle follows the bones: it keeps no momentum of its own.
             p = self._blended(before, now, state.positions)
@@ -475,13 +441,6 @@ class MuscleSolver:
         """Return points moved as the bones have moved."""
         bones, weights = self._blend_weights
         return blend_motions(np.array([now[bone] @ inverse(before[bone]) for bone in bones]), weights, x)
-
-    def _prolonged(self, before: MuscleState, now: MuscleState, x: Floats) -> Floats:
-        """Return the full muscle moved as the coarse one has moved."""
-        assert self._coarse is not None
-        assert self._prolongation is not None
-        shift = self._coarse.centre - self.centre
-        return self._prolongation.prolong(before.positions + shift, now.positions + shift, x)
 
     def _settle(self, p: Floats, keep_out: _KeepOut) -> Bools:
         """Take out of the bones what the last projection of the volume pushed in; return which points.

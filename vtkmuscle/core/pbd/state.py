@@ -35,8 +35,6 @@ class MuscleState:
         Estimated root mean square distance to the converged shape [mm], where the solver knows it.
     milliseconds : mapping of str to float
         Time of each of :data:`~vtkmuscle.core.pbd.stages.STAGES` in that step [ms].
-    coarse : MuscleState or None
-        The coarse muscle at that time, where steps start from one.
     guided : Guided or None
         The taut strings and what they say of the muscle, where it follows some.
     """
@@ -49,12 +47,10 @@ class MuscleState:
     residual: float = 0.0
     distance: float | None = None
     milliseconds: Mapping[str, float] = field(default_factory=dict)
-    coarse: MuscleState | None = None
     guided: Guided | None = None
 
     @property
     def nbytes(self) -> int:
         """Memory that it takes [bytes]."""
         own = self.positions.nbytes + self.velocities.nbytes + self.transforms.nbytes
-        parts = (self.coarse, self.guided)
-        return own + sum(part.nbytes for part in parts if part is not None)
+        return own + (0 if self.guided is None else self.guided.nbytes)
