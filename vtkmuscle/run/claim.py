@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import check_is_file
 from vtkmuscle.io.writing import left_behind
 
@@ -150,9 +151,11 @@ def _check_inputs(folder: Path, scene: Scene) -> None:
             for base in {root, Path(os.path.abspath(folder))}:
                 inside = base in path.parents and path.relative_to(base).parts[0] in written
                 if inside:
-                    raise ValueError(
-                        f"{file}: the results in {folder} would be written over this input of the scene"
-                        f"{f' ({key})' if key else ''}; give another folder with --out"
+                    raise InputError(
+                        file,
+                        f"the results in {folder} would be written over this input of the scene"
+                        f"{f' ({key})' if key else ''}",
+                        "give another folder with --out",
                     )
 
 
@@ -173,12 +176,12 @@ def _check_results(folder: Path, scene: Scene) -> None:
         places = [*_places(scene.muscles, folder=False), *_places(scene.muscles, folder=True)]
         for path in map(folder.joinpath, places):
             if path.is_file() or path.is_symlink() or (path.is_dir() and _may_lose(path)):
-                raise ValueError(f"{path}: results would be written over what no run has made; {insist}")
+                raise InputError(path, "results would be written over what no run has made", insist)
         return
     before, now = report.get("scene_file"), scene_file(scene)
     if report.get("scene") != scene.name or (before and now and before != now):
         of = f" of {before}" if before else ""
-        raise ValueError(f"{folder}: it holds the results of the scene {report.get('scene')!r}{of}; {insist}")
+        raise InputError(folder, f"it holds the results of the scene {report.get('scene')!r}{of}", insist)
 
 
 def _may_lose(folder: Path) -> bool:
