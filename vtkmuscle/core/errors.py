@@ -69,10 +69,15 @@ def in_words(where: str, problem: str, remedy: str) -> str:
     return "; ".join(part for part in (": ".join(part for part in (where, problem) if part), remedy) if part)
 
 
-def fault_of(error: Exception) -> tuple[str, str]:
-    """Return the problem and the remedy that an error names, each in one line; "" for no remedy.
+def fault_of(error: Exception, *, placed: bool = False) -> tuple[str, str]:
+    """Return the problem and the remedy that an error names, each in one line.
 
-    Of an error without these fields the problem is its message.
+    Parameters
+    ----------
+    error : Exception
+        Of one without these fields the problem is the message, and the remedy "".
+    placed : bool, optional
+        Whether the place stands before the problem.
 
     Examples
     --------
@@ -83,7 +88,8 @@ def fault_of(error: Exception) -> tuple[str, str]:
     ('No space left on device', '')
     """
     if isinstance(error, InputError | MissingFileError):
-        problem, remedy = error.problem, error.remedy
+        problem = in_words(error.where, error.problem, "") if placed else error.problem
+        remedy = error.remedy
     elif isinstance(error, OSError) and error.strerror:
         problem, remedy = error.strerror, ""
     else:

@@ -168,7 +168,7 @@ def write_motion_table(path: str | PathLike[str], motion: RigidMotion, bone: str
         del columns["time"]
     for name in columns:
         if name in ("time", *TRANSFORM_COLUMNS) or set(name) & set(',"\r\n') or name != name.strip():
-            raise InputError(path, f"a coordinate cannot be a column {name!r}", "call it otherwise")
+            raise InputError(Path(path), f"a coordinate cannot be a column {name!r}", "call it otherwise")
     lines = [",".join(("time", *TRANSFORM_COLUMNS, *columns))]
     for row, transform in enumerate(tables[bone]):
         found = (motion.times[row], *transform.reshape(-1), *(values[row] for values in columns.values()))

@@ -125,7 +125,9 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
     """
     data = read_polydata(path)
     if data.GetNumberOfPolys() == 0:
-        raise InputError(path, "the file holds no triangles", "export the muscle or bone as a surface mesh")
+        raise InputError(
+            Path(path), "the file holds no triangles", "export the muscle or bone as a surface mesh"
+        )
     if data.GetNumberOfPolys() == data.GetNumberOfCells():
         return data
     surface = vtkPolyData()

@@ -8,8 +8,8 @@ from vtkmuscle.data.arrays import multiblock_from
 from vtkmuscle.data.attachments import attachments_from
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import OutputPort, Parameter
-from vtkmuscle.scene.checks import suggestion
-from vtkmuscle.scene.model import Scene
+from vtkmuscle.scene.faults import suggestion
+from vtkmuscle.scenes import Scene
 
 
 class MuscleScene(Filter):
