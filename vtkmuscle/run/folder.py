@@ -158,7 +158,7 @@ class RunFolder:
         """Draw the figures beside, move them to ``figures/``, and return their names."""
         import matplotlib as mpl  # noqa: PLC0415 -- only figures need it, and PyVista
 
-        from vtkmuscle.plotting import write_figures  # noqa: PLC0415
+        from vtkmuscle.run.figures import write_figures  # noqa: PLC0415
 
         folder = self.path / "figures"
         drawing = beside(folder)

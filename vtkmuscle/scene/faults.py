@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from difflib import get_close_matches
 from pathlib import Path
 
 from vtkmuscle.core.errors import InputError, in_words
@@ -94,11 +93,3 @@ class Faults:
         if self.found:
             first, *more = self.found
             raise SceneError(first.problem, first.key, first.remedy, first.file, more)
-
-
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return what to do about a word that is not known: the nearest known one, and all of them."""
-    known = list(known)
-    near = get_close_matches(word, known, n=1, cutoff=0.5)
-    meant = f"did you mean {near[0]!r}? " if near else ""
-    return f"{meant}allowed: {', '.join(known) or 'none'}"

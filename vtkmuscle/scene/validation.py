@@ -10,10 +10,10 @@ import tomli_w
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from vtkmuscle.core.words import shown
+from vtkmuscle.core.words import shown, suggestion
 from vtkmuscle.data.attachments import ROLES, VIA
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-from vtkmuscle.scene.faults import Faults, SceneError, suggestion
+from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.schema import ALONE, ESTIMATE, Motion, MuscleTable, SceneTable
 from vtkmuscle.scene.settings import Settings
 
@@ -89,7 +89,8 @@ def _fault(error: ErrorDetails, name: str, known: type[BaseModel]) -> tuple[str,
     if kind in _KINDS:
         remedy = f"write {example}"
         if kind == "bool_type" and field is not None and field.description:
-            remedy = field.description[0].lower() + field.description[1:].rstrip(".")
+            first = field.description.partition(". ")[0]
+            remedy = first[0].lower() + first[1:].rstrip(".")
         return f"must be {_KINDS[kind]}, not {shown(value)}", remedy
     return f"must be a table, not {shown(value)}", "see the format of a scene.toml"
 
