@@ -117,7 +117,7 @@ def test_what_comes_back_is_pyvistas(result):
 
 def test_lengths_and_figures_are_tables(result, out):
     lengths, frames = result.length_table(), result.frame_table()
-    written = list(csv.DictReader((out / "lengths.csv").open()))
+    written = list(csv.DictReader((out / "lengths.csv").read_text().splitlines()))
     assert lengths["length_mm"].tolist() == [float(row["length_mm"]) for row in written]
     assert lengths["time"].tolist() == [float(row["time"]) for row in written]
     assert lengths["frame"][:FRAMES].tolist() == list(range(FRAMES))

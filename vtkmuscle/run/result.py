@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import smoothed_curve
 from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
 from vtkmuscle.core.motion.rigid import RigidMotion
@@ -170,7 +171,9 @@ class Result:
             have too few different values of it.
         """
         if not self.lengths:
-            raise ValueError("no muscle of the run has fibres, so there are no moment arms; give it fibres")
+            raise InputError(
+                "", "no muscle of the run has fibres, so there are no moment arms", "give it fibres"
+            )
         motion = self.motion.part(self.frames)
         arms: dict[str, dict[str, JointArms]] = {}
         refused: dict[str, str] = {}
@@ -230,9 +233,10 @@ class Result:
         """
         i, track = self._position(frame, time), self._track(name)
         if self.report["model"] == "paths":
-            raise ValueError(
-                f"the scene's model is 'paths', so that {name!r} was not deformed; fibres({name!r}, "
-                f"frame={self.frames[i]}) has its fibres, and model 'volume' deforms it"
+            raise InputError(
+                "",
+                f"the scene's model is 'paths', so that {name!r} was not deformed",
+                f"fibres({name!r}, frame={self.frames[i]}) has its fibres, and model 'volume' deforms it",
             )
         self._check_finished(name, i)
         return _wrapped(with_points(track.rest, track.points[i]))
@@ -268,27 +272,28 @@ class Result:
 
     def _track(self, name: str) -> MuscleTrack:
         if name not in self._tracks:
-            raise ValueError(f"there is no muscle {name!r} in the result; {suggestion(name, self._tracks)}")
+            raise InputError("", f"there is no muscle {name!r} in the result", suggestion(name, self._tracks))
         return self._tracks[name]
 
     def _position(self, frame: int | None, time: float | None) -> int:
         """Return the place of a frame, given by its number or its time, among those that are kept."""
         if (frame is None) == (time is None):
-            raise ValueError("give either the number of a frame (frame=10) or its time (time=20.0)")
+            raise InputError("", "give either the number of a frame (frame=10) or its time (time=20.0)")
         if frame is not None:
             if frame not in self.frames:
-                raise ValueError(f"frame {frame} was not kept; there are {_listed(self.frames)}")
+                raise InputError("", f"frame {frame} was not kept", f"there are {_listed(self.frames)}")
             return self.frames.index(frame)
         near = np.flatnonzero(np.isclose(self.times, float(time), rtol=1e-9, atol=1e-9))  # type: ignore[arg-type]
         if not len(near):
-            raise ValueError(f"no frame of time {time:g} was kept; there are {_listed(self.times)}")
+            raise InputError("", f"no frame of time {time:g} was kept", f"there are {_listed(self.times)}")
         return int(near[0])
 
     def _check_finished(self, name: str, i: int) -> None:
         if i >= self.finished(name):
-            raise ValueError(
-                f"{name!r} failed before frame {self.frames[i]}, so that it is not there; "
-                f"it has {self.finished(name)} of {len(self.frames)} frames"
+            raise InputError(
+                "",
+                f"{name!r} failed before frame {self.frames[i]}, so that it is not there",
+                f"it has {self.finished(name)} of {len(self.frames)} frames",
             )
 
 
