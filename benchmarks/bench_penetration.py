@@ -20,11 +20,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from vtkmuscle import Scene
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.data.arrays import field_array, point_array, points_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.run import muscle_pipeline
-from vtkmuscle.scene import Scene
 
 #: Settings of the deformer beside those of the scene.
 MODES = {

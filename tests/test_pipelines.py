@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from tiny_scene import write_tiny_scene
 
+from vtkmuscle import Scene
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.data.arrays import blocks_of, cell_array, multiblock_from, points_of
 from vtkmuscle.data.attachments import attachments_from
@@ -14,7 +15,6 @@ from vtkmuscle.filters import FibreMetrics, FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.pipelines import FIBRE_SETTINGS, PRUNE, MusclePipeline, decompose, deform, pull_taut
 from vtkmuscle.run import muscle_pipeline
-from vtkmuscle.scene import Scene
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.io.csv_table import filled_rows, finite_number
 from vtkmuscle.io.writing import write_text
 
@@ -83,23 +84,25 @@ def read_literature(path: str | PathLike[str]) -> tuple[LiteratureCurve, ...]:
     missing = [name for name in LITERATURE_COLUMNS if name not in header]
     if missing or len(filled) < 2:
         problem = f"the column(s) {', '.join(missing)} are missing" if missing else "the table has no rows"
-        raise ValueError(
-            f"{path}: {problem}; published moment arms have the columns {', '.join(LITERATURE_COLUMNS)}, and "
-            "part where there are several curves of one source"
+        raise InputError(
+            path,
+            problem,
+            f"published moment arms have the columns {', '.join(LITERATURE_COLUMNS)}, and part where "
+            "there are several curves of one source",
         )
     curves: dict[tuple[str, str, str, str], list[tuple[float, float]]] = {}
     for line, cells in filled[1:]:
-        where = f"{path}: line {line}"
         if len(cells) < len(header):
-            raise ValueError(f"{where} has {len(cells)} cells, but the header has {len(header)}; correct it")
+            problem = f"line {line} has {len(cells)} cells, but the header has {len(header)}"
+            raise InputError(path, problem, "correct it")
         row = dict(zip(header, cells, strict=False))
         empty = [name for name in LITERATURE_COLUMNS if not row[name]]
         if empty:
-            raise ValueError(f"{where}: {empty[0]} is empty; fill it in, or leave the line out")
+            raise InputError(path, f"line {line}: {empty[0]} is empty", "fill it in, or leave the line out")
         key = (row["source"], row["muscle"], row["dof"], row.get("part", ""))
         point = (
-            finite_number(row["angle_deg"], "angle_deg", where),
-            finite_number(row["moment_arm_mm"], "moment_arm_mm", where),
+            finite_number(row["angle_deg"], "angle_deg", path, f"line {line}"),
+            finite_number(row["moment_arm_mm"], "moment_arm_mm", path, f"line {line}"),
         )
         curves.setdefault(key, []).append(point)
     return tuple(LiteratureCurve(*key, *np.array(sorted(points)).T) for key, points in curves.items())

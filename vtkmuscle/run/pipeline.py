@@ -10,11 +10,11 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.data.arrays import multiblock_from
 from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.run.reach import bones_with_reach
-from vtkmuscle.scene.model import Scene
+from vtkmuscle.scene.data import SceneData
 
 
 def muscle_pipeline(
-    scene: Scene,
+    scene: SceneData,
     name: str,
     bones: Mapping[str, vtkPolyData] | None = None,
     *,
@@ -24,7 +24,7 @@ def muscle_pipeline(
 
     Parameters
     ----------
-    scene, name : Scene, str
+    scene, name : SceneData, str
         Which muscle, of which scene.
     bones : mapping of str to vtkPolyData, optional
         The scene's bones as :func:`~vtkmuscle.run.reach.bones_with_reach` gives them, where they are there

@@ -16,7 +16,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 import vtkmuscle
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.io.writing import replacing, write_text
-from vtkmuscle.scene.model import Scene
+from vtkmuscle.scene.data import SceneData
 from vtkmuscle.tradeoff.trial import Trial
 
 #: Parts of the package that only show what came out.
@@ -36,13 +36,13 @@ class Records:
     ----------
     folder : Path
         Made where it does not exist.
-    scene : Scene
+    scene : SceneData
         What is run.
     compared : sequence of int
         Numbers of the frames that are compared.
     """
 
-    def __init__(self, folder: Path, scene: Scene, compared: Sequence[int]) -> None:
+    def __init__(self, folder: Path, scene: SceneData, compared: Sequence[int]) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self._folder = folder
         self._what = [digest_of(scene), list(compared), code_digest()]
@@ -92,7 +92,7 @@ def _feed(digest: Any, value: Any) -> None:
         digest.update(np.ascontiguousarray(value).tobytes())
     elif is_dataclass(value):
         for field in fields(value):
-            if not (isinstance(value, Scene) and field.name in _NOT_SCENE):
+            if not (isinstance(value, SceneData) and field.name in _NOT_SCENE):
                 _feed(digest, (field.name, getattr(value, field.name)))
     elif isinstance(value, Mapping):
         _feed(digest, list(value.items()))  # in order: muscles yield to those before them

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from vtkmuscle.scene.model import Scene
+from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.sense import check_sense
 from vtkmuscle.tradeoff.measures import measured
 from vtkmuscle.tradeoff.records import Records
@@ -80,7 +80,7 @@ class Study:
 
 
 def trade_off(
-    scene: Scene,
+    scene: SceneData,
     out: Path,
     *,
     only: Sequence[str] = (),
@@ -95,7 +95,7 @@ def trade_off(
 
     Parameters
     ----------
-    scene : Scene
+    scene : SceneData
         What is run. The settings tried take the place of its own of the same name.
     out : Path
         Folder for the finished settings, in ``settings``.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.run import run_scene
-from vtkmuscle.scene.model import Muscle, Scene
+from vtkmuscle.scene.data import Muscle, SceneData
 from vtkmuscle.tradeoff.settings import Setting
 
 Floats = NDArray[np.float64]
@@ -53,7 +53,7 @@ class Trial:
 
 
 def tried(
-    scene: Scene,
+    scene: SceneData,
     setting: Setting,
     compared: Sequence[int],
     muscles: Sequence[str],
@@ -64,7 +64,7 @@ def tried(
 
     Parameters
     ----------
-    scene : Scene
+    scene : SceneData
         As it is without the setting.
     setting : Setting
         What is changed.
