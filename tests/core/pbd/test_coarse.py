@@ -3,7 +3,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.core.spindle import spindle
+from spindle import spindle
 
 from vtkmuscle.core.mesh.ring_rotations import ring_rotations
 from vtkmuscle.core.mesh.surface import survey

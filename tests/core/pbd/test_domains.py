@@ -4,7 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from tests.core.test_batched_constraints import Scalar
+from test_batched_constraints import Scalar
 
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.pbd import batched_iteration, batches, domains

@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from tests.core.spindle import spindle
-from tests.core.test_solver import bent, box_bone, solver_of
+from spindle import spindle
+from test_solver import bent, box_bone, solver_of
 
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.pbd.coarse_matrix import HOLD
