@@ -9,12 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import kernel, reduction
 from vtkmuscle.core.pbd.convergence import (
     AMPLIFICATION_GROWTH,
     TYPICAL_AMPLIFICATION,
     Trail,
-    reduction,
     root_mean_square_distance,
 )
 

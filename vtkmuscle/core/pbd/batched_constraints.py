@@ -13,19 +13,16 @@ polynomial, and a * b + c may be rounded once instead of twice.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, TypeVar
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from vtkmuscle.core.jit import lane, vector_kernel
 from vtkmuscle.core.pbd.constraints import DEGENERATE_SINE, DIHEDRAL_FLOOR, LARGEST_TURN
 
 Ints = NDArray[np.int64]
 Offsets = NDArray[np.uint32]
 Reals = NDArray[np.floating]
-F = TypeVar("F", bound=Callable[..., object])
 
 #: Constraints of a batch: two vectors of eight doubles, which measured best.
 WIDTH = 16
@@ -67,19 +64,6 @@ _CONSTANTS = 8 * RECORD * WIDTH
 
 #: Numbers in the working memory of :func:`sweep_edges`.
 EDGE_BUFFER = _CONSTANTS + CONSTANTS * WIDTH
-
-
-def vector_kernel(function: F) -> F:
-    """Compile as :func:`~vtkmuscle.core.jit.kernel` does, with multiplications and additions fused."""
-    compiled: F = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})(function)
-    return compiled
-
-
-def lane(function: F) -> F:
-    """Compile what one lane of a batch computes; it becomes part of the loop that calls it."""
-    options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "forceinline": True}
-    compiled: F = numba.njit(**options)(function)
-    return compiled
 
 
 # -------------------------------------------------------------------------------- one constraint

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import kernel, vector_kernel
 from vtkmuscle.core.pbd.atomics import exchange, fetch_add, give_way, load
 from vtkmuscle.core.pbd.batched_constraints import (
     EDGE_BUFFER,
@@ -17,7 +17,6 @@ from vtkmuscle.core.pbd.batched_constraints import (
     Offsets,
     Reals,
     sweep_edges,
-    vector_kernel,
 )
 from vtkmuscle.core.pbd.batched_volume import (
     VOLUME_BUFFER,

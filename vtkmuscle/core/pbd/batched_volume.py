@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from vtkmuscle.core.jit import vector_kernel
 from vtkmuscle.core.pbd.batched_constraints import (
     RECORD,
     WIDTH,
@@ -12,7 +13,6 @@ from vtkmuscle.core.pbd.batched_constraints import (
     Reals,
     gather,
     scatter,
-    vector_kernel,
 )
 
 Floats = NDArray[np.float64]

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TypeVar
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from vtkmuscle.core.jit import reduction
+
 Floats = NDArray[np.float64]
-F = TypeVar("F", bound=Callable[..., object])
 
 #: Iterations between two estimates of the distance.
 ESTIMATE_EVERY = 5
@@ -36,14 +34,6 @@ CALIBRATION = 2.2
 #: with their number.
 TYPICAL_AMPLIFICATION = (602, 2600.0)
 AMPLIFICATION_GROWTH = 1.25
-
-
-def reduction(function: F) -> F:
-    """Compile as :func:`~vtkmuscle.core.jit.kernel` does; sums may be taken in several parts at a time."""
-    compiled: F = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})(
-        function
-    )
-    return compiled
 
 
 def estimate_distance(residual: float, earlier_residual: float, moved: float, amplification: float) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.pbd.convergence import reduction
+from vtkmuscle.core.jit import reduction
 
 Floats = NDArray[np.float64]
 
