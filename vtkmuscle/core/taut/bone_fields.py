@@ -232,7 +232,7 @@ def slope_at(layout: Floats, table: Table, values: Floats, x: float, y: float, z
 
 @kernel
 def _slope_within(values: Floats, i: int, j: int, k: int, u: float, v: float, w: float, out: Floats) -> None:
-    """Write the differences over a cell of a block's trilinear distance, at u, v, w in [0.5, 1.5) from a node.
+    """Write a block's trilinear distance's differences over a cell, at u, v, w in [0.5, 1.5) from a node.
 
     The 27 nodes from (i, j, k) on are those of all six places that are compared.
     """
