@@ -201,7 +201,7 @@ def slope_at(layout: Floats, table: Table, values: Floats, x: float, y: float, z
     cell = layout[3]
     u, v, w = (x - layout[0]) / cell, (y - layout[1]) / cell, (z - layout[2]) / cell
     ny, nz = np.int64(layout[5]), np.int64(layout[6])
-    i, j, k = np.int64(u - 0.5), np.int64(v - 0.5), np.int64(w - 0.5)
+    i, j, k = int(u - 0.5), int(v - 0.5), int(w - 0.5)
     a, b, c = i % SIDE, j % SIDE, k % SIDE
     inside = min(u, v, w) >= 0.5 and max(a, b, c) < SIDE - 1 and u < SIDE * np.int64(layout[4])
     if inside and v < SIDE * ny and w < SIDE * nz:
