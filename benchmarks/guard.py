@@ -37,7 +37,7 @@ def measured(*options: str) -> dict[str, Any]:
     """Run the suite; return the JSON of pytest-benchmark."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "result.json"
-        command = [sys.executable, "-m", "pytest", HERE / "suite", "-q", "--benchmark-only"]
+        command = [sys.executable, "-m", "pytest", HERE / "suite", "-q", "-n0", "--benchmark-only"]
         # The table goes to where it does not mix with the result.
         done = subprocess.run(
             [*command, f"--benchmark-json={path}", *options], stdout=sys.stderr, check=False

@@ -22,7 +22,6 @@ CHOICES = {
     name: PBDDeformer.parameter_declarations[name].choices
     for name in ("collision", "anisotropy", "solver", "start")
 }
-}
 
 #: Every mode of the solver, and some of them in which every two choices meet.
 ALL_MODES = [dict(zip(CHOICES, values, strict=True)) for values in itertools.product(*CHOICES.values())]

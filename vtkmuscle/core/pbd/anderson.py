@@ -5,17 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import kernel, reduction
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-F = TypeVar("F", bound=Callable[..., object])
 
 #: An accelerated step is taken back where its residual exceeds that of the step before so many times.
 GROWTH = 2.0
@@ -25,14 +22,6 @@ REGULARISATION = 1e-12
 
 #: Numbers that are worked on at once: a few rows of them fit the first-level cache.
 _BLOCK = 512
-
-
-def reduction(function: F) -> F:
-    """Compile as :func:`~vtkmuscle.core.jit.kernel` does; sums may be taken in several parts at a time."""
-    compiled: F = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})(
-        function
-    )
-    return compiled
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,16 +16,14 @@ into vector instructions by the compiler.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, TypeVar
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from vtkmuscle.core.jit import lane, vector_kernel
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-F = TypeVar("F", bound=Callable[..., object])
 
 #: A dihedral projection's denominator is at least this part of its value with all points free. Beside
 #: fixed points a point with a tiny lever arm makes the denominator vanish, and the shape would explode.
@@ -65,19 +63,6 @@ ARCTANGENT = (
     0.0004611471226395625,
     -4.572466752859746e-05,
 )
-
-
-def lane(function: F) -> F:
-    """Compile a function of numbers, to become part of the loop that calls it."""
-    options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "forceinline": True}
-    compiled: F = numba.njit(**options)(function)
-    return compiled
-
-
-def vector_kernel(function: F) -> F:
-    """Compile as :func:`~vtkmuscle.core.jit.kernel` does, with multiplications and additions fused."""
-    compiled: F = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})(function)
-    return compiled
 
 
 def per_iteration_stiffness(stiffness: Floats | float, iterations: int) -> Floats:
