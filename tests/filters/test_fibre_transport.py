@@ -180,7 +180,7 @@ def test_pruned_weights_are_near_all_of_them_and_say_how_near(fibres, muscle):
 
 def test_carried_fibres_are_no_farther_outside_than_at_rest(fibres, muscle):
     thinner = with_points(muscle, points_of(muscle) * [1.0, 0.5, 0.5])
-    carried = points_of(fibres) + [0.0, 8.0, 0.0]  # beyond the thinner muscle
+    carried = points_of(fibres) + np.array([0.0, 8.0, 0.0])  # beyond the thinner muscle
     set_point_array(thinner, "Carried", points_of(thinner))
     set_field_array(thinner, "FibrePoints", carried)
     moved = points_of(FibreTransport()(fibres, muscle, thinner))

@@ -118,8 +118,9 @@ class FibreTransport(Filter):
 
     With ``method="carried"`` fibres go where the taut fibres of PBDDeformer are, moved on by what its solve
     moved the surface from there: mean value coordinates take that to the fibre's points. Points that come to
-    lie outside of the deformed muscle, farther than at rest, go to the nearest place on it. It needs the arrays ``Carried`` and ``FibrePoints`` of
-    PBDDeformer for the very same fibres; where they are not there, ``"mean-value"`` takes the place.
+    lie outside of the deformed muscle, farther than at rest, go to the nearest place on it. It needs the
+    arrays ``Carried`` and ``FibrePoints`` of PBDDeformer for the very same fibres; where they are not there,
+    ``"mean-value"`` takes the place.
 
     With ``method="mean-value"``, that of the paper, each fibre point is expressed by mean value coordinates
     in the vertices of the muscle at rest; the same weighted mean of the deformed vertices is where it has

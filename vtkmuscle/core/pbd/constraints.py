@@ -16,6 +16,7 @@ into vector instructions by the compiler.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray

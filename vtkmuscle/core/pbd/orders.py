@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.collision.contact import Contact
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import kernel, vector_kernel
 from vtkmuscle.core.mesh.topology import MeshTopology
 from vtkmuscle.core.pbd.batches import CONSTANTS, RECORD, WIDTH, pack
 from vtkmuscle.core.pbd.constraints import (
@@ -20,7 +20,6 @@ from vtkmuscle.core.pbd.constraints import (
     project_volume,
     sweep_dihedrals,
     sweep_distances,
-    vector_kernel,
 )
 from vtkmuscle.core.pbd.rest_shape import RestShape
 from vtkmuscle.core.pbd.stages import StageClock

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import kernel, vector_kernel
 from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume
 from vtkmuscle.core.mesh.topology import MeshTopology
-from vtkmuscle.core.pbd.constraints import hinge, vector_kernel, volume_and_gradient
+from vtkmuscle.core.pbd.constraints import hinge, volume_and_gradient
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -201,7 +201,7 @@ def slope_at(layout: Floats, table: Table, values: Floats, x: float, y: float, z
     cell = layout[3]
     u, v, w = (x - layout[0]) / cell, (y - layout[1]) / cell, (z - layout[2]) / cell
     ny, nz = np.int64(layout[5]), np.int64(layout[6])
-    i, j, k = np.int64(u - 0.5), np.int64(v - 0.5), np.int64(w - 0.5)
+    i, j, k = int(u - 0.5), int(v - 0.5), int(w - 0.5)
     a, b, c = i % SIDE, j % SIDE, k % SIDE
     inside = min(u, v, w) >= 0.5 and max(a, b, c) < SIDE - 1 and u < SIDE * np.int64(layout[4])
     if inside and v < SIDE * ny and w < SIDE * nz:
@@ -232,7 +232,7 @@ def slope_at(layout: Floats, table: Table, values: Floats, x: float, y: float, z
 
 @kernel
 def _slope_within(values: Floats, i: int, j: int, k: int, u: float, v: float, w: float, out: Floats) -> None:
-    """Write the differences over a cell of a block's trilinear distance, at u, v, w in [0.5, 1.5) from a node.
+    """Write a block's trilinear distance's differences over a cell, at u, v, w in [0.5, 1.5) from a node.
 
     The 27 nodes from (i, j, k) on are those of all six places that are compared.
     """

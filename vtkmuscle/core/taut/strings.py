@@ -22,9 +22,9 @@ PUSH = 1e4
 #: Stiffness of the guide that keeps a point on its track over a bone, likewise.
 HOLD = 100.0
 
-#: An iteration that turns back on the one before lowers the greatest pace of a string by a factor, and halves its
-#: pace, which rises again with those that go on: what goes to and fro between two sets of contacts comes to
-#: rest between them, and a string that slides off a bone does not wait.
+#: An iteration that turns back on the one before lowers the greatest pace of a string by a factor, and halves
+#: its pace, which rises again with those that go on: what goes to and fro between two sets of contacts comes
+#: to rest between them, and a string that slides off a bone does not wait.
 CALMER, SLOWER, FASTER = 0.7, 0.5, 1.5
 
 #: Part of its gap over which a point may go before a bone is asked again: tissue gets thicker on the way.
