@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from vtkmuscle.core.collision.contact import Barrier, Contact
 from vtkmuscle.core.collision.muscle_contact import MuscleContact, Neighbour
 from vtkmuscle.core.collision.obstacles import Obstacle
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.surface import edge_lengths
@@ -48,7 +49,9 @@ SETTLING_PASSES = 6
 
 #: What is said of a state that is not finite.
 OUT_OF_RANGE = (
-    "the muscle left the range of floating point numbers; use a smaller external_force or another dt"
+    "",
+    "the muscle left the range of floating point numbers",
+    "use a smaller external_force or another dt",
 )
 
 #: A step's trend is taken into the next at most so many times, where the bones go on or turn back.
@@ -381,7 +384,7 @@ class MuscleSolver:
             try:
                 p, collided, convergence = solve(p, keep_out, clock, progress)
             except FloatingPointError as error:
-                raise ValueError(OUT_OF_RANGE) from error
+                raise InputError(*OUT_OF_RANGE) from error
             clock.switch("settling")
             if self._projection.settles:
                 collided |= self._settle(p, keep_out)
@@ -593,4 +596,4 @@ def _draw_to(p: Floats, target: Floats, free: Bools, part: float) -> None:
 
 def _check_finite(*arrays: Floats) -> None:
     if not all(np.isfinite(array).all() for array in arrays):
-        raise ValueError(OUT_OF_RANGE)
+        raise InputError(*OUT_OF_RANGE)
