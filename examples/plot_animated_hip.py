@@ -25,16 +25,13 @@ for name, muscle in phantom.muscles.items():
     attachments = phantom.attachments[name]
     fibres = decompose(muscle, attachments, template=phantom.templates[name], n_fibres=40)
     deformer = deform(muscle, phantom.bones, phantom.motion, attachments, fibres=fibres)
-    transport = FibreTransport()
-    transport.connect(1, muscle)
-    transport.connect(2, deformer)
-    tubes = fibres >> transport >> FibreMetrics() >> FibreTubes(radius=0.8)
+    carried = FibreTransport(rest_fibres=fibres, rest_muscle=muscle, deformed_muscle=deformer)
+    tubes = FibreTubes(fibres=carried >> FibreMetrics(), radius=0.8)
     plotter.add_mesh(deformer, color="darkred", opacity=0.3, culling="back")
     coloured = {"scalars": "Strain", "cmap": "coolwarm", "clim": (-0.3, 0.3), "show_scalar_bar": False}
-    plotter.add_mesh(tubes.last, **coloured)
+    plotter.add_mesh(tubes, **coloured)
 
-bones = BoneMotion(motion=phantom.motion)
-bones.connect(0, phantom.bones)
+bones = BoneMotion(bones=phantom.bones, motion=phantom.motion)
 surface = vtkCompositeDataGeometryFilter()  # PyVista shows algorithms that give one mesh
 surface.SetInputConnection(bones.GetOutputPort())
 plotter.add_mesh(surface, color="ivory", smooth_shading=True)

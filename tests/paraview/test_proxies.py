@@ -124,7 +124,7 @@ def test_a_kind_without_property_or_file_is_refused():
         """Take something odd."""
 
         thing = Parameter(dict, default=None, doc="Odd.")
-        input = InputPort(Filter, content="x", doc="X.")
+        input = InputPort(Filter, doc="X.")
 
     with pytest.raises(TypeError, match=r"'thing' is a dict.*FILES"):
         properties_of(Odd.parameter_declarations["thing"])

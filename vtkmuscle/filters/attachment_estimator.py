@@ -12,7 +12,8 @@ from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.bone_motion import bones_of
 from vtkmuscle.filters.fixed_point_detector import in_box
 
@@ -59,8 +60,8 @@ class AttachmentEstimator(Filter):
         str, default=None, doc="Name of the origin's bone; None is the one that is touched more."
     )
 
-    muscle = InputPort(vtkPolyData, content="muscle", doc="Triangles, in the rest pose.")
-    bones = InputPort(vtkMultiBlockDataSet, content="rest bones", doc="Named blocks of vtkPolyData, at rest.")
+    muscle = InputPort(vtkPolyData, doc="Triangles, in the rest pose.")
+    bones = InputPort(vtkMultiBlockDataSet, doc="Named blocks of vtkPolyData, at rest.")
     output = OutputPort(
         vtkMultiBlockDataSet,
         doc="Attachments: a block per area, a closed polyline through its landmarks, with the field arrays "

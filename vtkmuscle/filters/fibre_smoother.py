@@ -15,7 +15,8 @@ from vtkmuscle.data.arrays import Polylines, field_string, polylines_of, set_cel
 from vtkmuscle.data.attachments import end_areas
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
 Floats = NDArray[np.float64]
 
@@ -72,13 +73,10 @@ class FibreSmoother(Filter):
         "field array ``Template`` says that they are parallel, else 0.",
     )
 
-    fibres = InputPort(vtkPolyData, content="fibres", doc="Polylines, any number of points each.")
-    muscle = InputPort(
-        vtkPolyData, content="muscle", optional=True, doc="Closed triangles that the fibres stay in."
-    )
+    fibres = InputPort(vtkPolyData, doc="Polylines, any number of points each.")
+    muscle = InputPort(vtkPolyData, optional=True, doc="Closed triangles that the fibres stay in.")
     attachments = InputPort(
         vtkMultiBlockDataSet,
-        content="attachments",
         optional=True,
         doc="Areas on which the fibres' ends may move as fibres are spread.",
     )

@@ -15,7 +15,8 @@ from vtkmuscle.data.arrays import (
     set_point_array,
 )
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import OutputPort
 
 
 class FibreTemplateSource(Filter):

@@ -32,7 +32,8 @@ from vtkmuscle.data.arrays import (
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.data.pipeline_times import times_of
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -168,11 +169,9 @@ class FibreTransport(Filter):
         doc="What fibres follow: the taut fibres that the muscle was deformed with, or its surface alone.",
     )
 
-    rest_fibres = InputPort(vtkPolyData, content="fibres", doc="Polylines in the muscle at rest.")
-    rest_muscle = InputPort(vtkPolyData, content="muscle", doc="The muscle at rest, closed, triangles.")
-    deformed_muscle = InputPort(
-        vtkPolyData, content="deformed muscle", doc="The same points as the muscle at rest, moved."
-    )
+    rest_fibres = InputPort(vtkPolyData, doc="Polylines in the muscle at rest.")
+    rest_muscle = InputPort(vtkPolyData, doc="The muscle at rest, closed, triangles.")
+    deformed_muscle = InputPort(vtkPolyData, doc="The same points as the muscle at rest, moved.")
     output = OutputPort(
         vtkPolyData,
         doc="The moved polylines, with the arrays of the rest fibres and the cell array ``RestLength`` "

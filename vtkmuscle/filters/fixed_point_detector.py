@@ -14,7 +14,8 @@ from vtkmuscle.data.arrays import checked_surface, set_point_array
 from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.bone_motion import bones_of
 
 Floats = NDArray[np.float64]
@@ -75,11 +76,10 @@ class FixedPointDetector(Filter):
         int, default=DEFAULT_N_MAX, minimum=1, doc="Number of voxels of a bone, about (collision)."
     )
 
-    muscle = InputPort(vtkPolyData, content="muscle", doc="Triangles, in the rest pose.")
-    bones = InputPort(vtkMultiBlockDataSet, content="rest bones", doc="Named blocks of vtkPolyData, at rest.")
+    muscle = InputPort(vtkPolyData, doc="Triangles, in the rest pose.")
+    bones = InputPort(vtkMultiBlockDataSet, doc="Named blocks of vtkPolyData, at rest.")
     attachments = InputPort(
         vtkMultiBlockDataSet,
-        content="attachments",
         optional=True,
         doc="A block per area; needed for the method ``attachment`` only. Via rings fix nothing.",
     )

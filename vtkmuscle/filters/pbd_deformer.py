@@ -33,34 +33,18 @@ from vtkmuscle.data.pipeline_times import times_of
 from vtkmuscle.data.superficial import checked_superficial
 from vtkmuscle.filters.base.checkpoints import MEGABYTE, Checkpoints
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.base.time_path import input_at, path_to, request_time, requested_time, state_of_inputs
 from vtkmuscle.filters.bone_motion import bones_of
 from vtkmuscle.filters.deformer.convergence_report import convergence_fields, convergence_row
 from vtkmuscle.filters.deformer.convergence_table import ConvergenceTable
 from vtkmuscle.filters.deformer.kept_solver import FixedMuscle
 from vtkmuscle.filters.deformer.neighbours import Neighbours
-from vtkmuscle.filters.deformer.quality import with_preset
+from vtkmuscle.filters.deformer.quality import PRESETS
 from vtkmuscle.filters.deformer.solved_muscle import MuscleShape, SolvedMuscle
 
 Ints = NDArray[np.int64]
-
-#: Parameters that say nothing unless another one has one of these values: a change of them alone changes no
-#: frame.
-_ONLY_WITH = {
-    "cell": ("collision", {"sdf"}),
-    "skin": ("collision", {"sdf"}),
-    "friction": ("collision", {"sdf"}),
-    "n_max": ("collision", {"voxel"}),
-    "n_equal": ("collision", {"voxel"}),
-    "bone_push": ("collision", {"voxel"}),
-    "tolerance": ("solver", {"anderson", "two-level"}),
-    "nodes": ("solver", {"two-level"}),
-    "guidance": ("anisotropy", {"taut"}),
-    "coarse_points": ("start", {"coarse"}),
-    "coarse_iterations": ("start", {"coarse"}),
-}
-
 
 #: Ports whose data move with time.
 BONES, NEIGHBOURS = 1, 3
@@ -126,8 +110,10 @@ class PBDDeformer(Filter):
     ``start="inertial"``, ``collision="voxel"`` or in a muscle of fewer than 40 free points there is no
     correction, and it is as ``"anderson"``.
 
-    ``quality`` in the constructor, ``"preview"``, ``"balanced"`` or ``"accurate"``, stands for a few of the
-    parameters; those that are given count more.
+    ``quality`` stands for a group of the other parameters, and setting it sets them. Those that are given to
+    the constructor beside it count more, and one that is set afterwards is kept until ``quality`` is set
+    again. ``"published"`` are the settings of Kohout and Cervenka 2021; the others are points on the curve of
+    speed against accuracy.
 
     ``collision="sdf"`` moves points that are in a bone to its surface, along which they slide. Points that
     are in a bone at rest stay as deep as they are. ``"voxel"`` (P21) takes them back the way they came, which
@@ -139,9 +125,6 @@ class PBDDeformer(Filter):
     So muscles are put in an order, in which each yields to those before it; ``vtkGroupDataSetsFilter`` makes
     one input of several. A point stays on the outer side of the plane that touches the neighbour at the
     place nearest to it; one that a step takes past the middle of a neighbour comes out on the other side.
-
-    P21 itself is ``anisotropy="stiffness"``, ``start="inertial"``, ``solver="gauss-seidel"``,
-    ``order="sequential"``, ``collision="voxel"``, ``bone_push="transform"``, ``contact_velocity="keep"``.
 
     Raises
     ------
@@ -166,13 +149,20 @@ class PBDDeformer(Filter):
     >>> phantom = spindle_over_hinge()
     >>> (name, muscle), = phantom.muscles.items()
     >>> fixed = FixedPointDetector()(muscle, phantom.bones, phantom.attachments[name])
-    >>> moving = BoneMotion(motion=phantom.motion)
-    >>> moving.connect(0, phantom.bones)
-    >>> deformed = PBDDeformer(iterations=5).apply(fixed, moving, time=phantom.motion.times[-1])
+    >>> moving = BoneMotion(bones=phantom.bones, motion=phantom.motion)
+    >>> deformed = PBDDeformer(muscle=fixed, bones=moving, iterations=5).apply(time=10.0)
     >>> bool(abs(deformed.field_data["VolumeRatio"][0] - 1.0) < 0.01)
     True
     """
 
+    quality: Parameter[str | None] = Parameter(
+        str,
+        default=None,
+        choices=tuple(PRESETS),
+        sets=PRESETS,
+        doc="A name for a group of the parameters below, which are set with it: the settings of Kohout and "
+        "Cervenka 2021 ('published'), or three on the curve of speed against accuracy; None sets nothing.",
+    )
     iterations = Parameter(
         int, default=30, minimum=1, maximum=1_000_000, doc="Projections of all constraints per step, at most."
     )
@@ -204,17 +194,17 @@ class PBDDeformer(Filter):
         str,
         default="taut",
         choices=("taut", "stiffness", "off"),
-        aliases={True: "stiffness", False: "off"},
         doc="How edges give way along the fibres: they follow the fibres, pulled taut round the bones, or "
-        "they are less stiff (P21; also True), or not at all (also False).",
+        "they are less stiff (Kohout and Cervenka 2021), or not at all.",
     )
     guidance = Parameter(
         float,
         default=0.02,
         minimum=0.0,
         maximum=1.0,
+        only_with=("anisotropy", "taut"),
         doc="Part of its way to where the taut fibres carry it that each iteration draws a point of the "
-        "surface; for anisotropy 'taut' and a start other than 'inertial'.",
+        "surface; not with start 'inertial'.",
     )
     external_force = Parameter(
         tuple,
@@ -235,6 +225,7 @@ class PBDDeformer(Filter):
         default=None,
         above=0.0,
         units="mm",
+        only_with=("collision", "sdf"),
         doc="Distance of the nodes of the signed distance grids; None is 1/600 of the diagonal of the bone's "
         "box along its principal axes.",
     )
@@ -243,35 +234,38 @@ class PBDDeformer(Filter):
         default=0.0,
         minimum=0.0,
         units="mm",
-        doc="Distance that points keep from the bones; those nearer at rest may come as near; for collision "
-        "'sdf'.",
+        only_with=("collision", "sdf"),
+        doc="Distance that points keep from the bones; those nearer at rest may come as near.",
     )
     friction = Parameter(
         float,
         default=0.0,
         minimum=0.0,
+        only_with=("collision", "sdf"),
         doc="Coulomb's coefficient between muscle and bones: how much of the push out of a bone may be spent "
-        "on holding a point where it is on the bone; for collision 'sdf'.",
+        "on holding a point where it is on the bone.",
     )
     n_max = Parameter(
         int,
         default=DEFAULT_N_MAX,
         minimum=1,
+        only_with=("collision", "voxel"),
         doc="Number of voxels of a bone, about, shared out by the sides of its box so that they are nearly "
-        "cubes; for collision 'voxel'.",
+        "cubes.",
     )
     n_equal: Parameter[int | None] = Parameter(
         int,
         default=None,
         minimum=1,
-        doc="Number of voxels along each axis of a bone's box, instead of n_max; for collision 'voxel'.",
+        only_with=("collision", "voxel"),
+        doc="Number of voxels along each axis of a bone's box, instead of n_max.",
     )
     bone_push = Parameter(
         str,
         default="off",
         choices=("transform", "off"),
-        doc="What a bone does to points that it moved over: take them with it, or nothing; for collision "
-        "'voxel'.",
+        only_with=("collision", "voxel"),
+        doc="What a bone does to points that it moved over: take them with it, or nothing.",
     )
     contact_velocity = Parameter(
         str,
@@ -290,10 +284,15 @@ class PBDDeformer(Filter):
         int,
         default=COARSE_POINTS,
         minimum=4,
+        only_with=("start", "coarse"),
         doc="Points of the coarse muscle, about; a muscle of fewer than twice as many starts from 'blend'.",
     )
     coarse_iterations = Parameter(
-        int, default=COARSE_ITERATIONS, minimum=1, doc="Iterations of the coarse muscle per step."
+        int,
+        default=COARSE_ITERATIONS,
+        minimum=1,
+        only_with=("start", "coarse"),
+        doc="Iterations of the coarse muscle per step.",
     )
     solver = Parameter(
         str,
@@ -307,14 +306,16 @@ class PBDDeformer(Filter):
         default=0.5,
         minimum=0.0,
         units="mm",
+        only_with=("solver", "anderson", "two-level"),
         doc="Stop at this distance to the converged shape (root mean square), a bound of it where points are "
-        "drawn to taut fibres, else an estimate; not with solver 'gauss-seidel'. 0 never stops.",
+        "drawn to taut fibres, else an estimate. 0 never stops.",
     )
     nodes = Parameter(
         int,
         default=NODES,
         minimum=LEAST_NODES,
         maximum=600,
+        only_with=("solver", "two-level"),
         doc="Nodes of the coarse correction, about, with solver 'two-level'; fewer where there are not 8 "
         "free points for each. What they add to an iteration's cost grows with their square.",
     )
@@ -367,37 +368,30 @@ class PBDDeformer(Filter):
 
     muscle = InputPort(
         vtkPolyData,
-        content="fixed muscle",
         doc="Closed triangles in the rest pose, with the point array ``FixedTo``: -1 for a free point, else "
         "the index of a bone's block.",
     )
     bones = InputPort(
         vtkMultiBlockDataSet,
-        content="moving bones",
         doc="Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to "
         "now. Where one has the field array ``Reach``, points (n, 3) in the rest pose, its signed distance "
         "grid covers the part between them; a muscle that leaves it gets the whole bone, with a warning.",
     )
-    fibres = InputPort(
-        vtkPolyData, content="fibres", optional=True, doc="Polylines in the rest pose, for the anisotropy."
-    )
+    fibres = InputPort(vtkPolyData, optional=True, doc="Polylines in the rest pose, for the anisotropy.")
     neighbours = InputPort(
         vtkMultiBlockDataSet,
-        content="neighbours",
         optional=True,
         doc="Other muscles at the pipeline's time, out of which this one is kept: outputs of PBDDeformer, "
         "with the point array ``Displacement``.",
     )
     superficial = InputPort(
         vtkPolyData,
-        content="superficial fibres",
         optional=True,
         doc="Polylines on the muscle's surface in the rest pose, or near it; a few suffice for the direction "
         "of the anisotropy.",
     )
     attachments = InputPort(
         vtkMultiBlockDataSet,
-        content="attachments",
         optional=True,
         doc="For the via rings among them, which the fibres pass through.",
     )
@@ -423,7 +417,7 @@ class PBDDeformer(Filter):
         "port 2 [mm], and ``UnsettledFibres``, how many fibres did not come to rest.",
     )
 
-    def __init__(self, *, quality: str | None = None, **parameters: Any) -> None:
+    def __init__(self, **settings: Any) -> None:
         self._muscle = SolvedMuscle("PBDDeformer: muscle")
         self._rest_bones = RestBones("PBDDeformer: bones")
         self._neighbours: Neighbours | None = None
@@ -432,7 +426,7 @@ class PBDDeformer(Filter):
         self._made_with: object = None
         self._steps: tuple[float, ...] = ()
         self._table: ConvergenceTable | None = None
-        super().__init__(**with_preset(quality, parameters))
+        super().__init__(**settings)
 
     # ---------------------------------------------------------------- time
 
@@ -478,13 +472,10 @@ class PBDDeformer(Filter):
 
     def _settings_of_frames(self) -> dict[str, Any]:
         """Return the parameters that a frame depends on."""
-        settings = self.parameters()
-        del settings["checkpoint_memory"], settings["verbose"]
+        settings = self.parameters_that_count()
+        del settings["quality"], settings["checkpoint_memory"], settings["verbose"]
         if self.collision != "none":  # the bones at rest are known then
             del settings["penetration"]
-        for name, (other, values) in _ONLY_WITH.items():
-            if settings[other] not in values:
-                del settings[name]
         return settings
 
     # ---------------------------------------------------------------- one frame

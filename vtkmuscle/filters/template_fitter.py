@@ -32,7 +32,8 @@ from vtkmuscle.data.attachments import AttachmentArea, end_areas
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.data.superficial import superficial_fibres
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
 Floats = NDArray[np.float64]
 
@@ -105,14 +106,12 @@ class TemplateFitter(Filter):
 
     template = InputPort(
         vtkPolyData,
-        content="template",
         doc="Fibres in the unit cube, with the field arrays ``OriginArea`` and ``InsertionArea``.",
     )
-    muscle = InputPort(vtkPolyData, content="muscle", doc="The muscle's surface, triangles.")
-    attachments = InputPort(vtkMultiBlockDataSet, content="attachments", doc="Areas of both roles.")
+    muscle = InputPort(vtkPolyData, doc="The muscle's surface, triangles.")
+    attachments = InputPort(vtkMultiBlockDataSet, doc="Areas of both roles.")
     superficial = InputPort(
         vtkPolyData,
-        content="superficial fibres",
         optional=True,
         doc="Polylines on the muscle's surface, or near it, that the template's fibres are to follow.",
     )

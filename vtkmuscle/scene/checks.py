@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.taut.via_rings import passes_through, via_ring
-from vtkmuscle.core.words import shown
+from vtkmuscle.core.words import shown, suggestion
 from vtkmuscle.data.arrays import checked_surface, points_of, surface_from
 from vtkmuscle.data.attachments import ROLES, VIA, AttachmentArea
 from vtkmuscle.data.superficial import checked_superficial
@@ -44,14 +43,6 @@ ESTIMATE = "estimate"
 _FARTHEST_LANDMARKS = 1.0
 #: Coordinates beyond this are no length of anything, and their squares may be no numbers.
 _LARGEST = 1e60
-
-
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return what to do about a word that is not known: the nearest known one, and all of them."""
-    known = list(known)
-    near = get_close_matches(word, known, n=1, cutoff=0.5)
-    meant = f"did you mean {near[0]!r}? " if near else ""
-    return f"{meant}allowed: {', '.join(known) or 'none'}"
 
 
 def _check_model(scene: Scene) -> None:

@@ -15,7 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import blocks_of, multiblock_from
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of
-from vtkmuscle.filters.deformer.quality import PRESETS, with_preset
+from vtkmuscle.filters.deformer.quality import PRESETS
 from vtkmuscle.io.literature import LiteratureCurve
 
 if TYPE_CHECKING:
@@ -337,8 +337,9 @@ class Scene:
         return MILLIMETRES[self.units]
 
     def solver_of(self, muscle: str) -> dict[str, Any]:
-        """Return the parameters of a muscle's PBDDeformer: the preset's, the scene's, then its own."""
-        return with_preset(self.quality, {**self.solver, **self.muscles[muscle].solver})
+        """Return the parameters of a muscle's PBDDeformer: the scene's, then its own."""
+        given = {**self.solver, **self.muscles[muscle].solver}
+        return given if self.quality is None else {"quality": self.quality, **given}
 
     def fixing_of(self, muscle: str) -> dict[str, Any]:
         """Return the parameters of a muscle's FixedPointDetector: the scene's, then its own."""

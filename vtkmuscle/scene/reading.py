@@ -67,7 +67,7 @@ from vtkmuscle.core.files import MOST_TEXT, check_is_file
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS, Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, hinge
 from vtkmuscle.core.template.template_files import read_template
-from vtkmuscle.core.words import shown
+from vtkmuscle.core.words import shown, suggestion
 from vtkmuscle.data.arrays import multiblock_from
 from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of
 from vtkmuscle.io import (
@@ -81,7 +81,7 @@ from vtkmuscle.io import (
     read_surface,
 )
 from vtkmuscle.pipelines import estimate_attachments
-from vtkmuscle.scene.checks import ESTIMATE, suggestion
+from vtkmuscle.scene.checks import ESTIMATE
 from vtkmuscle.scene.model import Muscle, Scene, SceneError
 
 T = TypeVar("T")
