@@ -21,7 +21,7 @@ from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.pipelines import decompose
 
 END = 300
-P21 = {"anisotropy": "stiffness", "start": "inertial", "solver": "gauss-seidel", "order": "sequential"}
+P21 = {"quality": "published"}
 WAYS = {
     "P21": P21,
     "taut": {"solver": "gauss-seidel"},

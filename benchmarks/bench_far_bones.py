@@ -41,7 +41,7 @@ def chain(phantom, name, n_far, *, move):
         if move:
             transforms[f"far {number}"] = moving
     motion = RigidMotion(phantom.motion.times, transforms)
-    return deform(fixed, multiblock_from(blocks), motion, fixed=None), motion
+    return deform(fixed, multiblock_from(blocks), motion, fixing=None), motion
 
 
 def main():

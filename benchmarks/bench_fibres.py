@@ -49,7 +49,7 @@ def staged(
     n_fibres: int,
     resolution: int,
     even: bool = False,
-    filling: float | None = None,
+    spreading: float | None = None,
 ) -> tuple[object, list[float]]:
     """Return fibres from new filters, and what each stage took [ms].
 
@@ -65,7 +65,7 @@ def staged(
     times.append(time.perf_counter())
     trimmed = FibreTrimmer()(morphed, muscle, attachments)
     times.append(time.perf_counter())
-    smoothed = FibreSmoother(filling=filling)(trimmed, muscle, attachments)
+    smoothed = FibreSmoother(spreading=spreading)(trimmed, muscle, attachments)
     times.append(time.perf_counter())
     return smoothed, (1e3 * np.diff(times)).tolist()
 

@@ -28,8 +28,8 @@ from vtkmuscle.scene import Scene
 
 #: Settings of the deformer beside those of the scene.
 MODES = {
-    "sdf": {"collision": "sdf", "cell": 1.0},
-    "sdf, plain": {"collision": "sdf", "cell": 1.0, "solver": "gauss-seidel"},
+    "sdf": {"collision": "sdf", "grid_spacing": 1.0},
+    "sdf, plain": {"collision": "sdf", "grid_spacing": 1.0, "solver": "gauss-seidel"},
     "voxel": {"collision": "voxel", "solver": "gauss-seidel"},
     "voxel, anderson": {"collision": "voxel", "solver": "anderson"},
     "voxel, transform": {"collision": "voxel", "solver": "gauss-seidel", "bone_push": "transform"},
@@ -42,7 +42,7 @@ MODES = {
         "contact_velocity": "keep",
         "anisotropy": "stiffness",
     },
-    "none": {"collision": "none"},
+    "off": {"collision": "off"},
 }
 
 #: Beyond the femoral head, up to this far from it, pelvis is acetabulum [mm].
@@ -85,7 +85,7 @@ def measured(scene, name, distances, settings, acetabulum):
     free = point_array(rest, "FixedTo", "") < 0
     counted = free & (np.max([d.depth(points_of(rest)) for d in distances.values()], axis=0) == 0.0)
     chain = deform(
-        detector, scene.bones_data(), scene.motion, fixed=None, **{**scene.solver_of(name), **settings}
+        detector, scene.bones_data(), scene.motion, fixing=None, **{**scene.solver_of(name), **settings}
     )
     for time in scene.motion.times:
         out = chain.update(time=float(time)).output

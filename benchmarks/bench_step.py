@@ -34,7 +34,7 @@ from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
-from vtkmuscle.pipelines import PRUNE, decompose, deform
+from vtkmuscle.pipelines import WEIGHT_TOLERANCE, decompose, deform
 
 #: The settings that are measured, and which of them is the default.
 SETTINGS: dict[str, dict[str, Any]] = {
@@ -134,12 +134,12 @@ class Muscle:
             bones,
             motion,
             fibres=self.fibres,
-            fixed=None,
+            fixing=None,
             iterations=iterations,
             checkpoint_memory=0.0,
             **settings,
         )
-        transport = FibreTransport(prune=PRUNE)
+        transport = FibreTransport(weight_tolerance=WEIGHT_TOLERANCE)
         for port, value in enumerate((self.fibres, self.detector, deformer)):
             transport.connect(port, value)
         return deformer, transport

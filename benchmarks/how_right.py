@@ -30,7 +30,7 @@ from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.filters import BoneMotion, FibreTransport, FixedPointDetector, TautFibres
 from vtkmuscle.io import curves_for, read_literature
 from vtkmuscle.phantoms import Phantom
-from vtkmuscle.pipelines import PRUNE, decompose, deform
+from vtkmuscle.pipelines import WEIGHT_TOLERANCE, decompose, deform
 
 Floats = NDArray[np.float64]
 
@@ -96,8 +96,8 @@ def lengths_of_both(
     strings = TautFibres()
     for port, value in enumerate((fibres, fixed, moving, attachments)):
         strings.connect(port, value)
-    deformer = deform(fixed, bones, motion, attachments, fibres=fibres, fixed=None)
-    carried = FibreTransport(prune=PRUNE)
+    deformer = deform(fixed, bones, motion, attachments, fibres=fibres, fixing=None)
+    carried = FibreTransport(weight_tolerance=WEIGHT_TOLERANCE)
     for port, value in enumerate((fibres, fixed, deformer)):
         carried.connect(port, value)
     found: dict[str, Floats] = {}

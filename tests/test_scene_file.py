@@ -109,7 +109,7 @@ def test_settings_of_a_muscle_go_before_those_of_the_scene(scene_file):
     edit(
         scene_file,
         "[solver]",
-        "solver = { iterations = 7, stiffness = 1 }\nfixing = { tolerance = 2.5 }\n[solver]\ndamping = 1",
+        "solver = { iterations = 7, stiffness = 1 }\nfixing = { distance = 2.5 }\n[solver]\ndamping = 1",
     )
     scene = Scene.load(scene_file)
     assert scene.solver_of("spindle") == {"iterations": 7, "stiffness": 1, "damping": 1}
@@ -139,7 +139,7 @@ def test_an_open_bone_will_do_and_the_run_says_what_was_made_of_it(scene_file):
     points, triangles = surface_parts(path)
     write_polydata(path, surface_from(points, triangles[1:]))
     # Voxels that reach as far as the muscle, which is not near enough to the bone otherwise.
-    edit(scene_file, "iterations = 3", 'iterations = 3\ncollision = "voxel"\nn_equal = 1')
+    edit(scene_file, "iterations = 3", 'iterations = 3\ncollision = "voxel"\nn_voxels_per_axis = 1')
     scene = Scene.load(scene_file)
     assert scene.bones["upper"].GetNumberOfCells() == len(triangles) - 1
     with pytest.warns(UserWarning, match=r"block 'upper': the surface is open: 1 hole\(s\), 3 edges"):
@@ -185,7 +185,7 @@ def test_a_template_of_ones_own_is_beside_the_scene(scene_file, tmp_path, monkey
     assert Path(named) == (scene_file.parent / "own.json").resolve()
     again = Scene.load(scene.save(elsewhere / "saved"))
     assert again.muscles["spindle"].fibres["template_file"] == named
-    source = FibreTemplateSource(file=named, n_fibres=3).update().output
+    source = FibreTemplateSource(template_file=named, n_fibres=3).update().output
     assert source.GetNumberOfCells() == 3
 
 
@@ -667,7 +667,7 @@ def test_a_saved_scene_is_the_same_scene(scene_file, tmp_path):
     edit(
         scene_file,
         "[solver]",
-        "solver = { external_force = [0, 0.1, 1e-9], anisotropy = false }\nfixing = { tolerance = 0.1 }\n"
+        'solver = { external_force = [0, 0.1, 1e-9], anisotropy = "off" }\nfixing = { distance = 0.1 }\n'
         '[fixing]\nmethod = "attachment"\n[solver]',
     )
     first = Scene.load(scene_file)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.filters.attachment_estimator import AttachmentEstimator
+from vtkmuscle.core.words import suggestion
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
@@ -18,62 +20,25 @@ from vtkmuscle.filters.slice_morpher import SliceMorpher
 from vtkmuscle.filters.taut_fibres import TautFibres
 from vtkmuscle.filters.template_fitter import TemplateFitter
 
-#: The settings of :func:`decompose`, and the parameter of a filter that each one is.
+#: The filters of :func:`decompose`, in order.
+FIBRE_CHAIN: tuple[type[Filter], ...] = (
+    FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer, FibreSmoother,
+)  # fmt: skip
+#: The settings of :func:`decompose`, and the parameter of a filter that each one is, by the same name.
 FIBRE_SETTINGS: dict[str, tuple[type[Filter], str]] = {
-    "template": (FibreTemplateSource, "kind"),
-    "template_file": (FibreTemplateSource, "file"),
-    "n_fibres": (FibreTemplateSource, "n_fibres"),
-    "resolution": (FibreTemplateSource, "resolution"),
-    "axis": (TemplateFitter, "axis"),
-    "angle_step": (TemplateFitter, "angle_step"),
-    "refine": (TemplateFitter, "refine"),
-    "cube": (TemplateFitter, "cube"),
-    "mirror": (TemplateFitter, "mirror"),
-    "method": (SliceMorpher, "method"),
-    "mapping": (SliceMorpher, "mapping"),
-    "spread": (SliceMorpher, "spread"),
-    "slice_tolerance": (SliceMorpher, "slice_tolerance"),
-    "continuity": (SliceMorpher, "continuity"),
-    "twist": (SliceMorpher, "twist"),
-    "largest_cut": (FibreTrimmer, "largest_cut"),
-    "smoothing": (FibreSmoother, "iterations"),
-    "smoothing_weight": (FibreSmoother, "k"),
-    "filling": (FibreSmoother, "filling"),
+    name: (kind, name) for kind in FIBRE_CHAIN for name in kind.parameter_declarations
 }
-
 #: Settings of fibres in a scene that are none of :func:`decompose`: how they are carried with the muscle.
-TRANSPORT_SETTINGS: dict[str, tuple[type[Filter], str]] = {"prune": (FibreTransport, "prune")}
-#: What ``prune`` is in scenes: of 1600 fibre points in 9878 vertices it keeps 5 MB of weights instead of
-#: 126, and a frame takes 0.7 ms instead of 48; a muscle bent by a radian has fibre points 0.007 mm off,
+TRANSPORT_SETTINGS: dict[str, tuple[type[Filter], str]] = {
+    "weight_tolerance": (FibreTransport, "weight_tolerance")
+}
+#: What ``weight_tolerance`` is in scenes: of 1600 fibre points in 9878 vertices it keeps 5 MB of weights
+#: instead of 126, and a frame takes 0.7 ms instead of 48; a muscle bent by a radian has fibre points 0.007 mm off,
 #: 0.036 mm at most (``benchmarks/bench_fibres.py --transport``).
-PRUNE = 0.3
+WEIGHT_TOLERANCE = 0.3
 
 
-def decompose(
-    muscle: Any,
-    attachments: Any,
-    superficial: Any = None,
-    *,
-    template: str = "parallel",
-    template_file: str | None = None,
-    n_fibres: int = 100,
-    resolution: int = 15,
-    axis: str = "auto",
-    angle_step: float = 5.0,
-    refine: bool = False,
-    cube: str = "upright",
-    mirror: bool = False,
-    method: str = "auto",
-    mapping: str = "bijective",
-    spread: str = "map",
-    slice_tolerance: float | None = None,
-    continuity: float = 0.2,
-    twist: float = 0.0,
-    largest_cut: float = 0.5,
-    smoothing: int = 5,
-    smoothing_weight: float = 4.0,
-    filling: float | None = None,
-) -> FibreSmoother:
+def decompose(muscle: Any, attachments: Any, superficial: Any = None, **settings: Any) -> FibreSmoother:
     """Return the chain of filters that fills a muscle with fibres.
 
     The chain is FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer and FibreSmoother; nothing
@@ -88,18 +53,8 @@ def decompose(
     superficial : vtkPolyData or algorithm, optional
         Fibres that are seen on the muscle's surface, a few polylines: the template is turned and twisted such
         that its fibres follow them.
-    template, template_file, n_fibres, resolution
-        Kind, file with a template of your own, number of fibres and segments per fibre of
-        FibreTemplateSource.
-    axis, angle_step, refine, cube, mirror
-        Of TemplateFitter.
-    method, mapping, spread, slice_tolerance, continuity, twist
-        Of SliceMorpher.
-    largest_cut
-        Of FibreTrimmer.
-    smoothing, smoothing_weight, filling
-        Passes, weight ``k`` and ``filling`` of FibreSmoother, which keeps the fibres in the muscle and
-        spreads parallel ones evenly through it.
+    **settings
+        Parameters of the five filters: ``template``, ``n_fibres``, ``smoothing_passes`` and so on.
 
     Returns
     -------
@@ -108,6 +63,8 @@ def decompose(
 
     Raises
     ------
+    TypeError
+        For a keyword that is a parameter of none of the filters.
     ValueError
         If a setting is not allowed; the message says what is.
 
@@ -117,36 +74,23 @@ def decompose(
     >>> from vtkmuscle.pipelines import decompose
     >>> phantom = spindle_over_hinge()
     >>> (name, muscle), = phantom.muscles.items()
-    >>> fibres = decompose(muscle, phantom.attachments[name], n_fibres=10).update().output
+    >>> fibres = decompose(muscle, phantom.attachments[name], n_fibres=10).output
     >>> fibres.GetNumberOfCells()
     10
     """
-    source = FibreTemplateSource(kind=template, file=template_file, n_fibres=n_fibres, resolution=resolution)
-    fitter = _connected(
-        TemplateFitter(axis=axis, angle_step=angle_step, refine=refine, cube=cube, mirror=mirror),
-        source,
-        muscle,
-        attachments,
-        superficial,
-    )
-    morpher = _connected(
-        SliceMorpher(
-            method=method,
-            mapping=mapping,
-            spread=spread,
-            slice_tolerance=slice_tolerance,
-            continuity=continuity,
-            twist=twist,
-        ),
-        fitter,
-        muscle,
-        attachments,
-        superficial,
-    )
-    trimmer = _connected(FibreTrimmer(largest_cut=largest_cut), morpher, muscle, attachments)
-    smoother = FibreSmoother(iterations=smoothing, k=smoothing_weight, filling=filling)
-    _connected(smoother, trimmer, muscle, attachments)
-    return smoother
+    for name in settings:
+        if name not in FIBRE_SETTINGS:
+            raise TypeError(f"decompose has no setting {name!r}; {suggestion(name, FIBRE_SETTINGS)}")
+
+    def own(kind: type[Filter]) -> dict[str, Any]:
+        return {name: value for name, value in settings.items() if name in kind.parameter_declarations}
+
+    where = {"muscle": muscle, "attachments": attachments}
+    source = FibreTemplateSource(**own(FibreTemplateSource))
+    fitted = TemplateFitter(template=source, superficial=superficial, **where, **own(TemplateFitter))
+    morphed = SliceMorpher(template=fitted, superficial=superficial, **where, **own(SliceMorpher))
+    trimmed = FibreTrimmer(fibres=morphed, **where, **own(FibreTrimmer))
+    return FibreSmoother(fibres=trimmed, **where, **own(FibreSmoother))
 
 
 def deform(
@@ -157,8 +101,7 @@ def deform(
     *,
     fibres: Any = None,
     superficial: Any = None,
-    fixed: str | None = "attachment",
-    fixed_tolerance: float | None = None,
+    fixing: Mapping[str, Any] | None = MappingProxyType({}),
     **solver: Any,
 ) -> PBDDeformer:
     """Return the chain of filters that deforms a muscle with moving bones.
@@ -175,16 +118,16 @@ def deform(
     motion : RigidMotion
         How the bones move.
     attachments : vtkMultiBlockDataSet or algorithm, optional
-        Where the muscle is attached; needed where ``fixed`` is ``"attachment"``.
+        Where the muscle is attached; needed by the method ``"attachment"`` of
+        FixedPointDetector.
     fibres : vtkPolyData or algorithm, optional
         Fibres at rest, for the anisotropy.
     superficial : vtkPolyData or algorithm, optional
         Fibres that are seen on the muscle's surface at rest, a few polylines, for the direction of the
         anisotropy.
-    fixed : str or None, optional
-        Method of FixedPointDetector; None for a muscle that has the point array ``FixedTo`` already.
-    fixed_tolerance : float, optional
-        Tolerance of FixedPointDetector.
+    fixing : mapping or None, optional
+        Parameters of FixedPointDetector, as ``{"method": "proximity", "distance": 3.0}``; None for a muscle
+        that has the point array ``FixedTo`` already.
     **solver
         Parameters of PBDDeformer.
 
@@ -211,14 +154,14 @@ def deform(
     >>> deformed.GetNumberOfPoints() == muscle.GetNumberOfPoints()
     True
     """
-    if fixed is not None:
-        detector = FixedPointDetector(method=fixed, tolerance=fixed_tolerance)
-        muscle = _connected(detector, muscle, bones, attachments)
-    mover = _connected(BoneMotion(motion=motion), bones)
-    deformer = PBDDeformer(**solver)
-    for port, value in enumerate((muscle, mover, fibres, None, superficial, attachments)):
-        deformer.connect(port, value)
-    return deformer
+    return PBDDeformer(
+        muscle=_fixed(muscle, bones, attachments, fixing),
+        bones=BoneMotion(bones=bones, motion=motion),
+        fibres=fibres,
+        superficial=superficial,
+        attachments=attachments,
+        **solver,
+    )
 
 
 def pull_taut(
@@ -228,8 +171,7 @@ def pull_taut(
     fibres: Any,
     attachments: Any = None,
     *,
-    fixed: str | None = "attachment",
-    fixed_tolerance: float | None = None,
+    fixing: Mapping[str, Any] | None = MappingProxyType({}),
     **settings: Any,
 ) -> TautFibres:
     """Return the chain of filters that pulls fibres taut round moving bones, without deforming a muscle.
@@ -239,7 +181,7 @@ def pull_taut(
 
     Parameters
     ----------
-    muscle, bones, motion, fixed, fixed_tolerance
+    muscle, bones, motion, fixing
         As of :func:`deform`.
     fibres : vtkPolyData or algorithm
         Fibres at rest, as of :func:`decompose`.
@@ -272,56 +214,17 @@ def pull_taut(
     >>> taut.update(time=phantom.motion.times[1]).output.GetNumberOfCells()
     8
     """
-    if fixed is not None:
-        detector = FixedPointDetector(method=fixed, tolerance=fixed_tolerance)
-        muscle = _connected(detector, muscle, bones, attachments)
-    mover = _connected(BoneMotion(motion=motion), bones)
-    taut = TautFibres(**settings)
-    _connected(taut, fibres, muscle, mover, attachments)
-    return taut
+    return TautFibres(
+        rest_fibres=fibres,
+        rest_muscle=_fixed(muscle, bones, attachments, fixing),
+        bones=BoneMotion(bones=bones, motion=motion),
+        attachments=attachments,
+        **settings,
+    )
 
 
-def estimate_attachments(
-    muscle: Any, bones: Any, *, tolerance: float | None = None, origin: str | None = None
-) -> Any:
-    """Return attachments of a muscle for which there are no landmarks, from where it touches the bones.
-
-    Parameters
-    ----------
-    muscle : vtkPolyData or algorithm
-        Surface of triangles, in the rest pose.
-    bones : vtkMultiBlockDataSet or algorithm
-        Named blocks, in the rest pose.
-    tolerance, origin
-        Of AttachmentEstimator, which says how they are found and what they are good for.
-
-    Returns
-    -------
-    vtkMultiBlockDataSet
-        What :func:`decompose` and :func:`deform` take as attachments; each block has the field array
-        ``Estimated``, which is 1.
-
-    Raises
-    ------
-    ValueError
-        If the muscle touches fewer than two bones.
-
-    Examples
-    --------
-    >>> from vtkmuscle.phantoms import spindle_over_hinge
-    >>> from vtkmuscle.pipelines import deform, estimate_attachments
-    >>> phantom = spindle_over_hinge()
-    >>> (name, muscle), = phantom.muscles.items()
-    >>> attachments = estimate_attachments(muscle, phantom.bones)
-    >>> chain = deform(muscle, phantom.bones, phantom.motion, attachments, iterations=3)
-    >>> float(chain.update(time=0.0).output.GetFieldData().GetArray("VolumeRatio").GetValue(0))
-    1.0
-    """
-    estimator = AttachmentEstimator(tolerance=tolerance, origin=origin)
-    return _connected(estimator, muscle, bones).update().output
-
-
-def _connected(algorithm: Filter, *inputs: Any) -> Filter:
-    for port, value in enumerate(inputs):
-        algorithm.connect(port, value)
-    return algorithm
+def _fixed(muscle: Any, bones: Any, attachments: Any, fixing: Mapping[str, Any] | None) -> Any:
+    """Return the muscle with its fixed points marked, by the settings of FixedPointDetector."""
+    if fixing is None:
+        return muscle
+    return FixedPointDetector(muscle=muscle, bones=bones, attachments=attachments, **fixing)

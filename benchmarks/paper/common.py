@@ -28,13 +28,12 @@ from vtkmuscle.core.mesh.surface import edge_lengths
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.data.arrays import checked_surface, field_array, points_of
 from vtkmuscle.filters import FibreTransport, FixedPointDetector
-from vtkmuscle.pipelines import PRUNE, decompose, deform
+from vtkmuscle.pipelines import WEIGHT_TOLERANCE, decompose, deform
 from vtkmuscle.plotting import can_render, choose_view, make_plotter
 from vtkmuscle.plotting.views import View
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from muscle_problem import data_folder
-from published import P21
 
 Floats = NDArray[np.float64]
 
@@ -74,6 +73,10 @@ class Table:
         return "\n".join([*lines, ""])
 
 
+#: The settings of Kohout and Cervenka 2021; the number of iterations differs between their experiments.
+P21: dict[str, Any] = {"quality": "published"}
+
+
 class Chain:
     """A muscle that follows its bones, with what it is made of.
 
@@ -89,11 +92,11 @@ class Chain:
         self.marked = FixedPointDetector(**fixing).apply(surface, scene.bones_data(), areas)
         self.fibres = case.fibres(name)
         self.deformer = deform(
-            self.marked, scene.bones_data(), case.motion, fibres=self.fibres, fixed=None, **solver
+            self.marked, scene.bones_data(), case.motion, fibres=self.fibres, fixing=None, **solver
         )
         # P21 carries fibres with all weights (its eq. 8); a run with those that matter.
-        theirs = solver.get("order") == P21["order"]
-        self.transport = FibreTransport(prune=0.0 if theirs else PRUNE)
+        theirs = solver.get("quality") == P21["quality"]
+        self.transport = FibreTransport(weight_tolerance=0.0 if theirs else WEIGHT_TOLERANCE)
         for port, value in enumerate((self.fibres, self.marked, self.deformer)):
             self.transport.connect(port, value)
         self._times = case.motion.times

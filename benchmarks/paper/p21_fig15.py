@@ -67,7 +67,7 @@ def deformed_lengths(case: Case, name: str, poses: Poses, settings: dict[str, An
     """Return the lengths of our fibres in the deformed muscle, (angles, fibres) [mm]."""
     chain = case.chain(name)
     deformer = deform(
-        chain.marked, case.scene.bones_data(), poses.motion, fibres=chain.fibres, fixed=None, **settings
+        chain.marked, case.scene.bones_data(), poses.motion, fibres=chain.fibres, fixing=None, **settings
     )
     chain.transport.connect(2, deformer)
     found = []

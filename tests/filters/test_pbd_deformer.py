@@ -132,7 +132,7 @@ def test_arrays_of_the_input_pass_and_the_input_stays_as_it_is():
 
 
 def test_displacement_velocity_and_report_are_those_of_the_frame():
-    deformer = deformer_of(dt=0.5, collision="none")
+    deformer = deformer_of(dt=0.5, collision="off")
     before = frame(deformer, 20.0)
     out = deformer.update(30.0).output
     rest = points_of(spindle())
@@ -194,7 +194,7 @@ def test_fibres_give_the_direction():
     assert np.abs(results[0] - results[1]).max() > 0.1
     # The harmonic field's direction is nearly that of straight fibres.
     assert np.abs(results[0] - results[2]).max() < np.abs(results[0] - results[1]).max() / 2
-    off = [frame(deformer_of(fibres=fibres, anisotropy=False), 30.0) for fibres in (along, None)]
+    off = [frame(deformer_of(fibres=fibres, anisotropy="off"), 30.0) for fibres in (along, None)]
     assert np.array_equal(*off)
 
 
@@ -251,7 +251,7 @@ def test_points_are_kept_out_of_a_bone_that_is_not_fixed_to_anything(collision):
     pushed = deformer_of(
         muscle, swing, collision=collision, bone_push="transform", start="inertial", iterations=10
     )
-    passed = deformer_of(muscle, swing, collision="none", start="inertial", iterations=10)
+    passed = deformer_of(muscle, swing, collision="off", start="inertial", iterations=10)
     depths = []
     for deformer in (pushed, passed):
         out = deformer.update(12.0).output
@@ -282,16 +282,16 @@ def gap(deformer, swing, free):
 
 
 def test_the_skin_keeps_the_muscle_off_the_bone():
-    bare, *of_bare = swinging(cell=0.5)
-    off, *of_off = swinging(cell=0.5, skin=2.0)
+    bare, *of_bare = swinging(grid_spacing=0.5)
+    off, *of_off = swinging(grid_spacing=0.5, bone_clearance=2.0)
     assert gap(bare, *of_bare) == pytest.approx(0.0, abs=0.1)
     # Round an edge of the bone the distance is a rounded one: a little short between the nodes.
     assert gap(off, *of_off) == pytest.approx(2.0, abs=0.1)
 
 
-@pytest.mark.parametrize("collision", ["none", "sdf"])
+@pytest.mark.parametrize("collision", ["off", "sdf"])
 def test_penetration_is_that_of_the_free_points_in_the_exact_bone(collision):
-    deformer, swing, free = swinging(collision=collision, penetration=True, start="inertial")
+    deformer, swing, free = swinging(collision=collision, measure_penetration=True, start="inertial")
     out = deformer.update(12.0).output
     lower = np.array([5.0, 5.0, 20.0]) - np.abs(points_of(out)[free] - [0, 25, -30])
     back = apply_transform(inverse(swing.at(12.0)["upper"]), points_of(out)[free]) - [0, 25, 30]
@@ -300,7 +300,7 @@ def test_penetration_is_that_of_the_free_points_in_the_exact_bone(collision):
     assert field_array(out, "PenetrationMax")[0] == pytest.approx(depths.max(), abs=1e-5)
     assert field_array(out, "PenetrationP95")[0] == pytest.approx(np.percentile(depths, 95), abs=1e-5)
     assert field_array(out, "PenetratingPoints")[0] == (depths > 1e-9).sum()
-    assert (depths.max() > 1.0) == (collision == "none")
+    assert (depths.max() > 1.0) == (collision == "off")
 
 
 def test_penetration_is_not_measured_unless_asked_for_and_asking_computes_no_frame_anew(counted_steps):
@@ -339,7 +339,7 @@ def test_colliding_points_keep_their_velocity_where_asked_for():
 
 def test_voxels_may_be_as_many_along_each_axis():
     grids = []
-    for settings in ({"n_max": 12**3}, {"n_equal": 12}):
+    for settings in ({"n_voxels": 12**3}, {"n_voxels_per_axis": 12}):
         deformer, *_ = swinging(collision="voxel", solver="gauss-seidel", **settings)
         deformer.update(12.0)
         grids.append(deformer._rest_bones.obstacles[1].grid.cells.shape)
@@ -587,13 +587,13 @@ def test_a_bone_that_does_not_move_with_its_transform_is_told():
     deformer.update(0.0)
     with pytest.raises(ValueError, match="block 'upper': its points are not its rest points"):
         deformer.update(5.0)
-    deformer.collision = "none"
+    deformer.collision = "off"
     deformer.update(5.0)
 
 
 def test_a_free_body_falls_if_there_is_a_force():
     muscle = marked(np.full(N, -1, dtype=np.int32))
-    deformer = deformer_of(muscle, external_force=(0, 0, -1.0), damping=1.0, collision="none")
+    deformer = deformer_of(muscle, external_force=(0, 0, -1.0), damping=1.0, collision="off")
     assert np.allclose(frame(deformer, 10.0) - points_of(muscle), [0, 0, -6.0], atol=1e-9)
 
 
@@ -602,7 +602,7 @@ def test_a_free_body_falls_if_there_is_a_force():
 
 @pytest.mark.parametrize("anisotropy", ["taut", "stiffness", "off"])
 def test_edges_along_and_across_the_fibres_are_in_the_report(anisotropy):
-    deformer = deformer_of(anisotropy=anisotropy, penetration=True)
+    deformer = deformer_of(anisotropy=anisotropy, measure_penetration=True)
     out = deformer.update(30.0).output
     row = read_convergence(out)
     for way in ("along", "across"):
@@ -655,7 +655,7 @@ def test_no_grids_without_collision(monkeypatch):
 
     monkeypatch.setattr("vtkmuscle.core.collision.obstacles.build_voxel_grid", never)
     monkeypatch.setattr("vtkmuscle.core.collision.obstacles.cached_distance_grid", never)
-    deformer_of(collision="none").update(30.0)
+    deformer_of(collision="off").update(30.0)
 
 
 def test_parameters_round_trip():
@@ -714,7 +714,7 @@ def test_real_adductor_brevis_keeps_its_volume_and_its_bones(lhdl_hip):
 
 
 @pytest.mark.filterwarnings("ignore:.* moved .* in one step")
-@pytest.mark.parametrize("collision", ["sdf", "voxel", "none"])
+@pytest.mark.parametrize("collision", ["sdf", "voxel", "off"])
 @pytest.mark.parametrize("solver", ["anderson", "gauss-seidel"])
 def test_a_force_that_takes_the_muscle_far_away_is_survived_or_refused(collision, solver):
     deformer = deformer_of(external_force=(1e30, 0.0, 0.0), collision=collision, solver=solver)

@@ -33,8 +33,11 @@ def deformer_of():
 def test_a_preset_is_its_settings_and_explicit_ones_count_more():
     for name, settings in PRESETS.items():
         made = PBDDeformer(quality=name).parameters()
-        assert made == {**PBDDeformer().parameters(), **settings}
+        assert made == {**PBDDeformer().parameters(), "quality": name, **settings}
         assert PBDDeformer(**made).parameters() == made
+        deformer = PBDDeformer()
+        deformer.quality = name
+        assert deformer.parameters() == made
     assert PBDDeformer(quality="accurate", iterations=10).iterations == 10
     assert PBDDeformer(quality=None).parameters() == PBDDeformer().parameters()
 
@@ -49,7 +52,9 @@ def test_an_unknown_preset_is_refused_with_those_there_are():
 def test_a_reduced_muscle_carries_the_full_one_near_to_where_it_goes_itself(deformer_of):
     time = deformer_of.times[6]
     full = deformer_of(iterations=100).update(time=time).output
-    reduced = deformer_of(iterations=100, max_triangles=600, penetration=True).update(time=time).output
+    reduced = (
+        deformer_of(iterations=100, max_triangles=600, measure_penetration=True).update(time=time).output
+    )
     rest = points_of(deformer_of.fixed)
     assert points_of(reduced).shape == rest.shape
     moved = np.linalg.norm(points_of(full) - rest, axis=1).max()

@@ -43,7 +43,7 @@ def done(scene, tmp_path_factory):
     settings += [Setting("preview", "presets", PRESETS["preview"]), Setting("every=2", "every", every=2)]
     settings += [
         Setting("few fibres", "n_fibres", {}, {"n_fibres": 3}),
-        Setting("pruned", "prune", prune=1.0),
+        Setting("pruned", "weight_tolerance", weight_tolerance=1.0),
     ]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(study_module, "FIRST_ITERATIONS", 50)
@@ -133,7 +133,7 @@ def test_the_key_tells_scenes_frames_settings_and_code_apart(scene, tmp_path, mo
     def key(scene=scene, frames=(0, 1), **setting):
         return Records(tmp_path, scene, ["spindle"], frames).key(Setting("any", "any", **setting))
 
-    keys = [key(), key(frames=(0, 2)), key(prune=1.0), key(solver={"iterations": 2})]
+    keys = [key(), key(frames=(0, 2)), key(weight_tolerance=1.0), key(solver={"iterations": 2})]
     keys.append(key(replace(scene, solver={"stiffness": 0.5})))
     keys.append(key(replace(scene, motion=thinned(scene.motion, 2, 2))))
     monkeypatch.setattr("vtkmuscle.tradeoff.records.code_digest", lambda: "other")
@@ -242,7 +242,10 @@ def test_peak_memory_sees_what_was_freed_again():
 def test_settings_are_chosen_by_group_or_name():
     settings = grid()
     assert [s.name for s in chosen(settings, ["presets"])] == list(PRESETS)
-    assert {s.group for s in chosen(settings, ["iterations", "prune=1"])} == {"iterations", "prune"}
+    assert {s.group for s in chosen(settings, ["iterations", "weight_tolerance=1"])} == {
+        "iterations",
+        "weight_tolerance",
+    }
     with pytest.raises(ValueError, match=r"no setting is called 'iteratons'; there are groups presets, iter"):
         chosen(settings, ["iteratons"])
 

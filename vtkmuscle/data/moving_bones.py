@@ -193,6 +193,6 @@ class RestBones:
             if not off <= RIGIDITY_TOLERANCE * scale:
                 raise ValueError(
                     f"{self._where}, block {name!r}: its points are not its rest points moved by its "
-                    "'Transform'; move bones with BoneMotion, or set collision to 'none'"
+                    "'Transform'; move bones with BoneMotion, or set collision to 'off'"
                 )
             self._checked[name] = state

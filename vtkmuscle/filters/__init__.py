@@ -5,7 +5,7 @@ A filter is in the file of its name: ``FibreSmoother`` in ``fibre_smoother.py``.
 Examples
 --------
 >>> from vtkmuscle.filters import FibreSmoother, FibreTemplateSource
->>> fibres = FibreTemplateSource(kind="curved", n_fibres=10) >> FibreSmoother()
+>>> fibres = FibreTemplateSource(template="curved", n_fibres=10) >> FibreSmoother()
 >>> fibres.output.GetNumberOfCells()
 10
 """

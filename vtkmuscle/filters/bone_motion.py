@@ -22,8 +22,8 @@ class BoneMotion(Filter):
     """Move bones to where a rigid motion has them at the pipeline's time.
 
     The filter announces the times of the motion as its time steps; between them the motion is
-    interpolated, before the first and after the last it stands still. Bones that the motion does not name stay where they are and share their
-    geometry with the input.
+    interpolated, before the first and after the last it stands still. Bones that the motion does not name
+    stay where they are and share their geometry with the input.
 
     Raises
     ------

@@ -217,10 +217,10 @@ class PBDDeformer(Filter):
     collision = Parameter(
         str,
         default="sdf",
-        choices=("sdf", "voxel", "none"),
+        choices=("sdf", "voxel", "off"),
         doc="How points are kept out of the bones: by signed distances, by voxels (P21) or not at all.",
     )
-    cell: Parameter[float | None] = Parameter(
+    grid_spacing: Parameter[float | None] = Parameter(
         float,
         default=None,
         above=0.0,
@@ -229,7 +229,7 @@ class PBDDeformer(Filter):
         doc="Distance of the nodes of the signed distance grids; None is 1/600 of the diagonal of the bone's "
         "box along its principal axes.",
     )
-    skin = Parameter(
+    bone_clearance = Parameter(
         float,
         default=0.0,
         minimum=0.0,
@@ -245,7 +245,7 @@ class PBDDeformer(Filter):
         doc="Coulomb's coefficient between muscle and bones: how much of the push out of a bone may be spent "
         "on holding a point where it is on the bone.",
     )
-    n_max = Parameter(
+    n_voxels = Parameter(
         int,
         default=DEFAULT_N_MAX,
         minimum=1,
@@ -253,12 +253,12 @@ class PBDDeformer(Filter):
         doc="Number of voxels of a bone, about, shared out by the sides of its box so that they are nearly "
         "cubes.",
     )
-    n_equal: Parameter[int | None] = Parameter(
+    n_voxels_per_axis: Parameter[int | None] = Parameter(
         int,
         default=None,
         minimum=1,
         only_with=("collision", "voxel"),
-        doc="Number of voxels along each axis of a bone's box, instead of n_max.",
+        doc="Number of voxels along each axis of a bone's box, instead of n_voxels.",
     )
     bone_push = Parameter(
         str,
@@ -333,7 +333,7 @@ class PBDDeformer(Filter):
         doc="Solve a decimated muscle of so many triangles, about, and carry the full one with it; None "
         "solves the full one, as where it has no more. Needs the extra 'coarse' (fast-simplification).",
     )
-    penetration = Parameter(
+    measure_penetration = Parameter(
         bool,
         default=False,
         doc="Measure how deep points are in the bones, against their triangles, for each frame asked for.",
@@ -409,7 +409,7 @@ class PBDDeformer(Filter):
         "'anderson' [mm] (within a factor of 2 in two cases of three where no bone is met; unknown where one "
         "is), ``CollidingPoints``, ``Milliseconds`` (of the last step) and, within it, "
         "``MillisecondsPrediction``, ``MillisecondsConstraints``, ``MillisecondsCollision``, "
-        "``MillisecondsAcceleration`` and ``MillisecondsSettling``; with ``penetration`` "
+        "``MillisecondsAcceleration`` and ``MillisecondsSettling``; with ``measure_penetration`` "
         "``PenetrationMax`` and ``PenetrationP95`` [mm], how deep the free points are in the closed bones (0 "
         "outside), and ``PenetratingPoints``, how many are inside. With ``anisotropy`` 'taut' the point "
         "array ``Carried`` (3), where the taut fibres carry each point before edges, volume and bones are "
@@ -474,8 +474,8 @@ class PBDDeformer(Filter):
         """Return the parameters that a frame depends on."""
         settings = self.parameters_that_count()
         del settings["quality"], settings["checkpoint_memory"], settings["verbose"]
-        if self.collision != "none":  # the bones at rest are known then
-            del settings["penetration"]
+        if self.collision != "off":  # the bones at rest are known then
+            del settings["measure_penetration"]
         return settings
 
     # ---------------------------------------------------------------- one frame
@@ -559,17 +559,17 @@ class PBDDeformer(Filter):
     def _take_rest(self, first: float | None, bones: dict[str, vtkPolyData]) -> None:
         """Take the bones at rest from the first frame of a path, on which their last digits depend."""
         self._rest_from = first
-        if self.collision != "none" or self.penetration:
+        if self.collision != "off" or self.measure_penetration:
             transforms = transforms_of(bones, "PBDDeformer: bones")
             self._rest_bones.take(
                 bones,
                 transforms,
                 collision=self.collision,
-                cell=self.cell,
-                skin=self.skin,
+                cell=self.grid_spacing,
+                skin=self.bone_clearance,
                 friction=self.friction,
-                n_max=self.n_max,
-                n_equal=self.n_equal,
+                n_max=self.n_voxels,
+                n_equal=self.n_voxels_per_axis,
             )
 
     def _advance(
@@ -585,7 +585,7 @@ class PBDDeformer(Filter):
             self._take_rest(path[0], bones)
         transforms = transforms_of(bones, "PBDDeformer: bones")
         solver = self._made_solver()
-        if self.collision != "none" or self.penetration:
+        if self.collision != "off" or self.measure_penetration:
             self._rest_bones.check(bones, transforms)
         before = self._frames[path[known - 1]].state if known else solver.rest_state(len(bones))
         beside: Sequence[Neighbour] = ()
@@ -617,7 +617,7 @@ class PBDDeformer(Filter):
         return self._muscle.solver(self.parameters(), self._obstacles())
 
     def _obstacles(self) -> tuple[Obstacle, ...]:
-        return self._rest_bones.obstacles if self.collision != "none" else ()
+        return self._rest_bones.obstacles if self.collision != "off" else ()
 
     # ---------------------------------------------------------------- the result
 
@@ -644,6 +644,6 @@ class PBDDeformer(Filter):
     def _convergence(self, frame: _Frame) -> dict[str, float]:
         """Return the field arrays of a frame's convergence report."""
         shape, depths = self._shape_of(frame), None
-        if self.penetration:
+        if self.measure_penetration:
             depths = self._rest_bones.depths(shape.points[self._muscle.free], frame.state.transforms)
         return convergence_fields(shape.report, frame.state, depths=depths, milliseconds=frame.milliseconds)

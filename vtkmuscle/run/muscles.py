@@ -28,7 +28,7 @@ from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.pbd_deformer import NEIGHBOURS, PBDDeformer
-from vtkmuscle.pipelines import PRUNE, TRANSPORT_SETTINGS, decompose, deform, pull_taut
+from vtkmuscle.pipelines import TRANSPORT_SETTINGS, WEIGHT_TOLERANCE, decompose, deform, pull_taut
 from vtkmuscle.run.fixed_points import warn_of_fixed_points
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.measure import MuscleMeasure
@@ -112,7 +112,7 @@ class MuscleRun:
             measure = MuscleMeasure(track.rest, list(scene.bones), self.distances, scene.millimetres)
             track.report.update(measure.at_rest())
         track.report["estimated_attachments"] = sum(area.estimated for area in muscle.attachments)
-        fibres, carried = None, {"prune": PRUNE}
+        fibres, carried = None, {"weight_tolerance": WEIGHT_TOLERANCE}
         if muscle.fibres is not None:
             carried |= {word: muscle.fibres[word] for word in TRANSPORT_SETTINGS if word in muscle.fibres}
             shaped = {word: value for word, value in muscle.fibres.items() if word not in TRANSPORT_SETTINGS}
@@ -142,7 +142,7 @@ class MuscleRun:
             fibres=fibres,
             attachments=attachments,
             superficial=muscle.superficial_fibres,
-            fixed=None,
+            fixing=None,
             **solver,
         )
         self.deformer = deformer
@@ -176,7 +176,7 @@ class MuscleRun:
     ) -> None:
         """Run model ``"paths"``: the fibres pulled taut in each frame, and nothing else."""
         attachments = self.scene.attachments_data(self.name)
-        taut = pull_taut(detector, bones, self.scene.motion, fibres, attachments, fixed=None)
+        taut = pull_taut(detector, bones, self.scene.motion, fibres, attachments, fixing=None)
         metrics = FibreMetrics(curvature=True)
         metrics.connect(0, taut)
         self.track.report["parameters"] = {

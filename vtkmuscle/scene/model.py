@@ -66,8 +66,8 @@ class Muscle:
     attachments : sequence of AttachmentArea
         Where it is attached, and the via rings that it passes through.
     fibres : mapping, optional
-        Keyword arguments of :func:`vtkmuscle.pipelines.decompose`, and ``prune`` of FibreTransport, 0.3 where
-        it is not given, 0 for exact transport; None for a muscle without fibres.
+        Keyword arguments of :func:`vtkmuscle.pipelines.decompose`, and ``weight_tolerance`` of
+        FibreTransport, 0.3 where it is not given, 0 for exact transport; None for a muscle without fibres.
     solver : mapping
         Parameters of PBDDeformer that differ from the scene's.
     fixing : mapping

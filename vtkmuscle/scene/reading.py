@@ -68,8 +68,8 @@ from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS, Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, hinge
 from vtkmuscle.core.template.template_files import read_template
 from vtkmuscle.core.words import shown, suggestion
-from vtkmuscle.data.arrays import multiblock_from
 from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of
+from vtkmuscle.filters.attachment_estimator import AttachmentEstimator
 from vtkmuscle.io import (
     LiteratureCurve,
     curves_for,
@@ -80,7 +80,6 @@ from vtkmuscle.io import (
     read_polydata,
     read_surface,
 )
-from vtkmuscle.pipelines import estimate_attachments
 from vtkmuscle.scene.checks import ESTIMATE
 from vtkmuscle.scene.model import Muscle, Scene, SceneError
 
@@ -337,7 +336,7 @@ def _estimated(
 ) -> tuple[AttachmentArea, ...]:
     """Return estimated attachments; of two bones the one that moves has the insertion."""
     try:
-        areas = attachments_of(estimate_attachments(surface, multiblock_from(dict(bones))), muscle.key)
+        areas = attachments_of(AttachmentEstimator(muscle=surface, bones=bones).output, muscle.key)
     except ValueError as error:
         problem, _, mend = str(error).partition("; ")
         raise muscle.error("attachments", problem, mend) from error

@@ -33,7 +33,7 @@ class Setting:
         Parameters of PBDDeformer; they take the place of the scene's own of the same name.
     fibres : mapping
         Keyword arguments of :func:`~vtkmuscle.pipelines.decompose`, likewise.
-    prune : float
+    weight_tolerance : float
         Of FibreTransport.
     every : int
         Only each so manieth frame of the motion is a step.
@@ -43,7 +43,7 @@ class Setting:
     group: str
     solver: Mapping[str, Any] = field(default_factory=dict)
     fibres: Mapping[str, Any] = field(default_factory=dict)
-    prune: float = 0.0
+    weight_tolerance: float = 0.0
     every: int = 1
 
     def plain(self) -> dict[str, Any]:
@@ -51,7 +51,7 @@ class Setting:
         return {
             "solver": dict(self.solver),
             "fibres": dict(self.fibres),
-            "prune": self.prune,
+            "weight_tolerance": self.weight_tolerance,
             "every": self.every,
         }
 
@@ -89,12 +89,12 @@ def _around_centre() -> list[Setting]:
     vary("start", "inertial", "coarse")
     vary("anisotropy", "stiffness", "off")
     vary("max_triangles", 500, 1000, 2000, 4000)
-    vary("cell", 0.5, 1.0, 2.0, 4.0)
-    vary("collision", "none")
+    vary("grid_spacing", 0.5, 1.0, 2.0, 4.0)
+    vary("collision", "off")
     vary("collision", "voxel", solver="gauss-seidel")
     for name, values in _FIBRES.items():
         settings += [_at_centre(name, value, fibres={name: value}) for value in values]
-    settings += [_at_centre("prune", value, prune=value) for value in (0.1, 1.0)]
+    settings += [_at_centre("weight_tolerance", value, weight_tolerance=value) for value in (0.1, 1.0)]
     settings += [_at_centre("every", value, every=value) for value in (2, 5, 15)]
     return settings
 

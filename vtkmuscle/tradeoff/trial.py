@@ -27,7 +27,17 @@ Floats = NDArray[np.float64]
 
 #: Parameters of PBDDeformer that trade speed for accuracy. The scene's own values of these do not count, so
 #: that the reference is the reference; all others, such as stiffnesses, are the scene's.
-TRADED = ("cell", "dtype", "iterations", "max_triangles", "order", "solver", "start", "substeps", "tolerance")
+TRADED = (
+    "dtype",
+    "grid_spacing",
+    "iterations",
+    "max_triangles",
+    "order",
+    "solver",
+    "start",
+    "substeps",
+    "tolerance",
+)
 
 #: Part of the frames left out at either end of their times, in the mean.
 _TRIMMED = 0.1
@@ -147,8 +157,8 @@ class Bench:
         motion = thinned(scene.motion, setting.every, self.compared[-1])
         own = {**scene.solver, **scene.muscles[name].solver}
         solver = {**{key: own[key] for key in own if key not in TRADED}, **setting.solver}
-        deformer = deform(rest, scene.bones_data(), motion, fibres=fibres, fixed=None, **solver)
-        transport, metrics = FibreTransport(prune=setting.prune), FibreMetrics()
+        deformer = deform(rest, scene.bones_data(), motion, fibres=fibres, fixing=None, **solver)
+        transport, metrics = FibreTransport(weight_tolerance=setting.weight_tolerance), FibreMetrics()
         if fibres is not None:
             for port, data in enumerate((fibres, rest, deformer)):
                 transport.connect(port, data)

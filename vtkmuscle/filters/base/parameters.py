@@ -47,11 +47,11 @@ class Parameter(Generic[T]):
     Examples
     --------
     >>> from vtkmuscle.filters import FibreSmoother
-    >>> smoother = FibreSmoother(iterations=3)
-    >>> smoother.iterations = -1
+    >>> smoother = FibreSmoother(smoothing_passes=3)
+    >>> smoother.smoothing_passes = -1
     Traceback (most recent call last):
         ...
-    ValueError: FibreSmoother.iterations is -1, but must be an integer >= 0
+    ValueError: FibreSmoother.smoothing_passes is -1, but must be an integer >= 0
     """
 
     def __init__(
