@@ -68,6 +68,19 @@ def test_a_number_counts_when_it_is_not_automatic():
     assert detector.distance is None
 
 
+def test_quality_rules_over_what_paraview_sets_beside_it():
+    deformer = shell(PBDDeformer)
+    defaults = deformer.parameters()
+    deformer.SetIterations(7)
+    deformer.SetQuality("preview")
+    deformer.SetTolerance(0.2)  # hidden then, but a state file sets it
+    assert deformer.parameters() == PBDDeformer(quality="preview").parameters()
+    deformer.SetQuality("accurate")
+    assert deformer.parameters() == PBDDeformer(quality="accurate").parameters()
+    deformer.SetQuality("")
+    assert deformer.parameters() == {**defaults, "iterations": 7, "tolerance": 0.2}
+
+
 def test_a_motion_is_read_from_its_scene(spindle, tmp_path):
     path = Scene.from_phantom(spindle).save(tmp_path)
     motion = shell(BoneMotion)

@@ -126,10 +126,10 @@ class FibreTransport(Filter):
     so that a frame costs one matrix product. Fibre points outside of the muscle are carried along as well,
     and counted.
 
-    All weights of 1600 points on 9878 vertices take 126 MB. With ``weight_tolerance`` groups of vertices whose
-    weights are much the same have one weight, and affine motions stay exact; 0.3 keeps one in thirty. What
-    that costs is in ``WeightError``: the largest error of a fibre point if the muscle is bent by about one
-    radian.
+    All weights of 1600 points on 9878 vertices take 126 MB. With ``weight_tolerance`` groups of vertices
+    whose weights are much the same have one weight, and affine motions stay exact; 0.3 keeps one in thirty.
+    What that costs is in ``WeightError``: the largest error of a fibre point if the muscle is bent by about
+    one radian.
 
     Raises
     ------
@@ -159,8 +159,8 @@ class FibreTransport(Filter):
         float,
         default=0.0,
         minimum=0.0,
-        doc="Tolerance for merging vertices into groups that share one weight: with a larger one transport is "
-        "faster, takes less memory and is less exact. 0 merges nothing; 0.3 keeps one weight in thirty.",
+        doc="Tolerance for merging vertices into groups that share one weight: with a larger one transport "
+        "is faster, takes less memory and is less exact. 0 merges nothing; 0.3 keeps one weight in thirty.",
     )
 
     method = Parameter(

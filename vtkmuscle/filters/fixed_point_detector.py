@@ -190,8 +190,8 @@ class FixedPointDetector(Filter):
             self.report_progress((index + 1) / len(bones))
         if not claimed.any():
             raise ValueError(
-                "FixedPointDetector: no point of the muscle is in the voxels of a bone; lower n_voxels, or use "
-                "the method 'proximity' or 'attachment'"
+                "FixedPointDetector: no point of the muscle is in the voxels of a bone; lower n_voxels, or "
+                "use the method 'proximity' or 'attachment'"
             )
         disputed = claimed.sum(axis=0) > 1
         distances = np.where(claimed, 0.0, np.inf)
