@@ -24,7 +24,7 @@ from published import P21
 from vtkmuscle import Scene
 from vtkmuscle.core.collision import contact
 from vtkmuscle.core.mesh.topology import mesh_topology
-from vtkmuscle.core.pbd import accelerated, coarse, projection, rest_shape, solver, two_level
+from vtkmuscle.core.pbd import accelerated, projection, rest_shape, solver
 from vtkmuscle.core.pbd.batched_iteration import BatchedIteration
 from vtkmuscle.core.pbd.batches import pack
 from vtkmuscle.core.taut import guidance
@@ -40,8 +40,7 @@ from vtkmuscle.pipelines import WEIGHT_TOLERANCE, decompose, deform
 SETTINGS: dict[str, dict[str, Any]] = {
     "gauss-seidel": {"solver": "gauss-seidel"},
     "anderson (default)": {"solver": "anderson"},
-    "stiffness, blend, two-level": {"anisotropy": "stiffness", "solver": "two-level"},
-    "stiffness, coarse, anderson": {"anisotropy": "stiffness", "start": "coarse"},
+    "stiffness, anderson": {"anisotropy": "stiffness"},
     "P21": P21,
 }
 BARE, STEP, FIBRES, OTHER = "bare iterations", "step of PBDDeformer", "fibres", "everything else"
@@ -50,12 +49,9 @@ STAGES: dict[str, list[tuple[Any, str]]] = {
     "bone motion": [(BoneMotion, "RequestData")],
     "reading inputs": [(PBDDeformer, "_prepare")],
     "following the fibres": [(guidance.Guidance, "follow")],
-    "coarse muscle": [(solver.MuscleSolver, "_substep")],
-    "prolongation": [(coarse.Prolongation, "prolong")],
     "constraints": [(projection.ColourOrder, "iterate"), (projection.SequentialOrder, "iterate")],
     "collision": [(contact.Contact, "__init__"), (contact.Contact, "keep_out")],
     "acceleration": [(accelerated, "anderson")],
-    "correction": [(two_level.CoarseCorrection, name) for name in ("__init__", "touch", "add")],
     "settling": [(solver.MuscleSolver, "_settle")],
     "report": [(rest_shape.RestShape, "compare")],
     "provenance": [(base, "add_provenance")],
@@ -73,20 +69,10 @@ class Stopwatch:
     def wrap(self, owner: Any, name: str, stage: str) -> None:
         """Count the time of a method or function as a stage's, from now on."""
         function: Callable[..., Any] = getattr(owner, name)
-        # The coarse muscle is a step within a step: only the inner one is that stage, and all of it.
-        inner = stage == "coarse muscle"
-        depth = 0
 
         def timed(*arguments: Any, **keywords: Any) -> Any:
-            nonlocal depth
-            depth += 1
-            try:
-                if "coarse muscle" in self._running or (inner and depth == 1):
-                    return function(*arguments, **keywords)
-                with self.measured(stage):
-                    return function(*arguments, **keywords)
-            finally:
-                depth -= 1
+            with self.measured(stage):
+                return function(*arguments, **keywords)
 
         setattr(owner, name, timed)
 

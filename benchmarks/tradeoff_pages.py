@@ -22,7 +22,7 @@ from muscle_problem import data_folder
 DOCS = Path(__file__).resolve().parents[1] / "docs" / "tradeoff"
 STEPS_OF_10 = ("--every", "5", "--frames", "0:10")
 #: What is varied.
-GROUPS = ("presets", "iterations", "tolerance", "solver", "nodes", "start", "max_triangles")
+GROUPS = ("presets", "iterations", "tolerance", "solver", "start")
 #: What the page shows.
 SHOWN = ("tradeoff.rst", "presets.rst", "pareto_rms_mm.svg", "pareto_fibre_length_mm.svg", "estimates.svg")
 PRESETS_SHOWN = ("presets.rst", "estimates.svg")

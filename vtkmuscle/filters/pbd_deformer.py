@@ -14,9 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.collision.muscle_contact import Neighbour
 from vtkmuscle.core.collision.obstacles import Obstacle
 from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
-from vtkmuscle.core.pbd.coarse import COARSE_ITERATIONS, COARSE_POINTS
 from vtkmuscle.core.pbd.solver import MuscleSolver, MuscleState
-from vtkmuscle.core.pbd.two_level import LEAST_NODES, NODES
 from vtkmuscle.core.taut.via_rings import ViaRing
 from vtkmuscle.data.arrays import (
     blocks_of,
@@ -94,21 +92,15 @@ class PBDDeformer(Filter):
     4.6 kB per string. Where it is used up, every second frame is dropped, then every second of those; a frame
     that was dropped is computed from the nearest kept one before it. Any setting gives the same frames.
 
-    Without strings each step starts from ``"blend"``, ``"coarse"`` or ``"inertial"``. From ``"blend"`` free
+    Without strings each step starts from ``"blend"`` or ``"inertial"``. From ``"blend"`` free
     points start where the bones' motions, blended by harmonic weights, take them (they have no momentum
-    then); with ``solver="two-level"`` they also go on as they did in the last step apart from that. From
+    then). From
     ``"inertial"`` they start where their velocity takes them (P21), and strings do not guide them either: the
-    muscle hangs back behind the bones. From ``"coarse"`` a muscle of ``coarse_points`` points, in which a
-    change wanders far in an iteration, makes each step first, from its own blended start, and the full muscle
-    starts where that takes it. A muscle of fewer than twice as many points starts from ``"blend"``.
+    muscle hangs back behind the bones.
 
     ``solver="anderson"``, the default, takes the iteration of ``"gauss-seidel"`` nearer to its end in the
     same number of iterations, and stops at ``tolerance``. Stiffnesses hold per iteration then, so that the
     shape it goes to does not depend on their number; with ``"gauss-seidel"`` they hold per step.
-    ``"two-level"`` also corrects each iteration by what a few nodes, which carry the points with them, see of
-    all constraints together, which without strings takes it to the same shape much sooner. With strings,
-    ``start="inertial"``, ``collision="voxel"`` or in a muscle of fewer than 40 free points there is no
-    correction, and it is as ``"anderson"``.
 
     ``quality`` stands for a group of the other parameters, and setting it sets them. Those that are given to
     the constructor beside it count more, and one that is set afterwards is kept until ``quality`` is set
@@ -276,48 +268,24 @@ class PBDDeformer(Filter):
     start = Parameter(
         str,
         default="blend",
-        choices=("inertial", "blend", "coarse"),
-        doc="Where free points start each step: where their velocity takes them (P21), where the bones' "
-        "blended motions do, or where a muscle of fewer points goes.",
-    )
-    coarse_points = Parameter(
-        int,
-        default=COARSE_POINTS,
-        minimum=4,
-        only_with=("start", "coarse"),
-        doc="Points of the coarse muscle, about; a muscle of fewer than twice as many starts from 'blend'.",
-    )
-    coarse_iterations = Parameter(
-        int,
-        default=COARSE_ITERATIONS,
-        minimum=1,
-        only_with=("start", "coarse"),
-        doc="Iterations of the coarse muscle per step.",
+        choices=("inertial", "blend"),
+        doc="Where free points start each step: where their velocity takes them (P21), or where the bones' "
+        "blended motions do.",
     )
     solver = Parameter(
         str,
         default="anderson",
-        choices=("gauss-seidel", "anderson", "two-level"),
-        doc="The iteration: as it is (P21), accelerated towards the same shape, or accelerated and corrected "
-        "on a coarse level, which takes it there soonest where no taut fibres guide it.",
+        choices=("gauss-seidel", "anderson"),
+        doc="The iteration: as it is (P21), or accelerated towards the same shape.",
     )
     tolerance = Parameter(
         float,
         default=0.5,
         minimum=0.0,
         units="mm",
-        only_with=("solver", "anderson", "two-level"),
+        only_with=("solver", "anderson"),
         doc="Stop at this distance to the converged shape (root mean square), a bound of it where points are "
         "drawn to taut fibres, else an estimate. 0 never stops.",
-    )
-    nodes = Parameter(
-        int,
-        default=NODES,
-        minimum=LEAST_NODES,
-        maximum=600,
-        only_with=("solver", "two-level"),
-        doc="Nodes of the coarse correction, about, with solver 'two-level'; fewer where there are not 8 "
-        "free points for each. What they add to an iteration's cost grows with their square.",
     )
     order = Parameter(
         str,
@@ -325,13 +293,6 @@ class PBDDeformer(Filter):
         choices=("colour", "sequential"),
         doc="Order of projections: edges many at once and the volume last, or all one by one "
         "and the volume before angles and bones (P21), which keeps it less well.",
-    )
-    max_triangles: Parameter[int | None] = Parameter(
-        int,
-        default=None,
-        minimum=4,
-        doc="Solve a decimated muscle of so many triangles, about, and carry the full one with it; None "
-        "solves the full one, as where it has no more. Needs the extra 'coarse' (fast-simplification).",
     )
     measure_penetration = Parameter(
         bool,
@@ -532,9 +493,7 @@ class PBDDeformer(Filter):
             lines = polylines_of(fibres, "PBDDeformer: fibres")
         if superficial is not None and self.anisotropy != "off":
             seen = checked_superficial(superficial, "PBDDeformer: superficial")
-        if self._muscle.take(
-            FixedMuscle(points, triangles, fixed_to, lines, seen, rings), self.max_triangles
-        ):
+        if self._muscle.take(FixedMuscle(points, triangles, fixed_to, lines, seen, rings)):
             self._frames.clear()
             self._neighbours = None
 

@@ -19,7 +19,7 @@ PLUGINS = _HERE / "plugins"
 #: What lets ParaView 5.11 load Python plugins at all where its Python is 3.11.
 MEND = _HERE / "mend_5_11"
 #: What the filters need beside vtkmuscle; where one is not installed its filters say so.
-DISTRIBUTIONS = ("numpy", "scipy", "numba", "llvmlite", "fast-simplification")
+DISTRIBUTIONS = ("numpy", "scipy", "numba", "llvmlite")
 #: The file that says which links in a folder are ours.
 _RECORD = ".made_by_vtkmuscle.json"
 

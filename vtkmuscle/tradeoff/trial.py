@@ -27,17 +27,7 @@ Floats = NDArray[np.float64]
 
 #: Parameters of PBDDeformer that trade speed for accuracy. The scene's own values of these do not count, so
 #: that the reference is the reference; all others, such as stiffnesses, are the scene's.
-TRADED = (
-    "dtype",
-    "grid_spacing",
-    "iterations",
-    "max_triangles",
-    "order",
-    "solver",
-    "start",
-    "substeps",
-    "tolerance",
-)
+TRADED = ("dtype", "grid_spacing", "iterations", "order", "solver", "start", "substeps", "tolerance")
 
 #: Part of the frames left out at either end of their times, in the mean.
 _TRIMMED = 0.1

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from tests.core.spindle import spindle
+from spindle import spindle
 
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.pbd.batched_constraints import RECORD, WIDTH

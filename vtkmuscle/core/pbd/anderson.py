@@ -75,7 +75,6 @@ def anderson(
     dimension: int = 3,
     points: float | None = None,
     amplification: float | None = None,
-    corrected: bool = False,
     bound: float | None = None,
     unsteady: Bools | None = None,
     observe: Callable[[int, Floats, float], None] | None = None,
@@ -108,9 +107,6 @@ def anderson(
         Number of points to take means over; all by default. Fewer, where the rest cannot move.
     amplification : float, optional
         See :func:`~vtkmuscle.core.pbd.convergence.estimate_distance`. That of a typical muscle by default.
-    corrected : bool, optional
-        Whether g has a coarse correction in it: the distance then is estimated by
-        :func:`~vtkmuscle.core.pbd.convergence.estimate_corrected_distance`.
     bound : float, optional
         Where g is a contraction: see :class:`~vtkmuscle.core.pbd.convergence.Trail`.
     unsteady : (n,) bool array, optional
@@ -140,13 +136,13 @@ def anderson(
     """
     n = len(start)
     points = n / dimension if points is None else points
-    if amplification is None and not corrected:
+    if amplification is None:
         reference, typical = TYPICAL_AMPLIFICATION
         amplification = typical * (points / reference) ** AMPLIFICATION_GROWTH
     memory = Workspace(n, window) if workspace is None else workspace
     memory.clear()
     unsteady = np.zeros(n, dtype=np.bool_) if unsteady is None else unsteady
-    trail = Trail(points, None if corrected else amplification, memory.spare, bound=bound)
+    trail = Trail(points, amplification, memory.spare, bound=bound)
     x, image = memory.x, np.empty(n)
     x[:] = start
     plain = True

@@ -16,13 +16,6 @@ F = TypeVar("F", bound=Callable[..., object])
 #: Iterations between two estimates of the distance.
 ESTIMATE_EVERY = 5
 
-#: With a coarse correction: see :func:`estimate_corrected_distance`. Factor and power were fitted to 209
-#: checkpoints of 40 solves (four muscles of a hip, steps of 2 and 10 degrees, collision), 73 % of which the
-#: estimate meets within a factor of 2.
-CORRECTED_LOOK_BACK = 0.3
-CORRECTED_CALIBRATION = 4.7
-CORRECTED_POWER = 0.7
-
 #: The estimate compares with the iterate at this part of the iterations done; see :func:`estimate_distance`.
 LOOK_BACK = 0.8
 
@@ -81,33 +74,6 @@ def estimate_distance(residual: float, earlier_residual: float, moved: float, am
     return min(CALIBRATION * ratio * math.sqrt(amplification * residual * moved), amplification * residual)
 
 
-def estimate_corrected_distance(residual: float, moved: float) -> float:
-    """Return about how far an iterate is from the fixed point, where each has a coarse correction.
-
-    The residual r then has the correction in it, which is most of the distance at first and less and less of
-    it as what the nodes see is removed. The distance d gone since an iterate some time ago tells from how far
-    the solve has come:
-
-        e = c r^p d^(1 - p).
-
-    c = :data:`CORRECTED_CALIBRATION` and p = :data:`CORRECTED_POWER` were found by regression on solves
-    followed to their end.
-
-    Parameters
-    ----------
-    residual : float
-        r, root mean square over the points, correction included [mm].
-    moved : float
-        d, likewise, since :data:`CORRECTED_LOOK_BACK` of the iterations done [mm].
-
-    Returns
-    -------
-    float
-        [mm].
-    """
-    return float(CORRECTED_CALIBRATION * residual**CORRECTED_POWER * moved ** (1.0 - CORRECTED_POWER))
-
-
 class Trail:
     """The iterates of a solve; a few are kept to compare with, each a tenth further on than the last.
 
@@ -115,8 +81,8 @@ class Trail:
     ----------
     points : float
         Number of points.
-    amplification : float or None
-        See :func:`estimate_distance`; None where the iterates have a coarse correction.
+    amplification : float
+        See :func:`estimate_distance`.
     spare : list of (n,) arrays, optional
         Memory of another trail that is not needed any more; what this one takes in addition is added.
     bound : float, optional
@@ -134,7 +100,7 @@ class Trail:
     def __init__(
         self,
         points: float,
-        amplification: float | None,
+        amplification: float,
         spare: list[Floats] | None = None,
         *,
         bound: float | None = None,
@@ -142,9 +108,6 @@ class Trail:
         self._points = points
         self._bound = bound
         self._amplification = amplification
-        corrected = amplification is None
-        self._every = 1 if corrected else ESTIMATE_EVERY
-        self._look_back = CORRECTED_LOOK_BACK if corrected else LOOK_BACK
         self._spare = [] if spare is None else spare
         self._taken = 0
         self._kept: list[tuple[int, Floats, float]] = []
@@ -161,10 +124,10 @@ class Trail:
             self.distance = self._bound * residual
             self.estimates.append((count, self.distance))
             return
-        if count % self._every == 0:
+        if count % ESTIMATE_EVERY == 0:
             self._estimate()
         if not self._kept or count >= 1.1 * self._kept[-1][0]:
-            stale = [k for k in self._kept if k[0] < 0.5 * self._look_back * count]
+            stale = [k for k in self._kept if k[0] < 0.5 * LOOK_BACK * count]
             # Reuse the memory of the oldest, if it is too old.
             memory = self._kept.pop(0)[1] if stale else self._memory(x)
             memory[:] = x
@@ -180,14 +143,9 @@ class Trail:
         earlier = [k for k in self._kept if k[0] < self._count]
         residual = self._residual
         if earlier:
-            _, x, before = min(earlier, key=lambda kept: abs(kept[0] - self._look_back * self._count))
+            _, x, before = min(earlier, key=lambda kept: abs(kept[0] - LOOK_BACK * self._count))
             moved = root_mean_square_distance(self._x, x, self._points)
-            if self._amplification is None:
-                self.distance = estimate_corrected_distance(residual, moved)
-            else:
-                self.distance = estimate_distance(residual, before, moved, self._amplification)
-        elif self._amplification is None:
-            self.distance = CORRECTED_CALIBRATION * residual
+            self.distance = estimate_distance(residual, before, moved, self._amplification)
         else:
             self.distance = self._amplification * residual
         self.estimates.append((self._count, self.distance))

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vtkmuscle.core.pbd.two_level import NODES
-
 
 @dataclass(frozen=True)
 class SolverParameters:
@@ -23,23 +21,19 @@ class SolverParameters:
         Part of the velocity that is left after a (sub)step, in [0, 1].
     stiffness, shape_stiffness, volume_stiffness : float
         Of the distance, dihedral and volume constraints, in [0, 1]: per (sub)step with ``"gauss-seidel"``,
-        per iteration with the others.
+        per iteration with ``"anderson"``.
     external_force : (3,) tuple
         Force per mass on each free point [mm / s^2].
     guidance : float
         Part of its way to where the taut fibres carry it that each iteration draws a point, in [0, 1]; 0
         leaves them to their rest shape.
     start : str
-        Where the solve of a step starts: ``"inertial"``, ``"blend"``, or ``"coarse"``, which needs a coarse
-        muscle.
+        Where the solve of a step starts: ``"inertial"`` or ``"blend"``.
     solver : str
-        ``"gauss-seidel"``, ``"anderson"`` or ``"two-level"``: the iteration as it is, accelerated, or
-        accelerated and corrected on a coarse level.
+        ``"gauss-seidel"`` or ``"anderson"``: the iteration as it is, or accelerated.
     tolerance : float
         Stop at this estimated distance to the converged shape [mm], except with ``"gauss-seidel"``; 0 never
         stops.
-    nodes : int
-        With ``"two-level"``: nodes of the coarse correction, about.
     order : str
         ``"colour"`` or ``"sequential"``: many edges at once and the volume last, or P21's order.
     dtype : str
@@ -64,9 +58,8 @@ class SolverParameters:
     external_force: tuple[float, ...] = (0.0, 0.0, 0.0)
     guidance: float = 0.02
     start: str = "blend"
-    solver: str = "two-level"
+    solver: str = "anderson"
     tolerance: float = 0.0
-    nodes: int = NODES
     order: str = "colour"
     dtype: str = "float64"
     threads: int = 0

@@ -22,15 +22,13 @@ from vtkmuscle.core.motion.rigid import apply_transform, centred, inverse
 from vtkmuscle.core.pbd.accelerated import AcceleratedSolve
 from vtkmuscle.core.pbd.anderson import Workspace
 from vtkmuscle.core.pbd.batches import pack
-from vtkmuscle.core.pbd.coarse import Prolongation
 from vtkmuscle.core.pbd.constraints import VOLUME_FLOOR, per_iteration_stiffness, project_volume
 from vtkmuscle.core.pbd.convergence import root_mean_square_distance
 from vtkmuscle.core.pbd.parameters import SolverParameters
 from vtkmuscle.core.pbd.projection import ColourOrder, Projection, SequentialOrder
 from vtkmuscle.core.pbd.rest_shape import RestShape, ShapeReport, dihedral_angles
 from vtkmuscle.core.pbd.stages import StageClock, add_stages
-from vtkmuscle.core.pbd.state import MuscleState, Trend
-from vtkmuscle.core.pbd.two_level import CoarseCorrection, CoarseModel, has_coarse_model
+from vtkmuscle.core.pbd.state import MuscleState
 from vtkmuscle.core.taut.guidance import Guidance, Guided
 
 __all__ = ["MuscleSolver", "MuscleState", "SolverParameters"]
@@ -50,9 +48,6 @@ SETTLING_PASSES = 6
 OUT_OF_RANGE = (
     "the muscle left the range of floating point numbers; use a smaller external_force or another dt"
 )
-
-#: A step's trend is taken into the next at most so many times, where the bones go on or turn back.
-GOING_ON = (-1.0, 2.0)
 
 #: Relative error of the volume that is as good as none.
 VOLUME_TOLERANCE = 1e-6
@@ -82,17 +77,13 @@ class MuscleSolver:
         default there are none.
     obstacles : sequence of Obstacle, optional
         Bones that free points are kept out of.
-    coarse : MuscleSolver, optional
-        Of the same muscle with fewer points (:func:`~vtkmuscle.core.pbd.coarse.coarse_muscle`), for the start
-        ``"coarse"``: it makes each step first, and the full muscle starts where that takes it.
     warns : bool
         Whether to warn of bones that meet the muscle in a way that cannot come out well.
 
     Raises
     ------
     ValueError
-        If the surface is open or encloses no volume, or if a step is to start from a coarse muscle and there
-        is none.
+        If the surface is open or encloses no volume.
     """
 
     def __init__(
@@ -105,7 +96,6 @@ class MuscleSolver:
         edge_stiffness: Floats | None = None,
         guidance: Guidance | None = None,
         obstacles: Sequence[Obstacle] = (),
-        coarse: MuscleSolver | None = None,
         warns: bool = True,
     ) -> None:
         self.topology: MeshTopology = mesh_topology(len(points), triangles)
@@ -123,9 +113,7 @@ class MuscleSolver:
         self._barrier = Barrier((), self.rest, self.centre, self._free, bone_push=False)
         self._target: Floats | None = None
         self._projection_made_from: tuple[tuple[object, ...], Floats] | None = None
-        self._coarse: MuscleSolver | None = None
-        self._prolongation: Prolongation | None = None
-        self._prepare(parameters, edge_stiffness, guidance, obstacles, coarse)
+        self._prepare(parameters, edge_stiffness, guidance, obstacles)
 
     def adjusted(
         self,
@@ -134,7 +122,6 @@ class MuscleSolver:
         edge_stiffness: Floats | None = None,
         guidance: Guidance | None = None,
         obstacles: Sequence[Obstacle] = (),
-        coarse: MuscleSolver | None = None,
     ) -> MuscleSolver:
         """Return a solver of the same muscle with other settings, as if it were made anew.
 
@@ -143,11 +130,11 @@ class MuscleSolver:
 
         Parameters
         ----------
-        parameters, edge_stiffness, guidance, obstacles, coarse
+        parameters, edge_stiffness, guidance, obstacles
             As of the class.
         """
         other = copy(self)
-        other._prepare(parameters, edge_stiffness, guidance, obstacles, coarse)
+        other._prepare(parameters, edge_stiffness, guidance, obstacles)
         return other
 
     def _prepare(
@@ -156,11 +143,9 @@ class MuscleSolver:
         edge_stiffness: Floats | None,
         guidance: Guidance | None,
         obstacles: Sequence[Obstacle],
-        coarse: MuscleSolver | None,
     ) -> None:
         """Make what depends on the settings."""
         self.parameters = parameters
-        self._prepare_coarse(coarse)
         push = parameters.bone_push == "transform"
         if push != self._barrier.bone_push or tuple(obstacles) != self._barrier.obstacles:
             self._barrier = Barrier(
@@ -169,20 +154,6 @@ class MuscleSolver:
         self._prepare_volume()
         self._guidance = guidance
         self._prepare_projection(edge_stiffness)
-
-    def _prepare_coarse(self, coarse: MuscleSolver | None) -> None:
-        if self.parameters.start != "coarse":
-            coarse = None
-        elif coarse is None:
-            raise ValueError(
-                "start is 'coarse', but no coarse muscle is given; give one, or use start 'blend'"
-            )
-        before, self._coarse = self._coarse, coarse
-        if coarse is None:
-            self._prolongation = None
-        elif before is None or before.topology is not coarse.topology:
-            about_centre = coarse.rest + (coarse.centre - self.centre)
-            self._prolongation = Prolongation(about_centre, coarse.topology.triangles, self.rest)
 
     def _prepare_volume(self) -> None:
         squares = np.einsum("ij,ij->i", self._shape.volume_gradient, self._shape.volume_gradient)
@@ -195,13 +166,11 @@ class MuscleSolver:
         stiffness = np.ones(len(self.topology.edges)) if edge_stiffness is None else edge_stiffness
         stiffness = self._per_iteration(settings.stiffness * stiffness)
         shape_stiffness = float(self._per_iteration(settings.shape_stiffness))
-        self._stiffness = stiffness, shape_stiffness
         made_from = (
             self._guidance,
             settings.order,
             settings.dtype,
             settings.threads,
-            settings.nodes,
             shape_stiffness,
             self._volume_stiffness,
         )
@@ -209,7 +178,6 @@ class MuscleSolver:
         if before is not None and before[0] == made_from and np.array_equal(before[1], stiffness):
             return
         self._projection_made_from = made_from, stiffness
-        self._coarse_model: CoarseModel | None = None
         if settings.order == "colour":
             packed = pack(
                 self.topology,
@@ -272,8 +240,7 @@ class MuscleSolver:
     def rest_state(self, n_bones: int) -> MuscleState:
         """Return the muscle at rest, with all of n bones in their rest pose."""
         transforms = np.broadcast_to(np.eye(4), (n_bones, 4, 4))
-        coarse = None if self._coarse is None else self._coarse.rest_state(n_bones)
-        return MuscleState(self.rest, np.zeros_like(self.rest), transforms, coarse=coarse)
+        return MuscleState(self.rest, np.zeros_like(self.rest), transforms)
 
     def points(self, state: MuscleState) -> Floats:
         """Return the positions of a state in the scene's coordinates, (n, 3) [mm]."""
@@ -371,10 +338,7 @@ class MuscleSolver:
             return hit
 
         with np.errstate(over="ignore", invalid="ignore"):  # told below, in our words
-            coarse = None
-            if self._coarse is not None and state.coarse is not None:
-                coarse = self._coarse._substep(state.coarse, transforms, neighbours, lambda _: progress(0.0))
-            p = self._predict(state, now, before, dt, coarse)
+            p = self._predict(state, now, before, dt)
             _check_finite(p)
             solve = self._plain if self.parameters.solver == "gauss-seidel" else self._accelerated
             clock.switch("constraints")
@@ -397,8 +361,6 @@ class MuscleSolver:
             int(collided.sum()),
             *convergence,
             clock.stop(),
-            coarse=coarse,
-            trend=self._trend(state, before, now, p),
             guided=guided,
         )
 
@@ -440,7 +402,6 @@ class MuscleSolver:
             self._projection if self._target is None else _Drawn(self._draw, self._projection),
             keep_out,
             self.topology.edges,
-            self._correction,
             # A muscle that momentum throws at a bone may touch it with all its points.
             bones_last=self.parameters.start != "inertial",
             bound=1.0 / guidance if guidance > 0.0 else None,
@@ -455,45 +416,15 @@ class MuscleSolver:
             workspace=self._workspace,
         )
 
-    @property
-    def _has_correction(self) -> bool:
-        """Whether iterations are corrected on a coarse level.
-
-        They are not where the muscle keeps its momentum: what that and forces do to it is what is left of
-        them after the iterations, and the end of the solve knows of neither. And not where a bone of voxels
-        takes points back the way they came: a map with such jumps has no use for it.
-        """
-        settings = self.parameters
-        return (
-            settings.solver == "two-level"
-            and self._target is None
-            and settings.start != "inertial"
-            and all(obstacle.slides for obstacle in self._barrier.obstacles)
-            and has_coarse_model(self._free)
-        )
-
-    def _correction(self, p: Floats) -> CoarseCorrection | None:
-        """Return the coarse correction of iterations from p on, if there is one."""
-        if not self._has_correction:
-            return None
-        if self._coarse_model is None:
-            made = CoarseModel(self.rest, self.topology, self._free, *self._stiffness, self.parameters.nodes)
-            self._coarse_model = made
-        return CoarseCorrection(self._coarse_model, p, keeps_volume=self._volume_stiffness > 0.0)
-
-    def _predict(
-        self, state: MuscleState, now: Floats, before: Floats, dt: float, coarse: MuscleState | None
-    ) -> Floats:
+    def _predict(self, state: MuscleState, now: Floats, before: Floats, dt: float) -> Floats:
         """P21 Algorithm 2, lines 6 to 15."""
         settings = self.parameters
         push = dt * np.asarray(settings.external_force, dtype=np.float64)
         if self._target is not None:
             p = self._target + dt * (settings.damping * push)
-        elif coarse is not None and state.coarse is not None:
-            p = self._prolonged(state.coarse, coarse, state.positions)
         elif self._follows_bones:
             # The muscle follows the bones: it keeps no momentum of its own.
-            p = self._blended(before, now, state.positions + self._expected(state.trend, before, now))
+            p = self._blended(before, now, state.positions)
             if push.any():
                 p += dt * (settings.damping * push)
         else:
@@ -510,35 +441,6 @@ class MuscleSolver:
         """Return points moved as the bones have moved."""
         bones, weights = self._blend_weights
         return blend_motions(np.array([now[bone] @ inverse(before[bone]) for bone in bones]), weights, x)
-
-    def _expected(self, trend: Trend | None, before: Floats, now: Floats) -> Floats | float:
-        """Return what the muscle will do apart from following its bones, if it goes on as in the last step.
-
-        As much of the last step's as its fixed points go on in the same direction.
-        """
-        if trend is None:
-            return 0.0
-        last, further = 0.0, 0.0
-        for bone, fixed in self._fixed:
-            a, b, c = (apply_transform(t[bone], self.rest[fixed]) for t in (trend.transforms, before, now))
-            last += float(np.sum((b - a) ** 2))
-            further += float(np.sum((b - a) * (c - b)))
-        if last == 0.0:
-            return 0.0
-        return float(np.clip(further / last, *GOING_ON)) * trend.displacements
-
-    def _trend(self, state: MuscleState, before: Floats, now: Floats, p: Floats) -> Trend | None:
-        """Return how the muscle has moved apart from following its bones."""
-        if self._target is not None or not (self._has_correction and self._follows_bones):
-            return None
-        return Trend(p - self._blended(before, now, state.positions), before)
-
-    def _prolonged(self, before: MuscleState, now: MuscleState, x: Floats) -> Floats:
-        """Return the full muscle moved as the coarse one has moved."""
-        assert self._coarse is not None
-        assert self._prolongation is not None
-        shift = self._coarse.centre - self.centre
-        return self._prolongation.prolong(before.positions + shift, now.positions + shift, x)
 
     def _settle(self, p: Floats, keep_out: _KeepOut) -> Bools:
         """Take out of the bones what the last projection of the volume pushed in; return which points.

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,7 +18,6 @@ from vtkmuscle.core.pbd.anisotropy import (
     following_stiffness,
     harmonic_directions,
 )
-from vtkmuscle.core.pbd.coarse import coarse_muscle
 from vtkmuscle.core.pbd.solver import MuscleSolver, MuscleState, SolverParameters
 from vtkmuscle.core.taut.carrying import Passengers
 from vtkmuscle.core.taut.guidance import Guidance
@@ -89,7 +86,6 @@ class KeptSolver:
         self._solver: MuscleSolver | None = None
         self._made_from: tuple[Any, ...] = ()
         self._elasticity: tuple[tuple[str, tuple[Obstacle, ...]], Elasticity] | None = None
-        self._coarse: tuple[int, FixedMuscle | None] | None = None
         self._passengers: tuple[Guidance, Passengers] | None = None
 
     def take(self, muscle: FixedMuscle) -> bool:
@@ -97,7 +93,6 @@ class KeptSolver:
         if muscle.same_as(self._muscle):
             return False
         self._muscle, self._solver, self._elasticity = muscle, None, None
-        self._coarse = None
         return True
 
     def elasticity(self, anisotropy: str, obstacles: tuple[Obstacle, ...]) -> Elasticity:
@@ -152,8 +147,6 @@ class KeptSolver:
         ------
         ValueError
             If the surface is open or encloses no volume.
-        ModuleNotFoundError
-            If steps are to start from a coarse muscle, and fast-simplification is not installed.
         """
         muscle = self._muscle
         assert muscle is not None
@@ -161,15 +154,9 @@ class KeptSolver:
             **{name: settings[name] for name in SolverParameters.__dataclass_fields__}
         )
         elasticity = self.elasticity(settings["anisotropy"], obstacles)
-        # Where taut fibres carry the muscle a step starts there, and no coarse muscle is needed.
-        wants_coarse = parameters.start == "coarse" and elasticity.guidance is None
-        coarse = self._coarse_muscle(settings["coarse_points"]) if wants_coarse else None
-        if parameters.start == "coarse" and coarse is None:
-            parameters = replace(parameters, start="blend")
-        made_from = (parameters, obstacles, coarse, settings["coarse_iterations"], elasticity)
+        made_from = (parameters, obstacles, elasticity)
         if self._solver is not None and made_from == self._made_from:
             return self._solver
-        coarse_solver = None if coarse is None else _coarse_solver(coarse, parameters, settings, obstacles)
         if self._solver is None:
             try:
                 self._solver = MuscleSolver(
@@ -180,7 +167,6 @@ class KeptSolver:
                     edge_stiffness=elasticity.stiffness,
                     guidance=elasticity.guidance,
                     obstacles=obstacles,
-                    coarse=coarse_solver,
                 )
             except ValueError as error:
                 raise ValueError(f"{self._where}: {error}") from error
@@ -190,79 +176,9 @@ class KeptSolver:
                 edge_stiffness=elasticity.stiffness,
                 guidance=elasticity.guidance,
                 obstacles=obstacles,
-                coarse=coarse_solver,
             )
         self._made_from = made_from
         return self._solver
-
-    def _coarse_muscle(self, n_coarse: int) -> FixedMuscle | None:
-        """Return the muscle with fewer points, None where that makes no sense."""
-        assert self._muscle is not None
-        kept = self._coarse
-        if kept is None or kept[0] != n_coarse:
-            kept = self._coarse = n_coarse, _decimated(self._muscle, n_coarse, self._where)
-        return kept[1]
-
-
-def _coarse_solver(
-    coarse: FixedMuscle,
-    parameters: SolverParameters,
-    settings: Mapping[str, Any],
-    obstacles: tuple[Obstacle, ...],
-) -> MuscleSolver:
-    elasticity = _elasticity(coarse, settings["anisotropy"], obstacles)
-    return MuscleSolver(
-        coarse.points,
-        coarse.triangles,
-        coarse.fixed_to,
-        replace(
-            parameters,
-            start="blend",
-            solver="anderson",
-            order="colour",
-            dtype="float64",
-            iterations=settings["coarse_iterations"],
-            tolerance=0.0,
-        ),
-        edge_stiffness=elasticity.stiffness,
-        guidance=elasticity.guidance,
-        obstacles=obstacles,
-        warns=False,
-    )
-
-
-def _decimated(muscle: FixedMuscle, n_coarse: int, where: str) -> FixedMuscle | None:
-    if len(muscle.points) < 2 * n_coarse:
-        return None
-    try:
-        with decimation(f"{where}: start is 'coarse'", "use start 'blend'"):
-            surface = coarse_muscle(muscle.points, muscle.triangles, muscle.fixed_to, n_coarse)
-    except ValueError as error:
-        warnings.warn(f"{error}, as is done now", stacklevel=2)
-        return None
-    return FixedMuscle(*surface, muscle.fibres, muscle.superficial)
-
-
-@contextmanager
-def decimation(setting: str, otherwise: str) -> Iterator[None]:
-    """Say which setting it is that a muscle cannot be decimated for, and what to do.
-
-    Parameters
-    ----------
-    setting : str
-        Where and what it is, e.g. ``"PBDDeformer.max_triangles is 600"``.
-    otherwise : str
-        What to do instead.
-    """
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"{setting}, which needs the package fast-simplification; install it (pip install "
-            f"fast-simplification), or {otherwise}"
-        ) from error
-    except ValueError as error:
-        raise ValueError(f"{setting}: {error}; allow more, or {otherwise}") from error
 
 
 def _elasticity(muscle: FixedMuscle, anisotropy: str, obstacles: tuple[Obstacle, ...]) -> Elasticity:
