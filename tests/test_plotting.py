@@ -77,7 +77,7 @@ class FakeResult:
     def __post_init__(self):
         self.lengths = {"with_fibres": np.array([[90.0, 90.0]]) * (1.0 + np.arange(4)[:, None] / 100.0)}
         rows = [{"time": t, "volume_ratio": 1.001} for t in self.times]
-        self.report = {"muscles": {name: {"frames": rows} for name in self.muscle_names}}
+        self.report = {"model": "volume", "muscles": {name: {"frames": rows} for name in self.muscle_names}}
         self.frames = list(range(len(self.times)))
         self.verdicts = dict.fromkeys(self.muscle_names, "ok")
 
