@@ -19,12 +19,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from vtkmuscle import Scene
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.data.arrays import field_array, point_array, points_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.pipelines import deform
-from vtkmuscle.scene import Scene
 
 #: Settings of the deformer beside those of the scene.
 MODES = {

@@ -6,7 +6,7 @@ import signal
 import warnings
 from pathlib import Path
 
-from vtkmuscle.scene import Scene
+from vtkmuscle import Scene
 
 #: A case that takes longer hangs, and ends the process [s].
 LONGEST = 60

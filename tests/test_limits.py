@@ -10,13 +10,13 @@ import pytest
 from tiny_scene import HINGE, TOML, write_tiny_scene
 from typer.testing import CliRunner
 
+from vtkmuscle import Scene, SceneError
 from vtkmuscle.cli import BAD_INPUT, app
 from vtkmuscle.core.template.template_files import read_template
 from vtkmuscle.filters import FibreTemplateSource, FibreTubes, PBDDeformer
 from vtkmuscle.io import read_landmarks, read_motion_table, read_polydata
 from vtkmuscle.io.vtp_check import check_vtp
 from vtkmuscle.run.memory import VARIABLE
-from vtkmuscle.scene import Scene, SceneError
 
 MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
 DEEP = "a = " + 500 * "[" + 500 * "]" + "\n"
@@ -194,7 +194,7 @@ def peak():  # not ru_maxrss, which begins with that of the process it was forke
     lines = pathlib.Path("/proc/self/status").read_text().splitlines()
     return next(1024 * int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
 from vtkmuscle.run.memory import _estimate
-from vtkmuscle.scene import Scene
+from vtkmuscle import Scene
 scene = Scene.load(sys.argv[1])
 before = peak()
 scene.run(None, figures=False, workers=1)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from tiny_scene import write_tiny_scene
 
+from vtkmuscle import Scene
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.data.arrays import blocks_of, multiblock_from, points_of
 from vtkmuscle.data.attachments import attachments_from
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.pipelines import FIBRE_SETTINGS, decompose, deform
-from vtkmuscle.scene import Scene
 
 
 @pytest.fixture(scope="module")

@@ -113,7 +113,7 @@ def test_settings_of_a_muscle_go_before_those_of_the_scene(scene_file):
     )
     scene = Scene.load(scene_file)
     assert scene.solver_of("spindle") == {"iterations": 7, "stiffness": 1, "damping": 1}
-    assert scene.fixing_of("spindle") == {"tolerance": 2.5}
+    assert scene.fixing_of("spindle") == {"distance": 2.5}
 
 
 def test_closed_says_what_a_table_of_points_is(scene_file):
@@ -250,14 +250,14 @@ def test_superficial_fibres_that_cannot_be_used_are_named(points, offsets, probl
     assert error.key == "muscles.spindle.superficial_fibres"
     assert error.file == scene_file.parent / "seen.vtp"
     assert problem in error.problem
-    assert mend in error.mend
+    assert mend in error.remedy
 
 
 def test_a_surface_in_place_of_superficial_fibres_is_named(scene_file):
     edit(scene_file, "[solver]", 'superficial_fibres = "muscles/spindle.vtp"\n[solver]')
     error = failure(scene_file)
     assert (error.key, error.problem) == ("muscles.spindle.superficial_fibres", "there are no polylines")
-    assert "polylines" in error.mend
+    assert "polylines" in error.remedy
     edit(scene_file, 'muscles/spindle.vtp"\n[solver]', 'no.vtp"\n[solver]')
     assert "no such file" in failure(scene_file).problem
 
@@ -315,7 +315,7 @@ def test_a_via_ring_that_does_not_hold_the_muscle_is_refused(scene_file, landmar
     error = failure(scene_file)
     assert error.key == f"muscles.spindle.attachments[1].{key}"
     assert problem in error.problem
-    assert mend in error.mend
+    assert mend in error.remedy
     assert error.file == (scene_file if key == "closed" else scene_file.parent / "ring.csv")
 
 
@@ -498,10 +498,10 @@ FAULTS = [
     ),
     (
         "[solver]",
-        "fixing = { tol = 1 }\n[solver]",
+        "fixing = { dist = 1 }\n[solver]",
         "muscles.spindle.fixing.tol",
         "no setting 'tol'",
-        "'tolerance'",
+        "'distance'",
     ),
     ("[solver]\niterations = 3", "solver = 3", "muscles.spindle.solver", "must be a table", "format"),
 ]
@@ -515,7 +515,7 @@ def test_a_fault_in_the_file_is_named_with_its_mend(old, new, key, problem, mend
     error = failure(scene_file)
     assert error.key == key
     assert problem in error.problem
-    assert mend in error.mend
+    assert mend in error.remedy
     assert str(error).startswith(f"{error.file}: {key}: ")
     assert error.file.is_relative_to(scene_file.parent)
 
@@ -596,7 +596,7 @@ def test_a_fault_in_a_muscle_is_named_with_its_mend(spoil, problem, mend, scene_
     error = failure(scene_file)
     assert (error.file, error.key) == (path, "muscles.spindle.surface")
     assert problem in error.problem
-    assert mend in error.mend
+    assert mend in error.remedy
 
 
 @pytest.mark.parametrize(
@@ -608,7 +608,7 @@ def test_a_fault_in_a_bone_is_named_with_its_mend(spoil, problem, mend, scene_fi
     error = failure(scene_file)
     assert (error.file, error.key) == (path, "bones.lower.surface")
     assert problem in error.problem
-    assert mend in error.mend
+    assert mend in error.remedy
 
 
 @pytest.mark.parametrize(
@@ -645,7 +645,7 @@ def test_tables_of_several_bones_must_agree_in_time(scene_file):
     (scene_file.parent / "b.csv").write_text("\n".join(rows[:-1]))
     error = failure(scene_file)
     assert error.key == "motion.transforms.upper"
-    assert "same times" in error.mend
+    assert "same times" in error.remedy
 
 
 @pytest.mark.parametrize("scale", [0.001, 1000.0])
@@ -657,7 +657,7 @@ def test_landmarks_in_another_unit_are_found_out(scale, scene_file):
     error = failure(scene_file)
     assert error.file == scene_file.parent / "origin.csv"
     assert "away from the muscle" in error.problem
-    assert "same unit" in error.mend
+    assert "same unit" in error.remedy
 
 
 # ------------------------------------------------------------------------------- writing

@@ -7,9 +7,9 @@ import pytest
 from tiny_scene import write_tiny_scene
 from typer.testing import CliRunner
 
+from vtkmuscle import Scene, SceneError
 from vtkmuscle.cli import app
 from vtkmuscle.filters.deformer.quality import PRESETS
-from vtkmuscle.scene import Scene, SceneError
 
 
 @pytest.fixture

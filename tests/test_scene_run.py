@@ -459,7 +459,7 @@ def test_a_fault_in_a_frame_leaves_the_finished_ones(error, scene, tmp_path, mon
     with pytest.raises(expected) as caught:
         scene.run(tmp_path, workers=1, figures=False)
     if expected is SceneError:
-        assert (caught.value.key, caught.value.mend) == ("muscles.spindle", "try another")
+        assert (caught.value.key, caught.value.remedy) == ("muscles.spindle", "try another")
         assert caught.value.__cause__ is error
     assert finished(tmp_path, "spindle") == [0.0, 5.0]
     assert finished(tmp_path, "spindle_fibres") == [0.0, 5.0]

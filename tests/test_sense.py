@@ -12,13 +12,12 @@ from scipy.spatial.transform import Rotation
 from tiny_scene import write_tiny_scene
 from typer.testing import CliRunner
 
-from vtkmuscle import phantoms
+from vtkmuscle import Scene, SceneError, phantoms
 from vtkmuscle.cli import app
 from vtkmuscle.core.attachments.rings import ring_length, short_ring
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import points_of, surface_from, with_points
 from vtkmuscle.io import read_landmarks
-from vtkmuscle.scene import Scene, SceneError
 from vtkmuscle.scene.sense import check_sense
 
 PAGE = Path(__file__).parents[1] / "docs/sense.rst"

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
+from vtkmuscle import Scene
 from vtkmuscle.core.mesh.surface import edge_lengths, triangle_normals, unique_edges
 from vtkmuscle.data.arrays import checked_surface, multiblock_from, point_array, points_of
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from, landmarks_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-from vtkmuscle.scene.model import Scene
 
 
 def ball(centre, radius):

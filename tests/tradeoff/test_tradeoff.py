@@ -9,9 +9,9 @@ import pytest
 from tiny_scene import write_tiny_scene
 from typer.testing import CliRunner
 
+from vtkmuscle import Scene
 from vtkmuscle.cli import app
 from vtkmuscle.filters.deformer.quality import PRESETS
-from vtkmuscle.scene import Scene
 from vtkmuscle.tradeoff import plots, trade_off, write_plots, write_tables
 from vtkmuscle.tradeoff import study as study_module
 from vtkmuscle.tradeoff.estimates import estimates, estimates_in_words

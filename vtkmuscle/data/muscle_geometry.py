@@ -13,6 +13,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.attachments.patches import attachment_patch
+from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.sampling import samples_inside
 from vtkmuscle.core.mesh.surface import half_edges
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
@@ -126,9 +127,9 @@ class MuscleGeometry:
             try:
                 patches.append(self.patch(area))
             except ValueError as error:
-                raise ValueError(f"{where}: {role} area {number}: {error}") from error
+                raise InputError(f"{where}: {role} area {number}", *fault_of(error)) from error
         if not patches:
-            raise ValueError(f"{where}: there is no area with the role {role!r}")
+            raise InputError(where, f"there is no area with the role {role!r}")
         return np.unique(np.concatenate(patches))
 
     def once(self, key: Hashable, find: Callable[[], T]) -> T:

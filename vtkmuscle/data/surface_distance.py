@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.collision.voxels import VoxelGrid, build_voxel_grid
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import half_edges, point_components, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.data.arrays import checked_surface
@@ -186,5 +187,5 @@ def _is_closed(triangles: Ints, n_points: int) -> bool:
 def _checked(points: ArrayLike) -> Floats:
     positions = np.ascontiguousarray(points, dtype=np.float64)
     if positions.ndim != 2 or positions.shape[1] != 3 or not np.isfinite(positions).all():
-        raise ValueError("SurfaceDistance: points must be an (n, 3) array of finite numbers")
+        raise InputError("SurfaceDistance", "points must be an (n, 3) array of finite numbers")
     return positions

@@ -8,6 +8,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.attachments.contact_areas import ContactArea, attached_contacts, contact_areas, outline
 from vtkmuscle.core.attachments.patches import FACING, approach, outward_normals
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from
 from vtkmuscle.data.surface_distance import SurfaceDistance
@@ -101,16 +102,20 @@ class AttachmentEstimator(Filter):
     ) -> None:
         if not ends[0]:
             touched = [repr(name) for name, mask in zip(names, touching, strict=True) if mask.any()]
-            raise ValueError(
-                f"AttachmentEstimator: within {within:.4g} the muscle touches "
+            raise InputError(
+                "AttachmentEstimator",
+                f"within {within:.4g} the muscle touches "
                 f"{'only ' + touched[0] if touched else 'no bone'}, but attachments are estimated between "
-                "two bones; give a larger distance, or landmarks"
+                "two bones",
+                "give a larger distance, or landmarks",
             )
         found = [names[end[0].bone] for end in ends]
         if self.origin is not None and self.origin not in found:
-            raise ValueError(
-                f"AttachmentEstimator: origin is {self.origin!r}, but the muscle seems to be attached to "
-                f"{' and '.join(map(repr, found))}; choose one of these, or another distance"
+            raise InputError(
+                "AttachmentEstimator",
+                f"origin is {self.origin!r}, but the muscle seems to be attached to "
+                f"{' and '.join(map(repr, found))}",
+                "choose one of these, or another distance",
             )
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import check_is_file
 from vtkmuscle.io.writing import write_text
 
@@ -85,7 +86,7 @@ def read_literature(path: str | PathLike[str]) -> tuple[LiteratureCurve, ...]:
         with path.open(newline="", encoding="utf-8-sig") as lines:
             rows = list(enumerate(csv.reader(lines), start=1))
     except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"{path}: the file is not a CSV table in UTF-8: {error}; export it again") from error
+        raise InputError(path, f"the file is not a CSV table in UTF-8: {error}", "export it again") from error
     filled = [
         (number, [cell.strip() for cell in cells])
         for number, cells in rows
@@ -95,23 +96,25 @@ def read_literature(path: str | PathLike[str]) -> tuple[LiteratureCurve, ...]:
     missing = [name for name in LITERATURE_COLUMNS if name not in header]
     if missing or len(filled) < 2:
         problem = f"the column(s) {', '.join(missing)} are missing" if missing else "the table has no rows"
-        raise ValueError(
-            f"{path}: {problem}; published moment arms have the columns {', '.join(LITERATURE_COLUMNS)}, and "
-            "part where there are several curves of one source"
+        raise InputError(
+            path,
+            problem,
+            f"published moment arms have the columns {', '.join(LITERATURE_COLUMNS)}, and part where "
+            "there are several curves of one source",
         )
     curves: dict[tuple[str, str, str, str], list[tuple[float, float]]] = {}
     for line, cells in filled[1:]:
-        where = f"{path}: line {line}"
         if len(cells) < len(header):
-            raise ValueError(f"{where} has {len(cells)} cells, but the header has {len(header)}; correct it")
+            problem = f"line {line} has {len(cells)} cells, but the header has {len(header)}"
+            raise InputError(path, problem, "correct it")
         row = dict(zip(header, cells, strict=False))
         empty = [name for name in LITERATURE_COLUMNS if not row[name]]
         if empty:
-            raise ValueError(f"{where}: {empty[0]} is empty; fill it in, or leave the line out")
+            raise InputError(path, f"line {line}: {empty[0]} is empty", "fill it in, or leave the line out")
         key = (row["source"], row["muscle"], row["dof"], row.get("part", ""))
         point = (
-            _number(row["angle_deg"], "angle_deg", where),
-            _number(row["moment_arm_mm"], "moment_arm_mm", where),
+            _number(row["angle_deg"], "angle_deg", path, line),
+            _number(row["moment_arm_mm"], "moment_arm_mm", path, line),
         )
         curves.setdefault(key, []).append(point)
     return tuple(LiteratureCurve(*key, *np.array(sorted(points)).T) for key, points in curves.items())
@@ -166,11 +169,11 @@ def _quoted(cell: str) -> str:
     return '"' + cell.replace('"', '""') + '"' if set(cell) & set(',"\r\n#') else cell
 
 
-def _number(cell: str, column: str, where: str) -> float:
+def _number(cell: str, column: str, path: Path, line: int) -> float:
     try:
         value = float(cell)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ValueError(f"{where}: {column} is {cell!r}, but must be a finite number")
+        raise InputError(path, f"line {line}: {column} is {cell!r}, but must be a finite number")
     return value

@@ -30,7 +30,7 @@ def read_scene_file(path: str, **_: Any) -> Any:
     SceneError
         If it cannot be read; the message names the key.
     """
-    from vtkmuscle.scene import Scene  # noqa: PLC0415 -- scenes are built on readers
+    from vtkmuscle.scenes import Scene  # noqa: PLC0415 -- scenes are built on readers
 
     scene = Scene.load(path)
     return pyvista.wrap(

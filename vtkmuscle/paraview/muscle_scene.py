@@ -10,7 +10,7 @@ from vtkmuscle.data.attachments import attachments_from
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import OutputPort
-from vtkmuscle.scene.model import Scene
+from vtkmuscle.scenes import Scene
 
 
 class MuscleScene(Filter):

@@ -12,8 +12,8 @@ from xml.etree.ElementTree import Element, SubElement
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.filters.base.docstrings import described
 from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.scene.model import Scene
 from vtkmuscle.scene.reading import read_motion
+from vtkmuscle.scenes import Scene
 
 _VECTORS = {bool: "Int", int: "Int", float: "Double", tuple: "Double", str: "String"}
 _RANGES = {int: "IntRangeDomain", float: "DoubleRangeDomain"}

@@ -35,7 +35,7 @@ from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report import architecture_of, fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.result import MuscleTrack
 from vtkmuscle.run.verdict import judge, slackness_of
-from vtkmuscle.scene.model import Scene
+from vtkmuscle.scene.data import SceneData
 
 Progress = Callable[[str, str, float], None]
 Observe = Callable[[str, Mapping[str, Any]], None]
@@ -46,7 +46,7 @@ class MuscleRun:
 
     Parameters
     ----------
-    scene : Scene
+    scene : SceneData
         What the muscle belongs to.
     name : str
         Which muscle.
@@ -71,7 +71,7 @@ class MuscleRun:
 
     def __init__(
         self,
-        scene: Scene,
+        scene: SceneData,
         name: str,
         track: MuscleTrack,
         bones: dict[str, vtkPolyData],
@@ -224,7 +224,7 @@ class MuscleRun:
             # In the first frame it is what was given that is wrong; later the muscle has gone astray.
             if number == 0:
                 raise
-            self.track.failure = number, now, str(error)
+            self.track.failure = number, now, error
             return
         took = time.perf_counter() - before
         if not wanted:

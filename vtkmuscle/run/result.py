@@ -39,7 +39,7 @@ class MuscleTrack:
         Fibre lengths per finished frame [mm].
     report : dict
         What is known of the muscle, JSON-able.
-    failure : (int, float, str) or None
+    failure : (int, float, Exception) or None
         Frame and time that could not be computed, and why; the frames before are there.
     """
 
@@ -49,7 +49,7 @@ class MuscleTrack:
     fibres: list[vtkPolyData] = field(default_factory=list)
     lengths: list[Floats] = field(default_factory=list)
     report: dict[str, Any] = field(default_factory=dict)
-    failure: tuple[int, float, str] | None = None
+    failure: tuple[int, float, Exception] | None = None
 
 
 class Result:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
@@ -26,7 +27,8 @@ from vtkmuscle.run.muscles import MuscleRun, Observe, Progress
 from vtkmuscle.run.reach import bones_with_reach
 from vtkmuscle.run.report import DEFINITIONS, versions
 from vtkmuscle.run.result import MuscleTrack, Result
-from vtkmuscle.scene.model import Scene, SceneError
+from vtkmuscle.scene.data import SceneData
+from vtkmuscle.scene.faults import SceneError
 
 #: How often the main thread looks up from waiting [s]: on some systems Ctrl-C arrives only then.
 _LOOK_UP = 0.2
@@ -82,7 +84,7 @@ def frame_numbers(frames: str | slice | range | int | None, count: int) -> range
 
 
 def run_scene(
-    scene: Scene,
+    scene: SceneData,
     out: Path | None,
     *,
     frames: str | slice | range | int | None,
@@ -170,7 +172,7 @@ def _moment_arms(result: Result, report: dict[str, Any]) -> MomentArmTable:
     return arms
 
 
-def _bone_distances(scene: Scene) -> dict[str, SurfaceDistance]:
+def _bone_distances(scene: SceneData) -> dict[str, SurfaceDistance]:
     """Return the exact distances of the bones that have an inside, holes closed as the collisions close them.
 
     Each is built when a muscle comes near.
@@ -189,7 +191,7 @@ def _bone_distances(scene: Scene) -> dict[str, SurfaceDistance]:
     return distances
 
 
-def _first_report(scene: Scene, numbers: range, tracks: dict[str, MuscleTrack]) -> dict[str, Any]:
+def _first_report(scene: SceneData, numbers: range, tracks: dict[str, MuscleTrack]) -> dict[str, Any]:
     return {
         "scene": scene.name,
         "model": scene.model,
@@ -248,15 +250,15 @@ def _wait_for(jobs: Sequence[Future[None]], stop: threading.Event) -> None:
             stop.set()
 
 
-def _raise_first_failure(jobs: dict[str, Future[None]], scene: Scene) -> None:
+def _raise_first_failure(jobs: dict[str, Future[None]], scene: SceneData) -> None:
     """Raise what went wrong first in the order of the scene, not what was merely stopped by it."""
     failures = {key: job.exception() for key, job in jobs.items()}
     for key, error in failures.items():
         if error is None or isinstance(error, AbortedError):
             continue
         if isinstance(error, ValueError | TypeError) and not isinstance(error, SceneError):
-            problem, _, mend = str(error).partition("; ")
-            raise SceneError(problem, key=key, mend=mend, file=scene.files.get("")) from error
+            problem, remedy = fault_of(error, placed=True)
+            raise SceneError(problem, key, remedy, scene.files.get("")) from error
         raise error
 
 

@@ -7,15 +7,16 @@ from filecmp import cmp
 from pathlib import Path
 
 from vtkmuscle.io.writing import beside
-from vtkmuscle.scene.model import Scene
+from vtkmuscle.scene.data import SceneData
+from vtkmuscle.scene.writing import write_scene
 
 
-def save_unless_changed(scene: Scene, folder: Path, *, overwrite: bool) -> Path:
+def save_unless_changed(scene: SceneData, folder: Path, *, overwrite: bool) -> Path:
     """Write a scene to a folder where nothing of the user's is lost by that.
 
     Parameters
     ----------
-    scene : Scene
+    scene : SceneData
         What to write.
     folder : Path
         Made where it does not exist.
@@ -35,7 +36,7 @@ def save_unless_changed(scene: Scene, folder: Path, *, overwrite: bool) -> Path:
     folder.parent.mkdir(parents=True, exist_ok=True)
     fresh = beside(folder)
     try:
-        scene.save(fresh)
+        write_scene(scene, fresh)
         files = [path.relative_to(fresh) for path in fresh.rglob("*") if path.is_file()]
         for file in sorted(files):
             there = folder / file

@@ -18,7 +18,8 @@ from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.data.arrays import checked_surface, points_of
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.surface_distance import SurfaceDistance
-from vtkmuscle.scene.model import Muscle, Scene, SceneError
+from vtkmuscle.scene.data import Muscle, SceneData
+from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense_motion import motion_findings
 
 Floats = NDArray[np.float64]
@@ -54,7 +55,7 @@ class Finding:
     ----------
     key : str
         Where, as of :class:`SceneError`.
-    problem, mend : str
+    problem, remedy : str
         What is odd, and what to do about it.
     sure : bool
         Whether nothing useful can come of it.
@@ -62,11 +63,11 @@ class Finding:
 
     key: str
     problem: str
-    mend: str
+    remedy: str
     sure: bool = False
 
 
-def check_sense(scene: Scene) -> None:
+def check_sense(scene: SceneData) -> None:
     """Say what cannot be meant of a scene.
 
     Raises
@@ -82,13 +83,13 @@ def check_sense(scene: Scene) -> None:
     found = [Finding(*finding) for finding in findings(scene)]
     for finding in sorted(found, key=lambda one: not one.sure):
         file = scene.files.get(finding.key, scene.files.get(""))
-        error = SceneError(finding.problem, key=finding.key, mend=finding.mend, file=file)
+        error = SceneError(finding.problem, finding.key, finding.remedy, file)
         if finding.sure:
             raise error
         warnings.warn(str(error), stacklevel=3)
 
 
-def findings(scene: Scene) -> Iterator[tuple[Any, ...]]:
+def findings(scene: SceneData) -> Iterator[tuple[Any, ...]]:
     """Give the fields of a :class:`Finding` for each thing that cannot be meant."""
     strayed = list(_strays(scene))
     yield from strayed
@@ -105,7 +106,7 @@ def findings(scene: Scene) -> Iterator[tuple[Any, ...]]:
     yield from motion_findings(scene)
 
 
-def _strays(scene: Scene) -> Iterator[tuple[Any, ...]]:
+def _strays(scene: SceneData) -> Iterator[tuple[Any, ...]]:
     """Give surfaces with a point that is nowhere near the others, or that lie nowhere near the origin."""
     surfaces = {f"bones.{name}.surface": bone for name, bone in scene.bones.items()}
     surfaces |= {f"muscles.{name}.surface": muscle.surface for name, muscle in scene.muscles.items()}
@@ -130,7 +131,7 @@ def _strays(scene: Scene) -> Iterator[tuple[Any, ...]]:
             yield key, problem, "move the scene to the origin", True
 
 
-def _sizes(scene: Scene) -> Iterator[tuple[Any, ...]]:
+def _sizes(scene: SceneData) -> Iterator[tuple[Any, ...]]:
     surfaces = [*scene.bones.values(), *(muscle.surface for muscle in scene.muscles.values())]
     longest = max(float(np.ptp(points_of(surface), axis=0).max()) for surface in surfaces)
     length = longest * scene.millimetres
@@ -141,7 +142,7 @@ def _sizes(scene: Scene) -> Iterator[tuple[Any, ...]]:
         yield "units", problem, f'if the files are in {guess}, write units = "{guess}"', False
 
 
-def _twice(scene: Scene) -> Iterator[tuple[Any, ...]]:
+def _twice(scene: SceneData) -> Iterator[tuple[Any, ...]]:
     """Give surfaces that stand for two things."""
     seen: dict[bytes, str] = {}
     named = [(f"bones.{name}.surface", bone) for name, bone in scene.bones.items()]
@@ -153,15 +154,15 @@ def _twice(scene: Scene) -> Iterator[tuple[Any, ...]]:
             yield key, f"it is the same surface as {other}", "name the file that belongs to it", False
 
 
-def _bones_without_inside(scene: Scene) -> Iterator[tuple[Any, ...]]:
+def _bones_without_inside(scene: SceneData) -> Iterator[tuple[Any, ...]]:
     for name, bone in scene.bones.items():
         if not any(closed_shells(*checked_surface(bone, name)).solid):
             problem = "the bone encloses no volume: no muscle will be kept out of it"
-            mend = "export it again as a closed surface, if a muscle can meet it"
-            yield f"bones.{name}.surface", problem, mend, False
+            remedy = "export it again as a closed surface, if a muscle can meet it"
+            yield f"bones.{name}.surface", problem, remedy, False
 
 
-def _ring(key: str, area: AttachmentArea, muscle: Muscle, scene: Scene) -> Iterator[tuple[Any, ...]]:
+def _ring(key: str, area: AttachmentArea, muscle: Muscle, scene: SceneData) -> Iterator[tuple[Any, ...]]:
     """Give what is odd about the order and place of landmarks."""
     landmarks = np.asarray(area.landmarks, dtype=np.float64)
     size = float(np.linalg.norm(np.ptp(landmarks, axis=0)))
@@ -173,22 +174,22 @@ def _ring(key: str, area: AttachmentArea, muscle: Muscle, scene: Scene) -> Itera
     landmarks = landmarks[:: -(-len(landmarks) // _MOST_LANDMARKS)]
     best = landmarks[short_ring(landmarks)]
     length, shortest = ring_length(landmarks), ring_length(best)
-    mend = "put them in order along the boundary"
+    remedy = "put them in order along the boundary"
     if length > RING * shortest:
         problem = (
             f"the ring through the landmarks is {length:.4g} {scene.units} long, {length / shortest:.3g} "
             "times as long as in another order: they are not in the order of the boundary"
         )
-        yield key, problem, mend, length > SURE_RING * shortest
+        yield key, problem, remedy, length > SURE_RING * shortest
     elif 4.0 * np.pi * ring_area(best) < FLAT_RING * shortest**2:
-        mend = "if it is a line and no area, write closed = false"
-        yield key, "the ring through the landmarks encloses hardly any area", mend, False
+        remedy = "if it is a line and no area, write closed = false"
+        yield key, "the ring through the landmarks encloses hardly any area", remedy, False
     elif ring_area(landmarks) < CROSSED_RING * ring_area(best):
-        yield key, "the ring through the landmarks crosses itself, as an 8 does", mend, False
+        yield key, "the ring through the landmarks crosses itself, as an 8 does", remedy, False
 
 
 def _on_bones(
-    scene: Scene, name: str, muscle: Muscle, distances: dict[str, SurfaceDistance]
+    scene: SceneData, name: str, muscle: Muscle, distances: dict[str, SurfaceDistance]
 ) -> Iterator[tuple[Any, ...]]:
     """Give landmarks that are not on the bone that they name."""
     scale = scene.millimetres
@@ -208,8 +209,8 @@ def _on_bones(
     exchanged = {(areas[number].bone, bone) for number, bone in meant.items()}
     if len(areas) == len(meant) > 1 and exchanged == {(b, a) for a, b in exchanged}:
         problem = "origin and insertion are exchanged: each has its landmarks on the other's bone"
-        mend = "exchange their landmarks, or their bones"
-        yield f"muscles.{name}.attachments", problem, mend, True
+        remedy = "exchange their landmarks, or their bones"
+        yield f"muscles.{name}.attachments", problem, remedy, True
         return
     for number, (area, far) in enumerate(zip(areas, away, strict=True)):
         key = f"muscles.{name}.attachments[{numbered[number][0]}].landmarks"

@@ -13,7 +13,7 @@ import numpy as np
 import vtkmuscle
 from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.io.writing import replacing, write_text
-from vtkmuscle.scene.model import Scene
+from vtkmuscle.scene.data import SceneData
 from vtkmuscle.tradeoff.settings import Setting
 from vtkmuscle.tradeoff.trial import MuscleTrial, Trial
 
@@ -34,7 +34,7 @@ class Records:
     ----------
     folder : Path
         Made where it does not exist.
-    scene : Scene
+    scene : SceneData
         What is run.
     muscles : sequence of str
         Which of its muscles.
@@ -42,7 +42,9 @@ class Records:
         Numbers of the frames that are compared.
     """
 
-    def __init__(self, folder: Path, scene: Scene, muscles: Sequence[str], compared: Sequence[int]) -> None:
+    def __init__(
+        self, folder: Path, scene: SceneData, muscles: Sequence[str], compared: Sequence[int]
+    ) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self._folder = folder
         what = [scene_digest(scene), list(muscles), list(compared), vtkmuscle.__version__, code_digest()]
@@ -102,7 +104,7 @@ class Records:
             np.savez_compressed(file, allow_pickle=False, facts=np.array(facts), **arrays)
 
 
-def scene_digest(scene: Scene) -> str:
+def scene_digest(scene: SceneData) -> str:
     """Return a digest of all that a scene's result depends on."""
     digest = hashlib.sha256()
     surfaces = {**scene.bones, **{f"muscle {name}": m.surface for name, m in scene.muscles.items()}}

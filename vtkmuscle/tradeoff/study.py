@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from vtkmuscle.scene.model import Scene
+from vtkmuscle.scene.data import SceneData
 from vtkmuscle.tradeoff.measures import measured
 from vtkmuscle.tradeoff.records import Records
 from vtkmuscle.tradeoff.settings import Setting, grid, reference
@@ -78,7 +78,7 @@ class Study:
 
 
 def trade_off(
-    scene: Scene,
+    scene: SceneData,
     out: Path,
     *,
     only: Sequence[str] = (),
@@ -93,7 +93,7 @@ def trade_off(
 
     Parameters
     ----------
-    scene : Scene
+    scene : SceneData
         What is run. The settings tried take the place of its own of the same name.
     out : Path
         Folder for the finished settings, in ``settings``.

@@ -19,7 +19,7 @@ from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.pipelines import decompose, deform
 from vtkmuscle.run.measure import MuscleMeasure
-from vtkmuscle.scene.model import Scene
+from vtkmuscle.scene.data import SceneData
 from vtkmuscle.tradeoff.memory import peak_memory
 from vtkmuscle.tradeoff.settings import Setting
 
@@ -81,7 +81,7 @@ class Bench:
 
     Attributes
     ----------
-    scene : Scene
+    scene : SceneData
         What is run.
     muscles : sequence of str
         Which of its muscles.
@@ -91,7 +91,7 @@ class Bench:
         Told what is being done.
     """
 
-    scene: Scene
+    scene: SceneData
     muscles: Sequence[str]
     compared: Sequence[int]
     tell: Callable[[str], None] = lambda words: None

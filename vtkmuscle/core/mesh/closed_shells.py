@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import point_components, signed_volume
 
 Floats = NDArray[np.float64]
@@ -69,7 +70,7 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
     triangles = _proper(np.asarray(triangles, dtype=np.int64).reshape(-1, 3))
     _check_any(triangles)
     if not np.isfinite(points[triangles]).all():
-        raise ValueError("the surface has a coordinate that is not finite")
+        raise InputError("", "the surface has a coordinate that is not finite")
     remarks = []
     if len(_excess(triangles)):
         points, triangles = _welded(points, triangles)
@@ -102,7 +103,7 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
 
 def _check_any(triangles: Ints) -> None:
     if not len(triangles):
-        raise ValueError("the surface has no triangles of three different points")
+        raise InputError("", "the surface has no triangles of three different points")
 
 
 def _proper(triangles: Ints) -> Ints:

@@ -1,95 +1,32 @@
-"""What a scene is: bones, muscles with their attachments, a motion, and the settings of the solver."""
+"""Scenes: read, checked, saved and run."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Self
 
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
-from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.data.arrays import blocks_of, multiblock_from
-from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of
+from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.filters.deformer.quality import PRESETS
-from vtkmuscle.io.literature import LiteratureCurve
-
-if TYPE_CHECKING:
-    from vtkmuscle.phantoms import Phantom
-    from vtkmuscle.run.result import Result
-
-#: Allowed units of length, and how many millimetres they are.
-MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
-
-
-class SceneError(ValueError):
-    """A scene that cannot be run: where the fault is, what it is, and how to mend it.
-
-    Parameters
-    ----------
-    problem : str
-        What is wrong.
-    key : str
-        The dotted key, e.g. ``muscles.iliacus.attachments[1].bone``.
-    mend : str, optional
-        What to do about it.
-    file : Path, optional
-        The file at fault.
-
-    Attributes
-    ----------
-    problem, key, mend, file
-        As given.
-    """
-
-    def __init__(self, problem: str, *, key: str, mend: str = "", file: Path | None = None) -> None:
-        self.problem = problem
-        self.key = key
-        self.mend = mend
-        self.file = file
-        where = ": ".join(part for part in (str(file) if file else "scene", key) if part)
-        super().__init__(f"{where}: {problem}" + (f"; {mend}" if mend else ""))
+from vtkmuscle.phantoms.phantom import Phantom
+from vtkmuscle.run.claim import claimed
+from vtkmuscle.run.result import Result
+from vtkmuscle.run.scenes import run_scene
+from vtkmuscle.scene.checks import checked
+from vtkmuscle.scene.data import Muscle, SceneData
+from vtkmuscle.scene.reading import read_fields
+from vtkmuscle.scene.sense import check_sense
+from vtkmuscle.scene.writing import write_scene
 
 
 @dataclass(frozen=True, eq=False)
-class Muscle:
-    """A muscle of a scene.
-
-    Attributes
-    ----------
-    surface : vtkPolyData
-        Closed surface of triangles that face outward, in the rest pose.
-    attachments : sequence of AttachmentArea
-        Where it is attached, and the via rings that it passes through.
-    fibres : mapping, optional
-        Keyword arguments of :func:`vtkmuscle.pipelines.decompose`, and ``weight_tolerance`` of
-        FibreTransport, 0.3 where it is not given, 0 for exact transport; None for a muscle without fibres.
-    solver : mapping
-        Parameters of PBDDeformer that differ from the scene's.
-    fixing : mapping
-        Parameters of FixedPointDetector that differ from the scene's.
-    superficial_fibres : vtkPolyData, optional
-        Polylines: fibres that somebody has seen on the surface, in the rest pose. They orient the template
-        and the anisotropy.
-    literature : sequence of LiteratureCurve
-        Published moment arms of the muscle, drawn beside those of a run.
-    """
-
-    surface: vtkPolyData
-    attachments: tuple[AttachmentArea, ...] = ()
-    fibres: Mapping[str, Any] | None = None
-    solver: Mapping[str, Any] = field(default_factory=dict)
-    fixing: Mapping[str, Any] = field(default_factory=dict)
-    superficial_fibres: vtkPolyData | None = None
-    literature: tuple[LiteratureCurve, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Scene:
+class Scene(SceneData):
     """Bones, muscles and a motion, checked and ready to run.
 
     All lengths are in the scene's unit: coordinates, translations, and settings such as a tolerance.
@@ -99,7 +36,7 @@ class Scene:
     ----------
     name : str
         Name of the scene.
-    bones : mapping of str to vtkPolyData
+    bones : mapping of str to vtkPolyData, or vtkMultiBlockDataSet
         Surfaces of triangles in the rest pose.
     muscles : mapping of str to Muscle
         What is to be deformed.
@@ -126,7 +63,7 @@ class Scene:
     Raises
     ------
     SceneError
-        If anything in it cannot be run; the message names the file, the key and the mend.
+        If anything in it cannot be run; the message names the file, the key and the remedy of each fault.
 
     Examples
     --------
@@ -137,27 +74,15 @@ class Scene:
     2
     """
 
-    name: str
-    bones: Mapping[str, vtkPolyData]
-    muscles: Mapping[str, Muscle]
-    motion: RigidMotion
-    units: str = "mm"
-    solver: Mapping[str, Any] = field(default_factory=dict)
-    fixing: Mapping[str, Any] = field(default_factory=dict)
-    muscle_contact: str = "off"
-    model: str = "volume"
-    quality: str | None = None
-    files: Mapping[str, Path] = field(default_factory=dict)
-
     def __post_init__(self) -> None:
-        from vtkmuscle.scene.checks import checked_bones, checked_muscles, checked_names  # noqa: PLC0415
-
-        checked_names(self)
-        object.__setattr__(self, "bones", checked_bones(self))
-        object.__setattr__(self, "muscles", checked_muscles(self))
+        if isinstance(self.bones, vtkMultiBlockDataSet):
+            object.__setattr__(self, "bones", dict(blocks_of(self.bones)))
+        bones, muscles = checked(self)
+        object.__setattr__(self, "bones", bones)
+        object.__setattr__(self, "muscles", muscles)
 
     @classmethod
-    def load(cls, path: str | PathLike[str]) -> Scene:
+    def load(cls, path: str | PathLike[str]) -> Self:
         """Read a scene.toml and all that it names, and check every key.
 
         Parameters
@@ -173,14 +98,13 @@ class Scene:
         Raises
         ------
         SceneError
-            For the first thing that is wrong, with the file, the key and the mend.
+            For all that is wrong in the file; else for all files that cannot be read; else for all surfaces
+            and landmarks that cannot be used. Each fault has the file, the key, the reason and the remedy.
         """
-        from vtkmuscle.scene.reading import read_scene  # noqa: PLC0415
-
-        return read_scene(Path(path))
+        return cls(**read_fields(Path(path)))
 
     @classmethod
-    def from_phantom(cls, phantom: Phantom, *, n_fibres: int = 100, resolution: int = 15) -> Scene:
+    def from_phantom(cls, phantom: Phantom, *, n_fibres: int = 100, resolution: int = 15) -> Self:
         """Return the scene of a phantom, with fibres in every muscle.
 
         Parameters
@@ -197,12 +121,11 @@ class Scene:
         """
         muscles = {}
         for name, surface in phantom.muscles.items():
-            areas = attachments_of(phantom.attachments[name], f"{phantom.name}, {name}")
             template = phantom.templates.get(name, "parallel")
             fibres = {"template": template, "n_fibres": n_fibres, "resolution": resolution}
             seen = phantom.superficial.get(name)
-            muscles[name] = Muscle(surface, tuple(areas), fibres, superficial_fibres=seen)
-        return cls(phantom.name, dict(blocks_of(phantom.bones)), muscles, phantom.motion)
+            muscles[name] = Muscle(surface, phantom.attachments[name], fibres, superficial_fibres=seen)
+        return cls(phantom.name, phantom.bones, muscles, phantom.motion)
 
     def save(self, folder: str | PathLike[str]) -> Path:
         """Write the scene to a folder: scene.toml, surfaces, landmarks and the motion.
@@ -217,8 +140,6 @@ class Scene:
         Path
             The scene.toml, from which :meth:`load` gives the same scene.
         """
-        from vtkmuscle.scene.writing import write_scene  # noqa: PLC0415
-
         return write_scene(self, Path(folder))
 
     def run(
@@ -273,7 +194,7 @@ class Scene:
         ------
         SceneError
             If a stage cannot be done, or something in the scene is surely not meant; the message names the
-            muscle and the mend.
+            muscle and the remedy.
         ValueError
             If no such frames exist, or something in the folder would be lost.
         OSError
@@ -281,10 +202,6 @@ class Scene:
         KeyboardInterrupt
             On Ctrl-C; all finished frames are written, and the report says what they are.
         """
-        from vtkmuscle.run.claim import claimed  # noqa: PLC0415
-        from vtkmuscle.run.scenes import run_scene  # noqa: PLC0415
-        from vtkmuscle.scene.sense import check_sense  # noqa: PLC0415
-
         if out is not None and not str(out):
             raise ValueError("out is empty; give the name of a folder")
         check_sense(self)
@@ -302,7 +219,7 @@ class Scene:
                 observe=observe,
             )
 
-    def with_quality(self, quality: str) -> Scene:
+    def with_quality(self, quality: str) -> Self:
         """Return the scene with another preset.
 
         Settings that the scene makes itself stay; a warning names those that the preset has as well.
@@ -317,7 +234,7 @@ class Scene:
         SceneError
             If there is no such preset.
         """
-        changed = replace(self, quality=quality)
+        changed: Self = replace(self, quality=quality)
         own = {"solver": self.solver}
         own |= {f"muscles.{name}.solver": muscle.solver for name, muscle in self.muscles.items()}
         kept = [
@@ -330,26 +247,3 @@ class Scene:
             message = f"the scene's own settings stay, whatever {quality!r} has for them: {', '.join(kept)}"
             warnings.warn(message, stacklevel=2)
         return changed
-
-    @property
-    def millimetres(self) -> float:
-        """Millimetres per unit of length."""
-        return MILLIMETRES[self.units]
-
-    def solver_of(self, muscle: str) -> dict[str, Any]:
-        """Return the parameters of a muscle's PBDDeformer: the scene's, then its own."""
-        given = {**self.solver, **self.muscles[muscle].solver}
-        return given if self.quality is None else {"quality": self.quality, **given}
-
-    def fixing_of(self, muscle: str) -> dict[str, Any]:
-        """Return the parameters of a muscle's FixedPointDetector: the scene's, then its own."""
-        return {**self.fixing, **self.muscles[muscle].fixing}
-
-    def bones_data(self) -> vtkMultiBlockDataSet:
-        """Return the bones at rest as the data set that filters take."""
-        return multiblock_from(dict(self.bones))
-
-    def attachments_data(self, muscle: str) -> vtkMultiBlockDataSet | None:
-        """Return a muscle's attachments as the data set that filters take, None where it has none."""
-        areas = self.muscles[muscle].attachments
-        return attachments_from(areas) if areas else None
