@@ -15,10 +15,8 @@ from dataclasses import replace
 import numpy as np
 
 from vtkmuscle import Scene
-from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-from vtkmuscle.filters.pbd_deformer import PBDDeformer
-from vtkmuscle.pipelines import decompose
+from vtkmuscle.pipelines import MusclePipeline
+from vtkmuscle.run import muscle_pipeline
 
 END = 1000
 P21 = {"quality": "published"}
@@ -33,9 +31,8 @@ ITERATIONS = (3, 10, 25, 50)
 
 def solver_of(inputs, first, **settings):
     """Return the solver that a deformer makes."""
-    deformer = PBDDeformer(**settings)
-    for port, source in enumerate(inputs):
-        deformer.connect(port, source)
+    fixed, bones, motion, fibres = inputs
+    deformer = MusclePipeline(fixed, bones, motion, fibres=fibres, solver=settings).deformer
     deformer.update(first)
     return deformer._made_solver()
 
@@ -76,13 +73,8 @@ def main() -> None:
     transforms = np.array([[scene.motion.at(t).get(name, np.eye(4)) for name in scene.bones] for t in times])
     ratios = []
     for name in arguments.muscles or scene.muscles:
-        attachments = scene.attachments_data(name)
-        fixed = FixedPointDetector(**scene.fixing_of(name))
-        for port, data in enumerate((scene.muscles[name].surface, scene.bones_data(), attachments)):
-            fixed.connect(port, data)
-        moving = BoneMotion(motion=scene.motion)
-        moving.connect(0, scene.bones_data())
-        inputs = fixed, moving, decompose(fixed, attachments, **scene.muscles[name].fibres)
+        pipeline = muscle_pipeline(scene, name)
+        inputs = pipeline.fixed, scene.bones_data(), scene.motion, pipeline.fibres
         print(
             f"{name}\n  {'':30s}{'iterations':>12s}{'ms / frame':>12s}{'median mm':>12s}{'largest mm':>12s}"
         )

@@ -499,8 +499,8 @@ FAULTS = [
     (
         "[solver]",
         "fixing = { dist = 1 }\n[solver]",
-        "muscles.spindle.fixing.tol",
-        "no setting 'tol'",
+        "muscles.spindle.fixing.dist",
+        "no setting 'dist'",
         "'distance'",
     ),
     ("[solver]\niterations = 3", "solver = 3", "muscles.spindle.solver", "must be a table", "format"),

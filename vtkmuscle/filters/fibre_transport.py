@@ -53,15 +53,15 @@ class _Rest:
     fibre_points: Floats
     points: Floats
     triangles: Ints
-    prune: float
+    weight_tolerance: float
     outside: int | None = None
     sparse: SparseWeights | None = None
     weights: dict[int, Floats] = field(default_factory=dict)
     size: int = 0
 
-    def is_of(self, fibre_points: Floats, points: Floats, triangles: Ints, prune: float) -> bool:
+    def is_of(self, fibre_points: Floats, points: Floats, triangles: Ints, weight_tolerance: float) -> bool:
         return (
-            self.prune == prune
+            self.weight_tolerance == weight_tolerance
             and np.array_equal(self.fibre_points, fibre_points)
             and np.array_equal(self.points, points)
             and np.array_equal(self.triangles, triangles)
@@ -74,7 +74,7 @@ class _Rest:
 
     def moved(self, deformed: Floats, report: Callable[[float], None]) -> Floats:
         """Return the fibre points in the deformed vertices; `report` is told the part that is done."""
-        if self.prune > 0.0:
+        if self.weight_tolerance > 0.0:
             if self.sparse is None:
                 self.sparse = self._made_sparse(report)
             moved = sparse_transport(self.sparse, deformed)
@@ -93,7 +93,7 @@ class _Rest:
             block = self.fibre_points[first : first + _BLOCK]
             parts.append(
                 sparse_mean_value_coordinates(
-                    self.points, self.triangles, block, prune=self.prune, groups=groups
+                    self.points, self.triangles, block, prune=self.weight_tolerance, groups=groups
                 )
             )
             report(min(first + _BLOCK, count) / (count + 1))

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.morphing.even_spread import spread_evenly
 from vtkmuscle.core.morphing.triangulation import triangulate
 
 Floats = NDArray[np.float64]
@@ -32,7 +31,7 @@ WEIGHTS = (1e-6, 1e6)
 
 
 @kernel
-def from_rectangle(contour: Floats, image: Floats, points: Floats, even: bool) -> tuple[Floats, bool]:
+def from_rectangle(contour: Floats, image: Floats, points: Floats) -> tuple[Floats, bool]:
     """Return the places in a section that a harmonic map takes to points of a convex region.
 
     Parameters
@@ -44,8 +43,6 @@ def from_rectangle(contour: Floats, image: Floats, points: Floats, even: bool) -
         Where its vertices go: on the boundary of a convex region, counterclockwise.
     points : (m, 2) array
         Points of the region.
-    even : bool
-        True to move them first, such that the map spreads them evenly; then the region must be a rectangle.
 
     Returns
     -------
@@ -66,24 +63,7 @@ def from_rectangle(contour: Floats, image: Floats, points: Floats, even: bool) -
     values = _harmonic(nodes, edges, weights, known)
     lifted = values.copy()
     lifted[:, :2] = nodes
-    if even:
-        areas = np.empty(len(triangles))
-        for t in range(len(triangles)):
-            areas[t] = _area(lifted, triangles[t, 0], triangles[t, 1], triangles[t, 2])
-        points = spread_evenly(np.ascontiguousarray(values[:, :2]), triangles, areas, points)
     return _interpolated(np.ascontiguousarray(values[:, :2]), triangles, lifted, points), True
-
-
-@kernel
-def _area(nodes: Floats, a: int, b: int, c: int) -> float:
-    """Return the area of a triangle, in the plane or in space."""
-    uu, uv, vv = 0.0, 0.0, 0.0
-    for axis in range(nodes.shape[1]):
-        u, v = nodes[b, axis] - nodes[a, axis], nodes[c, axis] - nodes[a, axis]
-        uu += u * u
-        uv += u * v
-        vv += v * v
-    return float(0.5 * np.sqrt(max(uu * vv - uv * uv, 0.0)))
 
 
 @kernel
