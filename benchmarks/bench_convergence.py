@@ -41,7 +41,7 @@ def measure(inputs, transforms, first, every, settings):
     """Return time per frame [ms], distances and estimated distances to the converged shapes [mm]."""
     solver = solver_of(inputs, first, **settings)
     anisotropy = settings.get("anisotropy", "taut")
-    settled = {"start": "blend", "solver": "anderson", "iterations": END, "tolerance": 1e-6}
+    settled = {"prediction": "blend", "solver": "anderson", "iterations": END, "tolerance": 1e-6}
     end = solver_of(inputs, first, **settled, anisotropy=anisotropy)
     free = solver.fixed_to < 0
     state = solver.rest_state(transforms.shape[1])

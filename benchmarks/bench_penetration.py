@@ -36,8 +36,8 @@ MODES = {
     "voxel, P21": {
         "collision": "voxel",
         "solver": "gauss-seidel",
-        "start": "inertial",
-        "order": "sequential",
+        "prediction": "inertial",
+        "projection_order": "sequential",
         "bone_push": "transform",
         "contact_velocity": "keep",
         "anisotropy": "stiffness",

@@ -80,7 +80,7 @@ def steps_of(n_triangles: int) -> Callable[[], object]:
     motion.connect(0, bones)
 
     def run() -> object:
-        deformer = PBDDeformer(collision="off", start="blend", iterations=10)
+        deformer = PBDDeformer(collision="off", prediction="blend", iterations=10)
         deformer.connect(0, muscle)
         deformer.connect(1, motion)
         return deformer.update(time=2.0).output

@@ -23,7 +23,7 @@ from muscle_problem import data_folder
 DOCS = Path(__file__).resolve().parents[1] / "docs" / "tradeoff"
 STEPS_OF_10 = ("--every", "5", "--frames", "0:10")
 #: What is varied.
-GROUPS = ("presets", "iterations", "tolerance", "solver", "start")
+GROUPS = ("presets", "iterations", "tolerance", "solver", "prediction")
 #: Plots that the page shows.
 SHOWN = ("pareto_rms_mm.svg", "pareto_fibre_length_mm.svg", "estimates.svg")
 #: Columns of the table of the presets, and their headings.

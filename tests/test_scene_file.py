@@ -112,7 +112,7 @@ def test_settings_of_a_muscle_go_before_those_of_the_scene(scene_file):
         "solver = { iterations = 7, stiffness = 1 }\nfixing = { distance = 2.5 }\n[solver]\ndamping = 1",
     )
     scene = Scene.load(scene_file)
-    assert scene.solver_of("spindle") == {"iterations": 7, "stiffness": 1, "damping": 1}
+    assert scene.solver_of("spindle") == {"iterations": 7, "stiffness": 1, "velocity_kept": 1}
     assert scene.fixing_of("spindle") == {"distance": 2.5}
 
 
@@ -484,8 +484,8 @@ FAULTS = [
     ("iterations = 3", "stiffness = nan", "solver.stiffness", "nan is not allowed", "a finite number"),
     (
         "[solver]",
-        "solver = { damping = 2 }\n[solver]",
-        "muscles.spindle.solver.damping",
+        "solver = { velocity_kept = 2 }\n[solver]",
+        "muscles.spindle.solver.velocity_kept",
         "2 is not allowed",
         "<= 1",
     ),

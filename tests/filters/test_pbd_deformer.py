@@ -102,7 +102,7 @@ def counted_steps(monkeypatch):
 def test_fixed_points_follow_their_bone_and_the_volume_is_kept(start, bone_push):
     muscle = spindle()
     rest, marks = points_of(muscle), point_array(muscle, "FixedTo", "")
-    deformer = deformer_of(muscle, start=start, bone_push=bone_push)
+    deformer = deformer_of(muscle, prediction=start, bone_push=bone_push)
     for time in ANGLES:
         out = deformer.update(time).output
         now = points_of(out)
@@ -247,9 +247,9 @@ def test_points_are_kept_out_of_a_bone_that_is_not_fixed_to_anything(collision):
     swing = hinge("upper", (0.0, 25.0, 50.0), (1, 0, 0), np.arange(0.0, -61.0, -5.0)[::-1])
     swing = RigidMotion(np.arange(13.0), {"upper": swing.transforms["upper"][::-1]})
     pushed = deformer_of(
-        muscle, swing, collision=collision, bone_push="transform", start="inertial", iterations=10
+        muscle, swing, collision=collision, bone_push="transform", prediction="inertial", iterations=10
     )
-    passed = deformer_of(muscle, swing, collision="off", start="inertial", iterations=10)
+    passed = deformer_of(muscle, swing, collision="off", prediction="inertial", iterations=10)
     depths = []
     for deformer in (pushed, passed):
         out = deformer.update(12.0).output
@@ -289,7 +289,7 @@ def test_the_skin_keeps_the_muscle_off_the_bone():
 
 @pytest.mark.parametrize("collision", ["off", "sdf"])
 def test_penetration_is_that_of_the_free_points_in_the_exact_bone(collision):
-    deformer, swing, free = swinging(collision=collision, measure_penetration=True, start="inertial")
+    deformer, swing, free = swinging(collision=collision, measure_penetration=True, prediction="inertial")
     out = deformer.update(12.0).output
     lower = np.array([5.0, 5.0, 20.0]) - np.abs(points_of(out)[free] - [0, 25, -30])
     back = apply_transform(inverse(swing.at(12.0)["upper"]), points_of(out)[free]) - [0, 25, 30]
@@ -313,7 +313,7 @@ def test_friction_holds_points_on_the_bone():
     """With more friction a point that the bone presses goes less far along it; with much, not at all."""
     ways = []
     for friction in (0.0, 0.5, 100.0):
-        deformer, swing, free = swinging(friction=friction, start="inertial", solver="gauss-seidel")
+        deformer, swing, free = swinging(friction=friction, prediction="inertial", solver="gauss-seidel")
         met, on_bone = free.copy(), []
         for time in (3.0, 4.0, 5.0):
             out = deformer.update(time).output
@@ -328,7 +328,7 @@ def test_friction_holds_points_on_the_bone():
 def test_colliding_points_keep_their_velocity_where_asked_for():
     moving = {}
     for kept in ("zero", "keep"):
-        deformer, _, free = swinging(contact_velocity=kept, start="inertial")
+        deformer, _, free = swinging(contact_velocity=kept, prediction="inertial")
         out = deformer.update(12.0).output
         assert field_array(out, "CollidingPoints")[0] > 0
         moving[kept] = int((point_array(out, "Velocity", "")[free] != 0).any(axis=1).sum())
@@ -591,7 +591,7 @@ def test_a_bone_that_does_not_move_with_its_transform_is_told():
 
 def test_a_free_body_falls_if_there_is_a_force():
     muscle = marked(np.full(N, -1, dtype=np.int32))
-    deformer = deformer_of(muscle, external_force=(0, 0, -1.0), damping=1.0, collision="off")
+    deformer = deformer_of(muscle, external_force=(0, 0, -1.0), velocity_kept=1.0, collision="off")
     assert np.allclose(frame(deformer, 10.0) - points_of(muscle), [0, 0, -6.0], atol=1e-9)
 
 
@@ -657,7 +657,7 @@ def test_no_grids_without_collision(monkeypatch):
 
 
 def test_parameters_round_trip():
-    deformer = PBDDeformer(iterations=3, start="inertial", external_force=(1, 2, 3))
+    deformer = PBDDeformer(iterations=3, prediction="inertial", external_force=(1, 2, 3))
     assert PBDDeformer(**json.loads(json.dumps(deformer.parameters()))).parameters() == deformer.parameters()
     copy = pickle.loads(pickle.dumps(deformer))
     assert copy.parameters() == deformer.parameters()

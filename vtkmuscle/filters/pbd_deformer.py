@@ -73,7 +73,7 @@ class PBDDeformer(Filter):
     rest; strings carry the surface along. What edges and angles keep is the muscle carried like that, longer
     or shorter along its fibres, thinner or thicker across; each iteration begins there, and draws the points
     towards it by ``guidance``. So a frame is that of its pose, within what the strings know of the pose
-    before. ``"stiffness"`` (P21) makes edges the less stiff the more they run along the fibres,
+    before. ``"stiffness"`` (published) makes edges the less stiff the more they run along the fibres,
     k = 1 - abs(u . v), keeps the muscle as it is at rest, and pulls no strings.
 
     The fibres are those on port 2; where none are connected, lines over the surface stand in for them, along
@@ -94,9 +94,8 @@ class PBDDeformer(Filter):
 
     Without strings each step starts from ``"blend"`` or ``"inertial"``. From ``"blend"`` free
     points start where the bones' motions, blended by harmonic weights, take them (they have no momentum
-    then). From
-    ``"inertial"`` they start where their velocity takes them (P21), and strings do not guide them either: the
-    muscle hangs back behind the bones.
+    then). From ``"inertial"`` they start where their velocity takes them (published), and strings do not
+    guide them either: the muscle lags behind the bones.
 
     ``solver="anderson"``, the default, takes the iteration of ``"gauss-seidel"`` nearer to its end in the
     same number of iterations, and stops at ``tolerance``. Stiffnesses hold per iteration then, so that the
@@ -108,10 +107,10 @@ class PBDDeformer(Filter):
     speed against accuracy.
 
     ``collision="sdf"`` moves points that are in a bone to its surface, along which they slide. Points that
-    are in a bone at rest stay as deep as they are. ``"voxel"`` (P21) takes them back the way they came, which
-    leaves dents and spikes where a muscle is drawn over a bone. ``bone_push="transform"`` (P21) then lets
-    points in a bone's outermost voxels stick to it and be drawn into the joint; ``"off"`` leaves them where
-    the other constraints have them.
+    are in a bone at rest stay as deep as they are. ``"voxel"`` (published) takes them back the way they came,
+    which leaves dents and spikes where a muscle is drawn over a bone. ``bone_push="transform"`` (published)
+    then lets points in a bone's outermost voxels stick to it and be drawn into the joint; ``"off"`` leaves
+    them where the other constraints have them.
 
     Muscles on port 3 stay as they are; this one is kept out of them, except as deep as it is in them at rest.
     So muscles are put in an order, in which each yields to those before it; ``vtkGroupDataSetsFilter`` makes
@@ -166,21 +165,33 @@ class PBDDeformer(Filter):
         doc="Parts that a step is cut into; bones move along their screws.",
     )
     dt = Parameter(float, default=1.0, above=0.0, units="s", doc="Time of a step.")
-    damping = Parameter(
-        float, default=0.99, minimum=0.0, maximum=1.0, doc="Part of the velocity that a step leaves."
+    velocity_kept = Parameter(
+        float,
+        default=0.99,
+        minimum=0.0,
+        maximum=1.0,
+        doc="Part of its velocity that a point keeps from step to step.",
     )
     stiffness = Parameter(
         float,
         default=1.0,
         minimum=0.0,
         maximum=1.0,
-        doc="Of edge lengths, per step (solver 'gauss-seidel') or per iteration ('anderson').",
+        doc="Stiffness of the edge lengths, per step (solver 'gauss-seidel') or per iteration ('anderson').",
     )
     shape_stiffness = Parameter(
-        float, default=0.9, minimum=0.0, maximum=1.0, doc="Of angles between triangles, likewise."
+        float,
+        default=0.9,
+        minimum=0.0,
+        maximum=1.0,
+        doc="Stiffness of the angles between triangles, per step (solver 'gauss-seidel') or per iteration.",
     )
     volume_stiffness = Parameter(
-        float, default=1.0, minimum=0.0, maximum=1.0, doc="Of the muscle's volume, likewise."
+        float,
+        default=1.0,
+        minimum=0.0,
+        maximum=1.0,
+        doc="Stiffness of the muscle's volume, per step (solver 'gauss-seidel') or per iteration.",
     )
     anisotropy = Parameter(
         str,
@@ -196,21 +207,21 @@ class PBDDeformer(Filter):
         maximum=1.0,
         only_with=("anisotropy", "taut"),
         doc="Part of its way to where the taut fibres carry it that each iteration draws a point of the "
-        "surface; not with start 'inertial'.",
+        "surface; not with prediction 'inertial'.",
     )
     external_force = Parameter(
         tuple,
         default=(0.0, 0.0, 0.0),
         length=3,
         units="mm/s^2",
-        doc="Force per mass on all free points; with start 'inertial'. From the other starts the solve leads "
-        "to where the constraints are met, and leaves the less of it the further it goes.",
+        doc="Force per mass on all free points; for prediction 'inertial'. With another one the solve leads "
+        "to where the constraints are met, and leaves the less of the force the further it goes.",
     )
     collision = Parameter(
         str,
         default="sdf",
         choices=("sdf", "voxel", "off"),
-        doc="How points are kept out of the bones: by signed distances, by voxels (P21) or not at all.",
+        doc="How points are kept out of the bones: by signed distances, by voxels (published) or not at all.",
     )
     grid_spacing: Parameter[float | None] = Parameter(
         float,
@@ -263,20 +274,21 @@ class PBDDeformer(Filter):
         str,
         default="zero",
         choices=("zero", "keep"),
-        doc="Velocity of points that met a bone: none, as P21 proposes, or that of their displacement (P21).",
+        doc="Velocity of points that met a bone: none, as Kohout and Cervenka 2021 propose, or that of "
+        "their displacement, as they compute it.",
     )
-    start = Parameter(
+    prediction = Parameter(
         str,
         default="blend",
         choices=("inertial", "blend"),
-        doc="Where free points start each step: where their velocity takes them (P21), or where the bones' "
-        "blended motions do.",
+        doc="Where free points start each step: where their velocity takes them (published), or where the "
+        "bones' blended motions do.",
     )
     solver = Parameter(
         str,
         default="anderson",
         choices=("gauss-seidel", "anderson"),
-        doc="The iteration: as it is (P21), or accelerated towards the same shape.",
+        doc="The iteration: as it is (published), or accelerated towards the same shape.",
     )
     tolerance = Parameter(
         float,
@@ -287,12 +299,12 @@ class PBDDeformer(Filter):
         doc="Stop at this distance to the converged shape (root mean square), a bound of it where points are "
         "drawn to taut fibres, else an estimate. 0 never stops.",
     )
-    order = Parameter(
+    projection_order = Parameter(
         str,
-        default="colour",
-        choices=("colour", "sequential"),
+        default="batched",
+        choices=("batched", "sequential"),
         doc="Order of projections: edges many at once and the volume last, or all one by one "
-        "and the volume before angles and bones (P21), which keeps it less well.",
+        "and the volume before angles and bones (published), which keeps it less well.",
     )
     measure_penetration = Parameter(
         bool,
@@ -316,8 +328,8 @@ class PBDDeformer(Filter):
         str,
         default="float64",
         choices=("float64", "float32"),
-        doc="Numbers that the iteration computes with; 'float32' only with solver 'gauss-seidel' and order "
-        "'colour'.",
+        doc="Numbers that the iteration computes with; 'float32' only with solver 'gauss-seidel' and "
+        "projection_order 'batched'.",
     )
     threads = Parameter(
         int,

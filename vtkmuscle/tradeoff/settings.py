@@ -68,7 +68,7 @@ def grid() -> list[Setting]:
     vary("tolerance", 1.0, 0.3, 0.1, 0.03, 0.01, iterations=400)
     vary("solver", "gauss-seidel", tolerance=0.0)
     vary("substeps", 2, 4)
-    vary("start", "inertial")
+    vary("prediction", "inertial")
     vary("anisotropy", "stiffness", "off")
     vary("grid_spacing", 0.5, 1.0, 2.0, 4.0)
     vary("collision", "off")

@@ -17,7 +17,7 @@ class SolverParameters:
         Parts that a step is cut into, bones moving along their screws, >= 1.
     dt : float
         Time of a step [s], > 0.
-    damping : float
+    velocity_kept : float
         Part of the velocity that is left after a (sub)step, in [0, 1].
     stiffness, shape_stiffness, volume_stiffness : float
         Of the distance, dihedral and volume constraints, in [0, 1]: per (sub)step with ``"gauss-seidel"``,
@@ -27,18 +27,18 @@ class SolverParameters:
     guidance : float
         Part of its way to where the taut fibres carry it that each iteration draws a point, in [0, 1]; 0
         leaves them to their rest shape.
-    start : str
+    prediction : str
         Where the solve of a step starts: ``"inertial"`` or ``"blend"``.
     solver : str
         ``"gauss-seidel"`` or ``"anderson"``: the iteration as it is, or accelerated.
     tolerance : float
         Stop at this estimated distance to the converged shape [mm], except with ``"gauss-seidel"``; 0 never
         stops.
-    order : str
-        ``"colour"`` or ``"sequential"``: many edges at once and the volume last, or P21's order.
+    projection_order : str
+        ``"batched"`` or ``"sequential"``: many edges at once and the volume last, or P21's order.
     dtype : str
         ``"float64"`` or ``"float32"``: the numbers that the iteration computes with. The latter only with
-        ``"gauss-seidel"`` and ``"colour"``: acceleration lives on differences that single precision loses.
+        ``"gauss-seidel"`` and ``"batched"``: acceleration lives on differences that single precision loses.
     threads : int
         Threads that a large muscle is solved on, 0 for as many as there are processors. The result does not
         depend on it.
@@ -51,16 +51,16 @@ class SolverParameters:
     iterations: int = 10
     substeps: int = 1
     dt: float = 1.0
-    damping: float = 0.99
+    velocity_kept: float = 0.99
     stiffness: float = 1.0
     shape_stiffness: float = 0.9
     volume_stiffness: float = 1.0
     external_force: tuple[float, ...] = (0.0, 0.0, 0.0)
     guidance: float = 0.02
-    start: str = "blend"
+    prediction: str = "blend"
     solver: str = "anderson"
     tolerance: float = 0.0
-    order: str = "colour"
+    projection_order: str = "batched"
     dtype: str = "float64"
     threads: int = 0
     bone_push: str = "off"
@@ -74,8 +74,9 @@ class SolverParameters:
         ValueError
             For single precision with acceleration, or in sequential order.
         """
-        if self.dtype == "float32" and (self.solver, self.order) != ("gauss-seidel", "colour"):
+        if self.dtype == "float32" and (self.solver, self.projection_order) != ("gauss-seidel", "batched"):
             raise ValueError(
-                f"dtype is 'float32', but solver is {self.solver!r} and order is {self.order!r}; single "
-                "precision is for solver 'gauss-seidel' with order 'colour', all else needs dtype 'float64'"
+                f"dtype is 'float32', but solver is {self.solver!r} and projection_order is "
+                f"{self.projection_order!r}; single precision is for solver 'gauss-seidel' with "
+                "projection_order 'batched', all else needs dtype 'float64'"
             )

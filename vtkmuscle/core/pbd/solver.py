@@ -168,7 +168,7 @@ class MuscleSolver:
         shape_stiffness = float(self._per_iteration(settings.shape_stiffness))
         made_from = (
             self._guidance,
-            settings.order,
+            settings.projection_order,
             settings.dtype,
             settings.threads,
             shape_stiffness,
@@ -178,7 +178,7 @@ class MuscleSolver:
         if before is not None and before[0] == made_from and np.array_equal(before[1], stiffness):
             return
         self._projection_made_from = made_from, stiffness
-        if settings.order == "colour":
+        if settings.projection_order == "batched":
             packed = pack(
                 self.topology,
                 self.rest,
@@ -366,7 +366,7 @@ class MuscleSolver:
 
     def _target_of(self, guided: Guided | None) -> Floats | None:
         """Return where the points are drawn to, about the centre; None where they keep their momentum."""
-        if guided is None or self.parameters.start == "inertial" or self.parameters.guidance == 0.0:
+        if guided is None or self.parameters.prediction == "inertial" or self.parameters.guidance == 0.0:
             return None
         target: Floats = guided.carried.surface - self.centre
         return target
@@ -403,7 +403,7 @@ class MuscleSolver:
             keep_out,
             self.topology.edges,
             # A muscle that momentum throws at a bone may touch it with all its points.
-            bones_last=self.parameters.start != "inertial",
+            bones_last=self.parameters.prediction != "inertial",
             bound=1.0 / guidance if guidance > 0.0 else None,
             clock=clock,
             progress=progress,
@@ -421,21 +421,21 @@ class MuscleSolver:
         settings = self.parameters
         push = dt * np.asarray(settings.external_force, dtype=np.float64)
         if self._target is not None:
-            p = self._target + dt * (settings.damping * push)
+            p = self._target + dt * (settings.velocity_kept * push)
         elif self._follows_bones:
             # The muscle follows the bones: it keeps no momentum of its own.
             p = self._blended(before, now, state.positions)
             if push.any():
-                p += dt * (settings.damping * push)
+                p += dt * (settings.velocity_kept * push)
         else:
-            p = state.positions + dt * (settings.damping * (state.velocities + push))
+            p = state.positions + dt * (settings.velocity_kept * (state.velocities + push))
         for bone, fixed in self._fixed:
             p[fixed] = apply_transform(now[bone], self.rest[fixed])
         return p
 
     @property
     def _follows_bones(self) -> bool:
-        return self.parameters.start == "blend" and not self._free.all()
+        return self.parameters.prediction == "blend" and not self._free.all()
 
     def _blended(self, before: Floats, now: Floats, x: Floats) -> Floats:
         """Return points moved as the bones have moved."""

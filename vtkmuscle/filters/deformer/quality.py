@@ -10,9 +10,9 @@ from typing import Any
 PUBLISHED: Mapping[str, Any] = MappingProxyType(
     {
         "anisotropy": "stiffness",
-        "start": "inertial",
+        "prediction": "inertial",
         "solver": "gauss-seidel",
-        "order": "sequential",
+        "projection_order": "sequential",
         "collision": "voxel",
         "bone_push": "transform",
         "contact_velocity": "keep",
