@@ -21,9 +21,9 @@ def load_and_run(path: Path) -> None:
     try:
         Scene.load(path).run(out, frames="0:1", figures=False)
     except (ValueError, OSError) as error:
-        message = str(error)
-        assert len(message.splitlines()) <= 1, message
-        assert len(message) < 1000, message
+        lines, faults = str(error).splitlines(), getattr(error, "faults", [error])
+        assert len(lines) <= len(faults), lines
+        assert all(len(line) < 1000 for line in lines), lines
         raise
     finally:
         signal.alarm(0)

@@ -15,8 +15,8 @@ from tiny_scene import write_tiny_scene
 import vtkmuscle.accessor
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters import FibreMetrics, FixedPointDetector, attachments_of
-from vtkmuscle.io.pyvista_readers import read_landmark_file, read_scene_file
 from vtkmuscle.pipelines import decompose, deform
+from vtkmuscle.pyvista_readers import read_landmark_file, read_scene_file
 
 ROOT = Path(__file__).parents[1]
 

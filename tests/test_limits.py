@@ -34,11 +34,12 @@ def change(scene_file, old, new):
 
 
 def refused(*arguments):
-    """Run the program, expect one line of error, and return it."""
+    """Run the program, expect a line for each fault and nothing else, and return them."""
     done = CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
     assert done.exit_code == BAD_INPUT
-    assert len(done.stderr.splitlines()) == 1
-    assert len(done.stderr) < 600
+    lines = done.stderr.splitlines()
+    assert lines
+    assert all(line.startswith("error: ") and len(line) < 600 for line in lines)
     return done.stderr
 
 

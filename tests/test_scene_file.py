@@ -1,6 +1,7 @@
 """Every fault in a scene gives one error that names the file, the key and the mend."""
 
 import json
+import pickle
 import re
 import warnings
 from pathlib import Path
@@ -11,7 +12,7 @@ from tiny_scene import HINGE, TOML, ellipsoid, ring, write_tiny_scene
 from vtkmodules.vtkFiltersCore import vtkAppendPolyData
 from vtkmodules.vtkFiltersSources import vtkCubeSource
 
-from vtkmuscle import Scene, SceneError
+from vtkmuscle import Muscle, Scene, SceneError
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.data.arrays import (
@@ -23,8 +24,10 @@ from vtkmuscle.data.arrays import (
     triangles_of,
     with_points,
 )
+from vtkmuscle.filters import PBDDeformer
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.io import read_surface, write_polydata
+from vtkmuscle.scene.schema import json_schema
 from vtkmuscle.scene.writing import to_toml
 
 MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
@@ -234,7 +237,7 @@ def test_superficial_fibres_are_read_used_and_saved(scene_file, tmp_path):
     assert "superficial_angle_degrees" not in before
     assert abs(report["twist_degrees"]) > 5.0
     assert report["superficial_angle_degrees"] < report["superficial_angle_straight_degrees"]
-    now, then = (points_of(r.muscle("spindle", 1)) for r in (result, plain))
+    now, then = (points_of(r.muscle("spindle", frame=1)) for r in (result, plain))
     assert np.abs(now - then).max() > 1e-3
 
 
@@ -518,6 +521,75 @@ def test_a_fault_in_the_file_is_named_with_its_mend(old, new, key, problem, mend
     assert mend in error.remedy
     assert str(error).startswith(f"{error.file}: {key}: ")
     assert error.file.is_relative_to(scene_file.parent)
+
+
+def test_all_faults_are_said_at_once(scene_file):
+    edit(scene_file, 'units = "mm"', 'unit = "inch"')
+    edit(scene_file, "[bones.upper]", "[bones.upper]\ncolour = 1")
+    edit(scene_file, ORIGIN, ORIGIN.replace("origin", "orgin", 1))
+    edit(scene_file, "iterations = 3", "iterations = 0\nstifness = 1")
+    error = failure(scene_file)
+    assert {fault.key for fault in error.faults} == {
+        "unit",
+        "bones.upper.colour",
+        "muscles.spindle.attachments[0].role",
+        "solver.iterations",
+        "solver.stifness",
+    }
+    assert str(error).splitlines() == [str(fault).splitlines()[0] for fault in error.faults]
+    assert all(fault.problem and fault.remedy and fault.file == scene_file for fault in error.faults)
+    assert "did you mean 'units'" in next(fault.remedy for fault in error.faults if fault.key == "unit")
+    again = pickle.loads(pickle.dumps(error))
+    assert [fault.key for fault in again.faults] == [fault.key for fault in error.faults]
+
+
+def test_a_misspelt_key_is_not_said_to_be_missing_as_well(scene_file):
+    edit(scene_file, ORIGIN, ORIGIN.replace("landmarks", "landmark"))
+    (fault,) = failure(scene_file).faults
+    assert fault.key == "muscles.spindle.attachments[0].landmark"
+
+
+def test_all_files_that_cannot_be_read_are_said_at_once(scene_file):
+    for name in ("bones/upper.vtp", "motion.csv", "attachments/origin.vtp", "muscles/spindle.vtp"):
+        (scene_file.parent / name).unlink()
+    assert {fault.key for fault in failure(scene_file).faults} == {
+        "bones.upper.surface",
+        "motion.transforms",
+        "muscles.spindle.attachments[0].landmarks",
+        "muscles.spindle.surface",
+    }
+
+
+def test_all_surfaces_that_cannot_be_used_are_said_at_once(scene_file):
+    for name in ("bones/upper.vtp", "muscles/spindle.vtp"):
+        path = scene_file.parent / name
+        write_polydata(path, moved(*surface_parts(path)))
+    keys = [fault.key for fault in failure(scene_file).faults]
+    assert keys == ["bones.upper.surface", "muscles.spindle.surface"]
+
+
+def test_the_schema_for_editors_is_that_of_the_reader():
+    shipped = Path(__file__).parents[1] / "docs/_static/scene.schema.json"
+    assert json.loads(shipped.read_text(encoding="utf-8")) == json_schema()
+
+
+def test_the_schema_knows_every_key_and_setting():
+    tables = json_schema()["$defs"]
+    assert tables["Solver"]["properties"].keys() == PBDDeformer.parameter_declarations.keys()
+    assert tables["Solver"]["properties"]["iterations"]["minimum"] == 1
+    assert "null" not in json.dumps(json_schema())
+    for table in (*tables.values(), json_schema()):
+        assert table["additionalProperties"] is False
+        assert all("description" in value for value in table["properties"].values())
+
+
+def test_a_scene_of_pyvista_or_vtk_blocks_is_one(scene_file):
+    loaded = Scene.load(scene_file)
+    muscle = loaded.muscles["spindle"]
+    blocks = Muscle(muscle.surface, loaded.attachments_data("spindle"), muscle.fibres)
+    scene = Scene("x", loaded.bones_data(), {"spindle": blocks}, loaded.motion)
+    assert list(scene.bones) == ["upper", "lower"]
+    assert [area.role for area in scene.muscles["spindle"].attachments] == ["origin", "insertion"]
 
 
 def test_faults_outside_the_keys_name_the_file(tmp_path, scene_file):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 import pkgutil
 import re
 from pathlib import Path
@@ -14,6 +15,7 @@ from sphinx.util.docutils import SphinxDirective
 
 import vtkmuscle.core
 import vtkmuscle.filters
+import vtkmuscle.scene.schema
 
 
 def show_kernels_as_functions(app: Sphinx) -> None:
@@ -86,6 +88,22 @@ class FilterTable(SphinxDirective):
         return lines + [f"       | {entry}" for entry in others]
 
 
+class SceneTable(SphinxDirective):
+    """``.. scene-table:: NAME``: the keys of a table of a scene file, from its model."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        lines = [".. list-table::", "   :header-rows: 1", "   :widths: 22 58 20", ""]
+        lines += ["   * - key", "     - what", "     - default"]
+        for name, field in getattr(vtkmuscle.scene.schema, self.arguments[0]).model_fields.items():
+            plain = isinstance(field.default, str | bool)
+            default = f"``{json.dumps(field.default)}``" if plain else "none"
+            lines += [f"   * - ``{name}``", f"     - {field.description}"]
+            lines += ["     - required" if field.is_required() else f"     - {default}"]
+        return self.parse_text_to_nodes("\n".join(lines))
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register all of it with Sphinx."""
     app.setup_extension("sphinx.ext.autodoc")
@@ -94,4 +112,5 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("autodoc-skip-member", skip_imported)
     app.connect("autodoc-process-docstring", escape_bars, priority=400)
     app.add_directive("filter-table", FilterTable)
+    app.add_directive("scene-table", SceneTable)
     return {"parallel_read_safe": True}

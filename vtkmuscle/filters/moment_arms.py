@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.derivatives import moment_arms
 from vtkmuscle.core.moment_arms.of_joints import checked_coordinates, coordinate_samples
@@ -166,7 +167,7 @@ class MomentArms(Filter):
             among = _interpolated(times, motion.times, samples)[used]
             found = moment_arms(lengths[used], among, at=place if known else None)
         except ValueError as error:
-            raise ValueError(f"MomentArms: {str(error).removeprefix('moment arms: ')}") from error
+            raise InputError("MomentArms", *fault_of(error)) from error
         for number, name in enumerate(names):
             if not (known and found.determined[0, number]) or one_only not in (None, name):
                 continue

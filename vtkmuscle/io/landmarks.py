@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import warnings
 from os import PathLike
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import MOST_TEXT, check_is_file
 from vtkmuscle.data.attachments import landmarks_of
+from vtkmuscle.io.csv_rows import csv_rows
 from vtkmuscle.io.surfaces import read_polydata
 
 Floats = NDArray[np.float64]
@@ -66,27 +66,18 @@ def _from_csv(path: Path) -> Floats:
     rows: list[list[float]] = []
     widths: dict[int, int] = {}
     header_passed = False
-    with path.open(newline="", encoding="utf-8-sig") as lines:
+    for number, cells in csv_rows(path):
         try:
-            for number, cells in enumerate(csv.reader(lines), start=1):
-                if not any(cell.strip() for cell in cells) or cells[0].lstrip().startswith("#"):
-                    continue
-                try:
-                    rows.append([float(cell) for cell in cells[:3]])
-                except ValueError:
-                    if rows or header_passed:
-                        raise InputError(
-                            path, f"line {number} does not begin with three numbers x, y, z", "correct it"
-                        ) from None
-                    header_passed = True
-                    continue
-                if len(cells) < 3:
-                    raise InputError(path, f"line {number} has fewer than three numbers", "give x, y, z")
-                widths.setdefault(len(cells), number)
-        except UnicodeDecodeError as error:
-            raise InputError(path, "the file is not text in UTF-8", "export it as CSV again") from error
-        except csv.Error as error:
-            raise InputError(path, f"the file is not a CSV table: {error}", "export it again") from error
+            rows.append([float(cell) for cell in cells[:3]])
+        except ValueError:
+            if rows or header_passed:
+                problem = f"line {number} does not begin with three numbers x, y, z"
+                raise InputError(path, problem, "correct it") from None
+            header_passed = True
+            continue
+        if len(cells) < 3:
+            raise InputError(path, f"line {number} has fewer than three numbers", "give x, y, z")
+        widths.setdefault(len(cells), number)
     if len(widths) > 1:
         (usual, _), (other, line) = sorted(widths.items(), key=lambda item: item[1])[:2]
         raise InputError(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
@@ -13,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.files import check_is_file
+from vtkmuscle.io.csv_rows import csv_rows, number_in
 from vtkmuscle.io.writing import write_text
 
 Floats = NDArray[np.float64]
@@ -81,17 +79,7 @@ def read_literature(path: str | PathLike[str]) -> tuple[LiteratureCurve, ...]:
     array([30., 31.])
     """
     path = Path(path)
-    check_is_file(path)
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as lines:
-            rows = list(enumerate(csv.reader(lines), start=1))
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(path, f"the file is not a CSV table in UTF-8: {error}", "export it again") from error
-    filled = [
-        (number, [cell.strip() for cell in cells])
-        for number, cells in rows
-        if any(cell.strip() for cell in cells) and not cells[0].lstrip().startswith("#")
-    ]
+    filled = list(csv_rows(path))
     header = filled[0][1] if filled else []
     missing = [name for name in LITERATURE_COLUMNS if name not in header]
     if missing or len(filled) < 2:
@@ -113,8 +101,8 @@ def read_literature(path: str | PathLike[str]) -> tuple[LiteratureCurve, ...]:
             raise InputError(path, f"line {line}: {empty[0]} is empty", "fill it in, or leave the line out")
         key = (row["source"], row["muscle"], row["dof"], row.get("part", ""))
         point = (
-            _number(row["angle_deg"], "angle_deg", path, line),
-            _number(row["moment_arm_mm"], "moment_arm_mm", path, line),
+            number_in(row["angle_deg"], "angle_deg", path, f"line {line}"),
+            number_in(row["moment_arm_mm"], "moment_arm_mm", path, f"line {line}"),
         )
         curves.setdefault(key, []).append(point)
     return tuple(LiteratureCurve(*key, *np.array(sorted(points)).T) for key, points in curves.items())
@@ -167,13 +155,3 @@ def _names(name: str) -> tuple[str, ...]:
 
 def _quoted(cell: str) -> str:
     return '"' + cell.replace('"', '""') + '"' if set(cell) & set(',"\r\n#') else cell
-
-
-def _number(cell: str, column: str, path: Path, line: int) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(path, f"line {line}: {column} is {cell!r}, but must be a finite number")
-    return value

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import math
 from collections.abc import Mapping, Sequence
 from itertools import islice
 from os import PathLike
@@ -13,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.files import check_is_file
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, is_rigid
+from vtkmuscle.io.csv_rows import csv_rows, number_in
 from vtkmuscle.io.writing import write_text
 
 Floats = NDArray[np.float64]
@@ -108,7 +106,7 @@ def read_motion_table(
         if len(cells) != len(header):
             problem = f"{where} has {len(cells)} cells, but the header has {len(header)}"
             raise InputError(path, problem, "correct it")
-        times.append(float(row) if time is None else _number(given[time], time, path, where))
+        times.append(float(row) if time is None else number_in(given[time], time, path, where))
         if row and times[-1] <= times[-2]:
             raise InputError(
                 path,
@@ -116,13 +114,13 @@ def read_motion_table(
                 "sort the rows, or leave out the time column so that rows are numbered",
             )
         transform = np.array(
-            [_number(given[c], c, path, where) if c in given else _LAST_ROW[c] for c in TRANSFORM_COLUMNS]
+            [number_in(given[c], c, path, where) if c in given else _LAST_ROW[c] for c in TRANSFORM_COLUMNS]
         ).reshape(4, 4)
         if not is_rigid(transform):
             raise InputError(path, f"{where}: the transform is not rigid: {_why_not_rigid(transform)}")
         transforms.append(transform)
         for name in kinds:
-            values[name].append(_number(given[name], name, path, where))
+            values[name].append(number_in(given[name], name, path, where))
     found = {name: Coordinate(np.array(values[name]), **kinds[name]) for name in kinds}
     if coordinates is None:
         found = {name: one for name, one in found.items() if not _counts_rows(one.values)}
@@ -193,19 +191,8 @@ def _counts_rows(values: Floats) -> bool:
 
 
 def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    check_is_file(path)
-    most = 2 * MOST_FRAMES  # with empty lines and comments
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as lines:
-            rows = [(number, cells) for number, cells in enumerate(islice(csv.reader(lines), most), start=1)]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(path, f"the file is not a CSV table in UTF-8: {error}", "export it again") from error
-    filled = [
-        (number, [cell.strip() for cell in cells])
-        for number, cells in rows
-        if any(cell.strip() for cell in cells) and not cells[0].lstrip().startswith("#")
-    ]
-    if len(filled) - 1 > MOST_FRAMES or len(rows) == most:
+    filled = list(islice(csv_rows(path), MOST_FRAMES + 2))
+    if len(filled) - 1 > MOST_FRAMES:
         raise InputError(path, f"the table has more than {MOST_FRAMES} rows", "leave some out")
     if len(filled) < 2:
         raise InputError(path, "the table has no rows", "it needs a header line and one line per time")
@@ -218,16 +205,6 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
 
 def _others(header: Sequence[str]) -> str:
     return "the other columns are: " + (", ".join(c for c in header if c not in TRANSFORM_COLUMNS) or "none")
-
-
-def _number(cell: str, column: str, path: Path, where: str) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(path, f"{where}: {column} is {cell!r}, but must be a finite number")
-    return value
 
 
 def _why_not_rigid(transform: Floats) -> str:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle._version import __version__
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import blocks_of, set_field_array
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.series import Collection, Series
@@ -56,7 +57,7 @@ class RunFolder:
 
     def __init__(self, path: Path, *, series: str = "pvd") -> None:
         if series not in FORMATS:
-            raise ValueError(f"series is {series!r}, but must be one of {', '.join(map(repr, FORMATS))}")
+            raise InputError("", f"series is {series!r}, but must be one of {', '.join(map(repr, FORMATS))}")
         if path.exists() and not path.is_dir():
             raise NotADirectoryError(f"{path} is a file; give another folder for the results")
         path.mkdir(parents=True, exist_ok=True)
@@ -158,7 +159,7 @@ class RunFolder:
         """Draw the figures beside, move them to ``figures/``, and return their names."""
         import matplotlib as mpl  # noqa: PLC0415 -- only figures need it, and PyVista
 
-        from vtkmuscle.plotting import write_figures  # noqa: PLC0415
+        from vtkmuscle.run.figures import write_figures  # noqa: PLC0415
 
         folder = self.path / "figures"
         drawing = beside(folder)

@@ -10,6 +10,7 @@ import numpy as np
 
 from vtkmuscle.core.collision.distance_blocks import SIDE
 from vtkmuscle.core.collision.obstacles import CELLS_PER_DIAGONAL
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.scene.data import SceneData
@@ -98,7 +99,7 @@ def _most() -> float | None:
         try:
             return float(chosen) * 1e9
         except ValueError:
-            raise ValueError(f"{VARIABLE} is {chosen!r}, but must be a number of gigabytes") from None
+            raise InputError("", f"{VARIABLE} is {chosen!r}, but must be a number of gigabytes") from None
     try:
         found = [float(os.sysconf("SC_PAGE_SIZE")) * float(os.sysconf("SC_PHYS_PAGES"))]
     except (AttributeError, ValueError, OSError):

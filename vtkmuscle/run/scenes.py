@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from vtkmuscle.core.errors import fault_of
+from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
@@ -69,17 +69,17 @@ def frame_numbers(frames: str | slice | range | int | None, count: int) -> range
             bounds = [int(part) if part.strip() else None for part in parts]
             wanted = slice(*bounds) if len(parts) > 1 else int(parts[0])
         except (ValueError, TypeError):
-            raise ValueError(f"frames {frames!r} cannot be understood; {allowed}") from None
+            raise InputError("", f"frames {frames!r} cannot be understood", allowed) from None
     if wanted is None:
         return range(count)
     if isinstance(wanted, slice):
         if wanted.step is not None and wanted.step <= 0:
-            raise ValueError(f"frames {frames!r} must ascend; {allowed}")
+            raise InputError("", f"frames {frames!r} must ascend", allowed)
         numbers = range(*wanted.indices(count))
     else:
         numbers = wanted if isinstance(wanted, range) else range(wanted, wanted + 1)
     if not len(numbers) or numbers.step < 0 or numbers[0] < 0 or numbers[-1] >= count:
-        raise ValueError(f"frames {frames!r}: the motion has {count} frames; {allowed}")
+        raise InputError("", f"frames {frames!r}: the motion has {count} frames", allowed)
     return numbers
 
 
@@ -99,7 +99,7 @@ def run_scene(
     began = time.perf_counter()
     numbers = frame_numbers(frames, len(scene.motion.times))
     if workers is not None and workers < 1:
-        raise ValueError(f"workers is {workers}, but must be an integer >= 1")
+        raise InputError("", f"workers is {workers}, but must be an integer >= 1")
     check_memory(scene, numbers)
     folder = None if out is None else RunFolder(out, series=series)
     bones, distances = bones_with_reach(scene), _bone_distances(scene)

@@ -6,6 +6,7 @@ import shutil
 from filecmp import cmp
 from pathlib import Path
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.io.writing import beside
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.writing import write_scene
@@ -43,9 +44,11 @@ def save_unless_changed(scene: SceneData, folder: Path, *, overwrite: bool) -> P
             if there.is_file() and cmp(there, fresh / file, shallow=False):
                 continue
             if (there.exists() or there.is_symlink()) and not overwrite:
-                raise ValueError(
-                    f"{there}: this has been changed since it was written; run it with 'vtkmuscle run "
-                    f"{folder / 'scene.toml'}', give another folder with --out, or --overwrite to replace it"
+                raise InputError(
+                    there,
+                    "this has been changed since it was written",
+                    f"run it with 'vtkmuscle run {folder / 'scene.toml'}', give another folder with --out, "
+                    "or --overwrite to replace it",
                 )
         for file in files:
             (folder / file).parent.mkdir(parents=True, exist_ok=True)

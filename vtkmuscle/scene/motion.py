@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,10 +13,8 @@ from vtkmuscle.core.motion.rigid import RigidMotion, hinge
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io import motion_columns, read_motion_table
 from vtkmuscle.scene.faults import Faults, SceneError
+from vtkmuscle.scene.files import SceneFiles
 from vtkmuscle.scene.schema import ALONE, Hinge, Motion
-
-if TYPE_CHECKING:
-    from vtkmuscle.scene.reading import SceneFiles
 
 
 def motion_from(table: Motion, files: SceneFiles) -> RigidMotion:

@@ -150,7 +150,8 @@ class Bone(Table):
 
     surface: Text = Field(
         examples=["FILE.vtp"],
-        description="A .vtp, .vtk, .stl, .obj or .ply file in the rest pose, relative to this file.",
+        description="A .vtp, .vtk, .stl, .obj or .ply file in the rest pose, best closed: where the "
+        "muscle meets it, holes are closed, with a warning.",
     )
 
 
@@ -169,13 +170,18 @@ class Hinge(Table):
     bone: Text = Field(examples=["NAME"], description="The bone that moves.")
     centre: Triple = Field(examples=[[0.0, 0.0, 0.0]], description="A point on the axis, in the rest pose.")
     axis: Annotated[Triple, AfterValidator(_direction)] = Field(
-        examples=[[1.0, 0.0, 0.0]], description="Direction of the axis; angles turn right-handed about it."
+        examples=[[1.0, 0.0, 0.0]],
+        description="Direction of the axis, of any length; positive angles turn right-handed about it.",
     )
     angles: Annotated[Triple, AfterValidator(_ascending)] = Field(
-        examples=[[0, 90, 2]], description="Start, stop (included) and step, in degrees from rest."
+        examples=[[0, 90, 2]],
+        description="Start, stop (included) and step, in degrees from rest. The angle is the pipeline's "
+        "time. To turn the other way, negate the axis.",
     )
     coordinate: Text | None = Field(
-        None, examples=["knee_flexion"], description="Name of the angle, by which moment arms are taken."
+        None,
+        examples=["knee_flexion"],
+        description="Name of the angle: moment arms are taken by it. Without it, BONE_angle.",
     )
 
 
@@ -188,25 +194,34 @@ class Motion(Table):
     transforms: Annotated[dict[str, Text], WrapValidator(_file_or_files)] | None = Field(
         None,
         examples=["FILE.csv"],
-        description="CSV file with the columns T00 to T33, rest to pose, row major; or a table of such files "
-        "by bone, without the key bone.",
+        description="A CSV file with the columns T00 to T33: the bone's 4 x 4 transform from rest to its "
+        "pose, row major, translations in the scene's unit. The last row (T30 to T33) may be "
+        "left out. Other columns, empty lines and lines that begin with # are passed over. "
+        "Where several bones move: a table of such files, { femur = 'femur.csv', tibia = "
+        "'tibia.csv' }, with the same times in each, and without the key bone.",
         json_schema_extra=_or(type="string", minLength=1),
     )
     time: Text | None = Field(
         None,
         examples=["COLUMN"],
-        description="The column that is the pipeline's time; else rows are numbered.",
+        description="The column that is the pipeline's time; it must ascend (degrees, seconds, per cent "
+        "of a gait cycle). Without it rows are numbered from 0.",
     )
     centre: Triple | None = Field(
-        None, examples=[[0.0, 0.0, 0.0]], description="The joint's centre in the rest pose."
+        None,
+        examples=[[0.0, 0.0, 0.0]],
+        description="The joint's centre in the rest pose, for poses between two rows.",
     )
     coordinates: Annotated[dict[str, Coordinate], BeforeValidator(_columns)] | None = Field(
         None,
-        description="Columns that are joint coordinates, by which moment arms are taken: a list, or a table "
-        "of units and positive directions.",
+        description="The columns that are joint coordinates, by which moment arms are taken: "
+        "['hip_flexion_r'], in degrees, or { hip_flexion_r = { unit = 'deg', positive = "
+        "'flexion' } }, with a unit (deg, rad, mm, cm or m) and the positive direction in "
+        "words. Columns that do not change are left out. Without this key the column of the "
+        "time is one, unless it is called time, frame or the like, or counts the rows.",
         json_schema_extra=_or(type="array", items={"type": "string"}),
     )
-    hinge: Hinge | None = Field(None, description="A hinge, instead of the other keys.")
+    hinge: Hinge | None = Field(None, description="A hinge, instead of all other keys.")
 
 
 class Area(Table):
@@ -214,20 +229,28 @@ class Area(Table):
 
     role: Annotated[str, _OneOf((*ROLES, VIA), "role")] = Field(
         examples=["origin"],
-        description="Origin or insertion, where it is attached; or via, a ring that it passes through.",
+        description="Origin or insertion; or via, a ring that the muscle passes through. Several areas "
+        "may share a role.",
     )
-    bone: Text = Field(examples=["NAME"], description="The bone that it is on, or that takes the ring along.")
+    bone: Text = Field(
+        examples=["NAME"], description="The bone that the area is on, or that takes the ring along."
+    )
     landmarks: Text = Field(
         examples=["FILE.vtp"],
-        description="A .vtp or .vtk polyline, .csv of x, y, z, or .json list; in the order of the boundary.",
+        description="A .vtp or .vtk file with one polyline, or with points; a .csv of x, y, z; or a .json "
+        "list of [x, y, z]. Landmarks stand in the order of the boundary.",
     )
     closed: bool | None = Field(
         None,
         examples=[True],
-        description="Write true for a ring, false for an open curve; else as in the file.",
+        description="Write true for a ring around an area, false for an open curve or loose points. "
+        "Without it as in the file: a ring ends at the landmark that it began with. What lies "
+        "near an open curve is attached. A via ring is closed anyway.",
     )
     estimated: bool = Field(
-        False, examples=[True], description="Write true where nobody has seen the landmarks."
+        False,
+        examples=[True],
+        description="Write true where nobody has seen the landmarks, as Scene.save does.",
     )
 
 
@@ -235,51 +258,70 @@ class MuscleTable(Table):
     """A muscle."""
 
     surface: Text = Field(
-        examples=["FILE.vtp"], description="Closed surface of triangles in one piece, in the rest pose."
+        examples=["FILE.vtp"], description="A closed surface of triangles in one piece, in the rest pose."
     )
     attachments: Annotated[list[Area] | None, WrapValidator(_list_or_estimate)] = Field(
         default_factory=list,
-        description='Areas of attachment; or "estimate", for areas where the muscle touches the bones.',
+        description="A list of areas; an origin and an insertion are needed for fibres. Or 'estimate', "
+        "where there are no landmarks: areas where the muscle touches the bones.",
         json_schema_extra=_or(const=ESTIMATE),
     )
-    fibres: Fibres | None = Field(None, description="Settings of its fibres; without this table it has none.")
-    superficial_fibres: Text | None = Field(
-        None, examples=["FILE.vtp"], description="File of polylines: fibres seen on the surface."
+    fibres: Fibres | None = Field(
+        None,
+        description="Settings of the fibres, e.g. { template = 'parallel', n_fibres = 100, resolution = "
+        "15 }: the kind of template, the number of fibres and that of segments of each; or "
+        "template_file = 'FILE.toml', a template of your own. Without this table the muscle "
+        "has no fibres.",
     )
-    solver: Solver = Field(default_factory=Solver, description="What differs from [solver].")
-    fixing: Fixing = Field(default_factory=Fixing, description="What differs from [fixing].")
+    superficial_fibres: Text | None = Field(
+        None,
+        examples=["FILE.vtp"],
+        description="A .vtp, .vtk, .obj or .ply file of polylines: fibres that somebody has seen on the "
+        "surface.",
+    )
+    solver: Solver = Field(default_factory=Solver, description="Parameters that differ from [solver].")
+    fixing: Fixing = Field(default_factory=Fixing, description="Parameters that differ from [fixing].")
     literature: Text | None = Field(
         None,
         examples=["FILE.csv"],
-        description="CSV file of published moment arms, drawn beside those of a run.",
+        description="A .csv file of published moment arms, drawn beside those of the run.",
     )
 
 
 class SceneTable(Table):
     """A scene for vtkmuscle: bones, muscles and a motion."""
 
-    name: Name | None = Field(None, examples=["hip"], description="Name of the scene; else that of the file.")
+    name: Name | None = Field(
+        None, examples=["hip"], description="Name of the scene, for titles. Without it the name of the file."
+    )
     units: Annotated[str, _OneOf(MILLIMETRES, "unit")] = Field(
-        "mm", examples=["mm"], description="Unit of all lengths in the scene."
+        "mm",
+        examples=["mm"],
+        description="Unit of all coordinates, translations and lengths in the scene. What a run reports "
+        "is in millimetres where its name says so.",
     )
     quality: Annotated[str, _OneOf(PRESETS, "preset")] | None = Field(
         None,
         examples=["balanced"],
-        description="Preset of the solver; what [solver] and the muscles set counts more.",
+        description="A preset of the solver; what [solver] and the muscles set counts more. On the "
+        "command line --quality takes its place.",
     )
     model: Annotated[str, _OneOf(("volume", "paths"))] = Field(
         "volume",
         examples=["volume"],
-        description="Deform each muscle, or pull its fibres taut round the bones and deform nothing.",
+        description="volume deforms each muscle. paths pulls its fibres taut round the bones and deforms "
+        "nothing: lengths, moment arms and pictures of the fibres; every muscle needs fibres "
+        "then, and muscle_contact must be off.",
     )
     muscle_contact: Annotated[str, _OneOf(("off", "on", "measure"))] = Field(
         "off",
         examples=["on"],
-        description="Keep each muscle out of those before it, or report how deep it is in them.",
+        description="on keeps each muscle out of those that stand before it in the file, measure reports "
+        "how deep it is in them.",
     )
-    bones: dict[Name, Bone] = Field(description="The bones, by name.")
+    bones: dict[Name, Bone] = Field(description="The bones, by name; at least one.")
     motion: Motion = Field(description="How the bones move.")
-    muscles: dict[Name, MuscleTable] = Field(description="The muscles, by name.")
+    muscles: dict[Name, MuscleTable] = Field(description="The muscles, by name; at least one.")
     solver: Solver = Field(default_factory=Solver, description="Parameters of PBDDeformer for all muscles.")
     fixing: Fixing = Field(
         default_factory=Fixing, description="Parameters of FixedPointDetector for all muscles."

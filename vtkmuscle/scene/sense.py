@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,24 +45,8 @@ ENDS = ("origin", "insertion")
 _MOST_LANDMARKS = 150
 
 
-@dataclass(frozen=True)
-class Finding:
-    """Something that cannot be meant.
-
-    Attributes
-    ----------
-    key : str
-        Where, as of :class:`SceneError`.
-    problem, remedy : str
-        What is odd, and what to do about it.
-    sure : bool
-        Whether nothing useful can come of it.
-    """
-
-    key: str
-    problem: str
-    remedy: str
-    sure: bool = False
+#: Where, what is odd, what to do about it, and whether nothing useful can come of it.
+Finding = tuple[str, str, str, bool]
 
 
 def check_sense(scene: SceneData) -> None:
@@ -80,17 +62,16 @@ def check_sense(scene: SceneData) -> None:
     UserWarning
         For each thing that is probably wrong.
     """
-    found = [Finding(*finding) for finding in findings(scene)]
-    for finding in sorted(found, key=lambda one: not one.sure):
-        file = scene.files.get(finding.key, scene.files.get(""))
-        error = SceneError(finding.problem, finding.key, finding.remedy, file)
-        if finding.sure:
+    for key, problem, remedy, sure in sorted(findings(scene), key=lambda one: not one[-1]):
+        file = scene.files.get(key, scene.files.get(""))
+        error = SceneError(problem, key, remedy, file)
+        if sure:
             raise error
         warnings.warn(str(error), stacklevel=3)
 
 
-def findings(scene: SceneData) -> Iterator[tuple[Any, ...]]:
-    """Give the fields of a :class:`Finding` for each thing that cannot be meant."""
+def findings(scene: SceneData) -> Iterator[Finding]:
+    """Give a finding for each thing that cannot be meant."""
     strayed = list(_strays(scene))
     yield from strayed
     if any(finding[-1] for finding in strayed):
@@ -106,7 +87,7 @@ def findings(scene: SceneData) -> Iterator[tuple[Any, ...]]:
     yield from motion_findings(scene)
 
 
-def _strays(scene: SceneData) -> Iterator[tuple[Any, ...]]:
+def _strays(scene: SceneData) -> Iterator[Finding]:
     """Give surfaces with a point that is nowhere near the others, or that lie nowhere near the origin."""
     surfaces = {f"bones.{name}.surface": bone for name, bone in scene.bones.items()}
     surfaces |= {f"muscles.{name}.surface": muscle.surface for name, muscle in scene.muscles.items()}
@@ -131,7 +112,7 @@ def _strays(scene: SceneData) -> Iterator[tuple[Any, ...]]:
             yield key, problem, "move the scene to the origin", True
 
 
-def _sizes(scene: SceneData) -> Iterator[tuple[Any, ...]]:
+def _sizes(scene: SceneData) -> Iterator[Finding]:
     surfaces = [*scene.bones.values(), *(muscle.surface for muscle in scene.muscles.values())]
     longest = max(float(np.ptp(points_of(surface), axis=0).max()) for surface in surfaces)
     length = longest * scene.millimetres
@@ -142,7 +123,7 @@ def _sizes(scene: SceneData) -> Iterator[tuple[Any, ...]]:
         yield "units", problem, f'if the files are in {guess}, write units = "{guess}"', False
 
 
-def _twice(scene: SceneData) -> Iterator[tuple[Any, ...]]:
+def _twice(scene: SceneData) -> Iterator[Finding]:
     """Give surfaces that stand for two things."""
     seen: dict[bytes, str] = {}
     named = [(f"bones.{name}.surface", bone) for name, bone in scene.bones.items()]
@@ -154,7 +135,7 @@ def _twice(scene: SceneData) -> Iterator[tuple[Any, ...]]:
             yield key, f"it is the same surface as {other}", "name the file that belongs to it", False
 
 
-def _bones_without_inside(scene: SceneData) -> Iterator[tuple[Any, ...]]:
+def _bones_without_inside(scene: SceneData) -> Iterator[Finding]:
     for name, bone in scene.bones.items():
         if not any(closed_shells(*checked_surface(bone, name)).solid):
             problem = "the bone encloses no volume: no muscle will be kept out of it"
@@ -162,7 +143,7 @@ def _bones_without_inside(scene: SceneData) -> Iterator[tuple[Any, ...]]:
             yield f"bones.{name}.surface", problem, remedy, False
 
 
-def _ring(key: str, area: AttachmentArea, muscle: Muscle, scene: SceneData) -> Iterator[tuple[Any, ...]]:
+def _ring(key: str, area: AttachmentArea, muscle: Muscle, scene: SceneData) -> Iterator[Finding]:
     """Give what is odd about the order and place of landmarks."""
     landmarks = np.asarray(area.landmarks, dtype=np.float64)
     size = float(np.linalg.norm(np.ptp(landmarks, axis=0)))
@@ -190,7 +171,7 @@ def _ring(key: str, area: AttachmentArea, muscle: Muscle, scene: SceneData) -> I
 
 def _on_bones(
     scene: SceneData, name: str, muscle: Muscle, distances: dict[str, SurfaceDistance]
-) -> Iterator[tuple[Any, ...]]:
+) -> Iterator[Finding]:
     """Give landmarks that are not on the bone that they name."""
     scale = scene.millimetres
     length = float(np.linalg.norm(np.ptp(points_of(muscle.surface), axis=0))) * scale

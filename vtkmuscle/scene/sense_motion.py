@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,7 @@ FAR, SURE_FAR = 0.5, 20.0
 TORN, SURE_TORN = 2.0, 5.0
 
 
-def motion_findings(scene: SceneData) -> Iterator[tuple[Any, ...]]:
+def motion_findings(scene: SceneData) -> Iterator[tuple[str, str, str, bool]]:
     """Give the fields of a finding for each thing that cannot be meant of a motion."""
     key = "motion"
     motion = scene.motion

@@ -45,7 +45,7 @@ def _checked(declaration: Parameter[Any], value: Any) -> Any:
 def _schema_of(declaration: Parameter[Any]) -> dict[str, Any]:
     """Return the JSON schema of a parameter."""
     if declaration.choices:
-        return {"enum": [*declaration.choices]}
+        return {"enum": list(declaration.choices)}
     schema: dict[str, Any] = {"type": _TYPES[declaration.kind]}
     if declaration.kind is tuple:
         return (

@@ -89,7 +89,8 @@ def _fault(error: ErrorDetails, name: str, known: type[BaseModel]) -> tuple[str,
     if kind in _KINDS:
         remedy = f"write {example}"
         if kind == "bool_type" and field is not None and field.description:
-            remedy = field.description[0].lower() + field.description[1:].rstrip(".")
+            first = field.description.partition(". ")[0]
+            remedy = first[0].lower() + first[1:].rstrip(".")
         return f"must be {_KINDS[kind]}, not {shown(value)}", remedy
     return f"must be a table, not {shown(value)}", "see the format of a scene.toml"
 

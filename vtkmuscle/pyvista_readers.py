@@ -9,6 +9,7 @@ import pyvista
 from vtkmuscle.data.arrays import multiblock_from
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from
 from vtkmuscle.io.landmarks import read_landmarks
+from vtkmuscle.scenes import Scene
 
 
 def read_scene_file(path: str, **_: Any) -> Any:
@@ -30,8 +31,6 @@ def read_scene_file(path: str, **_: Any) -> Any:
     SceneError
         If it cannot be read; the message names the key.
     """
-    from vtkmuscle.scenes import Scene  # noqa: PLC0415 -- scenes are built on readers
-
     scene = Scene.load(path)
     return pyvista.wrap(
         multiblock_from(
