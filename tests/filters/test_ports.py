@@ -183,6 +183,15 @@ def test_named_data_sets_may_be_a_dict_or_a_multiblock():
         assert [(name, x_of(block)) for name, block in blocks_of(found)] == [("a", 1.0), ("b", 2.0)]
 
 
+def test_named_algorithms_may_be_a_dict():
+    clock = Clock()
+    blocks = Blocks(blocks={"now": clock, "there": line(7.0)})
+    for time in (0.5, 2.0):
+        assert [x_of(block) for _, block in blocks_of(blocks(time=time))] == [time, 7.0]
+    with pytest.raises(TypeError, match=r"Blocks\.blocks is .*, but must be a vtkMultiBlockDataSet, a dict"):
+        Blocks(blocks={"now": clock, "there": 3})
+
+
 def test_attachments_may_be_areas(spindle):
     areas = attachments_of(spindle.attachments["spindle"], "")
     bones = dict(blocks_of(spindle.bones))

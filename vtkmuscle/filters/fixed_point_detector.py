@@ -118,7 +118,7 @@ class FixedPointDetector(Filter):
     ) -> Ints:
         if attachments is None:
             raise ValueError(
-                "FixedPointDetector: the method 'attachment' needs attachments on port 2; connect them, or "
+                "FixedPointDetector: the method 'attachment' needs attachments=; give them, or "
                 "choose the method 'proximity' or 'collision'"
             )
         names = list(bones)

@@ -76,12 +76,12 @@ class PBDDeformer(Filter):
     before. ``"stiffness"`` (published) makes edges the less stiff the more they run along the fibres,
     k = 1 - abs(u . v), keeps the muscle as it is at rest, and pulls no strings.
 
-    The fibres are those on port 2; where none are connected, lines over the surface stand in for them, along
-    the harmonic function between the points fixed to different bones. Where those are fixed to one bone only,
-    there are no strings, and all edges are equally stiff. Each edge takes the direction of the nearest fibre.
-    A few fibres that somebody has seen on the surface go to port 4: how they run in comparison with the
-    harmonic function's gradient is spread smoothly over all of the surface. For the directions of the edges
-    they count more than port 2, whose fibres then are the strings.
+    The fibres are those connected as ``fibres``; where there are none, lines over the surface stand in for
+    them, along the harmonic function between the points fixed to different bones. Where those are fixed to
+    one bone only, there are no strings, and all edges are equally stiff. Each edge takes the direction of the
+    nearest fibre. A few fibres that somebody has seen on the surface are connected as ``superficial``: how
+    they run in comparison with the harmonic function's gradient is spread smoothly over all of the surface.
+    For the directions of the edges they count more than ``fibres``, which then are the strings.
 
     A frame depends on the frames before it. So the frame at time t is computed from rest through all time
     steps that the bones announce up to t, and t itself; steps that are known from earlier requests are not
@@ -112,10 +112,11 @@ class PBDDeformer(Filter):
     then lets points in a bone's outermost voxels stick to it and be drawn into the joint; ``"off"`` leaves
     them where the other constraints have them.
 
-    Muscles on port 3 stay as they are; this one is kept out of them, except as deep as it is in them at rest.
-    So muscles are put in an order, in which each yields to those before it; ``vtkGroupDataSetsFilter`` makes
-    one input of several. A point stays on the outer side of the plane that touches the neighbour at the
-    place nearest to it; one that a step takes past the middle of a neighbour comes out on the other side.
+    Muscles connected as ``neighbours`` stay as they are; this one is kept out of them, except as deep as it
+    is in them at rest. So muscles are put in an order, in which each yields to those before it:
+    ``neighbours={"psoas": psoas, "iliacus": iliacus}``, with their deformers. A point stays on the outer side
+    of the plane that touches the neighbour at the place nearest to it; one that a step takes past the middle of a
+    neighbour comes out on the other side.
 
     Raises
     ------
@@ -386,8 +387,8 @@ class PBDDeformer(Filter):
         "``PenetrationMax`` and ``PenetrationP95`` [mm], how deep the free points are in the closed bones (0 "
         "outside), and ``PenetratingPoints``, how many are inside. With ``anisotropy`` 'taut' the point "
         "array ``Carried`` (3), where the taut fibres carry each point before edges, volume and bones are "
-        "heeded [mm], the field array ``FibrePoints`` (p, 3), where they carry the points of the fibres on "
-        "port 2 [mm], and ``UnsettledFibres``, how many fibres did not come to rest.",
+        "heeded [mm], the field array ``FibrePoints`` (p, 3), where they carry the points of "
+        "``fibres`` [mm], and ``UnsettledFibres``, how many fibres did not come to rest.",
     )
 
     def __init__(self, **settings: Any) -> None:

@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
-
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.bone_motion import BoneMotion
@@ -142,7 +140,7 @@ class MusclePipeline:
                 muscle=self.fixed,
                 bones=self.moving,
                 fibres=self.fibres,
-                neighbours=_grouped(neighbours) if neighbours else None,
+                neighbours=neighbours or None,
                 superficial=superficial,
                 attachments=attachments,
                 **(solver or {}),
@@ -281,13 +279,3 @@ def pull_taut(
     )
     assert pipeline.taut is not None
     return pipeline.taut
-
-
-def _grouped(algorithms: Mapping[str, Any]) -> vtkGroupDataSetsFilter:
-    """Return an algorithm that gives the outputs of several as the named blocks of one data set."""
-    group = vtkGroupDataSetsFilter()
-    group.SetOutputTypeToMultiBlockDataSet()
-    for number, (name, algorithm) in enumerate(algorithms.items()):
-        group.AddInputConnection(algorithm.GetOutputPort())
-        group.SetInputName(number, name)
-    return group

@@ -99,7 +99,8 @@ def tried(
             continue
         lengths = result.lengths.get(name, np.empty((len(rows), 0)))
         trials[name] = Trial(
-            np.array([points_of(result.muscle(name, frame=result.frames[i])) for i in kept]) * scene.millimetres,
+            np.array([points_of(result.muscle(name, time=result.times[i])) for i in kept])
+            * scene.millimetres,
             lengths[kept],
             [rows[i] for i in kept],
             # The first frame makes what the others use.

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataObjectTypes, vtkMultiBlockDataSet
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithmOutput, vtkTrivialProducer
+from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 
 from vtkmuscle.core.words import shown
 from vtkmuscle.data.arrays import multiblock_from
@@ -73,7 +74,7 @@ class InputPort(Port):
     """An input of a filter: an attribute, and a keyword of the constructor, that takes what is connected.
 
     It takes a data set, an algorithm, a chain (``a >> b``), an algorithm's output port, or None to leave the
-    port open. A port of a ``vtkMultiBlockDataSet`` also takes a mapping from names to data sets, and a
+    port open. A port of a ``vtkMultiBlockDataSet`` also takes a mapping from names to any of these, and a
     sequence of :class:`~vtkmuscle.data.attachments.AttachmentArea`. Read, it is the data set or the algorithm
     that is connected, None where it is open.
 
@@ -156,7 +157,7 @@ class InputPort(Port):
     @property
     def allowed(self) -> str:
         """What can be connected, in words."""
-        more = ", a dict of named data sets" if self.kind is vtkMultiBlockDataSet else ""
+        more = ", a dict of named ones" if self.kind is vtkMultiBlockDataSet else ""
         return f"a {self.type_name}{more}, an algorithm or a chain of them" + (
             " or None" if self.optional else ""
         )
@@ -167,7 +168,11 @@ class InputPort(Port):
             return value
         if is_areas(value):
             return attachments_from(value)
-        return multiblock_from(dict(value)) if isinstance(value, Mapping) else value
+        if not isinstance(value, Mapping):
+            return value
+        if all(isinstance(block, vtkDataObject) for block in value.values()):
+            return multiblock_from(dict(value))
+        return _grouped(value)
 
 
 def source_of(value: Any) -> tuple[Any, int] | None:
@@ -194,6 +199,20 @@ def source_of(value: Any) -> tuple[Any, int] | None:
         return None
     port = last.GetOutputPort()
     return port.GetProducer(), port.GetIndex()
+
+
+def _grouped(blocks: Mapping[str, Any]) -> vtkGroupDataSetsFilter | None:
+    """Return an algorithm that gives the outputs of several as named blocks; None where one is none."""
+    group = vtkGroupDataSetsFilter()
+    group.SetOutputTypeToMultiBlockDataSet()
+    group.inputs = list(blocks.values())  # VTK holds on to their C++ side only
+    for number, (name, block) in enumerate(blocks.items()):
+        source = source_of(block)
+        if source is None:
+            return None
+        group.AddInputConnection(source[0].GetOutputPort(source[1]))
+        group.SetInputName(number, name)
+    return group
 
 
 def _class_given(producer: Any, index: int) -> str:
