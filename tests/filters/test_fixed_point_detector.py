@@ -107,7 +107,7 @@ def test_a_point_in_areas_of_two_bones_goes_to_the_one_with_the_nearest_landmark
 
 @pytest.mark.parametrize("tolerance", [None, 1.0, 3.0])
 def test_proximity_fixes_the_points_within_the_tolerance_of_the_nearest_bone(tolerance):
-    fixed_to = detect("proximity", tolerance=tolerance)
+    fixed_to = detect("proximity", distance=tolerance)
     limit = mean_edge_length() if tolerance is None else tolerance
     distances = np.array([SurfaceDistance(BONES.GetBlock(i)).unsigned(points_of(MUSCLE)) for i in range(3)])
     expected = np.where(distances.min(axis=0) <= limit, distances.argmin(axis=0), -1)

@@ -115,8 +115,8 @@ class PBDDeformer(Filter):
     Muscles connected as ``neighbours`` stay as they are; this one is kept out of them, except as deep as it
     is in them at rest. So muscles are put in an order, in which each yields to those before it:
     ``neighbours={"psoas": psoas, "iliacus": iliacus}``, with their deformers. A point stays on the outer side
-    of the plane that touches the neighbour at the place nearest to it; one that a step takes past the middle of a
-    neighbour comes out on the other side.
+    of the plane that touches the neighbour at the place nearest to it; one that a step takes past the middle
+    of a neighbour comes out on the other side.
 
     Raises
     ------
