@@ -18,15 +18,14 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+from bench_kernels import no_bones, stiffness
 from muscle_problem import data_folder
 from published import P21
 
 from vtkmuscle import Scene
 from vtkmuscle.core.collision import contact
 from vtkmuscle.core.mesh.topology import mesh_topology
-from vtkmuscle.core.pbd import accelerated, projection, rest_shape, solver
-from vtkmuscle.core.pbd.batched_iteration import BatchedIteration
-from vtkmuscle.core.pbd.batches import pack
+from vtkmuscle.core.pbd import orders, rest_shape, solver
 from vtkmuscle.core.taut import guidance
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of
 from vtkmuscle.filters.base import filter as base
@@ -49,9 +48,9 @@ STAGES: dict[str, list[tuple[Any, str]]] = {
     "bone motion": [(BoneMotion, "RequestData")],
     "reading inputs": [(PBDDeformer, "_prepare")],
     "following the fibres": [(guidance.Guidance, "follow")],
-    "constraints": [(projection.ColourOrder, "iterate"), (projection.SequentialOrder, "iterate")],
+    "constraints": [(orders.ColourOrder, "project"), (orders.SequentialOrder, "project")],
     "collision": [(contact.Contact, "__init__"), (contact.Contact, "keep_out")],
-    "acceleration": [(accelerated, "anderson")],
+    "acceleration": [(solver, "anderson")],
     "settling": [(solver.MuscleSolver, "_settle")],
     "report": [(rest_shape.RestShape, "compare")],
     "provenance": [(base, "add_provenance")],
@@ -115,21 +114,23 @@ class Muscle:
         pipeline = MusclePipeline(self.fixed, bones, motion, fibres=self.fibres, solver=solver)
         return pipeline.deformer, pipeline.transport
 
-    def bare_iteration(self) -> tuple[BatchedIteration, np.ndarray]:
-        """Return the iteration of the muscle, without bones, and the records of its points."""
+    def bare_iteration(self) -> Callable[[], object]:
+        """Return the iteration of the muscle, without bones."""
         rest = self.fixed.update().output
         points, triangles = points_of(rest), checked_surface(rest, "benchmark")[1]
         points = points - points.mean(axis=0)
         mass = (point_array(rest, "FixedTo", "benchmark") < 0).astype(float)
-        packed = pack(mesh_topology(len(points), triangles), points, mass, shape_stiffness=0.9)
-        return BatchedIteration(packed), packed.records(points)
+        topology = mesh_topology(len(points), triangles)
+        shape = rest_shape.RestShape(points, topology)
+        order = orders.ColourOrder(topology, shape, mass, stiffness(topology))
+        return lambda: order.project(points, no_bones, bones_last=False)
 
 
 def measure(
     muscle: Muscle, iterations: int, times: np.ndarray, rounds: int, *, stages: bool, profiled: str | None
 ) -> dict[str, dict[str, float]]:
     """Return the median over the frames of the least times, by settings and stage [ms]."""
-    bare, records = muscle.bare_iteration()
+    bare = muscle.bare_iteration()
     chains = {name: muscle.chain(iterations, **settings) for name, settings in SETTINGS.items()}
     for _, transport in chains.values():
         transport.update(time=times[0])
@@ -146,7 +147,8 @@ def measure(
         watch.next_frame()
         for best, now in zip(least[name], times[1:], strict=True):
             with watch.measured(BARE):
-                bare.run(records, iterations)
+                for _ in range(iterations):
+                    bare()
             if name == profiled:
                 profiler.enable()
             started = time.thread_time()

@@ -101,6 +101,12 @@ def test_a_configuration_of_numba_in_the_working_folder_has_no_say(planted, tmp_
         "leave_out_working_folder()\nimport numba\nprint([numba.config.CACHE_DIR])"
     )
     done = run_in(
-        planted, "-P", "-c", code, program=(sys.executable,), PYTHONPATH=str(tmp_path / "installed")
+        planted,
+        "-P",
+        "-c",
+        code,
+        program=(sys.executable,),
+        PYTHONPATH=str(tmp_path / "installed"),
+        NUMBA_CACHE_DIR="",
     )
     assert done.stdout.strip() == "['']", done.stderr

@@ -22,7 +22,7 @@ from published_loop import run
 from vtkmuscle import RigidMotion
 from vtkmuscle.core.mesh.surface import edge_lengths
 from vtkmuscle.core.mesh.topology import mesh_topology
-from vtkmuscle.core.pbd import solver
+from vtkmuscle.core.pbd import orders, solver
 from vtkmuscle.core.pbd.anisotropy import edge_stiffness, fibre_directions_at
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, polylines_of
 from vtkmuscle.pipelines import deform
@@ -37,18 +37,18 @@ def recorded(moves: list[float]) -> Iterator[None]:
     """Note the mean distance that points are moved by from the iterate before, iteration by iteration."""
 
     def noting(original: Any) -> Any:
-        def iterate(self: Any, p: Any, *arguments: Any, **keywords: Any) -> Any:
+        def project(self: Any, p: Any, *arguments: Any, **keywords: Any) -> Any:
             before = p.copy()
             result = original(self, p, *arguments, **keywords)
             moves.append(float(np.linalg.norm(p - before, axis=1).mean()))
             return result
 
-        return iterate
+        return project
 
-    orders = (solver.SequentialOrder, solver.ColourOrder)
+    one_by_one, colours = orders.SequentialOrder, orders.ColourOrder
     with (
-        mock.patch.object(orders[0], "iterate", noting(orders[0].iterate)),
-        mock.patch.object(orders[1], "iterate", noting(orders[1].iterate)),
+        mock.patch.object(one_by_one, "project", noting(one_by_one.project)),
+        mock.patch.object(colours, "project", noting(colours.project)),
     ):
         yield
 

@@ -117,19 +117,6 @@ def test_iterations(iterations, long, ledger):
         ledger.passed("Settings", f"iterations: {iterations}", VOLUME, volume_error(out))
 
 
-def test_single_precision(long, ledger):
-    for mode in scenes.modes(long):
-        plain = {**mode, "solver": "gauss-seidel"}
-        double, _ = run(tube(), bending(10, 20), **plain)
-        single, _ = run(tube(), bending(10, 20), dtype="float32", **plain)
-        error = np.abs(double - single).max()
-        ledger.passed("Settings", "float32 against float64 (gauss-seidel)", "largest difference [mm]", error)
-        assert error <= 0.05
-    with pytest.raises(ValueError, match="needs dtype 'float64'") as caught:
-        run(tube(), bending(10), dtype="float32", solver="anderson")
-    ledger.refused("Settings", "float32 with solver 'anderson'", str(caught.value))
-
-
 #: How equal results are at another scale, of the muscle's length.
 SCALE_BOUND = 1e-9
 

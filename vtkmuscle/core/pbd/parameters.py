@@ -2,7 +2,30 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+
+#: Allowed values of the settings that are a choice.
+CHOICES = {
+    "prediction": ("blend", "inertial"),
+    "solver": ("anderson", "gauss-seidel"),
+    "projection_order": ("batched", "sequential"),
+    "bone_push": ("off", "transform"),
+    "contact_velocity": ("zero", "keep"),
+}
+
+#: Least and greatest allowed values of the others.
+RANGES = {
+    "iterations": (1, 1_000_000),
+    "substeps": (1, 10_000),
+    "dt": (0.0, math.inf),
+    "velocity_kept": (0.0, 1.0),
+    "stiffness": (0.0, 1.0),
+    "shape_stiffness": (0.0, 1.0),
+    "volume_stiffness": (0.0, 1.0),
+    "guidance": (0.0, 1.0),
+    "tolerance": (0.0, math.inf),
+}
 
 
 @dataclass(frozen=True)
@@ -12,7 +35,7 @@ class SolverParameters:
     Attributes
     ----------
     iterations : int
-        Projections of all constraints per (sub)step, >= 1.
+        Projections of all constraints per (sub)step, at most, >= 1.
     substeps : int
         Parts that a step is cut into, bones moving along their screws, >= 1.
     dt : float
@@ -32,23 +55,28 @@ class SolverParameters:
     solver : str
         ``"gauss-seidel"`` or ``"anderson"``: the iteration as it is, or accelerated.
     tolerance : float
-        Stop at this estimated distance to the converged shape [mm], except with ``"gauss-seidel"``; 0 never
-        stops.
+        With ``"anderson"``, where the taut fibres draw the points: stop where the converged shape is at most
+        so far (root mean square) [mm]; 0 stops at a fixed point only.
     projection_order : str
-        ``"batched"`` or ``"sequential"``: many edges at once and the volume last, or P21's order.
-    dtype : str
-        ``"float64"`` or ``"float32"``: the numbers that the iteration computes with. The latter only with
-        ``"gauss-seidel"`` and ``"batched"``: acceleration lives on differences that single precision loses.
-    threads : int
-        Threads that a large muscle is solved on, 0 for as many as there are processors. The result does not
-        depend on it.
+        ``"batched"`` or ``"sequential"``: many edges at once and the volume last, or the order of Kohout and
+        Cervenka 2021.
     bone_push : str
         What a bone does to points it moved over: ``"transform"`` or ``"off"``.
     contact_velocity : str
         What velocity points have that met a bone: ``"zero"`` or ``"keep"``, that of their displacement.
+
+    Raises
+    ------
+    ValueError
+        If a setting is none of its choices, or out of its range.
+
+    Examples
+    --------
+    >>> SolverParameters(solver="anderson", iterations=100).tolerance
+    0.5
     """
 
-    iterations: int = 10
+    iterations: int = 30
     substeps: int = 1
     dt: float = 1.0
     velocity_kept: float = 0.99
@@ -59,24 +87,25 @@ class SolverParameters:
     guidance: float = 0.02
     prediction: str = "blend"
     solver: str = "anderson"
-    tolerance: float = 0.0
+    tolerance: float = 0.5
     projection_order: str = "batched"
-    dtype: str = "float64"
-    threads: int = 0
     bone_push: str = "off"
     contact_velocity: str = "zero"
 
     def __post_init__(self) -> None:
-        """Refuse what does not go together.
-
-        Raises
-        ------
-        ValueError
-            For single precision with acceleration, or in sequential order.
-        """
-        if self.dtype == "float32" and (self.solver, self.projection_order) != ("gauss-seidel", "batched"):
+        """Check each setting."""
+        for name, choices in CHOICES.items():
+            value = getattr(self, name)
+            if value not in choices:
+                allowed = " or ".join(map(repr, choices))
+                raise ValueError(f"SolverParameters.{name} is {value!r}, but must be {allowed}")
+        for name, (least, greatest) in RANGES.items():
+            value = getattr(self, name)
+            if not least <= value <= greatest or (name == "dt" and value == 0.0):
+                sign = ">" if name == "dt" else ">="
+                most = "" if math.isinf(greatest) else f" and <= {greatest}"
+                raise ValueError(f"SolverParameters.{name} is {value!r}, but must be {sign} {least}{most}")
+        if len(self.external_force) != 3:
             raise ValueError(
-                f"dtype is 'float32', but solver is {self.solver!r} and projection_order is "
-                f"{self.projection_order!r}; single precision is for solver 'gauss-seidel' with "
-                "projection_order 'batched', all else needs dtype 'float64'"
+                f"SolverParameters.external_force is {self.external_force!r}, but must have three components"
             )
