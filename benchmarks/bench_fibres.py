@@ -48,7 +48,7 @@ def staged(
     attachments: object,
     n_fibres: int,
     resolution: int,
-    filling: float | None = None,
+    spreading: float | None = None,
 ) -> tuple[object, list[float]]:
     """Return fibres from new filters, and what each stage took [ms]."""
     times = [time.perf_counter()]
@@ -60,7 +60,7 @@ def staged(
     times.append(time.perf_counter())
     trimmed = FibreTrimmer()(morphed, muscle, attachments)
     times.append(time.perf_counter())
-    smoothed = FibreSmoother(filling=filling)(trimmed, muscle, attachments)
+    smoothed = FibreSmoother(spreading=spreading)(trimmed, muscle, attachments)
     times.append(time.perf_counter())
     return smoothed, (1e3 * np.diff(times)).tolist()
 

@@ -28,21 +28,21 @@ from vtkmuscle.run import muscle_pipeline
 
 #: Settings of the deformer beside those of the scene.
 MODES = {
-    "sdf": {"collision": "sdf", "cell": 1.0},
-    "sdf, plain": {"collision": "sdf", "cell": 1.0, "solver": "gauss-seidel"},
+    "sdf": {"collision": "sdf", "grid_spacing": 1.0},
+    "sdf, plain": {"collision": "sdf", "grid_spacing": 1.0, "solver": "gauss-seidel"},
     "voxel": {"collision": "voxel", "solver": "gauss-seidel"},
     "voxel, anderson": {"collision": "voxel", "solver": "anderson"},
     "voxel, transform": {"collision": "voxel", "solver": "gauss-seidel", "bone_push": "transform"},
     "voxel, P21": {
         "collision": "voxel",
         "solver": "gauss-seidel",
-        "start": "inertial",
-        "order": "sequential",
+        "prediction": "inertial",
+        "projection_order": "sequential",
         "bone_push": "transform",
         "contact_velocity": "keep",
         "anisotropy": "stiffness",
     },
-    "none": {"collision": "none"},
+    "off": {"collision": "off"},
 }
 
 #: Beyond the femoral head, up to this far from it, pelvis is acetabulum [mm].

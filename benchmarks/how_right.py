@@ -89,7 +89,7 @@ def lengths_of_both(
 ) -> dict[str, Floats]:
     """Return the lengths of a muscle's fibres (frames, fibres) [mm], by each of the models."""
     volume = MusclePipeline(muscle, bones, motion, attachments, fixing={}, fibres=fibre_settings)
-    paths = pull_taut(volume.fixed, bones, motion, volume.fibres, attachments, fixed=None)
+    paths = pull_taut(volume.fixed, bones, motion, volume.fibres, attachments, fixing=None)
     found: dict[str, Floats] = {}
     for model, chain in zip(MODELS, (paths, volume.transport), strict=True):
         frames = (polylines_of(chain.update(time=time).output, model) for time in motion.times)

@@ -28,10 +28,9 @@ for name, muscle in phantom.muscles.items():
     tubes = pipeline.metrics >> FibreTubes(radius=0.8)
     plotter.add_mesh(pipeline.deformer, color="darkred", opacity=0.3, culling="back")
     coloured = {"scalars": "Strain", "cmap": "coolwarm", "clim": (-0.3, 0.3), "show_scalar_bar": False}
-    plotter.add_mesh(tubes.last, **coloured)
+    plotter.add_mesh(tubes, **coloured)
 
-bones = BoneMotion(motion=phantom.motion)
-bones.connect(0, phantom.bones)
+bones = BoneMotion(bones=phantom.bones, motion=phantom.motion)
 surface = vtkCompositeDataGeometryFilter()  # PyVista shows algorithms that give one mesh
 surface.SetInputConnection(bones.GetOutputPort())
 plotter.add_mesh(surface, color="ivory", smooth_shading=True)

@@ -1,7 +1,6 @@
 """The ready-made chains are those of the single filters, and hold together by themselves."""
 
 import gc
-import inspect
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from vtkmuscle.data.arrays import blocks_of, cell_array, multiblock_from, points
 from vtkmuscle.data.attachments import attachments_from
 from vtkmuscle.filters import FibreMetrics, FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-from vtkmuscle.pipelines import FIBRE_SETTINGS, PRUNE, MusclePipeline, decompose, deform, pull_taut
+from vtkmuscle.pipelines import FIBRE_SETTINGS, WEIGHT_TOLERANCE, MusclePipeline, decompose, deform, pull_taut
 from vtkmuscle.run import muscle_pipeline
 
 
@@ -33,19 +32,14 @@ def attachments(scene):
 
 
 def test_the_settings_of_fibres_are_all_parameters_of_the_chain(muscle, attachments):
-    keywords = {
-        name: parameter.default
-        for name, parameter in inspect.signature(decompose).parameters.items()
-        if parameter.kind is inspect.Parameter.KEYWORD_ONLY
-    }
-    assert keywords.keys() == FIBRE_SETTINGS.keys()
     chain = [decompose(muscle, attachments)]
     while chain[-1].GetNumberOfInputPorts():
         chain.append(chain[-1].GetInputAlgorithm(0, 0))
     declared = {(type(f), name) for f in chain for name in f.parameter_declarations}
     assert set(FIBRE_SETTINGS.values()) == declared
-    for word, (kind, name) in FIBRE_SETTINGS.items():
-        assert keywords[word] == kind.parameter_declarations[name].default
+    assert all(word == name for word, (_, name) in FIBRE_SETTINGS.items())
+    with pytest.raises(TypeError, match="decompose has no setting 'n_fibre'; did you mean 'n_fibres'"):
+        decompose(muscle, attachments, n_fibre=3)
 
 
 def test_fibres_fill_the_muscle(muscle, attachments):
@@ -73,7 +67,7 @@ def test_a_chain_lives_by_its_last_filter_alone(scene, muscle, attachments):
 
 def test_a_muscle_with_fixed_points_of_its_own_needs_no_attachments(scene, muscle, attachments):
     fixed = FixedPointDetector()(muscle, scene.bones_data(), attachments)
-    own = deform(fixed, scene.bones_data(), scene.motion, fixed=None, iterations=2).update(time=5.0).output
+    own = deform(fixed, scene.bones_data(), scene.motion, fixing=None, iterations=2).update(time=5.0).output
     found = (
         deform(muscle, scene.bones_data(), scene.motion, attachments, iterations=2).update(time=5.0).output
     )
@@ -86,23 +80,23 @@ def test_settings_reach_their_filters(scene, muscle, attachments):
         scene.bones_data(),
         scene.motion,
         attachments,
-        fixed="proximity",
-        fixed_tolerance=3.0,
+        fixing={"method": "proximity", "distance": 3.0},
         iterations=4,
     )
     assert last.iterations == 4
-    detector = last.GetInputAlgorithm(0, 0)
-    assert (detector.method, detector.tolerance) == ("proximity", 3.0)
-    smoother = decompose(muscle, attachments, smoothing=2, smoothing_weight=1.0)
-    assert (smoother.iterations, smoother.k) == (2, 1.0)
+    assert (last.muscle.method, last.muscle.distance) == ("proximity", 3.0)
+    smoother = decompose(muscle, attachments, smoothing_passes=2, smoothing_weight=1.0)
+    assert (smoother.smoothing_passes, smoother.smoothing_weight) == (2, 1.0)
 
 
 def test_what_is_not_allowed_is_refused_at_once(scene, muscle, attachments):
-    with pytest.raises(TypeError, match="PBDDeformer has no parameter iteration"):
+    with pytest.raises(
+        TypeError, match="PBDDeformer has no parameter or input port 'iteration'; did you mean 'iterations'"
+    ):
         deform(muscle, scene.bones_data(), scene.motion, attachments, iteration=3)
     with pytest.raises(ValueError, match=r"FixedPointDetector\.method is 'glue'"):
-        deform(muscle, scene.bones_data(), scene.motion, attachments, fixed="glue")
-    with pytest.raises(ValueError, match=r"FibreTemplateSource\.kind is 'wavy'"):
+        deform(muscle, scene.bones_data(), scene.motion, attachments, fixing={"method": "glue"})
+    with pytest.raises(ValueError, match=r"FibreTemplateSource\.template is 'wavy'"):
         decompose(muscle, attachments, template="wavy")
 
 
@@ -127,9 +121,9 @@ def test_a_muscle_pipeline_is_the_filters_connected_by_hand(scene, muscle, attac
     )
     fixed = FixedPointDetector()(muscle, bones, attachments)
     fibres = decompose(muscle, attachments, **FEW_FIBRES).update().output
-    deformed = deform(fixed, bones, motion, attachments, fibres=fibres, fixed=None, iterations=4)
+    deformed = deform(fixed, bones, motion, attachments, fibres=fibres, fixing=None, iterations=4)
     moved = deformed.update(time=10.0).output
-    carried = FibreTransport(prune=PRUNE)(fibres, fixed, moved)
+    carried = FibreTransport(weight_tolerance=WEIGHT_TOLERANCE)(fibres, fixed, moved)
     expected = np.array(cell_array(FibreMetrics()(carried, moved), "Length", "test"))
     np.testing.assert_array_equal(lengths(pipeline.metrics), expected)
     np.testing.assert_array_equal(points_of(pipeline.deformer.update(time=10.0).output), points_of(moved))
@@ -152,10 +146,11 @@ def test_settings_of_a_muscle_pipeline_reach_their_filters_or_are_refused(scene,
     def made(**settings):
         return MusclePipeline(muscle, scene.bones_data(), scene.motion, attachments, **settings)
 
-    pipeline = made(fixing={"tolerance": 2.0}, fibres={**FEW_FIBRES, "prune": 0.1, "smoothing": 2})
-    assert pipeline.fixed.tolerance == 2.0
-    assert pipeline.transport.prune == 0.1
-    assert pipeline.fibres.iterations == 2
+    own = {"weight_tolerance": 0.1, "smoothing_passes": 2}
+    pipeline = made(fixing={"distance": 2.0}, fibres={**FEW_FIBRES, **own})
+    assert pipeline.fixed.distance == 2.0
+    assert pipeline.transport.weight_tolerance == 0.1
+    assert pipeline.fibres.smoothing_passes == 2
     without = made(fixing={})
     assert (without.fibres, without.transport, without.metrics) == (None, None, None)
     with pytest.raises(ValueError, match="model is 'volumes', but must be 'volume' or 'paths'"):

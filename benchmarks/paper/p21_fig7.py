@@ -116,7 +116,7 @@ def in_each_iteration(case: Case, iterations: int, settings: dict[str, Any]) -> 
     )
     settings = {**settings, "iterations": 1}
     deformer = deform(
-        chain.fixed, case.scene.bones_data(), motion, fibres=chain.fibres, fixed=None, **settings
+        chain.fixed, case.scene.bones_data(), motion, fibres=chain.fibres, fixing=None, **settings
     )
     before, moves, longest = points_of(deformer.update(time=0.0).output).copy(), [], None
     for time in motion.times[1:]:

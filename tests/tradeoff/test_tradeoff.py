@@ -46,7 +46,7 @@ def done(scene, tmp_path_factory):
     settings += [Setting("preview", "presets", PRESETS["preview"]), Setting("every=2", "every", every=2)]
     settings += [
         Setting("few fibres", "n_fibres", {}, {"n_fibres": 3}),
-        Setting("pruned", "prune", {}, {"prune": 1.0}),
+        Setting("pruned", "weight_tolerance", {}, {"weight_tolerance": 1.0}),
     ]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(study_module, "FIRST_ITERATIONS", 50)
@@ -55,7 +55,7 @@ def done(scene, tmp_path_factory):
 
 
 def with_everything(scene):
-    """Return the scene with a second muscle that it may meet, superficial fibres, a via ring and prune."""
+    """Return the scene with another muscle to meet, superficial fibres, a via ring and merged weights."""
     spindle = scene.muscles["spindle"]
     points = points_of(spindle.surface)
     heights = np.linspace(-15.0, 15.0, 7)
@@ -66,7 +66,7 @@ def with_everything(scene):
     aside = np.array([7.0, -4.0, 0.0])
     beside = surface_from(points + aside, triangles_of(spindle.surface, "spindle"))
     moved = tuple(replace(area, landmarks=area.landmarks + aside) for area in spindle.attachments)
-    fibres = {**spindle.fibres, "prune": 0.9}
+    fibres = {**spindle.fibres, "weight_tolerance": 0.9}
     seen_fibres = polylines_from(Polylines(seen, np.array([0, len(seen)])))
     muscles = {
         "spindle": replace(
@@ -196,7 +196,7 @@ def test_the_key_tells_scenes_frames_settings_and_code_apart(scene, tmp_path, mo
         return Records(tmp_path, scene, frames).path(Setting("any", "any", **setting).plain(), ".json")
 
     whole = with_everything(scene)
-    keys = [key(), key(frames=(0, 2)), key(fibres={"prune": 1.0}), key(solver={"iterations": 2})]
+    keys = [key(), key(frames=(0, 2)), key(fibres={"weight_tolerance": 1.0}), key(solver={"iterations": 2})]
     keys.append(key(replace(scene, solver={"stiffness": 0.5})))
     keys.append(key(replace(scene, motion=thinned(scene.motion, 2, 2))))
     keys += [key(whole), key(replace(whole, muscle_contact="off")), key(replace(whole, quality="preview"))]
@@ -307,7 +307,10 @@ def test_thinned_motions_end_where_they_did(scene):
 def test_settings_are_chosen_by_group_or_name():
     settings = grid()
     assert [s.name for s in chosen(settings, ["presets"])] == list(PRESETS)
-    assert {s.group for s in chosen(settings, ["iterations", "prune=1"])} == {"iterations", "prune"}
+    assert {s.group for s in chosen(settings, ["iterations", "weight_tolerance=1"])} == {
+        "iterations",
+        "weight_tolerance",
+    }
     with pytest.raises(
         ValueError, match=r"no setting is called 'iteratons'; there are groups presets, scene"
     ):

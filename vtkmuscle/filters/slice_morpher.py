@@ -23,7 +23,8 @@ from vtkmuscle.data.arrays import (
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.data.superficial import superficial_fibres
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.harmonic_field import field_of, has_field
 
 Floats = NDArray[np.float64]
@@ -143,23 +144,19 @@ class SliceMorpher(Filter):
 
     template = InputPort(
         vtkPolyData,
-        content="fitted template",
         doc="Fibres in the muscle's box, with the field array ``Transform`` (16, unit cube to box).",
     )
     muscle = InputPort(
         vtkPolyData,
-        content="muscle",
         doc="The muscle's surface: triangles, closed; optionally with the point array ``HarmonicField``.",
     )
     attachments = InputPort(
         vtkMultiBlockDataSet,
-        content="attachments",
         optional=True,
         doc="Areas of both roles; for the harmonic method only, of a muscle without ``HarmonicField``.",
     )
     superficial = InputPort(
         vtkPolyData,
-        content="superficial fibres",
         optional=True,
         doc="Polylines on the muscle's surface, or near it, from which the twist is found.",
     )

@@ -6,7 +6,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 
 from vtkmuscle.filters.base.docstrings import split_docstring
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort
+from vtkmuscle.filters.base.ports import InputPort
 from vtkmuscle.paraview.properties import FILES, camel_case, plain, properties_of, spaced
 
 #: The menu in which all filters are found.
@@ -28,7 +28,8 @@ def proxy_parts(kind: type[Filter]) -> list[str]:
     """
     parts = [_documentation(kind)]
     parts += [_input(number, port) for number, port in enumerate(kind.input_ports)]
-    parts += [p.xml for parameter in kind.parameter_declarations.values() for p in properties_of(parameter)]
+    declared = kind.parameter_declarations.values()
+    parts += [shown.xml for parameter in declared for shown in properties_of(parameter, declared)]
     if kind.time_steps is not Filter.time_steps:
         parts.append(_times())
     if len(kind.output_ports) > 1:

@@ -4,17 +4,15 @@
 last filter of a part of them.
 """
 
-from vtkmuscle.pipelines.attachments import estimate_attachments
 from vtkmuscle.pipelines.fibres import FIBRE_SETTINGS, decompose
-from vtkmuscle.pipelines.muscle import PRUNE, TRANSPORT_SETTINGS, MusclePipeline, deform, pull_taut
+from vtkmuscle.pipelines.muscle import TRANSPORT_SETTINGS, WEIGHT_TOLERANCE, MusclePipeline, deform, pull_taut
 
 __all__ = [
     "FIBRE_SETTINGS",
-    "PRUNE",
     "TRANSPORT_SETTINGS",
+    "WEIGHT_TOLERANCE",
     "MusclePipeline",
     "decompose",
     "deform",
-    "estimate_attachments",
     "pull_taut",
 ]

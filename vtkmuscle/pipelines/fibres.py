@@ -4,61 +4,25 @@ from __future__ import annotations
 
 from typing import Any
 
+from vtkmuscle.core.words import suggestion
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.filters.fibre_trimmer import FibreTrimmer
 from vtkmuscle.filters.slice_morpher import SliceMorpher
 from vtkmuscle.filters.template_fitter import TemplateFitter
-from vtkmuscle.pipelines.connecting import connected
 
-#: The settings of :func:`decompose`, and the parameter of a filter that each one is.
+#: The filters of :func:`decompose`, in order.
+FIBRE_CHAIN: tuple[type[Filter], ...] = (
+    FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer, FibreSmoother,
+)  # fmt: skip
+#: The settings of :func:`decompose`, and the parameter of a filter that each one is, by the same name.
 FIBRE_SETTINGS: dict[str, tuple[type[Filter], str]] = {
-    "template": (FibreTemplateSource, "kind"),
-    "template_file": (FibreTemplateSource, "file"),
-    "n_fibres": (FibreTemplateSource, "n_fibres"),
-    "resolution": (FibreTemplateSource, "resolution"),
-    "axis": (TemplateFitter, "axis"),
-    "angle_step": (TemplateFitter, "angle_step"),
-    "refine": (TemplateFitter, "refine"),
-    "cube": (TemplateFitter, "cube"),
-    "mirror": (TemplateFitter, "mirror"),
-    "method": (SliceMorpher, "method"),
-    "mapping": (SliceMorpher, "mapping"),
-    "slice_tolerance": (SliceMorpher, "slice_tolerance"),
-    "continuity": (SliceMorpher, "continuity"),
-    "twist": (SliceMorpher, "twist"),
-    "largest_cut": (FibreTrimmer, "largest_cut"),
-    "smoothing": (FibreSmoother, "iterations"),
-    "smoothing_weight": (FibreSmoother, "k"),
-    "filling": (FibreSmoother, "filling"),
+    name: (kind, name) for kind in FIBRE_CHAIN for name in kind.parameter_declarations
 }
 
 
-def decompose(
-    muscle: Any,
-    attachments: Any,
-    superficial: Any = None,
-    *,
-    template: str = "parallel",
-    template_file: str | None = None,
-    n_fibres: int = 100,
-    resolution: int = 15,
-    axis: str = "auto",
-    angle_step: float = 5.0,
-    refine: bool = False,
-    cube: str = "upright",
-    mirror: bool = False,
-    method: str = "auto",
-    mapping: str = "bijective",
-    slice_tolerance: float | None = None,
-    continuity: float = 0.2,
-    twist: float = 0.0,
-    largest_cut: float = 0.5,
-    smoothing: int = 5,
-    smoothing_weight: float = 4.0,
-    filling: float | None = None,
-) -> FibreSmoother:
+def decompose(muscle: Any, attachments: Any, superficial: Any = None, **settings: Any) -> FibreSmoother:
     """Return the chain of filters that fills a muscle with fibres.
 
     The chain is FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer and FibreSmoother; nothing
@@ -73,18 +37,8 @@ def decompose(
     superficial : vtkPolyData or algorithm, optional
         Fibres that are seen on the muscle's surface, a few polylines: the template is turned and twisted such
         that its fibres follow them.
-    template, template_file, n_fibres, resolution
-        Kind, file with a template of your own, number of fibres and segments per fibre of
-        FibreTemplateSource.
-    axis, angle_step, refine, cube, mirror
-        Of TemplateFitter.
-    method, mapping, slice_tolerance, continuity, twist
-        Of SliceMorpher.
-    largest_cut
-        Of FibreTrimmer.
-    smoothing, smoothing_weight, filling
-        Passes, weight ``k`` and ``filling`` of FibreSmoother, which keeps the fibres in the muscle and
-        spreads parallel ones evenly through it.
+    **settings
+        Parameters of the five filters: ``template``, ``n_fibres``, ``smoothing_passes`` and so on.
 
     Returns
     -------
@@ -93,6 +47,8 @@ def decompose(
 
     Raises
     ------
+    TypeError
+        For a keyword that is a parameter of none of the filters.
     ValueError
         If a setting is not allowed; the message says what is.
 
@@ -102,30 +58,20 @@ def decompose(
     >>> from vtkmuscle.pipelines import decompose
     >>> phantom = spindle_over_hinge()
     >>> (name, muscle), = phantom.muscles.items()
-    >>> fibres = decompose(muscle, phantom.attachments[name], n_fibres=10).update().output
+    >>> fibres = decompose(muscle, phantom.attachments[name], n_fibres=10).output
     >>> fibres.GetNumberOfCells()
     10
     """
-    source = FibreTemplateSource(kind=template, file=template_file, n_fibres=n_fibres, resolution=resolution)
-    areas = {"muscle": muscle, "attachments": attachments}
-    fitter = connected(
-        TemplateFitter(axis=axis, angle_step=angle_step, refine=refine, cube=cube, mirror=mirror),
-        template=source,
-        superficial=superficial,
-        **areas,
-    )
-    morpher = connected(
-        SliceMorpher(
-            method=method,
-            mapping=mapping,
-            slice_tolerance=slice_tolerance,
-            continuity=continuity,
-            twist=twist,
-        ),
-        template=fitter,
-        superficial=superficial,
-        **areas,
-    )
-    trimmer = connected(FibreTrimmer(largest_cut=largest_cut), fibres=morpher, **areas)
-    smoother = FibreSmoother(iterations=smoothing, k=smoothing_weight, filling=filling)
-    return connected(smoother, fibres=trimmer, **areas)
+    for name in settings:
+        if name not in FIBRE_SETTINGS:
+            raise TypeError(f"decompose has no setting {name!r}; {suggestion(name, FIBRE_SETTINGS)}")
+
+    def own(kind: type[Filter]) -> dict[str, Any]:
+        return {name: value for name, value in settings.items() if name in kind.parameter_declarations}
+
+    where = {"muscle": muscle, "attachments": attachments}
+    source = FibreTemplateSource(**own(FibreTemplateSource))
+    fitted = TemplateFitter(template=source, superficial=superficial, **where, **own(TemplateFitter))
+    morphed = SliceMorpher(template=fitted, superficial=superficial, **where, **own(SliceMorpher))
+    trimmed = FibreTrimmer(fibres=morphed, **where, **own(FibreTrimmer))
+    return FibreSmoother(fibres=trimmed, **where, **own(FibreSmoother))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from vtkmuscle.core.motion.rigid import RigidMotion
@@ -13,15 +14,16 @@ from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.filters.taut_fibres import TautFibres
-from vtkmuscle.pipelines.connecting import connected, grouped
 from vtkmuscle.pipelines.fibres import decompose
 
 #: Settings of fibres that are none of :func:`decompose`: how they are carried with the muscle.
-TRANSPORT_SETTINGS: dict[str, tuple[type[Filter], str]] = {"prune": (FibreTransport, "prune")}
-#: What ``prune`` is in scenes: of 1600 fibre points in 9878 vertices it keeps 5 MB of weights instead of
-#: 126, and a frame takes 0.7 ms instead of 48; a muscle bent by a radian has fibre points 0.007 mm off,
-#: 0.036 mm at most (``benchmarks/bench_fibres.py --transport``).
-PRUNE = 0.3
+TRANSPORT_SETTINGS: dict[str, tuple[type[Filter], str]] = {
+    "weight_tolerance": (FibreTransport, "weight_tolerance")
+}
+#: What ``weight_tolerance`` is in scenes: of 1600 fibre points in 9878 vertices it keeps 5 MB of weights
+#: instead of 126, and a frame takes 0.7 ms instead of 48; a muscle bent by a radian has fibre points
+#: 0.007 mm off, 0.036 mm at most (``benchmarks/bench_fibres.py --transport``).
+WEIGHT_TOLERANCE = 0.3
 
 
 class MusclePipeline:
@@ -51,8 +53,9 @@ class MusclePipeline:
     fixing : mapping or None, optional
         Parameters of FixedPointDetector; None for a surface that has the point array ``FixedTo`` already.
     fibres : mapping, vtkPolyData, algorithm or None, optional
-        Keyword arguments of :func:`decompose` and parameters of FibreTransport (``prune``, by default
-        :data:`PRUNE`); or fibres at rest that are there already; or None for a muscle without fibres.
+        Keyword arguments of :func:`decompose` and parameters of FibreTransport (``weight_tolerance``, by
+        default :data:`WEIGHT_TOLERANCE`); or fibres at rest that are there already; or None for a
+        muscle without fibres.
     solver : mapping, optional
         Parameters of PBDDeformer, or of TautFibres with the model ``"paths"``.
 
@@ -112,47 +115,46 @@ class MusclePipeline:
             raise ValueError(f"MusclePipeline: model is {model!r}, but must be 'volume' or 'paths'")
         self.fixed = surface
         if fixing is not None:
-            detector = FixedPointDetector(**fixing)
-            self.fixed = connected(detector, muscle=surface, bones=bones, attachments=attachments)
-        carrying = {"prune": PRUNE}
+            self.fixed = FixedPointDetector(muscle=surface, bones=bones, attachments=attachments, **fixing)
+        carrying = {"weight_tolerance": WEIGHT_TOLERANCE}
         self.fibres = fibres
         if isinstance(fibres, Mapping):
             carrying |= {name: fibres[name] for name in TRANSPORT_SETTINGS if name in fibres}
             shaping = {name: value for name, value in fibres.items() if name not in TRANSPORT_SETTINGS}
             self.fibres = decompose(self.fixed, attachments, superficial, **shaping)
-        self.moving = connected(BoneMotion(motion=motion), bones=bones)
+        self.moving = BoneMotion(bones=bones, motion=motion)
         self.deformer: PBDDeformer | None = None
         self.taut: TautFibres | None = None
         self.transport: FibreTransport | None = None
         self.metrics: FibreMetrics | None = None
         if model == "paths":
-            self.taut = connected(
-                TautFibres(**(solver or {})),
+            self.taut = TautFibres(
                 rest_fibres=self.fibres,
                 rest_muscle=self.fixed,
                 bones=self.moving,
                 attachments=attachments,
+                **(solver or {}),
             )
         else:
-            self.deformer = connected(
-                PBDDeformer(**(solver or {})),
+            self.deformer = PBDDeformer(
                 muscle=self.fixed,
                 bones=self.moving,
                 fibres=self.fibres,
-                neighbours=grouped(neighbours) if neighbours else None,
+                neighbours=neighbours or None,
                 superficial=superficial,
                 attachments=attachments,
+                **(solver or {}),
             )
         if self.fibres is not None:
             if self.deformer is not None:
-                self.transport = connected(
-                    FibreTransport(**carrying),
+                self.transport = FibreTransport(
                     rest_fibres=self.fibres,
                     rest_muscle=self.fixed,
                     deformed_muscle=self.deformer,
+                    **carrying,
                 )
             moved = self.taut if self.transport is None else self.transport
-            self.metrics = connected(FibreMetrics(curvature=True), fibres=moved, muscle=self.deformer)
+            self.metrics = FibreMetrics(fibres=moved, muscle=self.deformer, curvature=True)
 
 
 def deform(
@@ -163,8 +165,7 @@ def deform(
     *,
     fibres: Any = None,
     superficial: Any = None,
-    fixed: str | None = "attachment",
-    fixed_tolerance: float | None = None,
+    fixing: Mapping[str, Any] | None = MappingProxyType({}),
     **solver: Any,
 ) -> PBDDeformer:
     """Return the chain of filters that deforms a muscle with moving bones.
@@ -177,13 +178,12 @@ def deform(
     muscle, bones, motion, superficial
         As of :class:`MusclePipeline`.
     attachments : vtkMultiBlockDataSet or algorithm, optional
-        Where the muscle is attached; needed where ``fixed`` is ``"attachment"``.
+        Where the muscle is attached; needed by the method ``"attachment"`` of FixedPointDetector.
     fibres : vtkPolyData or algorithm, optional
         Fibres at rest, for the anisotropy.
-    fixed : str or None, optional
-        Method of FixedPointDetector; None for a muscle that has the point array ``FixedTo`` already.
-    fixed_tolerance : float, optional
-        Tolerance of FixedPointDetector.
+    fixing : mapping or None, optional
+        Parameters of FixedPointDetector, as ``{"method": "proximity", "distance": 3.0}``; None for a muscle
+        that has the point array ``FixedTo`` already.
     **solver
         Parameters of PBDDeformer.
 
@@ -216,7 +216,7 @@ def deform(
         motion,
         attachments,
         superficial=superficial,
-        fixing=_fixing(fixed, fixed_tolerance),
+        fixing=fixing,
         fibres=fibres,
         solver=solver,
     )
@@ -231,8 +231,7 @@ def pull_taut(
     fibres: Any,
     attachments: Any = None,
     *,
-    fixed: str | None = "attachment",
-    fixed_tolerance: float | None = None,
+    fixing: Mapping[str, Any] | None = MappingProxyType({}),
     **settings: Any,
 ) -> TautFibres:
     """Return the chain of filters that pulls fibres taut round moving bones, without deforming a muscle.
@@ -242,7 +241,7 @@ def pull_taut(
 
     Parameters
     ----------
-    muscle, bones, motion, fixed, fixed_tolerance
+    muscle, bones, motion, fixing
         As of :func:`deform`.
     fibres : vtkPolyData or algorithm
         Fibres at rest, as of :func:`decompose`.
@@ -275,13 +274,8 @@ def pull_taut(
     >>> taut.update(time=phantom.motion.times[1]).output.GetNumberOfCells()
     8
     """
-    fixing = _fixing(fixed, fixed_tolerance)
     pipeline = MusclePipeline(
         muscle, bones, motion, attachments, model="paths", fixing=fixing, fibres=fibres, solver=settings
     )
     assert pipeline.taut is not None
     return pipeline.taut
-
-
-def _fixing(method: str | None, tolerance: float | None) -> dict[str, Any] | None:
-    return None if method is None else {"method": method, "tolerance": tolerance}

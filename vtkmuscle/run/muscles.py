@@ -136,7 +136,7 @@ class MuscleRun:
         assert mover is not None
         fibres = self.scene.muscles[self.name].fibres
         if fibres is not None and pipeline.transport is not None:
-            fibres = {**fibres, "prune": pipeline.transport.prune}
+            fibres = {**fibres, "weight_tolerance": pipeline.transport.weight_tolerance}
         return {
             "solver": mover.parameters(),
             "fixing": pipeline.fixed.parameters(),

@@ -68,17 +68,17 @@ def grid() -> list[Setting]:
     vary("tolerance", 1.0, 0.3, 0.1, 0.03, 0.01, iterations=400)
     vary("solver", "gauss-seidel", tolerance=0.0)
     vary("substeps", 2, 4)
-    vary("start", "inertial")
+    vary("prediction", "inertial")
     vary("anisotropy", "stiffness", "off")
-    vary("cell", 0.5, 1.0, 2.0, 4.0)
-    vary("collision", "none")
+    vary("grid_spacing", 0.5, 1.0, 2.0, 4.0)
+    vary("collision", "off")
     vary("collision", "voxel", solver="gauss-seidel")
     centre = PRESETS[CENTRE]
     for name, values in (
         ("n_fibres", (25, 400)),
         ("resolution", (5, 45)),
         ("slice_tolerance", (0.1, 5.0)),
-        ("prune", (0.0, 0.1, 1.0)),
+        ("weight_tolerance", (0.0, 0.1, 1.0)),
     ):
         settings += [Setting(f"{name}={value}", name, centre, {name: value}) for value in values]
     return settings + [Setting(f"every={n}", "every", centre, every=n) for n in (2, 5, 15)]

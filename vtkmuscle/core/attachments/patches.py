@@ -124,7 +124,7 @@ def _nearest_vertices(
         raise ValueError(
             f"landmark {worst} is {offsets[worst]:.4g} from the muscle, whose size is {diagonal:.4g}; at "
             f"most {limit:.4g} is accepted: leave this attachment out if it is another muscle's or out of "
-            "the scene, and check the units, or give a larger tolerance"
+            "the scene, and check the units, or give a larger distance"
         )
     if bone_distance is not None:
         _prefer_facing(points, triangles, landmarks, nearest, (tree, used, limit), bone_distance)
