@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.morphing.superficial import SeenFibres, seen_fibres
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, polylines_of
-
-Floats = NDArray[np.float64]
 
 
 def checked_superficial(data: vtkPolyData, where: str) -> Polylines:

@@ -8,15 +8,13 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import MOST_TEXT, check_is_file
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import landmarks_of
 from vtkmuscle.io.csv_rows import csv_rows
 from vtkmuscle.io.surfaces import read_polydata
-
-Floats = NDArray[np.float64]
 
 
 def read_landmarks(path: str | PathLike[str]) -> tuple[Floats, bool]:

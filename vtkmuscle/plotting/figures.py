@@ -15,12 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import blocks_of, polylines_of
 from vtkmuscle.plotting.sheets import Panel, curves, save, sheet
 from vtkmuscle.plotting.surfaces import FIBRE_MAP, MUSCLE_RED, PALETTE, fixed_bones, make_plotter
 from vtkmuscle.plotting.views import View, choose_view
-
-Floats = NDArray[np.float64]
 
 
 def plot_rest_pose(

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, set_field_array
 from vtkmuscle.scene.data import SceneData
-
-Floats = NDArray[np.float64]
 
 #: Muscles are taken so many times as large about their middles: one that shortens bulges, and a solve may
 #: pass through shapes that are larger than the one it ends at.

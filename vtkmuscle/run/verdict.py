@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.moment_arms.length_jumps import even_stretches, length_jumps
 from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import cell_array
 from vtkmuscle.run.limits import CHECKS, FULL_SIZE, STEPS
-
-Floats = NDArray[np.float64]
 
 OK, LOOK, FAILED = "ok", "look", "failed"
 #: Verdicts, the better one first.

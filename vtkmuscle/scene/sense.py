@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.attachments.rings import ring_area, ring_length, short_ring
 from vtkmuscle.core.mesh.closed_shells import closed_shells
@@ -19,8 +18,6 @@ from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.scene.data import Muscle, SceneData
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense_motion import motion_findings
-
-Floats = NDArray[np.float64]
 
 #: The longest side of all bones and muscles: what is shorter or longer is in another unit [mm].
 SHORTEST, LONGEST = 10.0, 5000.0

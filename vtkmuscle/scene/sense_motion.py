@@ -6,13 +6,11 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.scene.data import SceneData
-
-Floats = NDArray[np.float64]
 
 #: Turn of a bone from one frame to the next that is a jump rather than a step [degrees].
 JUMP = 60.0

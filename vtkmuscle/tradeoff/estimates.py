@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vtkmuscle.core.types import Floats
 from vtkmuscle.tradeoff.study import Row, Study
-
-Floats = NDArray[np.float64]
 
 #: Settings that solve the model of the reference; others go to another shape, which no estimate can know of.
 GROUPS = ("iterations", "tolerance", "presets")

@@ -16,15 +16,13 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from vtkmuscle.core.cache_folder import FOLDER_VARIABLE, cache_folder
 from vtkmuscle.core.collision.distance_blocks import SIDE
 from vtkmuscle.core.collision.distance_grid import DistanceGrid, build_distance_grid, warn_of
 from vtkmuscle.core.files import check_is_file
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: To be raised with every change of what is stored or how it is computed.
 FORMAT = 3

@@ -7,12 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel, reduction
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.types import Bools, Floats
 
 #: An accelerated step is taken back where its residual exceeds that of the step before so many times.
 GROWTH = 2.0

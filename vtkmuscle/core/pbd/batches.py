@@ -12,9 +12,8 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.topology import MeshTopology
 from vtkmuscle.core.pbd.colouring import greedy_colouring
 from vtkmuscle.core.pbd.rest_shape import RestShape
+from vtkmuscle.core.types import Floats, Ints
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Offsets = NDArray[np.uint32]
 T = TypeVar("T", bound=np.generic)
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.types import Ints
 
-Ints = NDArray[np.int64]
 Bits = NDArray[np.uint64]
 
 #: Colours that are told apart by the bits of one word; constraints beyond them take rising numbers.

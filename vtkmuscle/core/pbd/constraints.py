@@ -19,12 +19,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import lane, vector_kernel
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: A dihedral projection's denominator is at least this part of its value with all points free. Beside
 #: fixed points a point with a tiny lever arm makes the denominator vanish, and the shape would explode.

@@ -29,9 +29,7 @@ from vtkmuscle.core.taut.guidance import Guidance
 from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread, lines_on_surface
 from vtkmuscle.core.taut.paths import POINTS, TautPaths
 from vtkmuscle.core.taut.via_rings import ViaRing
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Points (n, 3) of polylines, one after the other [mm], and the first point of each, and n, (k + 1,).
 Lines = tuple[Floats, Ints]

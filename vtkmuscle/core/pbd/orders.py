@@ -23,11 +23,9 @@ from vtkmuscle.core.pbd.constraints import (
 )
 from vtkmuscle.core.pbd.rest_shape import RestShape
 from vtkmuscle.core.pbd.stages import StageClock
+from vtkmuscle.core.types import Bools, Floats, Ints
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Offsets = NDArray[np.uint32]
-Bools = NDArray[np.bool_]
 
 _KeepOut = Callable[[Floats], Bools]
 

@@ -6,16 +6,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel, vector_kernel
 from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume
 from vtkmuscle.core.mesh.topology import MeshTopology
 from vtkmuscle.core.pbd.constraints import hinge, volume_and_gradient
+from vtkmuscle.core.types import Bools, Floats, Ints
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 _Spread = tuple[float, float, float]
 
 #: Edges run along the fibres where |u . v| is more than the cosine of 18 degrees, across them where it is

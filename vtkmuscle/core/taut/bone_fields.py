@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Table = NDArray[np.int32]
+from vtkmuscle.core.types import Floats, Ints, Table
 
 #: Cells along an edge of a block; blocks are what is computed at a time.
 SIDE = 8

@@ -6,16 +6,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.ring_rotations import nearest_rotation
 from vtkmuscle.core.taut.paths import TautPaths, TautState, half_thickness
 from vtkmuscle.core.taut.tissue import directions_along
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Points of strings that a point of the surface goes with; that a string's point shares its turn with; and
 #: strings beside it that it keeps its place among.

@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.mesh.topology import MeshTopology
 from vtkmuscle.core.pbd.anisotropy import fibre_directions_at
 from vtkmuscle.core.taut.carrying import Carried, Carrier, Passengers
 from vtkmuscle.core.taut.paths import TautPaths, TautState
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)

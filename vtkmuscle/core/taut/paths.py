@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
@@ -18,10 +17,7 @@ from vtkmuscle.core.taut.bone_fields import BoneFields
 from vtkmuscle.core.taut.strings import Fields, Memory, Rings, Tissue, pull_taut
 from vtkmuscle.core.taut.tissue import directions_along, tissue_between
 from vtkmuscle.core.taut.via_rings import ViaRing, in_ring_plane, is_inside, moved_ring, nearest_on_polygon
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Points of a string. Strings of 17 points round a cylinder of 30 mm have moment arms 1 % less than those of
 #: 33 and 65, which agree within 0.1 mm.

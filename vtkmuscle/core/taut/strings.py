@@ -5,15 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.taut.bone_fields import FAR, Table, field_at, slope_at
+from vtkmuscle.core.taut.bone_fields import FAR, field_at, slope_at
 from vtkmuscle.core.taut.via_rings import is_inside, nearest_on_polygon
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.types import Bools, Floats, Ints, Table
 
 #: Stiffness of a bone or ring against a string's point, in stiffnesses of the string's springs. A point on a
 #: bone of radius R with points h apart sinks in by h^2 / (R PUSH): 1e-4 mm where h is 4 mm and R 10 mm.

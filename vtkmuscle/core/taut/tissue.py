@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.taut.bone_fields import BoneFields
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats
 
 #: A bone in whose direction less than this part points aside of a fibre lies ahead of it: the thickness there
 #: is that at the nearest points of the fibre where it does not.

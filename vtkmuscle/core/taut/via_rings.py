@@ -10,16 +10,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.inside import points_inside
 from vtkmuscle.core.mesh.surface import unique_edges
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Landmarks lie on a line if their polygon's area is less than this part of the square of its circumference:
 #: 0.08 of it for a circle, 0.008 for a strip of 30 : 1.

@@ -23,14 +23,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.files import MOST_TEXT, check_is_file
 from vtkmuscle.core.template.kinds import FibreTemplate
+from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import shown
-
-Floats = NDArray[np.float64]
 
 #: Degrees of the Bezier curves.
 DEGREES = (2, 3, 4)

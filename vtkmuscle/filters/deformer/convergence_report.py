@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.pbd.rest_shape import ShapeReport
 from vtkmuscle.core.pbd.solver import MuscleState
 from vtkmuscle.core.pbd.stages import STAGES
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import field_array
-
-Floats = NDArray[np.float64]
 
 #: Percentiles of the ratios of edges along and across the fibres.
 _SPREAD = ("P5", "P50", "P95")

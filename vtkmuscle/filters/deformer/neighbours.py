@@ -9,9 +9,8 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.collision.muscle_contact import Neighbour, depth_in
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import blocks_of, checked_surface, point_array
-
-Floats = NDArray[np.float64]
 
 
 class Neighbours:
