@@ -31,9 +31,9 @@ from vtkmuscle.data.arrays import checked_surface, point_array, points_of
 from vtkmuscle.filters.base import filter as base
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.fibre_transport import FibreTransport
-from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
-from vtkmuscle.pipelines import PRUNE, decompose, deform
+from vtkmuscle.pipelines import MusclePipeline
+from vtkmuscle.run import muscle_pipeline
 
 #: The settings that are measured, and which of them is the default.
 SETTINGS: dict[str, dict[str, Any]] = {
@@ -104,34 +104,19 @@ class Muscle:
 
     def __init__(self, name: str) -> None:
         self.scene = Scene.load(data_folder() / "scene.toml")
-        muscle = self.scene.muscles[name]
-        attachments = self.scene.attachments_data(name)
-        self.detector = FixedPointDetector(**self.scene.fixing_of(name))
-        for port, value in enumerate((muscle.surface, self.scene.bones_data(), attachments)):
-            self.detector.connect(port, value)
-        self.fibres = decompose(self.detector, attachments, **(muscle.fibres or {})).update().output
+        pipeline = muscle_pipeline(self.scene, name)
+        self.fixed, self.fibres = pipeline.fixed, pipeline.fibres.update().output
 
     def chain(self, iterations: int, **settings: Any) -> tuple[PBDDeformer, FibreTransport]:
         """Return the deformer and what carries the fibres; the deformer keeps no frame to go back to."""
+        solver = {"iterations": iterations, "checkpoint_memory": 0.0, **settings}
         bones, motion = self.scene.bones_data(), self.scene.motion
-        deformer = deform(
-            self.detector,
-            bones,
-            motion,
-            fibres=self.fibres,
-            fixed=None,
-            iterations=iterations,
-            checkpoint_memory=0.0,
-            **settings,
-        )
-        transport = FibreTransport(prune=PRUNE)
-        for port, value in enumerate((self.fibres, self.detector, deformer)):
-            transport.connect(port, value)
-        return deformer, transport
+        pipeline = MusclePipeline(self.fixed, bones, motion, fibres=self.fibres, solver=solver)
+        return pipeline.deformer, pipeline.transport
 
     def bare_iteration(self) -> Callable[[], object]:
         """Return the iteration of the muscle, without bones."""
-        rest = self.detector.update().output
+        rest = self.fixed.update().output
         points, triangles = points_of(rest), checked_surface(rest, "benchmark")[1]
         points = points - points.mean(axis=0)
         mass = (point_array(rest, "FixedTo", "benchmark") < 0).astype(float)

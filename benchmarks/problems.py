@@ -77,7 +77,7 @@ def steps_of(n_triangles: int) -> Callable[[], object]:
     motion.connect(0, bones)
 
     def run() -> object:
-        deformer = PBDDeformer(collision="none", start="blend", iterations=10)
+        deformer = PBDDeformer(collision="off", prediction="blend", iterations=10)
         deformer.connect(0, muscle)
         deformer.connect(1, motion)
         return deformer.update(time=2.0).output
@@ -115,7 +115,7 @@ class Hip:
         for number in range(n_far):
             blocks[f"far {number}"] = with_points(bone, points_of(bone) + 600.0 * (number + 1))
         motion = RigidMotion(phantom.motion.times, dict(phantom.motion.transforms))
-        chain = deform(self.marked, multiblock_from(blocks), motion, fixed=None, **settings)
+        chain = deform(self.marked, multiblock_from(blocks), motion, fixing=None, **settings)
         return chain.update(time=float(motion.times[last])).output
 
     def scene(self, last: int, *, quality: str | None = None) -> Any:

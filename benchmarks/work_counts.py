@@ -59,7 +59,7 @@ def memory() -> int:
     phantom = phantoms.spindle_over_hinge()
     (name, muscle), *_ = phantom.muscles.items()
     marked = FixedPointDetector()(muscle, phantom.bones, phantom.attachments[name])
-    chain = deform(marked, phantom.bones, phantom.motion, fixed=None)
+    chain = deform(marked, phantom.bones, phantom.motion, fixing=None)
     chain.update(time=float(phantom.motion.times[2]))
     tracemalloc.start()
     before = tracemalloc.get_traced_memory()[0]

@@ -116,7 +116,7 @@ def test_frames_and_folders_that_cannot_be_are_status_2(scene_file, tmp_path):
 
 
 def test_a_failing_filter_is_status_2_and_names_the_muscle(scene_file, tmp_path):
-    scene_file.write_text(scene_file.read_text() + '\n[fixing]\nmethod = "proximity"\ntolerance = 1e-9\n')
+    scene_file.write_text(scene_file.read_text() + '\n[fixing]\nmethod = "proximity"\ndistance = 1e-9\n')
     done = vtkmuscle_("run", scene_file, "--out", tmp_path / "out", "--quiet")
     assert done.exit_code == 2
     assert "muscles.spindle: FixedPointDetector: no point of the muscle" in done.stderr

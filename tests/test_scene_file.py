@@ -112,11 +112,11 @@ def test_settings_of_a_muscle_go_before_those_of_the_scene(scene_file):
     edit(
         scene_file,
         "[solver]",
-        "solver = { iterations = 7, stiffness = 1 }\nfixing = { tolerance = 2.5 }\n[solver]\ndamping = 1",
+        "solver = { iterations = 7, stiffness = 1 }\nfixing = { distance = 2.5 }\n[solver]\ndamping = 1",
     )
     scene = Scene.load(scene_file)
-    assert scene.solver_of("spindle") == {"iterations": 7, "stiffness": 1, "damping": 1}
-    assert scene.fixing_of("spindle") == {"tolerance": 2.5}
+    assert scene.solver_of("spindle") == {"iterations": 7, "stiffness": 1, "velocity_kept": 1}
+    assert scene.fixing_of("spindle") == {"distance": 2.5}
 
 
 def test_closed_says_what_a_table_of_points_is(scene_file):
@@ -142,7 +142,7 @@ def test_an_open_bone_will_do_and_the_run_says_what_was_made_of_it(scene_file):
     points, triangles = surface_parts(path)
     write_polydata(path, surface_from(points, triangles[1:]))
     # Voxels that reach as far as the muscle, which is not near enough to the bone otherwise.
-    edit(scene_file, "iterations = 3", 'iterations = 3\ncollision = "voxel"\nn_equal = 1')
+    edit(scene_file, "iterations = 3", 'iterations = 3\ncollision = "voxel"\nn_voxels_per_axis = 1')
     scene = Scene.load(scene_file)
     assert scene.bones["upper"].GetNumberOfCells() == len(triangles) - 1
     with pytest.warns(UserWarning, match=r"block 'upper': the surface is open: 1 hole\(s\), 3 edges"):
@@ -188,7 +188,7 @@ def test_a_template_of_ones_own_is_beside_the_scene(scene_file, tmp_path, monkey
     assert Path(named) == (scene_file.parent / "own.json").resolve()
     again = Scene.load(scene.save(elsewhere / "saved"))
     assert again.muscles["spindle"].fibres["template_file"] == named
-    source = FibreTemplateSource(file=named, n_fibres=3).update().output
+    source = FibreTemplateSource(template_file=named, n_fibres=3).update().output
     assert source.GetNumberOfCells() == 3
 
 
@@ -487,8 +487,8 @@ FAULTS = [
     ("iterations = 3", "stiffness = nan", "solver.stiffness", "nan is not allowed", "a finite number"),
     (
         "[solver]",
-        "solver = { damping = 2 }\n[solver]",
-        "muscles.spindle.solver.damping",
+        "solver = { velocity_kept = 2 }\n[solver]",
+        "muscles.spindle.solver.velocity_kept",
         "2 is not allowed",
         "<= 1",
     ),
@@ -501,10 +501,10 @@ FAULTS = [
     ),
     (
         "[solver]",
-        "fixing = { tol = 1 }\n[solver]",
-        "muscles.spindle.fixing.tol",
-        "no setting 'tol'",
-        "'tolerance'",
+        "fixing = { dist = 1 }\n[solver]",
+        "muscles.spindle.fixing.dist",
+        "no setting 'dist'",
+        "'distance'",
     ),
     ("[solver]\niterations = 3", "solver = 3", "muscles.spindle.solver", "must be a table", "format"),
 ]
@@ -739,7 +739,7 @@ def test_a_saved_scene_is_the_same_scene(scene_file, tmp_path):
     edit(
         scene_file,
         "[solver]",
-        "solver = { external_force = [0, 0.1, 1e-9], anisotropy = false }\nfixing = { tolerance = 0.1 }\n"
+        'solver = { external_force = [0, 0.1, 1e-9], anisotropy = "off" }\nfixing = { distance = 0.1 }\n'
         '[fixing]\nmethod = "attachment"\n[solver]',
     )
     first = Scene.load(scene_file)

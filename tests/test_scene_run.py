@@ -219,7 +219,7 @@ def test_the_report_says_what_the_geometry_says(result, scene):
     assert parameters["solver"]["iterations"] == 3
     assert parameters["fixing"]["method"] == "attachment"
     assert parameters["fibres"]["n_fibres"] == 6
-    assert parameters["fibres"]["prune"] == 0.3
+    assert parameters["fibres"]["weight_tolerance"] == 0.3
     fibres = result.report["muscles"]["spindle"]["fibres"]
     assert fibres["points_inside"] + fibres["points_outside"] == fibres["points"] == 6 * 6
     assert fibres["points_inside"] >= 0.95 * fibres["points"]
@@ -436,7 +436,7 @@ def in_metres(scene):
 
 def test_a_scene_in_metres_reports_the_same_millimetres(scene):
     # Where two fibre segments are equally near, rounding decides which one gives an edge its direction.
-    scene = replace(scene, solver={"iterations": 3, "anisotropy": False})
+    scene = replace(scene, solver={"iterations": 3, "anisotropy": "off"})
     result, other = scene.run(), in_metres(scene).run()
     np.testing.assert_allclose(other.lengths["spindle"], result.lengths["spindle"], rtol=1e-6)
     for name in result.muscle_names:
@@ -545,7 +545,7 @@ def test_a_run_that_is_stopped_does_not_keep_an_earlier_report(scene, tmp_path, 
 
 
 def test_a_failure_of_a_filter_names_the_muscle(scene):
-    far = replace(scene, fixing={"method": "proximity", "tolerance": 1e-9})
+    far = replace(scene, fixing={"method": "proximity", "distance": 1e-9})
     with pytest.raises(SceneError, match=r"scene\.toml: muscles\.(spindle|plain): FixedPointDetector"):
         far.run()
 

@@ -267,7 +267,7 @@ def test_the_command_line_says_it(tmp_path):
 def test_a_muscle_that_is_all_fixed_is_said_to_be(tmp_path):
     scene = Scene.load(write_tiny_scene(tmp_path))
     with pytest.warns(UserWarning, match="none is free"):
-        replace(scene, fixing={"method": "proximity", "tolerance": 1000.0}).run(frames="0:1", figures=False)
+        replace(scene, fixing={"method": "proximity", "distance": 1000.0}).run(frames="0:1", figures=False)
 
 
 def test_a_decimal_comma_is_seen(tmp_path):

@@ -62,10 +62,10 @@ def moved_on(case: Case, surface: Any, flexion: float, held: int) -> tuple[Any, 
     motion = RigidMotion(np.arange(float(len(frames))), poses)
     settings = {**P21, "iterations": ITERATIONS}
     deformer = deform(
-        chain.marked, case.scene.bones_data(), motion, fibres=chain.fibres, fixed=None, **settings
+        chain.fixed, case.scene.bones_data(), motion, fibres=chain.fibres, fixing=None, **settings
     )
     now = pv.wrap(deformer.update(time=float(reached)).output).copy()
-    return chain.marked, now, pv.wrap(deformer.update(time=float(reached + held)).output).copy()
+    return chain.fixed, now, pv.wrap(deformer.update(time=float(reached + held)).output).copy()
 
 
 def why(case: Case, surfaces: dict[str, Any], flexion: float) -> Table:

@@ -1,4 +1,4 @@
-"""What these docs need beyond Sphinx: kernels shown as functions, bars in docstrings, the filter table."""
+"""What these docs need beyond Sphinx: kernels shown as functions, bars in docstrings, lists of filters."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import importlib
 import json
 import pkgutil
 import re
+from pathlib import Path
 from typing import Any
 
 from docutils import nodes
@@ -45,6 +46,17 @@ def escape_bars(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines
             lines[i] = "".join(parts)
 
 
+def write_filter_page(app: Sphinx, config: Any) -> None:
+    """Write the page that lists all filters, for autosummary to find it: no list is kept by hand."""
+    page = Path(app.confdir) / "api" / "filters.rst"
+    lines = ["All filters", "===========", "", ".. currentmodule:: vtkmuscle.filters", "", ".. autosummary::"]
+    lines += ["   :toctree: generated", "   :template: autosummary/filter.rst", ""]
+    lines += [f"   {kind.__name__}" for kind in vtkmuscle.filters.filter_classes()]
+    text = "\n".join([*lines, ""])
+    if not page.exists() or page.read_text(encoding="utf-8") != text:
+        page.write_text(text, encoding="utf-8")
+
+
 class FilterTable(SphinxDirective):
     """``.. filter-table::``: all filters with their ports, from what they declare."""
 
@@ -58,14 +70,8 @@ class FilterTable(SphinxDirective):
             "     - input ports",
             "     - output",
         ]
-        for name in sorted(vtkmuscle.filters.__all__):
-            filter_class = getattr(vtkmuscle.filters, name)
-            base = vtkmuscle.filters.Filter
-            if not (isinstance(filter_class, type) and issubclass(filter_class, base)):
-                continue
-            if filter_class is base:
-                continue
-            lines += [f"   * - :class:`~vtkmuscle.filters.{name}`"]
+        for filter_class in vtkmuscle.filters.filter_classes():
+            lines += [f"   * - :class:`~vtkmuscle.filters.{filter_class.__name__}`"]
             lines += self._cell([self._input(i, port) for i, port in enumerate(filter_class.input_ports)])
             lines += self._cell([f"{port.type_name}: {port.doc}" for port in filter_class.output_ports])
         return self.parse_text_to_nodes("\n".join(lines))
@@ -101,6 +107,7 @@ class SceneTable(SphinxDirective):
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register all of it with Sphinx."""
     app.setup_extension("sphinx.ext.autodoc")
+    app.connect("config-inited", write_filter_page)
     app.connect("builder-inited", show_kernels_as_functions)
     app.connect("autodoc-skip-member", skip_imported)
     app.connect("autodoc-process-docstring", escape_bars, priority=400)

@@ -20,7 +20,7 @@ from vtkmuscle.filters.pbd_deformer import PBDDeformer
 
 CHOICES = {
     name: PBDDeformer.parameter_declarations[name].choices
-    for name in ("collision", "anisotropy", "solver", "start")
+    for name in ("collision", "anisotropy", "solver", "prediction")
 }
 
 #: Every mode of the solver, and some of them in which every two choices meet.
@@ -30,7 +30,7 @@ SOME_MODES = [
         "collision": collision,
         "anisotropy": anisotropy,
         "solver": CHOICES["solver"][(i + j) % 2],
-        "start": CHOICES["start"][(i + 2 * j) % len(CHOICES["start"])],
+        "prediction": CHOICES["prediction"][(i + 2 * j) % len(CHOICES["prediction"])],
     }
     for i, collision in enumerate(CHOICES["collision"])
     for j, anisotropy in enumerate(CHOICES["anisotropy"])

@@ -68,14 +68,14 @@ unit = st.floats(0.0, 1.0) | st.sampled_from([0.0, 1.0, 1e-300, 1.0 - 1e-16])
 def test_stiffness_and_damping(ledger):
     @examples(ledger)
     @given(unit, unit, unit, unit, st.sampled_from(scenes.ALL_MODES), st.integers(1, 30))
-    def property_(stiffness, shape, volume, damping, mode, iterations):
+    def property_(stiffness, shape, volume, velocity_kept, mode, iterations):
         _, out = run(
             tube(),
             bending(15, 30),
             stiffness=stiffness,
             shape_stiffness=shape,
             volume_stiffness=volume,
-            damping=damping,
+            velocity_kept=velocity_kept,
             iterations=iterations,
             **mode,
         )
@@ -207,7 +207,7 @@ def from_state(positions, iterations, **parameters):
 
 
 PLAIN = [
-    {"solver": solver, "start": start}
+    {"solver": solver, "prediction": start}
     for solver in scenes.CHOICES["solver"]
     for start in ("blend", "inertial")
 ]

@@ -168,13 +168,13 @@ def test_pruned_weights_are_near_all_of_them_and_say_how_near(fibres, muscle):
     bent[:, 1] += 0.01 * bent[:, 0] ** 2
     deformed = with_points(muscle, bent)
     exact = FibreTransport()(fibres, muscle, deformed)
-    assert_array_equal(field_array(exact, "PruneError"), [0.0])
-    transport = FibreTransport(prune=0.5)
+    assert_array_equal(field_array(exact, "WeightError"), [0.0])
+    transport = FibreTransport(weight_tolerance=0.5)
     pruned = transport(fibres, muscle, deformed)
     error = np.linalg.norm(points_of(pruned) - points_of(exact), axis=1).max()
     assert 0 < error < 0.5
-    assert 0 < field_array(pruned, "PruneError")[0] < 1.0
-    transport.prune = 0.0
+    assert 0 < field_array(pruned, "WeightError")[0] < 1.0
+    transport.weight_tolerance = 0.0
     assert_array_equal(points_of(transport(fibres, muscle, deformed)), points_of(exact))
 
 

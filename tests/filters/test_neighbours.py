@@ -92,7 +92,7 @@ def two_spindles(contact, *, apart=33.0):
         phantom.motion.times[::6], {bone: table[::6] for bone, table in phantom.motion.transforms.items()}
     )
     muscles = {"front": front, "back": back}
-    solver = {"collision": "none"}
+    solver = {"collision": "off"}
     return Scene("two", phantom.bones, muscles, motion, muscle_contact=contact, solver=solver)
 
 

@@ -28,8 +28,11 @@ def deformer_of():
 def test_a_preset_is_its_settings_and_explicit_ones_count_more():
     for name, settings in PRESETS.items():
         made = PBDDeformer(quality=name).parameters()
-        assert made == {**PBDDeformer().parameters(), **settings}
+        assert made == {**PBDDeformer().parameters(), "quality": name, **settings}
         assert PBDDeformer(**made).parameters() == made
+        deformer = PBDDeformer()
+        deformer.quality = name
+        assert deformer.parameters() == made
     assert PBDDeformer(quality="accurate", iterations=10).iterations == 10
     assert PBDDeformer(quality=None).parameters() == PBDDeformer().parameters()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +71,15 @@ def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
         set_field_array(block, "Estimated", int(area.estimated))
         blocks[f"{area.role}_{i}"] = block
     return multiblock_from(blocks)
+
+
+def is_areas(value: object) -> TypeGuard[Sequence[AttachmentArea]]:
+    """Return whether a value is a list or tuple of areas."""
+    return (
+        isinstance(value, (list, tuple))
+        and bool(value)
+        and all(isinstance(area, AttachmentArea) for area in value)
+    )
 
 
 def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]:

@@ -196,6 +196,6 @@ class RestBones:
                 raise InputError(
                     f"{self._where}, block {name!r}",
                     "its points are not its rest points moved by its 'Transform'",
-                    "move bones with BoneMotion, or set collision to 'none'",
+                    "move bones with BoneMotion, or set collision to 'off'",
                 )
             self._checked[name] = state

@@ -34,7 +34,8 @@ from vtkmuscle.data.arrays import (
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.data.pipeline_times import times_of
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -54,15 +55,15 @@ class _Rest:
     fibre_points: Floats
     points: Floats
     triangles: Ints
-    prune: float
+    weight_tolerance: float
     gap: Floats | None = None
     sparse: SparseWeights | None = None
     weights: dict[int, Floats] = field(default_factory=dict)
     size: int = 0
 
-    def is_of(self, fibre_points: Floats, points: Floats, triangles: Ints, prune: float) -> bool:
+    def is_of(self, fibre_points: Floats, points: Floats, triangles: Ints, weight_tolerance: float) -> bool:
         return (
-            self.prune == prune
+            self.weight_tolerance == weight_tolerance
             and np.array_equal(self.fibre_points, fibre_points)
             and np.array_equal(self.points, points)
             and np.array_equal(self.triangles, triangles)
@@ -75,7 +76,7 @@ class _Rest:
 
     def moved(self, deformed: Floats, report: Callable[[float], None]) -> Floats:
         """Return the fibre points in the deformed vertices; `report` is told the part that is done."""
-        if self.prune > 0.0:
+        if self.weight_tolerance > 0.0:
             if self.sparse is None:
                 self.sparse = self._made_sparse(report)
             moved = sparse_transport(self.sparse, deformed)
@@ -94,7 +95,7 @@ class _Rest:
             block = self.fibre_points[first : first + _BLOCK]
             parts.append(
                 sparse_mean_value_coordinates(
-                    self.points, self.triangles, block, prune=self.prune, groups=groups
+                    self.points, self.triangles, block, prune=self.weight_tolerance, groups=groups
                 )
             )
             report(min(first + _BLOCK, count) / (count + 1))
@@ -128,9 +129,10 @@ class FibreTransport(Filter):
     so that a frame costs one matrix product. Fibre points outside of the muscle are carried along as well,
     and counted.
 
-    All weights of 1600 points on 9878 vertices take 126 MB. With ``prune`` groups of vertices whose weights
-    are much the same have one weight, and affine motions stay exact; 0.3 keeps one in thirty. What that costs
-    is in ``PruneError``: the largest error of a fibre point if the muscle is bent by about one radian.
+    All weights of 1600 points on 9878 vertices take 126 MB. With ``weight_tolerance`` groups of vertices
+    whose weights are much the same have one weight, and affine motions stay exact; 0.3 keeps one in thirty.
+    What that costs is in ``WeightError``: the largest error of a fibre point if the muscle is bent by about
+    one radian.
 
     Raises
     ------
@@ -156,12 +158,12 @@ class FibreTransport(Filter):
     2.0
     """
 
-    prune = Parameter(
+    weight_tolerance = Parameter(
         float,
         default=0.0,
         minimum=0.0,
-        doc="How much the weights of vertices that get one weight together may differ, in mean weights: the "
-        "sum of their deviations, times the radius of the group by that of the muscle; 0 keeps all.",
+        doc="Tolerance for merging vertices into groups that share one weight: with a larger one transport "
+        "is faster, takes less memory and is less exact. 0 merges nothing; 0.3 keeps one weight in thirty.",
     )
 
     method = Parameter(
@@ -171,16 +173,14 @@ class FibreTransport(Filter):
         doc="What fibres follow: the taut fibres that the muscle was deformed with, or its surface alone.",
     )
 
-    rest_fibres = InputPort(vtkPolyData, content="fibres", doc="Polylines in the muscle at rest.")
-    rest_muscle = InputPort(vtkPolyData, content="muscle", doc="The muscle at rest, closed, triangles.")
-    deformed_muscle = InputPort(
-        vtkPolyData, content="deformed muscle", doc="The same points as the muscle at rest, moved."
-    )
+    rest_fibres = InputPort(vtkPolyData, doc="Polylines in the muscle at rest.")
+    rest_muscle = InputPort(vtkPolyData, doc="The muscle at rest, closed, triangles.")
+    deformed_muscle = InputPort(vtkPolyData, doc="The same points as the muscle at rest, moved.")
     output = OutputPort(
         vtkPolyData,
         doc="The moved polylines, with the arrays of the rest fibres and the cell array ``RestLength`` "
         "(n_fibres,) [mm], and the field arrays ``PointsOutside``, the number of rest fibre points that are "
-        "outside of the muscle, and ``PruneError`` [mm].",
+        "outside of the muscle, and ``WeightError`` [mm].",
     )
 
     _rest: _Rest | None = None
@@ -214,7 +214,7 @@ class FibreTransport(Filter):
         set_cell_array(result, "RestLength", polyline_lengths(lines.points, lines.offsets))
         slack = _ON_SURFACE * float(np.linalg.norm(np.ptp(points, axis=0)))
         set_field_array(result, "PointsOutside", int((rest.gap > slack).sum()))
-        set_field_array(result, "PruneError", rest.error)
+        set_field_array(result, "WeightError", rest.error)
         return result
 
     def _carried(self, muscle: vtkPolyData, count: int) -> tuple[Floats, Floats] | None:
@@ -230,8 +230,8 @@ class FibreTransport(Filter):
     def _rest_of(self, fibre_points: Floats, points: Floats, triangles: Ints) -> _Rest:
         # Comparing content costs a hundredth of a frame, and unlike comparing modification times it is right
         # for inputs that were copied, or changed behind VTK's back through a numpy view.
-        if self._rest is None or not self._rest.is_of(fibre_points, points, triangles, self.prune):
-            self._rest = _Rest(fibre_points, points, triangles, self.prune)
+        if self._rest is None or not self._rest.is_of(fibre_points, points, triangles, self.weight_tolerance):
+            self._rest = _Rest(fibre_points, points, triangles, self.weight_tolerance)
         return self._rest
 
 

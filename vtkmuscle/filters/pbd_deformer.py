@@ -30,13 +30,12 @@ from vtkmuscle.data.pipeline_times import times_of
 from vtkmuscle.data.superficial import checked_superficial
 from vtkmuscle.filters.base.checkpoints import MEGABYTE, Checkpoints
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.base.time_path import input_at, path_to, request_time, requested_time, state_of_inputs
 from vtkmuscle.filters.bone_motion import bones_of
 from vtkmuscle.filters.deformer.convergence_report import convergence_fields
 from vtkmuscle.filters.deformer.neighbours import Neighbours
-from vtkmuscle.filters.deformer.quality import with_preset
-from vtkmuscle.filters.deformer.settings import DeformerSettings, settings_of_frames, solver_parameters
+from vtkmuscle.filters.deformer.settings import DeformerSettings, solver_parameters
 
 Ints = NDArray[np.int64]
 
@@ -69,10 +68,10 @@ class PBDDeformer(DeformerSettings, Filter):
     draws the points towards it by ``guidance``. ``"stiffness"`` (Kohout and Cervenka 2021) makes edges the
     less stiff the more they run along the fibres, k = 1 - abs(u . v), and pulls no strings.
 
-    The fibres are those on port 2; where none are connected, lines over the surface stand in for them, along
-    the harmonic function between the points fixed to different bones. Where those are fixed to one bone only,
-    there are no strings, and all edges are equally stiff. Fibres seen on the surface, on port 4, count more
-    than port 2 for the directions of the edges.
+    The fibres are those connected as ``fibres``; where there are none, lines over the surface stand in for
+    them, along the harmonic function between the points fixed to different bones. Where those are fixed to
+    one bone only, there are no strings, and all edges are equally stiff. Fibres seen on the surface,
+    connected as ``superficial``, count more for the directions of the edges.
 
     A frame depends on the frames before it: the frame at time t is computed from rest through all time steps
     that the bones announce up to t, and t itself, whatever was asked for before. Frames are kept to go back
@@ -88,13 +87,13 @@ class PBDDeformer(DeformerSettings, Filter):
     are in a bone at rest stay as deep as they are. ``"voxel"`` takes them back the way they came, which
     leaves dents and spikes where a muscle is drawn over a bone.
 
-    Muscles on port 3 stay as they are; this one is kept out of them, except as deep as it is in them at rest.
-    ``vtkGroupDataSetsFilter`` makes one input of several.
+    Muscles connected as ``neighbours`` stay as they are; this one is kept out of them, except as deep as it
+    is in them at rest: ``neighbours={"psoas": psoas, "iliacus": iliacus}``, with their deformers.
 
-    ``quality`` in the constructor, ``"preview"``, ``"balanced"`` or ``"accurate"``, stands for a few of the
-    parameters; those that are given count more. The paper itself is ``anisotropy="stiffness"``,
-    ``start="inertial"``, ``solver="gauss-seidel"``, ``order="sequential"``, ``collision="voxel"``,
-    ``bone_push="transform"``, ``contact_velocity="keep"``.
+    ``quality`` stands for a group of the other parameters, and setting it sets them. Those that are given to
+    the constructor beside it count more, and one that is set afterwards is kept until ``quality`` is set
+    again. ``"published"`` are the settings of Kohout and Cervenka 2021; the others are points on the curve of
+    speed against accuracy.
 
     Raises
     ------
@@ -118,46 +117,38 @@ class PBDDeformer(DeformerSettings, Filter):
     >>> phantom = spindle_over_hinge()
     >>> (name, muscle), = phantom.muscles.items()
     >>> fixed = FixedPointDetector()(muscle, phantom.bones, phantom.attachments[name])
-    >>> moving = BoneMotion(motion=phantom.motion)
-    >>> moving.connect(0, phantom.bones)
-    >>> deformed = PBDDeformer(iterations=5).apply(fixed, moving, time=phantom.motion.times[-1])
+    >>> moving = BoneMotion(bones=phantom.bones, motion=phantom.motion)
+    >>> deformed = PBDDeformer(muscle=fixed, bones=moving, iterations=5).apply(time=10.0)
     >>> bool(abs(deformed.field_data["VolumeRatio"][0] - 1.0) < 0.01)
     True
     """
 
     muscle = InputPort(
         vtkPolyData,
-        content="fixed muscle",
         doc="Closed triangles in the rest pose, with the point array ``FixedTo``: -1 for a free point, else "
         "the index of a bone's block.",
     )
     bones = InputPort(
         vtkMultiBlockDataSet,
-        content="moving bones",
         doc="Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to "
         "now. Where one has the field array ``Reach``, points (n, 3) in the rest pose, its signed distance "
         "grid covers the part between them; a muscle that leaves it gets the whole bone, with a warning.",
     )
-    fibres = InputPort(
-        vtkPolyData, content="fibres", optional=True, doc="Polylines in the rest pose, for the anisotropy."
-    )
+    fibres = InputPort(vtkPolyData, optional=True, doc="Polylines in the rest pose, for the anisotropy.")
     neighbours = InputPort(
         vtkMultiBlockDataSet,
-        content="neighbours",
         optional=True,
         doc="Other muscles at the pipeline's time, out of which this one is kept: outputs of PBDDeformer, "
         "with the point array ``Displacement``.",
     )
     superficial = InputPort(
         vtkPolyData,
-        content="superficial fibres",
         optional=True,
         doc="Polylines on the muscle's surface in the rest pose, or near it; a few suffice for the direction "
         "of the anisotropy.",
     )
     attachments = InputPort(
         vtkMultiBlockDataSet,
-        content="attachments",
         optional=True,
         doc="For the via rings among them, which the fibres pass through.",
     )
@@ -173,15 +164,15 @@ class PBDDeformer(DeformerSettings, Filter):
         "points by) [mm], ``EstimatedDistance``, a bound of the distance to the converged shape, where taut "
         "fibres draw the points [mm], ``CollidingPoints``, ``Milliseconds`` (of the last step) and of it "
         "``MillisecondsPrediction``, ``MillisecondsConstraints``, ``MillisecondsCollision``, "
-        "``MillisecondsAcceleration`` and ``MillisecondsSettling``. With ``penetration`` also "
+        "``MillisecondsAcceleration`` and ``MillisecondsSettling``. With ``measure_penetration`` also "
         "``PenetrationMax`` and ``PenetrationP95`` [mm], how deep the free points are in the closed bones, "
         "and ``PenetratingPoints``, how many. With ``anisotropy`` 'taut' also the point array ``Carried`` "
         "(3), where the taut fibres carry each point before edges, volume and bones are heeded [mm], and the "
-        "field arrays ``FibrePoints`` (p, 3), where they carry the points of the fibres on port 2 [mm], and "
+        "field arrays ``FibrePoints`` (p, 3), where they carry the points of ``fibres`` [mm], and "
         "``UnsettledFibres``, how many fibres did not come to rest.",
     )
 
-    def __init__(self, *, quality: str | None = None, **parameters: Any) -> None:
+    def __init__(self, **settings: Any) -> None:
         self._model: MuscleModel | None = None
         self._rest_bones = RestBones("PBDDeformer: bones")
         self._neighbours: Neighbours | None = None
@@ -189,7 +180,7 @@ class PBDDeformer(DeformerSettings, Filter):
         self._frames: Checkpoints[_Frame] = Checkpoints()
         self._made_with: object = None
         self._steps: tuple[float, ...] = ()
-        super().__init__(**with_preset(quality, parameters))
+        super().__init__(**settings)
 
     # ---------------------------------------------------------------- time
 
@@ -225,9 +216,17 @@ class PBDDeformer(DeformerSettings, Filter):
             raise RuntimeError(f"PBDDeformer: the {name} at time {time:g} could not be computed")
         return data
 
+    def _settings_of_frames(self) -> dict[str, Any]:
+        """Return the parameters that a frame depends on."""
+        settings = self.parameters_that_count()
+        del settings["quality"], settings["checkpoint_memory"]
+        if self.collision != "off":  # the bones at rest are known then
+            del settings["measure_penetration"]
+        return settings
+
     def _forget_if_changed(self) -> None:
         """Drop all frames when a parameter they depend on or anything upstream of the bones has changed."""
-        made_with = settings_of_frames(self.parameters()), state_of_inputs(self, self._moving_ports())
+        made_with = self._settings_of_frames(), state_of_inputs(self, self._moving_ports())
         if made_with != self._made_with:
             self._frames.clear()
             self._made_with = made_with
@@ -316,17 +315,17 @@ class PBDDeformer(DeformerSettings, Filter):
     def _take_rest(self, first: float | None, bones: dict[str, vtkPolyData]) -> None:
         """Take the bones at rest from the first frame of a path, on which their last digits depend."""
         self._rest_from = first
-        if self.collision != "none" or self.penetration:
+        if self.collision != "off" or self.measure_penetration:
             transforms = transforms_of(bones, "PBDDeformer: bones")
             self._rest_bones.take(
                 bones,
                 transforms,
                 collision=self.collision,
-                cell=self.cell,
-                skin=self.skin,
+                cell=self.grid_spacing,
+                skin=self.bone_clearance,
                 friction=self.friction,
-                n_max=self.n_max,
-                n_equal=self.n_equal,
+                n_max=self.n_voxels,
+                n_equal=self.n_voxels_per_axis,
             )
 
     def _advance(
@@ -342,7 +341,7 @@ class PBDDeformer(DeformerSettings, Filter):
             self._take_rest(path[0], bones)
         transforms = transforms_of(bones, "PBDDeformer: bones")
         solver = self._made_solver()
-        if self.collision != "none" or self.penetration:
+        if self.collision != "off" or self.measure_penetration:
             self._rest_bones.check(bones, transforms)
         before = self._frames[path[known - 1]].state if known else solver.rest_state(len(bones))
         beside: Sequence[Neighbour] = ()
@@ -363,7 +362,7 @@ class PBDDeformer(DeformerSettings, Filter):
 
     def _made_solver(self) -> MuscleSolver:
         """Return the solver for the present parameters."""
-        obstacles = self._rest_bones.obstacles if self.collision != "none" else ()
+        obstacles = self._rest_bones.obstacles if self.collision != "off" else ()
         try:
             return self._known_model.solver(solver_parameters(self.parameters()), self.anisotropy, obstacles)
         except ValueError as error:
@@ -393,7 +392,7 @@ class PBDDeformer(DeformerSettings, Filter):
     def _convergence(self, frame: _Frame, shape: MuscleShape) -> dict[str, float]:
         """Return the field arrays of a frame's convergence report."""
         depths = None
-        if self.penetration:
+        if self.measure_penetration:
             free = self._known_model.muscle.fixed_to < 0
             depths = self._rest_bones.depths(shape.points[free], frame.state.transforms)
         return convergence_fields(shape.report, frame.state, depths=depths, milliseconds=frame.milliseconds)

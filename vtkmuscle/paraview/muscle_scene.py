@@ -8,7 +8,8 @@ from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import multiblock_from
 from vtkmuscle.data.attachments import attachments_from
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import OutputPort
 from vtkmuscle.scenes import Scene
 
 

@@ -78,7 +78,7 @@ def _estimate(scene: SceneData, numbers: range) -> Iterator[tuple[str, float]]:
             frames += len(numbers) * (points * _FIBRE_POINT + count * _FIBRE)
             yield f"muscles.{name}.fibres", points * _FIBRE_POINT_AT_REST
         yield f"frames of muscles.{name}", frames
-    cells = [scene.solver_of(name).get("cell") for name in scene.muscles]
+    cells = [scene.solver_of(name).get("grid_spacing") for name in scene.muscles]
     for name, bone in scene.bones.items():
         places, triangles = points_of(bone), triangles_of(bone, name)
         size = np.ptp(places, axis=0)

@@ -12,7 +12,6 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import multiblock_from
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of
-from vtkmuscle.filters.deformer.quality import with_preset
 from vtkmuscle.io.literature import LiteratureCurve
 
 #: Allowed units of length, and how many millimetres they are.
@@ -30,8 +29,8 @@ class Muscle:
     attachments : sequence of AttachmentArea, or vtkMultiBlockDataSet
         Where it is attached, and the via rings that it passes through.
     fibres : mapping, optional
-        Keyword arguments of :func:`vtkmuscle.pipelines.decompose`, and ``prune`` of FibreTransport, 0.3 where
-        it is not given, 0 for exact transport; None for a muscle without fibres.
+        Keyword arguments of :func:`vtkmuscle.pipelines.decompose`, and ``weight_tolerance`` of
+        FibreTransport, 0.3 where it is not given, 0 for exact transport; None for a muscle without fibres.
     solver : mapping
         Parameters of PBDDeformer that differ from the scene's.
     fixing : mapping
@@ -79,8 +78,9 @@ class SceneData:
         return MILLIMETRES[self.units]
 
     def solver_of(self, muscle: str) -> dict[str, Any]:
-        """Return the parameters of a muscle's PBDDeformer: the preset's, the scene's, then its own."""
-        return with_preset(self.quality, {**self.solver, **self.muscles[muscle].solver})
+        """Return the parameters of a muscle's PBDDeformer: the scene's, then its own."""
+        given = {**self.solver, **self.muscles[muscle].solver}
+        return given if self.quality is None else {"quality": self.quality, **given}
 
     def fixing_of(self, muscle: str) -> dict[str, Any]:
         """Return the parameters of a muscle's FixedPointDetector: the scene's, then its own."""

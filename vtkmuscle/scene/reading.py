@@ -11,8 +11,8 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.template.template_files import read_template
-from vtkmuscle.data.arrays import multiblock_from
 from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of
+from vtkmuscle.filters.attachment_estimator import AttachmentEstimator
 from vtkmuscle.io import (
     LiteratureCurve,
     curves_for,
@@ -21,7 +21,6 @@ from vtkmuscle.io import (
     read_polydata,
     read_surface,
 )
-from vtkmuscle.pipelines import estimate_attachments
 from vtkmuscle.scene.data import Muscle
 from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.files import SceneFiles, parsed
@@ -145,7 +144,7 @@ def _estimated(
 ) -> tuple[AttachmentArea, ...]:
     """Return estimated attachments; of two bones the one that moves has the insertion."""
     try:
-        areas = attachments_of(estimate_attachments(surface, multiblock_from(bones)), key)
+        areas = attachments_of(AttachmentEstimator(muscle=surface, bones=bones).output, key)
     except ValueError as error:
         problem, remedy = fault_of(error)
         raise SceneError(problem, key, remedy, files.paths[""]) from error

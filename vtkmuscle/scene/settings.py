@@ -89,5 +89,6 @@ else:
             word: kind.parameter_declarations[parameter]
             for word, (kind, parameter) in (FIBRE_SETTINGS | TRANSPORT_SETTINGS).items()
         },
-        "Settings of a muscle's fibres: those of vtkmuscle.pipelines.decompose, and prune of FibreTransport.",
+        "Settings of a muscle's fibres: those of vtkmuscle.pipelines.decompose, and weight_tolerance of "
+        "FibreTransport.",
     )

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 #: Allowed values of the settings that are a choice.
 CHOICES = {
-    "start": ("blend", "inertial"),
+    "prediction": ("blend", "inertial"),
     "solver": ("anderson", "gauss-seidel"),
-    "order": ("colour", "sequential"),
+    "projection_order": ("batched", "sequential"),
     "bone_push": ("off", "transform"),
     "contact_velocity": ("zero", "keep"),
 }
@@ -19,7 +19,7 @@ RANGES = {
     "iterations": (1, 1_000_000),
     "substeps": (1, 10_000),
     "dt": (0.0, math.inf),
-    "damping": (0.0, 1.0),
+    "velocity_kept": (0.0, 1.0),
     "stiffness": (0.0, 1.0),
     "shape_stiffness": (0.0, 1.0),
     "volume_stiffness": (0.0, 1.0),
@@ -40,7 +40,7 @@ class SolverParameters:
         Parts that a step is cut into, bones moving along their screws, >= 1.
     dt : float
         Time of a step [s], > 0.
-    damping : float
+    velocity_kept : float
         Part of the velocity that is left after a (sub)step, in [0, 1].
     stiffness, shape_stiffness, volume_stiffness : float
         Of the distance, dihedral and volume constraints, in [0, 1]: per (sub)step with ``"gauss-seidel"``,
@@ -50,15 +50,15 @@ class SolverParameters:
     guidance : float
         Part of its way to where the taut fibres carry it that each iteration draws a point, in [0, 1]; 0
         leaves them to their rest shape.
-    start : str
+    prediction : str
         Where the solve of a step starts: ``"inertial"`` or ``"blend"``.
     solver : str
         ``"gauss-seidel"`` or ``"anderson"``: the iteration as it is, or accelerated.
     tolerance : float
         With ``"anderson"``, where the taut fibres draw the points: stop where the converged shape is at most
         so far (root mean square) [mm]; 0 stops at a fixed point only.
-    order : str
-        ``"colour"`` or ``"sequential"``: many edges at once and the volume last, or the order of Kohout and
+    projection_order : str
+        ``"batched"`` or ``"sequential"``: many edges at once and the volume last, or the order of Kohout and
         Cervenka 2021.
     bone_push : str
         What a bone does to points it moved over: ``"transform"`` or ``"off"``.
@@ -79,16 +79,16 @@ class SolverParameters:
     iterations: int = 30
     substeps: int = 1
     dt: float = 1.0
-    damping: float = 0.99
+    velocity_kept: float = 0.99
     stiffness: float = 1.0
     shape_stiffness: float = 0.9
     volume_stiffness: float = 1.0
     external_force: tuple[float, ...] = (0.0, 0.0, 0.0)
     guidance: float = 0.02
-    start: str = "blend"
+    prediction: str = "blend"
     solver: str = "anderson"
     tolerance: float = 0.5
-    order: str = "colour"
+    projection_order: str = "batched"
     bone_push: str = "off"
     contact_velocity: str = "zero"
 

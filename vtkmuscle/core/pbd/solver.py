@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from vtkmuscle.core.collision.contact import Barrier, Contact
 from vtkmuscle.core.collision.muscle_contact import MuscleContact, Neighbour
 from vtkmuscle.core.collision.obstacles import Obstacle
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.surface import edge_lengths
 from vtkmuscle.core.mesh.topology import MeshTopology, mesh_topology
@@ -37,7 +38,11 @@ Bools = NDArray[np.bool_]
 SETTLING_PASSES = 6
 
 #: What is said of a state that is not finite.
-OUT_OF_RANGE = "the muscle left the range of floating point numbers; use a smaller external_force or dt"
+OUT_OF_RANGE = (
+    "",
+    "the muscle left the range of floating point numbers",
+    "use a smaller external_force or another dt",
+)
 
 #: Relative error of the volume that is as good as none.
 VOLUME_TOLERANCE = 1e-6
@@ -147,12 +152,12 @@ class MuscleSolver:
             float(self._per_iteration(settings.volume_stiffness)),
         )
         # The order keeps the rest lengths that the guidance gave it last.
-        made_from = self._guidance, settings.order, stiffness.shape, stiffness.volume
+        made_from = self._guidance, settings.projection_order, stiffness.shape, stiffness.volume
         before = self._order_made_from
         if before is not None and before[0] == made_from and np.array_equal(before[1], stiffness.edges):
             return
         self._order_made_from = made_from, stiffness.edges
-        make = ColourOrder if settings.order == "colour" else SequentialOrder
+        make = ColourOrder if settings.projection_order == "batched" else SequentialOrder
         self._order: Order = make(self.topology, self._shape, self._inverse_mass, stiffness)
 
     def _follow_fibres(self, before: Guided | None, transforms: Floats) -> Guided | None:
@@ -250,7 +255,7 @@ class MuscleSolver:
         """
         settings = self.parameters
         # A muscle that momentum throws at a bone may touch it with all its points.
-        smooth = settings.solver == "anderson" and settings.start != "inertial"
+        smooth = settings.solver == "anderson" and settings.prediction != "inertial"
 
         def tell(part: float) -> None:
             if progress is not None:
@@ -287,7 +292,7 @@ class MuscleSolver:
                         workspace=self._workspaces[settings.solver],
                     )
                 except FloatingPointError as error:
-                    raise ValueError(OUT_OF_RANGE) from error
+                    raise InputError(*OUT_OF_RANGE) from error
                 p, collided = solved.x.reshape(-1, 3), iteration.collided
                 if self._order.settles:
                     clock.switch("settling")
@@ -350,7 +355,7 @@ class MuscleSolver:
 
     def _target(self, guided: Guided | None) -> Floats | None:
         """Return where the points are drawn to, about the centre; None where they keep their momentum."""
-        if guided is None or self.parameters.start == "inertial" or self.parameters.guidance == 0.0:
+        if guided is None or self.parameters.prediction == "inertial" or self.parameters.guidance == 0.0:
             return None
         target: Floats = guided.carried.surface - self.centre
         return target
@@ -361,17 +366,17 @@ class MuscleSolver:
         now, before = centred(transforms, self.centre), centred(state.transforms, self.centre)
         push = dt * np.asarray(settings.external_force, dtype=np.float64)
         if target is not None:
-            p = target + dt * (settings.damping * push)
-        elif settings.start == "blend" and not self._free.all():
+            p = target + dt * (settings.velocity_kept * push)
+        elif settings.prediction == "blend" and not self._free.all():
             # The muscle follows the bones: it keeps no momentum of its own.
             bones, weights = self._blend_weights
             p = blend_motions(
                 np.array([now[bone] @ inverse(before[bone]) for bone in bones]), weights, state.positions
             )
             if push.any():
-                p += dt * (settings.damping * push)
+                p += dt * (settings.velocity_kept * push)
         else:
-            p = state.positions + dt * (settings.damping * (state.velocities + push))
+            p = state.positions + dt * (settings.velocity_kept * (state.velocities + push))
         for bone, fixed in self._fixed:
             p[fixed] = apply_transform(now[bone], self.rest[fixed])
         return p
@@ -396,4 +401,4 @@ class MuscleSolver:
 
 def _check_finite(*arrays: Floats) -> None:
     if not all(np.isfinite(array).all() for array in arrays):
-        raise ValueError(OUT_OF_RANGE)
+        raise InputError(*OUT_OF_RANGE)

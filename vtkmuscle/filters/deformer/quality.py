@@ -1,4 +1,4 @@
-"""Presets of PBDDeformer: points on the curve of speed against accuracy."""
+"""Groups of PBDDeformer's parameters: the published ones, and points of speed against accuracy."""
 
 from __future__ import annotations
 
@@ -6,8 +6,22 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-#: Tolerances, and the most iterations for them. Over three steps of 10 degrees of hip flexion from rest:
-#: RMS distance to the end of the solve (a tolerance of 0.0001 mm) in the worst frame, and iterations.
+#: The settings of Kohout, Cervenka 2021, doi:10.1007/978-3-030-72379-8_24.
+PUBLISHED: Mapping[str, Any] = MappingProxyType(
+    {
+        "anisotropy": "stiffness",
+        "prediction": "inertial",
+        "solver": "gauss-seidel",
+        "projection_order": "sequential",
+        "collision": "voxel",
+        "bone_push": "transform",
+        "contact_velocity": "keep",
+    }
+)
+
+#: Groups of PBDDeformer's parameters. The first three are tolerances, and the most iterations for them. Over
+#: three steps of 10 degrees of hip flexion from rest: RMS distance to the end of the solve (a tolerance of
+#: 0.0001 mm) in the worst frame, and iterations.
 #:
 #: ========  ==========================  =======================
 #: preset    phantom hip, three muscles  real hip, four muscles
@@ -25,28 +39,6 @@ PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "preview": {"iterations": 30, "tolerance": 0.5},
         "balanced": {"iterations": 60, "tolerance": 0.15},
         "accurate": {"iterations": 200, "tolerance": 0.05},
+        "published": PUBLISHED,
     }
 )
-
-
-def with_preset(quality: str | None, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return settings on top of those of a preset.
-
-    Parameters
-    ----------
-    quality : str or None
-        Name of the preset; None for none.
-    settings : mapping
-        What is given explicitly: it counts more.
-
-    Raises
-    ------
-    ValueError
-        If there is no such preset.
-    """
-    if quality is None:
-        return dict(settings)
-    if quality not in PRESETS:
-        allowed = ", ".join(map(repr, PRESETS))
-        raise ValueError(f"PBDDeformer.quality is {quality!r}, but must be one of {allowed} or None")
-    return {**PRESETS[quality], **settings}
