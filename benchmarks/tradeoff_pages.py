@@ -1,36 +1,56 @@
-"""Make the tables and plots of docs/tradeoff.rst: ``python benchmarks/tradeoff_pages.py [--work FOLDER]``.
+"""Make the tables of docs/tradeoff.rst: ``python benchmarks/tradeoff_pages.py [--work FOLDER]``.
 
-``vtkmuscle tradeoff`` is run on the phantom hip and on the real one, in steps of 10 degrees over 90
-degrees of flexion; with ``--all-frames`` also on the real one with the presets alone, in the 2 degree
-steps of its motion. Tables and the plots that the page shows are copied to docs/tradeoff; there are
-numbers in them only, no pictures of the data set. All that was run is kept in the work folder, and not
-run again until the code or the scene changes.
+``vtkmuscle tradeoff`` is run with the presets on the phantom hip and on the real one, in steps of 10 degrees
+over 90 degrees of flexion. There are numbers in the tables only, no pictures of the data set. All that was
+run is kept in the work folder, and not run again until the code or the scene changes.
 """
 
 from __future__ import annotations
 
 import argparse
-import shutil
+import csv
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
 from muscle_problem import data_folder
 
 DOCS = Path(__file__).resolve().parents[1] / "docs" / "tradeoff"
 STEPS_OF_10 = ("--every", "5", "--frames", "0:10")
-#: What is varied.
-GROUPS = ("presets", "iterations", "tolerance", "solver", "nodes", "start", "max_triangles")
-#: What the page shows.
-SHOWN = ("tradeoff.rst", "presets.rst", "pareto_rms_mm.svg", "pareto_fibre_length_mm.svg", "estimates.svg")
-PRESETS_SHOWN = ("presets.rst", "estimates.svg")
+#: Columns that the page shows, and their headings.
+SHOWN = {
+    "setting": "preset",
+    "muscle": "muscle",
+    "ms_per_frame": "ms per step",
+    "rms_mm": "RMS distance [mm]",
+    "max_mm": "greatest distance [mm]",
+    "volume_error_pct": "volume error [%]",
+    "penetration_p95_mm": "depth in bones, p95 [mm]",
+    "penetration_max_mm": "greatest depth [mm]",
+    "fibre_length_mm": "error of the mean fibre length [mm]",
+}
 
 
-def only(groups: Sequence[str]) -> list[str]:
-    """Return the options that choose groups of settings."""
-    return [word for group in groups for word in ("--only", group)]
+def write_presets(out: Path, path: Path) -> None:
+    """Write the table of a study's presets as the page shows it, muscle by muscle and all together."""
+    with (out / "tradeoff.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    names = list(dict.fromkeys(row["setting"] for row in rows))
+    rows.sort(key=lambda row: (names.index(row["setting"]), row["muscle"] == "all"))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(SHOWN.values())
+        writer.writerows([_short(row[name]) for name in SHOWN] for row in rows)
+
+
+def _short(cell: str) -> str:
+    try:
+        value = float(cell)
+    except ValueError:
+        return cell
+    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.2g}"
 
 
 def main() -> None:
@@ -40,25 +60,12 @@ def main() -> None:
     )
     parser.add_argument("--work", type=Path, default=Path("tradeoff_pages"), help="what is run is kept there")
     parser.add_argument("--docs", type=Path, default=DOCS, help="where tables and plots go")
-    parser.add_argument("--only", nargs="+", default=GROUPS, help="groups of settings")
-    parser.add_argument("--all-frames", action="store_true", help="the presets in small steps, too")
     asked = parser.parse_args()
-    chosen = only(asked.only)
-    real = data_folder() / "scene.toml"
-    pages = {
-        "phantom_hip": (["demo", *STEPS_OF_10, *chosen], SHOWN),
-        "lhdl_hip": ([str(real), *STEPS_OF_10, *chosen], SHOWN),
-    }
-    if asked.all_frames:
-        every_frame = [str(real), "--frames", "0:46:5", *only(["presets"])]
-        pages["lhdl_hip_all_frames"] = (every_frame, PRESETS_SHOWN)
-    for name, (arguments, shown) in pages.items():
+    for name, scene in (("phantom_hip", "demo"), ("lhdl_hip", data_folder() / "scene.toml")):
         begin, out = time.perf_counter(), asked.work / name
-        command = [sys.executable, "-m", "vtkmuscle", "tradeoff", *arguments, "--out", out]
-        subprocess.run([*map(str, command)], check=True)
-        (asked.docs / name).mkdir(parents=True, exist_ok=True)
-        for file in shown:
-            shutil.copyfile(out / file, asked.docs / name / file)
+        command = [sys.executable, "-m", "vtkmuscle", "tradeoff", scene, *STEPS_OF_10, "--only", "presets"]
+        subprocess.run([*map(str, command), "--out", str(out)], check=True)
+        write_presets(out, asked.docs / name / "presets.csv")
         print(f"{name}: {time.perf_counter() - begin:.0f} s", flush=True)
 
 

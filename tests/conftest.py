@@ -12,8 +12,15 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 
 @pytest.fixture(scope="session", autouse=True)
 def _cache_of_its_own(tmp_path_factory):
-    """Keep the distance grids of tests out of the user's cache; processes that tests start share it."""
+    """Keep the distance grids of tests out of the user's cache; processes that tests start share it.
+
+    What they compile is kept where it always is: nothing is compiled twice.
+    """
+    from vtkmuscle.core.kernel_cache import kernel_folder
+
     with pytest.MonkeyPatch.context() as patch:
+        if (kernels := kernel_folder()) is not None:
+            patch.setenv("NUMBA_CACHE_DIR", str(kernels))
         patch.setenv("VTKMUSCLE_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield
 
@@ -78,6 +85,13 @@ def pytest_configure(config):
 def tried(request):
     """Where cases of damaged input, signals and full disks are counted."""
     return request.config.stash[TRIED]
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config):
+    """Write tables from one process, which has counted all."""
+    if config.getoption("tried_table") or config.getoption("extremes_table"):
+        config.option.numprocesses = 0
 
 
 def pytest_sessionfinish(session, exitstatus):

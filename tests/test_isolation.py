@@ -12,7 +12,7 @@ from tiny_scene import write_tiny_scene
 
 #: What the package imports, directly or not, and names of the standard library that it uses.
 PLANTED = """
-    numpy scipy numba llvmlite fast_simplification pyamg vtk vtkmodules pyvista matplotlib typer rich
+    numpy scipy numba llvmlite pyamg vtk vtkmodules pyvista matplotlib typer rich
     pydantic pydantic_core tomli_w
     click shellingham PIL yaml pooch kiwisolver cycler scooby csv json logging tomllib xml hashlib
     tempfile subprocess uuid colorsys sitecustomize usercustomize h5py meshio trimesh IPython cmocean
@@ -102,6 +102,12 @@ def test_a_configuration_of_numba_in_the_working_folder_has_no_say(planted, tmp_
         "leave_out_working_folder()\nimport numba\nprint([numba.config.CACHE_DIR])"
     )
     done = run_in(
-        planted, "-P", "-c", code, program=(sys.executable,), PYTHONPATH=str(tmp_path / "installed")
+        planted,
+        "-P",
+        "-c",
+        code,
+        program=(sys.executable,),
+        PYTHONPATH=str(tmp_path / "installed"),
+        NUMBA_CACHE_DIR="",
     )
     assert done.stdout.strip() == "['']", done.stderr

@@ -9,10 +9,12 @@ from tiny_scene import write_tiny_scene
 
 from vtkmuscle import Scene
 from vtkmuscle.core.motion.rigid import hinge
-from vtkmuscle.data.arrays import blocks_of, multiblock_from, points_of
+from vtkmuscle.data.arrays import blocks_of, cell_array, multiblock_from, points_of
 from vtkmuscle.data.attachments import attachments_from
+from vtkmuscle.filters import FibreMetrics, FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-from vtkmuscle.pipelines import FIBRE_SETTINGS, decompose, deform
+from vtkmuscle.pipelines import FIBRE_SETTINGS, PRUNE, MusclePipeline, decompose, deform, pull_taut
+from vtkmuscle.run import muscle_pipeline
 
 
 @pytest.fixture(scope="module")
@@ -109,3 +111,61 @@ def test_a_failure_upstream_surfaces_at_the_end(scene, muscle, attachments):
     motion = hinge("lower_r", (0, 0, 0), (1, 0, 0), [0, 5])
     with pytest.raises(ValueError, match=r"FixedPointDetector: attachments, area 0 \(origin on 'upper'\)"):
         deform(muscle, renamed, motion, attachments).update(time=5.0)
+
+
+FEW_FIBRES = {"n_fibres": 6, "resolution": 5}
+
+
+def lengths(metrics, time=10.0):
+    return np.array(cell_array(metrics.update(time=time).output, "Length", "test"))
+
+
+def test_a_muscle_pipeline_is_the_filters_connected_by_hand(scene, muscle, attachments):
+    bones, motion = scene.bones_data(), scene.motion
+    pipeline = MusclePipeline(
+        muscle, bones, motion, attachments, fixing={}, fibres=FEW_FIBRES, solver={"iterations": 4}
+    )
+    fixed = FixedPointDetector()(muscle, bones, attachments)
+    fibres = decompose(muscle, attachments, **FEW_FIBRES).update().output
+    deformed = deform(fixed, bones, motion, attachments, fibres=fibres, fixed=None, iterations=4)
+    moved = deformed.update(time=10.0).output
+    carried = FibreTransport(prune=PRUNE)(fibres, fixed, moved)
+    expected = np.array(cell_array(FibreMetrics()(carried, moved), "Length", "test"))
+    np.testing.assert_array_equal(lengths(pipeline.metrics), expected)
+    np.testing.assert_array_equal(points_of(pipeline.deformer.update(time=10.0).output), points_of(moved))
+    assert pipeline.taut is None
+    with_fibres = MusclePipeline(fixed, bones, motion, fibres=fibres, solver={"iterations": 4})
+    np.testing.assert_array_equal(lengths(with_fibres.metrics), expected)
+
+
+def test_a_muscle_pipeline_of_paths_pulls_the_fibres_taut(scene, muscle, attachments):
+    bones, motion = scene.bones_data(), scene.motion
+    pipeline = MusclePipeline(muscle, bones, motion, attachments, model="paths", fixing={}, fibres=FEW_FIBRES)
+    assert pipeline.deformer is None
+    assert pipeline.transport is None
+    taut = pull_taut(muscle, bones, motion, decompose(muscle, attachments, **FEW_FIBRES), attachments)
+    found = points_of(pipeline.metrics.update(time=10.0).output)
+    np.testing.assert_array_equal(found, points_of(taut.update(time=10.0).output))
+
+
+def test_settings_of_a_muscle_pipeline_reach_their_filters_or_are_refused(scene, muscle, attachments):
+    def made(**settings):
+        return MusclePipeline(muscle, scene.bones_data(), scene.motion, attachments, **settings)
+
+    pipeline = made(fixing={"tolerance": 2.0}, fibres={**FEW_FIBRES, "prune": 0.1, "smoothing": 2})
+    assert pipeline.fixed.tolerance == 2.0
+    assert pipeline.transport.prune == 0.1
+    assert pipeline.fibres.iterations == 2
+    without = made(fixing={})
+    assert (without.fibres, without.transport, without.metrics) == (None, None, None)
+    with pytest.raises(ValueError, match="model is 'volumes', but must be 'volume' or 'paths'"):
+        made(model="volumes")
+    with pytest.raises(TypeError, match="prone"):
+        made(fibres={"prone": 0.1})
+
+
+def test_the_pipeline_of_a_scene_has_the_scenes_settings(scene):
+    pipeline = muscle_pipeline(scene, "spindle")
+    assert pipeline.deformer.iterations == scene.solver["iterations"]
+    run = scene.run(frames="0:3", figures=False)
+    np.testing.assert_array_equal(lengths(pipeline.metrics, run.times[2]), run.lengths["spindle"][2])

@@ -63,7 +63,7 @@ print("same")
 
 def test_two_pipelines_in_two_threads_give_what_they_give_one_after_the_other():
     done = subprocess.run(
-        [sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=False, timeout=300
+        [sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=False, timeout=900
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.strip() == "same"

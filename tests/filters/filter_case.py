@@ -17,7 +17,7 @@ from vtkmuscle.filters.base.parameters import InputPort, OutputPort
 from vtkmuscle.filters.deformer.convergence_report import FIGURES
 
 #: Arrays that say how a result came about, not what it is: they differ from run to run, or by parameters that
-#: change nothing else (threads, say).
+#: change nothing else.
 HOW_IT_WAS_MADE = {"Provenance", *(name for name in FIGURES if name.startswith("Milliseconds"))}
 
 

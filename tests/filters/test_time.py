@@ -12,11 +12,10 @@ from test_pbd_deformer import bones, fixed_to, spindle
 
 from vtkmuscle.core.collision import obstacles
 from vtkmuscle.core.motion.rigid import hinge
-from vtkmuscle.core.pbd import solver
+from vtkmuscle.core.pbd import muscle_model, orders, solver
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters.base.checkpoints import Checkpoints
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.filters.deformer import kept_solver
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 
 STEPS = (0.0, 4.0, 8.0, 12.0, 16.0, 20.0)
@@ -135,8 +134,8 @@ def work(monkeypatch):
     count(solver, "mesh_topology", "topology")
     count(solver, "RestShape", "rest shape")
     count(solver, "harmonic_weights", "blend weights")
-    count(solver, "pack", "constraints")
-    count(kept_solver, "harmonic_directions", "fibre directions")
+    count(orders, "pack", "constraints")
+    count(muscle_model, "harmonic_directions", "fibre directions")
     monkeypatch.setattr(obstacles, "_shared", WeakValueDictionary())
     count(obstacles, "cached_distance_grid", "distance grids")
     count(obstacles, "build_voxel_grid", "voxels")

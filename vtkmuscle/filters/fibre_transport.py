@@ -19,6 +19,8 @@ from vtkmuscle.core.fibres.sparse_weights import (
 )
 from vtkmuscle.core.fibres.vertex_groups import vertex_groups
 from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.data.arrays import (
     Polylines,
     checked_surface,
@@ -53,7 +55,7 @@ class _Rest:
     points: Floats
     triangles: Ints
     prune: float
-    outside: int | None = None
+    gap: Floats | None = None
     sparse: SparseWeights | None = None
     weights: dict[int, Floats] = field(default_factory=dict)
     size: int = 0
@@ -115,9 +117,10 @@ class FibreTransport(Filter):
     """Carry fibres from a muscle at rest into the deformed muscle.
 
     With ``method="carried"`` fibres go where the taut fibres of PBDDeformer are, moved on by what its solve
-    moved the surface from there: mean value coordinates take that to the fibre's points. It is small, and so
-    fibres stay in a muscle that is folded over a bone. It needs the arrays ``Carried`` and ``FibrePoints`` of
-    PBDDeformer for the very same fibres; where they are not there, ``"mean-value"`` takes the place.
+    moved the surface from there: mean value coordinates take that to the fibre's points. Points that come to
+    lie outside of the deformed muscle, farther than at rest, go to the nearest place on it. It needs the
+    arrays ``Carried`` and ``FibrePoints`` of PBDDeformer for the very same fibres; where they are not there,
+    ``"mean-value"`` takes the place.
 
     With ``method="mean-value"``, that of the paper, each fibre point is expressed by mean value coordinates
     in the vertices of the muscle at rest; the same weighted mean of the deformed vertices is where it has
@@ -200,19 +203,17 @@ class FibreTransport(Filter):
             )
         rest = self._rest_of(lines.points, points, triangles)
         carried = self._carried(deformed_muscle, len(lines.points))
-        if carried is None:
-            moved = rest.moved(deformed, self.report_progress)
-        else:
-            surface, fibre_points = carried
-            moved = fibre_points + rest.moved(deformed - surface, self.report_progress)
-        if rest.outside is None:
+        surface, fibre_points = (0.0, 0.0) if carried is None else carried
+        moved = fibre_points + rest.moved(deformed - surface, self.report_progress)
+        if rest.gap is None:
             distance = muscle_geometry(rest_muscle, "FibreTransport: rest_muscle").distance
-            slack = _ON_SURFACE * float(np.linalg.norm(np.ptp(points, axis=0)))
-            gone = np.linalg.norm(distance.into(lines.points) - lines.points, axis=1) > slack
-            rest.outside = int(gone.sum())
+            rest.gap = np.linalg.norm(distance.into(lines.points) - lines.points, axis=1)
+        if carried is not None:
+            _keep_within(moved, rest.gap, deformed, triangles)
         result = with_polylines(rest_fibres, Polylines(moved, lines.offsets))
         set_cell_array(result, "RestLength", polyline_lengths(lines.points, lines.offsets))
-        set_field_array(result, "PointsOutside", rest.outside)
+        slack = _ON_SURFACE * float(np.linalg.norm(np.ptp(points, axis=0)))
+        set_field_array(result, "PointsOutside", int((rest.gap > slack).sum()))
         set_field_array(result, "PruneError", rest.error)
         return result
 
@@ -232,3 +233,11 @@ class FibreTransport(Filter):
         if self._rest is None or not self._rest.is_of(fibre_points, points, triangles, self.prune):
             self._rest = _Rest(fibre_points, points, triangles, self.prune)
         return self._rest
+
+
+def _keep_within(fibre_points: Floats, gap: Floats, surface: Floats, triangles: Ints) -> None:
+    """Move fibre points (p, 3) to the surface that are farther outside of it than their gap at rest (p,)."""
+    side = 1.0 if signed_volume(surface, triangles) > 0.0 else -1.0
+    distances, nearest, outward = triangle_tree(surface, triangles).tangent_planes(fibre_points)
+    out = side * distances > gap
+    fibre_points[out] = nearest[out] + side * gap[out, None] * outward[out]

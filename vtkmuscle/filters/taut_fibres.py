@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.pbd.muscle_model import FixedMuscle
 from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.taut.paths import POINTS, TautPaths, TautState
 from vtkmuscle.data.arrays import (
@@ -28,7 +29,6 @@ from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
 from vtkmuscle.filters.base.time_path import input_at, path_to, request_time, requested_time, state_of_inputs
 from vtkmuscle.filters.bone_motion import bones_of
-from vtkmuscle.filters.deformer.kept_solver import FixedMuscle
 
 Floats = NDArray[np.float64]
 
@@ -213,7 +213,7 @@ class TautFibres(Filter):
                 "the fibres' ends have nothing to go with; detect the fixed points with these bones"
             )
         rings = rings_by_bone(attachments, names, "TautFibres: attachments")
-        given = FixedMuscle(points, triangles, fixed_to, lines, rings=rings)
+        given = FixedMuscle(points, triangles, fixed_to, (lines.points, lines.offsets), rings=rings)
         if self._paths is not None and given.same_as(self._given):
             return False
         self._given, self._paths = given, None
@@ -226,7 +226,7 @@ class TautFibres(Filter):
         assert given is not None
         assert given.fibres is not None
         self._rest_bones.take(bones, transforms_of(bones, _WHERE), collision="sdf")
-        fibres = evenly_spread(given.fibres.points, given.fibres.offsets, self.resolution + 1)
+        fibres = evenly_spread(*given.fibres, self.resolution + 1)
         try:
             self._paths = TautPaths(
                 fibres,

@@ -10,7 +10,7 @@ from importlib import metadata
 from pathlib import Path
 
 import vtkmuscle
-from vtkmuscle.core.collision.grid_cache import FOLDER_VARIABLE, cache_folder
+from vtkmuscle.core.cache_folder import FOLDER_VARIABLE, cache_folder
 from vtkmuscle.io.writing import write_text
 
 _HERE = Path(__file__).resolve().parent
@@ -19,7 +19,7 @@ PLUGINS = _HERE / "plugins"
 #: What lets ParaView 5.11 load Python plugins at all where its Python is 3.11.
 MEND = _HERE / "mend_5_11"
 #: What the filters need beside vtkmuscle; where one is not installed its filters say so.
-DISTRIBUTIONS = ("numpy", "scipy", "numba", "llvmlite", "fast-simplification")
+DISTRIBUTIONS = ("numpy", "scipy", "numba", "llvmlite")
 #: What scenes need.
 OF_SCENES = (
     "pydantic",
@@ -129,7 +129,7 @@ def shell_commands(folder: Path) -> list[str]:
     Parameters
     ----------
     folder : path
-        With the packages.
+        As of :func:`settings`.
 
     Returns
     -------

@@ -131,9 +131,9 @@ def _vector(name: str, parameter: Parameter[Any], default: Any, count: int) -> E
     elif domain is not None:
         bounds = {"min": parameter.above if parameter.minimum is None else parameter.minimum}
         bounds["max"] = parameter.maximum
-        SubElement(
-            xml, domain, {"name": "range", **{k: f"{v:g}" for k, v in bounds.items() if v is not None}}
-        )
+        # An integer as 1e+06 would be read as 1.
+        written = {end: repr(parameter.kind(bound)) for end, bound in bounds.items() if bound is not None}
+        SubElement(xml, domain, {"name": "range", **written})
     _document(xml, parameter)
     return xml
 

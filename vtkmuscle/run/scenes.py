@@ -23,7 +23,7 @@ from vtkmuscle.run.claim import scene_file
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.memory import check_memory
 from vtkmuscle.run.moment_arms import MomentArmTable
-from vtkmuscle.run.muscles import MuscleRun, Observe, Progress
+from vtkmuscle.run.muscles import Clock, MuscleRun, Observe, Progress
 from vtkmuscle.run.reach import bones_with_reach
 from vtkmuscle.run.report import DEFINITIONS, versions
 from vtkmuscle.run.result import MuscleTrack, Result
@@ -93,8 +93,9 @@ def run_scene(
     workers: int | None,
     series: str = "pvd",
     observe: Observe | None = None,
+    clock: Clock = time.perf_counter,
 ) -> Result:
-    """Run a scene; see :meth:`vtkmuscle.Scene.run`."""
+    """Run a scene; see :meth:`vtkmuscle.Scene.run`. The clock [s] times the muscles' stages."""
     began = time.perf_counter()
     numbers = frame_numbers(frames, len(scene.motion.times))
     if workers is not None and workers < 1:
@@ -118,7 +119,7 @@ def run_scene(
                 folder.begin(report, scene)
             for name, track in tracks.items():
                 others = tuple(runs) if scene.muscle_contact != "off" else ()
-                run = MuscleRun(scene, name, track, bones, distances, folder, stop, told, seen, others)
+                run = MuscleRun(scene, name, track, bones, distances, folder, stop, told, seen, others, clock)
                 runs.append(run)
                 jobs[f"muscles.{name}"] = pool.submit(run.go, numbers)
             if folder is not None:

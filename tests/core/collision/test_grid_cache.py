@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from shapes import ball, box
 
+from vtkmuscle.core.cache_folder import cache_folder
 from vtkmuscle.core.collision import grid_cache
 from vtkmuscle.core.collision.distance_grid import build_distance_grid
-from vtkmuscle.core.collision.grid_cache import cache_folder, cached_distance_grid
+from vtkmuscle.core.collision.grid_cache import cached_distance_grid
 
 
 @pytest.fixture

@@ -7,14 +7,13 @@ from vtkmuscle.core.collision.obstacles import DistanceObstacle, VoxelObstacle, 
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, rotation_about
-from vtkmuscle.core.pbd import batches, domains
 from vtkmuscle.core.pbd.anisotropy import edge_stiffness, harmonic_directions
 from vtkmuscle.core.pbd.solver import MuscleSolver, SolverParameters
 
 
 def solver_of(mesh=None, *, obstacles=(), anisotropy=True, **settings):
-    """Return a solver that follows no fibres; two-level, as far as iterations go, unless said otherwise."""
-    settings = {"solver": "two-level", "iterations": 10, "tolerance": 0.0, **settings}
+    """Return a solver that follows no fibres and makes all its iterations, accelerated by default."""
+    settings = {"iterations": 10, "tolerance": 0.0, **settings}
     points, triangles, fixed_to = mesh or spindle(seed=0)
     topology = mesh_topology(len(points), triangles)
     directions = harmonic_directions(points, topology, fixed_to) if anisotropy else None
@@ -197,7 +196,7 @@ def test_damping_stops_a_body():
     assert np.allclose(state.positions, solver.rest)
 
 
-@pytest.mark.parametrize(("solver", "end"), [("gauss-seidel", 90), ("anderson", 90), ("two-level", 60)])
+@pytest.mark.parametrize(("solver", "end"), [("gauss-seidel", 90), ("anderson", 90)])
 def test_substeps_follow_the_bones_on_their_arc(solver, end):
     coarse, fine = solver_of(substeps=1, solver=solver), solver_of(substeps=end // 10, solver=solver)
     steps = solver_of(solver=solver)
@@ -310,7 +309,7 @@ def test_progress_rises_to_one_and_may_stop_the_step():
 def test_orders_of_the_edges_agree_where_the_solve_ends():
     ends = []
     for order in ("colour", "sequential"):
-        solver = solver_of(iterations=3000, tolerance=1e-5, order=order)
+        solver = solver_of(iterations=3000, order=order)
         ends.append(solver.step(solver.rest_state(2), bent(2)).positions)
     # The end depends a little on the order, as constraints that contradict each other are met in turn.
     moved = np.linalg.norm(ends[0] - solver.rest, axis=1).max()
@@ -319,12 +318,10 @@ def test_orders_of_the_edges_agree_where_the_solve_ends():
 
 def test_acceleration_goes_to_the_end_of_the_plain_iteration():
     plain = solver_of(iterations=20_000, solver="gauss-seidel", shape_stiffness=1.0, anisotropy=False)
-    fast = solver_of(iterations=1000, tolerance=1e-4, shape_stiffness=1.0, anisotropy=False)
+    fast = solver_of(iterations=1000, shape_stiffness=1.0, anisotropy=False)
     rest = plain.rest_state(2)
     slow, quick = plain.step(rest, bent(2)), fast.step(rest, bent(2))
-    assert quick.iterations < 1000
-    assert quick.distance is not None
-    assert quick.distance <= 1e-4
+    assert quick.distance is None  # no fibres draw the points, so that nothing bounds it
     assert np.abs(slow.positions - quick.positions).max() <= 1e-2
 
 
@@ -350,35 +347,21 @@ def test_the_axes_of_a_bone_turn_with_it(rng):
         assert np.allclose(bone_axes(apply_transform(frame, points)), axes @ inverse(frame), atol=1e-9)
 
 
-def test_single_precision_stays_near_double():
-    ends = {}
-    for dtype in ("float64", "float32"):
-        solver = solver_of(solver="gauss-seidel", iterations=50, dtype=dtype)
-        state = solver.rest_state(2)
-        for angle in (10.0, 20.0, 30.0):
-            state = solver.step(state, bent(angle))
-        ends[dtype] = state.positions
-        assert solver.report(state).volume_ratio == pytest.approx(1.0, abs=1e-9)
-    difference = np.abs(ends["float64"] - ends["float32"]).max()
-    assert 0.0 < difference < 2e-3
-
-
-@pytest.mark.parametrize("other", [{"solver": "anderson"}, {"order": "sequential"}])
-def test_single_precision_is_refused_where_it_would_not_do(other):
-    settings = {"solver": "gauss-seidel", "order": "colour", **other}
-    with pytest.raises(ValueError, match=r"dtype is 'float32', but solver is .* needs dtype 'float64'"):
-        SolverParameters(dtype="float32", **settings)
-
-
-def test_a_solve_that_meets_bones_is_the_same_on_any_number_of_threads(monkeypatch):
-    monkeypatch.setattr(domains, "LARGE", 1000)
-    monkeypatch.setattr(batches, "LARGE", 1000)
-    mesh = spindle(rings=60, around=20, seed=0)
-    bone = box_bone(0, [-30, -40, -10], [30, -8, 10])
-    ends = []
-    for threads in (1, 2, 5):
-        solver = solver_of(mesh, threads=threads, obstacles=[bone])
-        state = solver.step(solver.rest_state(2), bent(-20.0))
-        assert state.colliding > 0
-        ends.append(state.positions.tobytes() + state.velocities.tobytes())
-    assert ends[0] == ends[1] == ends[2]
+@pytest.mark.parametrize(
+    ("setting", "told"),
+    [
+        ({"solver": "gauss_seidel"}, r"SolverParameters.solver is 'gauss_seidel', but must be 'anderson' or"),
+        ({"start": "inertal"}, "start is 'inertal', but must be 'blend' or 'inertial'"),
+        ({"order": "color"}, "order is 'color', but must be 'colour' or 'sequential'"),
+        ({"bone_push": True}, "bone_push is True"),
+        ({"iterations": 0}, r"iterations is 0, but must be >= 1 and <= 1000000"),
+        ({"damping": 7}, r"damping is 7, but must be >= 0.0 and <= 1.0"),
+        ({"tolerance": -1.0}, r"tolerance is -1.0, but must be >= 0.0"),
+        ({"tolerance": np.nan}, "tolerance is nan"),
+        ({"dt": 0.0}, "dt is 0.0, but must be > 0.0"),
+        ({"external_force": (1.0,)}, "must have three components"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(setting, told):
+    with pytest.raises(ValueError, match=told):
+        SolverParameters(**setting)

@@ -18,15 +18,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vtkmuscle.core.cache_folder import FOLDER_VARIABLE, cache_folder
 from vtkmuscle.core.collision.distance_blocks import SIDE
 from vtkmuscle.core.collision.distance_grid import DistanceGrid, build_distance_grid, warn_of
 from vtkmuscle.core.files import check_is_file
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-#: Where the cache is, instead of the user's cache folder; empty for no cache.
-FOLDER_VARIABLE = "VTKMUSCLE_CACHE"
 
 #: To be raised with every change of what is stored or how it is computed.
 FORMAT = 3
@@ -36,22 +34,6 @@ MOST_BYTES = 2 * 1024**3
 
 _MAGIC = b"vtkmuscle distance grid\n"
 _SUFFIX = ".distances"
-
-
-def cache_folder() -> Path | None:
-    """Return the folder that grids are kept in, None where there is to be none.
-
-    That is the environment variable ``VTKMUSCLE_CACHE`` where it is set (empty: no cache), else
-    ``vtkmuscle`` in the user's cache folder (``XDG_CACHE_HOME``, else ``~/.cache``).
-    """
-    chosen = os.environ.get(FOLDER_VARIABLE)
-    if chosen is not None:
-        return Path(chosen).expanduser() if chosen else None
-    base = os.environ.get("XDG_CACHE_HOME")
-    try:
-        return (Path(base) if base else Path.home() / ".cache") / "vtkmuscle"
-    except RuntimeError:  # there is no home
-        return None
 
 
 def cached_distance_grid(

@@ -142,13 +142,13 @@ class TautPaths:
     ) -> None:
         self.fibres: Floats = np.ascontiguousarray(fibres, dtype=np.float64)
         self.start_bones, self.end_bones = start_bones, end_bones
+        #: See the parameter. It looks at the surface, before fibres that may be made from that are.
+        self.hold = half_thickness(surface, triangles) if hold is None else hold
         f, n, _ = self.fibres.shape
         segments = np.linalg.norm(np.diff(self.fibres, axis=1), axis=2)
         if not (segments.sum(axis=1) > 0.0).all():
             raise ValueError(f"fibre {int(segments.sum(axis=1).argmin())} has no length")
         self._segment = float(segments.mean())
-        #: See the parameter.
-        self.hold = half_thickness(surface, triangles) if hold is None else hold
         self._rings = tuple(rings)
         cell = self._segment / CELLS_PER_SEGMENT
         self._numbers = list(bones)

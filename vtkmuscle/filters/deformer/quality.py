@@ -22,9 +22,9 @@ from typing import Any
 #: a bone at all, and none is deeper than 0.11 mm, where it is at rest.
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
-        "preview": {"iterations": 30, "tolerance": 1.0},
-        "balanced": {"iterations": 100, "tolerance": 0.15},
-        "accurate": {"iterations": 400, "tolerance": 0.02},
+        "preview": {"iterations": 30, "tolerance": 0.5},
+        "balanced": {"iterations": 60, "tolerance": 0.15},
+        "accurate": {"iterations": 200, "tolerance": 0.05},
     }
 )
 

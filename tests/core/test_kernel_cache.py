@@ -1,0 +1,196 @@
+"""Compiled kernels are kept for as long as nothing that they are made from changes."""
+
+import importlib
+import os
+import shutil
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numba
+import pytest
+
+import vtkmuscle
+from vtkmuscle.core import kernel_cache
+from vtkmuscle.core.kernel_cache import kernel_folder, source_key
+
+CONSTANT = "LENGTH = 2.0\n"
+MIDDLE = """
+from vtkmuscle.core.jit import lane
+from toy.constants import (
+    LENGTH,
+)
+
+@lane
+def longer(x):
+    return LENGTH * x
+"""
+KERNEL = """
+from vtkmuscle.core.jit import kernel
+from toy import middle
+
+longer = middle.longer
+
+@kernel
+def length(x):
+    return longer(x)
+"""
+
+
+@pytest.fixture
+def kernels(tmp_path, monkeypatch):
+    """Return the folder of kernels of this test, empty."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    monkeypatch.setenv("VTKMUSCLE_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(kernel_cache, "_unusable", set())
+    return tmp_path / "cache" / "kernels"
+
+
+@pytest.fixture
+def toy(tmp_path):
+    """Return a folder with a package of a kernel, what it calls, and a constant of that."""
+    folder = tmp_path / "here" / "toy"
+    folder.mkdir(parents=True)
+    for name, text in (("__init__", ""), ("constants", CONSTANT), ("middle", MIDDLE), ("kernels", KERNEL)):
+        (folder / f"{name}.py").write_text(text, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture
+def loaded(monkeypatch):
+    """Return what loads the kernel of a toy package anew."""
+
+    def load(folder):
+        for name in [name for name in sys.modules if name.partition(".")[0] == "toy"]:
+            del sys.modules[name]
+        with monkeypatch.context() as patch:
+            patch.syspath_prepend(str(folder.parent))
+            patch.setattr(sys, "dont_write_bytecode", True)
+            return importlib.import_module("toy.kernels").length
+
+    yield load
+    for name in [name for name in sys.modules if name.partition(".")[0] == "toy"]:
+        del sys.modules[name]
+
+
+def hits(kernel):
+    return sum(kernel.stats.cache_hits.values())
+
+
+def test_what_was_compiled_is_found_again(kernels, toy, loaded):
+    first, again = loaded(toy), loaded(toy)
+    assert first is not again
+    assert (first(3.0), again(3.0)) == (6.0, 6.0)
+    assert (hits(first), hits(again)) == (0, 1)
+    assert [path.suffix for path in kernels.rglob("*.nbi")] == [".nbi"]
+
+
+def test_a_constant_of_a_file_behind_another_takes_effect(kernels, toy, loaded):
+    assert loaded(toy)(3.0) == 6.0
+    # As long as before, and within the same tick of a coarse clock: only the content tells.
+    (toy / "constants.py").write_text(CONSTANT.replace("2", "5"), encoding="utf-8")
+    assert loaded(toy)(3.0) == 15.0
+    (toy / "constants.py").write_text(CONSTANT, encoding="utf-8")
+    old = loaded(toy)
+    assert old(3.0) == 6.0
+    assert hits(old) == 1
+
+
+def test_copies_of_a_package_share_what_is_compiled(kernels, toy, loaded):
+    loaded(toy)(3.0)
+    copy = loaded(Path(shutil.copytree(toy, toy.parents[1] / "there" / "toy")))
+    assert copy(3.0) == 6.0
+    assert hits(copy) == 1
+
+
+def test_a_link_to_a_package_shares_what_is_compiled(kernels, toy, loaded, tmp_path):
+    """ParaView is given the package by a link."""
+    loaded(toy)(3.0)
+    (tmp_path / "links").mkdir()
+    (tmp_path / "links" / "toy").symlink_to(toy, target_is_directory=True)
+    linked = loaded(tmp_path / "links" / "toy")
+    assert linked(3.0) == 6.0
+    assert hits(linked) == 1
+
+
+def test_without_a_cache_nothing_is_kept(kernels, toy, loaded, monkeypatch):
+    monkeypatch.setenv("VTKMUSCLE_CACHE", "")
+    assert loaded(toy)(3.0) == 6.0
+    assert not kernels.parent.exists()
+    assert not list(toy.rglob("*.nbi"))
+
+
+def test_a_folder_that_cannot_be_written_to_is_told_of_once(kernels, toy, loaded, tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("no folder", encoding="utf-8")
+    monkeypatch.setenv("VTKMUSCLE_CACHE", str(tmp_path / "file"))
+    kernel = loaded(toy)
+    with pytest.warns(UserWarning, match=r"cannot be kept in .*file.*set VTKMUSCLE_CACHE"):
+        assert kernel(3.0) == 6.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert kernel(3) == 6.0
+
+
+def test_numbas_own_variable_counts_more(kernels, toy, loaded, tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "numba"))
+    assert kernel_folder() == tmp_path / "numba"
+    loaded(toy)(3.0)
+    assert list((tmp_path / "numba").rglob("*.nbi"))
+    assert not kernels.exists()
+
+
+def test_the_versions_used_last_are_kept(kernels, toy, loaded, monkeypatch):
+    monkeypatch.setattr(kernel_cache, "VERSIONS", 2)
+    for number in range(4):
+        (toy / "constants.py").write_text(f"LENGTH = {number}.0\n", encoding="utf-8")
+        assert loaded(toy)(1.0) == number
+        for age, folder in enumerate(sorted(kernels.iterdir(), key=lambda path: path.stat().st_mtime)):
+            os.utime(folder, (age, age))
+    assert len(list(kernels.iterdir())) == 2
+    assert hits(loaded(toy)) == 0
+    kept = loaded(toy)
+    assert kept(1.0) == 3.0
+    assert hits(kept) == 1
+
+
+def test_processes_that_compile_at_once_find_what_each_made(kernels, toy, loaded):
+    code = "import sys\nfrom toy.kernels import length\nsys.stdin.readline()\nlength({})"
+    started = [
+        subprocess.Popen(
+            [sys.executable, "-W", "error", "-c", code.format(value)],
+            env={**os.environ, "PYTHONPATH": str(toy.parent), "NUMBA_CACHE_DIR": ""},
+            stdin=subprocess.PIPE,
+        )
+        for value in ("3.0", "3", "True")
+    ]
+    for process in started:
+        process.stdin.write(b"\n")
+        process.stdin.flush()
+    assert [process.wait(120) for process in started] == [0, 0, 0]
+    for process in started:
+        process.stdin.close()
+    kernel = loaded(toy)
+    assert (kernel(3.0), kernel(3), kernel(True)) == (6.0, 6.0, 2.0)
+    assert hits(kernel) == 3
+
+
+def test_the_key_of_a_kernel_knows_the_files_behind_it(tmp_path):
+    """A constant of ``constraints`` is part of the batched ones, and those of the iteration."""
+    package = Path(vtkmuscle.__file__).parent
+    copy = tmp_path / "vtkmuscle"
+    shutil.copytree(package, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    modules = ("constraints", "batched_constraints", "batched_iteration", "colouring")
+
+    def keys(root):
+        return {
+            name: source_key(f"vtkmuscle.core.pbd.{name}", root / "core/pbd" / f"{name}.py")
+            for name in modules
+        }
+
+    before = keys(copy)
+    assert before == keys(package)
+    file = copy / "core/pbd/constraints.py"
+    file.write_text(file.read_text(encoding="utf-8") + "\n# Changed.\n", encoding="utf-8")
+    changed = {name for name, key in keys(copy).items() if key != before[name]}
+    assert changed == {"constraints", "batched_constraints", "batched_iteration"}

@@ -1,0 +1,37 @@
+"""Where distance grids, compiled kernels and links for ParaView are kept between runs."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+#: Where the cache is, instead of the user's cache folder; empty for no cache.
+FOLDER_VARIABLE = "VTKMUSCLE_CACHE"
+
+
+def cache_folder() -> Path | None:
+    """Return the folder of all that is kept between runs, None where nothing is to be.
+
+    That is the environment variable ``VTKMUSCLE_CACHE`` where it is set (empty: no cache), else
+    ``vtkmuscle`` in the user's cache folder (``XDG_CACHE_HOME``, else ``~/.cache``).
+
+    Returns
+    -------
+    Path or None
+        It need not exist yet.
+
+    Examples
+    --------
+    >>> from unittest.mock import patch
+    >>> with patch.dict("os.environ", VTKMUSCLE_CACHE="somewhere"):
+    ...     cache_folder().name
+    'somewhere'
+    """
+    chosen = os.environ.get(FOLDER_VARIABLE)
+    if chosen is not None:
+        return Path(chosen).expanduser() if chosen else None
+    base = os.environ.get("XDG_CACHE_HOME")
+    try:
+        return (Path(base) if base else Path.home() / ".cache") / "vtkmuscle"
+    except RuntimeError:  # there is no home
+        return None
