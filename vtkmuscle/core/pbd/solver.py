@@ -41,7 +41,7 @@ SETTLING_PASSES = 6
 OUT_OF_RANGE = (
     "",
     "the muscle left the range of floating point numbers",
-    "use a smaller external_force or another dt",
+    "use a smaller external_force or dt",
 )
 
 #: Relative error of the volume that is as good as none.
