@@ -10,6 +10,8 @@ from vtkmuscle.filters.deformer.quality import PRESETS
 
 #: The preset around which most settings are varied.
 CENTRE = "balanced"
+#: The preset that is a group of its own.
+PUBLISHED = "published"
 #: Name and group of the setting that leaves the scene as it is.
 AS_IT_IS = "scene"
 
@@ -56,7 +58,9 @@ def grid() -> list[Setting]:
 
     A full product would take years.
     """
-    settings = [Setting(name, "presets", dict(values)) for name, values in PRESETS.items()]
+    # What was published is another model, and no point on the way to this one's end.
+    groups = {name: name if name == PUBLISHED else "presets" for name in PRESETS}
+    settings = [Setting(name, groups[name], dict(values)) for name, values in PRESETS.items()]
     settings.append(Setting(AS_IT_IS, AS_IT_IS, None))
 
     def vary(name: str, *values: Any, **also: Any) -> None:
