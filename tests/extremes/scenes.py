@@ -22,14 +22,14 @@ CHOICES = {
     name: PBDDeformer.__dict__[name].choices for name in ("collision", "anisotropy", "solver", "start")
 }
 
-#: Every mode of the solver, and some of them in which every two choices meet.
+#: Every mode of the solver, and some of them in which every two choices meet; the first is the default.
 ALL_MODES = [dict(zip(CHOICES, values, strict=True)) for values in itertools.product(*CHOICES.values())]
 SOME_MODES = [
     {
         "collision": collision,
         "anisotropy": anisotropy,
-        "solver": CHOICES["solver"][(i + j) % 2],
-        "start": CHOICES["start"][(i + 2 * j) % len(CHOICES["start"])],
+        "solver": CHOICES["solver"][(i + j + 1) % 3],
+        "start": CHOICES["start"][(i + 2 * j + 1) % 3],
     }
     for i, collision in enumerate(CHOICES["collision"])
     for j, anisotropy in enumerate(CHOICES["anisotropy"])

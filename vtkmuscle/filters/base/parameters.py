@@ -46,7 +46,7 @@ class Parameter(Generic[T]):
     >>> smoother.iterations = -1
     Traceback (most recent call last):
         ...
-    ValueError: FibreSmoother.iterations is -1, but must be an integer >= 0
+    ValueError: FibreSmoother.iterations is -1, but must be an integer >= 0 and <= 10000
     """
 
     def __init__(
