@@ -16,7 +16,6 @@ import numpy as np
 
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import blocks_of, field_array, multiblock_from, points_of, with_points
-from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.phantoms import hip
 from vtkmuscle.pipelines import deform
 
@@ -27,10 +26,6 @@ FAR = 600.0
 def chain(phantom, name, n_far, *, move):
     """Return the deformer of a muscle in a scene with so many more bones."""
     blocks = dict(blocks_of(phantom.bones))
-    detector = FixedPointDetector()
-    for port, value in enumerate((phantom.muscles[name], phantom.bones, phantom.attachments[name])):
-        detector.connect(port, value)
-    fixed = detector.update().output
     transforms = dict(phantom.motion.transforms)
     moving = next(iter(transforms.values()))
     for number in range(n_far):
@@ -41,7 +36,8 @@ def chain(phantom, name, n_far, *, move):
         if move:
             transforms[f"far {number}"] = moving
     motion = RigidMotion(phantom.motion.times, transforms)
-    return deform(fixed, multiblock_from(blocks), motion, fixed=None), motion
+    muscle, attachments = phantom.muscles[name], phantom.attachments[name]
+    return deform(muscle, multiblock_from(blocks), motion, attachments), motion
 
 
 def main():

@@ -1,6 +1,6 @@
 """Measure fibres on the real hip: time of each stage, lengths, coverage, turns, points outside, transport.
 
-Run as ``python benchmarks/bench_fibres.py [--muscles NAME ...] [--sizes] [--even] [--transport]``. Times
+Run as ``python benchmarks/bench_fibres.py [--muscles NAME ...] [--sizes] [--transport]``. Times
 are the least of several runs with new filters, everything compiled, and what is remembered of a muscle
 (search tree, attachment patches) in place; the first run, which has to find those out, is printed too.
 """
@@ -48,24 +48,19 @@ def staged(
     attachments: object,
     n_fibres: int,
     resolution: int,
-    even: bool = False,
-    filling: float | None = None,
+    spreading: float | None = None,
 ) -> tuple[object, list[float]]:
-    """Return fibres from new filters, and what each stage took [ms].
-
-    `even` takes the settings that fill a muscle best.
-    """
-    mapped = {"method": "harmonic", "spread": "even"} if even else {}
+    """Return fibres from new filters, and what each stage took [ms]."""
     times = [time.perf_counter()]
     template = FibreTemplateSource(n_fibres=n_fibres, resolution=resolution)()
     times.append(time.perf_counter())
     fitted = TemplateFitter()(template, muscle, attachments)
     times.append(time.perf_counter())
-    morphed = SliceMorpher(**mapped)(fitted, muscle, attachments)
+    morphed = SliceMorpher()(fitted, muscle, attachments)
     times.append(time.perf_counter())
     trimmed = FibreTrimmer()(morphed, muscle, attachments)
     times.append(time.perf_counter())
-    smoothed = FibreSmoother(filling=filling)(trimmed, muscle, attachments)
+    smoothed = FibreSmoother(spreading=spreading)(trimmed, muscle, attachments)
     times.append(time.perf_counter())
     return smoothed, (1e3 * np.diff(times)).tolist()
 
@@ -187,7 +182,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--muscles", nargs="*", help="default: all of the scene")
     parser.add_argument("--sizes", action="store_true", help="up to 10 000 fibres")
-    parser.add_argument("--even", action="store_true", help="fibres spread evenly, along isolines")
     parser.add_argument("--transport", action="store_true", help="weights and frames, on the first muscle")
     parser.add_argument("--rounds", type=int, default=7)
     options = parser.parse_args()
@@ -196,8 +190,8 @@ def main() -> None:
     bones = scene.bones_data()
     for name in names:
         muscle, attachments = scene.muscles[name].surface, scene.attachments_data(name)
-        _, first = staged(muscle, attachments, 100, 15, options.even)
-        runs = [staged(muscle, attachments, 100, 15, options.even) for _ in range(options.rounds)]
+        _, first = staged(muscle, attachments, 100, 15)
+        runs = [staged(muscle, attachments, 100, 15) for _ in range(options.rounds)]
         fibres = runs[0][0]
         best = np.min([times for _, times in runs], axis=0)
         stages = ", ".join(f"{stage} {ms:.1f}" for stage, ms in zip(STAGES, best, strict=True))
@@ -208,9 +202,7 @@ def main() -> None:
     if options.sizes:
         muscle, attachments = scene.muscles[names[0]].surface, scene.attachments_data(names[0])
         for count, resolution in ((1, 15), (50, 14), (100, 1), (100, 1000), (1000, 30), (10_000, 15)):
-            best = np.min(
-                [staged(muscle, attachments, count, resolution, options.even)[1] for _ in range(3)], axis=0
-            )
+            best = np.min([staged(muscle, attachments, count, resolution)[1] for _ in range(3)], axis=0)
             stages = ", ".join(f"{stage} {ms:.1f}" for stage, ms in zip(STAGES, best, strict=True))
             print(f"{names[0]} {count} x {resolution}: {best.sum():.1f} ms ({stages})")
 

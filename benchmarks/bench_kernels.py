@@ -1,6 +1,6 @@
-"""Measure the vectorised Gauss-Seidel kernels: ratios to others, cost per size, threads, memory.
+"""Measure the vectorised Gauss-Seidel kernels: ratios to others, cost per size, memory.
 
-Run as ``python benchmarks/bench_kernels.py [--pypbd PYTHON] [--largest TRIANGLES] [--threads N]``.
+Run as ``python benchmarks/bench_kernels.py [--pypbd PYTHON] [--largest TRIANGLES]``.
 ``--pypbd`` names a Python that has pypbd (it need not have vtkmuscle). Ratios hold better than times: all are
 taken in one run, the measurements of the variants interleaved; on one core times are of the processor.
 """
@@ -22,16 +22,37 @@ from naive_kernels import naive_dihedral, naive_distance
 from timing import interleaved
 
 from vtkmuscle.core.mesh.surface import edge_lengths
-from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.mesh.topology import MeshTopology, mesh_topology
 from vtkmuscle.core.pbd import constraints
-from vtkmuscle.core.pbd.batched_iteration import BatchedIteration, available_threads
 from vtkmuscle.core.pbd.batches import pack
+from vtkmuscle.core.pbd.orders import BUFFER, ColourOrder, SequentialOrder, Stiffness, sweep_batches
+from vtkmuscle.core.pbd.rest_shape import RestShape
 
 SHAPE_STIFFNESS = 0.9
 
 #: What is compared with pypbd, and how often.
 EDGES, WHOLE = "batches: distance and dihedral", "batches, whole iteration"
 TURNS = 25
+
+
+def stiffness(topology: MeshTopology) -> Stiffness:
+    """Return the stiffness that all kernels are measured with."""
+    return Stiffness(np.ones(len(topology.edges)), SHAPE_STIFFNESS, 1.0)
+
+
+def no_bones(p: np.ndarray) -> np.ndarray:
+    """Keep points out of nothing."""
+    return np.zeros(len(p), dtype=np.bool_)
+
+
+def edges_of(
+    topology: MeshTopology, points: np.ndarray, mass: np.ndarray, moved: np.ndarray
+) -> Callable[[], object]:
+    """Return the projection of all edges, batch by batch, without the volume."""
+    packed = pack(topology, RestShape(points, topology), mass, 1.0, SHAPE_STIFFNESS)
+    records, buffer = packed.records(), np.zeros(BUFFER)
+    records.reshape(-1, 4)[:-1] = np.column_stack([moved, mass])
+    return lambda: sweep_batches(records, packed.edge_at, packed.constants, buffer)
 
 
 def compare(pypbd: str | None) -> None:
@@ -42,27 +63,20 @@ def compare(pypbd: str | None) -> None:
     noise = np.random.default_rng(0).normal(scale=0.2, size=points.shape)
     moved = points + noise * mass[:, None]
 
-    edges = topology.edges[(mass[topology.edges] > 0).any(axis=1)]
+    edges, quads = topology.edges, np.ascontiguousarray(topology.quads)
     lengths, ones = edge_lengths(points, edges), np.ones(len(edges))
-    quads = np.ascontiguousarray(topology.quads[(mass[topology.quads] > 0).any(axis=1)])
-    angles, _ = constraints.dihedral_angle(*(points[quads[:, i]] for i in range(4)))
-    cosines, sines = np.cos(angles), np.sin(angles)
     gradient = np.empty_like(points)
-    volume = constraints.volume_and_gradient(points, triangles, gradient)
 
     start = time.perf_counter()
-    iteration = BatchedIteration(pack(topology, points, mass, shape_stiffness=SHAPE_STIFFNESS))
-    single = BatchedIteration(pack(topology, points, mass, shape_stiffness=SHAPE_STIFFNESS, dtype="float32"))
-    records = iteration.muscle.records(moved)
-    iteration.run(records, 1)
-    print(f"compile or load all kernels (float64) {time.perf_counter() - start:6.2f} s")
-    short = single.muscle.records(moved)
-    p, q = moved.copy(), moved.copy()
-
-    def scalar() -> None:
-        constraints.project_distance(p, mass, edges, lengths, ones)
-        constraints.project_dihedral(p, mass, quads, cosines, sines, SHAPE_STIFFNESS)
-        constraints.project_volume(p, mass, triangles, volume, 0.0, 1.0, gradient)
+    shape = RestShape(points, topology)
+    angles, volume = shape.angles, shape.volume
+    batches = ColourOrder(topology, shape, mass, stiffness(topology))
+    one_by_one = SequentialOrder(topology, shape, mass, stiffness(topology))
+    sweep = edges_of(topology, points, mass, moved)
+    p, q, r = moved.copy(), moved.copy(), moved.copy()
+    sweep()
+    batches.project(r, no_bones, bones_last=False)
+    print(f"compile or load all kernels {time.perf_counter() - start:6.2f} s")
 
     def naive_edges() -> None:
         naive_distance(q, mass, edges, lengths, ones)
@@ -79,11 +93,9 @@ def compare(pypbd: str | None) -> None:
         "naive scalar, atan2: distance and dihedral": naive_edges,
         "naive scalar: volume": naive_volume,
         "naive scalar, whole iteration": naive,
-        "scalar without trigonometry, whole iteration": scalar,
-        EDGES: lambda: iteration.edges(records),
-        "batches: volume": lambda: iteration.volume(records),
-        WHOLE: lambda: iteration.run(records, 1),
-        "batches in float32, whole iteration": lambda: single.run(short, 1),
+        "one by one, whole iteration": lambda: one_by_one.project(p, no_bones, bones_last=False),
+        EDGES: sweep,
+        WHOLE: lambda: batches.project(r, no_bones, bones_last=False),
     }
     times = interleaved(variants, rounds=100, clock=time.thread_time)
     naive_time = times["naive scalar, whole iteration"]
@@ -155,20 +167,23 @@ def scaling(largest: int) -> None:
         mass[: len(points) // 20] = 0.0
         topology = mesh_topology(len(points), triangles)
         build = {"topology": lambda p=points, t=triangles: mesh_topology(len(p), t)}
-        build["packing"] = lambda t=topology, p=points, m=mass: pack(t, p, m)
+        shape = RestShape(points, topology)
+        build["packing"] = lambda t=topology, s=shape, m=mass: pack(t, s, m)
         cost = interleaved(build, rounds=3)
         tracemalloc.start()
-        muscle = pack(topology, points, mass)
-        peak = tracemalloc.get_traced_memory()[1]
+        order = ColourOrder(topology, shape, mass, stiffness(topology))
+        held, peak = tracemalloc.get_traced_memory()
         tracemalloc.stop()
-        iteration = BatchedIteration(muscle)
-        p = muscle.records(points + 0.01 * np.sin(np.arange(points.size)).reshape(-1, 3))
+        p = points + 0.01 * np.sin(np.arange(points.size)).reshape(-1, 3)
         repeat = max(1, 100_000 // len(triangles))
-        ms = interleaved({"": lambda i=iteration, p=p, r=repeat: i.run(p, r)}, rounds=15)[""] / repeat
+
+        def run(order: ColourOrder = order, p: np.ndarray = p, repeat: int = repeat) -> None:
+            for _ in range(repeat):
+                order.project(p, no_bones, bones_last=False)
+
+        ms = interleaved({"": run}, rounds=15)[""] / repeat
         sizes.append(len(triangles))
         times.append(ms)
-        # A solve holds the packed constraints, the records and the gradient.
-        held = muscle.nbytes + 2 * p.nbytes
         print(
             f"{len(triangles):10d} {ms:13.4f} {1e6 * ms / len(triangles):12.2f} "
             f"{1e3 * cost['topology'] / len(triangles):13.2f} {1e3 * cost['packing'] / len(triangles):12.2f} "
@@ -181,42 +196,14 @@ def scaling(largest: int) -> None:
     print(f"  fit: {np.exp(offset) * 1e6:.1f} ns x triangles^{slope:.3f} per iteration")
 
 
-def threads(most: int) -> None:
-    """Print what threads gain on large meshes, and that they change no bit."""
-    print("\n triangles   points  threads  ms/iteration   gain  same bits")
-    for target in (70_000, 200_000):
-        points, triangles = torus(target)
-        mass = np.ones(len(points))
-        mass[: len(points) // 20] = 0.0
-        muscle = pack(mesh_topology(len(points), triangles), points, mass)
-        start = points + 0.01 * np.sin(np.arange(points.size)).reshape(-1, 3)
-        runs, ends = {}, {}
-        for count in range(1, most + 1):
-            iteration = BatchedIteration(muscle, threads=count)
-            p = muscle.records(start)
-            iteration.run(p, 10)
-            ends[count] = p.tobytes()
-            runs[str(count)] = lambda i=iteration, p=p: i.run(p, 10)
-        times = interleaved(runs, rounds=20)
-        for count, ms in times.items():
-            same = "yes" if ends[int(count)] == ends[1] else "NO"
-            print(
-                f"{len(triangles):10d} {len(points):8d} {count:>8s} {ms / 10.0:13.3f} "
-                f"{times['1'] / ms:6.2f}  {same}"
-            )
-    print("  (bound: 1.6 with two threads from 34 000 points on; both processors must be free)")
-
-
 def main() -> None:
     """Run all measurements."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pypbd", metavar="PYTHON", help="a Python that has pypbd")
     parser.add_argument("--largest", type=int, default=1_000_000, help="most triangles")
-    parser.add_argument("--threads", type=int, default=available_threads(), help="most threads")
     arguments = parser.parse_args()
     compare(arguments.pypbd)
     scaling(arguments.largest)
-    threads(arguments.threads)
 
 
 if __name__ == "__main__":

@@ -130,7 +130,7 @@ def tolerances() -> None:
     """Print what slices that heights share save and cost, on curved fibres of the phantom hip."""
     muscle = Scene.from_phantom(hip()).muscles["gluteus_maximus"]
     areas = attachments_from(muscle.attachments)
-    template = FibreTemplateSource(kind="curved", n_fibres=200, resolution=15).update().output
+    template = FibreTemplateSource(template="curved", n_fibres=200, resolution=15).update().output
     # Heights of their own for each fibre, as those of fibres that were trimmed have.
     points = points_of(template).reshape(200, -1, 3)
     points[..., 2] = points[..., 2] ** (1.0 + 0.2 * np.linspace(-1, 1, 200)[:, None])

@@ -14,35 +14,35 @@ from __future__ import annotations
 
 import argparse
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from vtkmuscle import Scene
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.data.arrays import field_array, point_array, points_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
-from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-from vtkmuscle.pipelines import deform
-from vtkmuscle.scene import Scene
+from vtkmuscle.run import muscle_pipeline
 
 #: Settings of the deformer beside those of the scene.
 MODES = {
-    "sdf": {"collision": "sdf", "cell": 1.0},
-    "sdf, plain": {"collision": "sdf", "cell": 1.0, "solver": "gauss-seidel"},
+    "sdf": {"collision": "sdf", "grid_spacing": 1.0},
+    "sdf, plain": {"collision": "sdf", "grid_spacing": 1.0, "solver": "gauss-seidel"},
     "voxel": {"collision": "voxel", "solver": "gauss-seidel"},
     "voxel, anderson": {"collision": "voxel", "solver": "anderson"},
     "voxel, transform": {"collision": "voxel", "solver": "gauss-seidel", "bone_push": "transform"},
     "voxel, P21": {
         "collision": "voxel",
         "solver": "gauss-seidel",
-        "start": "inertial",
-        "order": "sequential",
+        "prediction": "inertial",
+        "projection_order": "sequential",
         "bone_push": "transform",
         "contact_velocity": "keep",
         "anisotropy": "stiffness",
     },
-    "none": {"collision": "none"},
+    "off": {"collision": "off"},
 }
 
 #: Beyond the femoral head, up to this far from it, pelvis is acetabulum [mm].
@@ -76,19 +76,13 @@ class Acetabulum:
 
 def measured(scene, name, distances, settings, acetabulum):
     """Yield, frame by frame, the depths of points, and how deep they are in the joint."""
-    detector = FixedPointDetector(**scene.fixing_of(name))
-    for port, value in enumerate(
-        (scene.muscles[name].surface, scene.bones_data(), scene.attachments_data(name))
-    ):
-        detector.connect(port, value)
-    rest = detector.update().output
+    own = replace(scene.muscles[name], solver={**scene.solver_of(name), **settings})
+    pipeline = muscle_pipeline(replace(scene, muscles={name: own}), name)
+    rest = pipeline.fixed.update().output
     free = point_array(rest, "FixedTo", "") < 0
     counted = free & (np.max([d.depth(points_of(rest)) for d in distances.values()], axis=0) == 0.0)
-    chain = deform(
-        detector, scene.bones_data(), scene.motion, fixed=None, **{**scene.solver_of(name), **settings}
-    )
     for time in scene.motion.times:
-        out = chain.update(time=float(time)).output
+        out = pipeline.deformer.update(time=float(time)).output
         points, now = points_of(out), scene.motion.at(float(time))
         depths = [
             d.depth(apply_transform(inverse(now.get(bone, np.eye(4))), points[counted]))

@@ -18,30 +18,28 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+from bench_kernels import no_bones, stiffness
 from muscle_problem import data_folder
 from published import P21
 
 from vtkmuscle import Scene
 from vtkmuscle.core.collision import contact
 from vtkmuscle.core.mesh.topology import mesh_topology
-from vtkmuscle.core.pbd import accelerated, coarse, projection, rest_shape, solver, two_level
-from vtkmuscle.core.pbd.batched_iteration import BatchedIteration
-from vtkmuscle.core.pbd.batches import pack
+from vtkmuscle.core.pbd import orders, rest_shape, solver
 from vtkmuscle.core.taut import guidance
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of
 from vtkmuscle.filters.base import filter as base
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.fibre_transport import FibreTransport
-from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
-from vtkmuscle.pipelines import PRUNE, decompose, deform
+from vtkmuscle.pipelines import MusclePipeline
+from vtkmuscle.run import muscle_pipeline
 
 #: The settings that are measured, and which of them is the default.
 SETTINGS: dict[str, dict[str, Any]] = {
     "gauss-seidel": {"solver": "gauss-seidel"},
     "anderson (default)": {"solver": "anderson"},
-    "stiffness, blend, two-level": {"anisotropy": "stiffness", "solver": "two-level"},
-    "stiffness, coarse, anderson": {"anisotropy": "stiffness", "start": "coarse"},
+    "stiffness, anderson": {"anisotropy": "stiffness"},
     "P21": P21,
 }
 BARE, STEP, FIBRES, OTHER = "bare iterations", "step of PBDDeformer", "fibres", "everything else"
@@ -50,12 +48,9 @@ STAGES: dict[str, list[tuple[Any, str]]] = {
     "bone motion": [(BoneMotion, "RequestData")],
     "reading inputs": [(PBDDeformer, "_prepare")],
     "following the fibres": [(guidance.Guidance, "follow")],
-    "coarse muscle": [(solver.MuscleSolver, "_substep")],
-    "prolongation": [(coarse.Prolongation, "prolong")],
-    "constraints": [(projection.ColourOrder, "iterate"), (projection.SequentialOrder, "iterate")],
+    "constraints": [(orders.ColourOrder, "project"), (orders.SequentialOrder, "project")],
     "collision": [(contact.Contact, "__init__"), (contact.Contact, "keep_out")],
-    "acceleration": [(accelerated, "anderson")],
-    "correction": [(two_level.CoarseCorrection, name) for name in ("__init__", "touch", "add")],
+    "acceleration": [(solver, "anderson")],
     "settling": [(solver.MuscleSolver, "_settle")],
     "report": [(rest_shape.RestShape, "compare")],
     "provenance": [(base, "add_provenance")],
@@ -73,20 +68,10 @@ class Stopwatch:
     def wrap(self, owner: Any, name: str, stage: str) -> None:
         """Count the time of a method or function as a stage's, from now on."""
         function: Callable[..., Any] = getattr(owner, name)
-        # The coarse muscle is a step within a step: only the inner one is that stage, and all of it.
-        inner = stage == "coarse muscle"
-        depth = 0
 
         def timed(*arguments: Any, **keywords: Any) -> Any:
-            nonlocal depth
-            depth += 1
-            try:
-                if "coarse muscle" in self._running or (inner and depth == 1):
-                    return function(*arguments, **keywords)
-                with self.measured(stage):
-                    return function(*arguments, **keywords)
-            finally:
-                depth -= 1
+            with self.measured(stage):
+                return function(*arguments, **keywords)
 
         setattr(owner, name, timed)
 
@@ -119,46 +104,33 @@ class Muscle:
 
     def __init__(self, name: str) -> None:
         self.scene = Scene.load(data_folder() / "scene.toml")
-        muscle = self.scene.muscles[name]
-        attachments = self.scene.attachments_data(name)
-        self.detector = FixedPointDetector(**self.scene.fixing_of(name))
-        for port, value in enumerate((muscle.surface, self.scene.bones_data(), attachments)):
-            self.detector.connect(port, value)
-        self.fibres = decompose(self.detector, attachments, **(muscle.fibres or {})).update().output
+        pipeline = muscle_pipeline(self.scene, name)
+        self.fixed, self.fibres = pipeline.fixed, pipeline.fibres.update().output
 
     def chain(self, iterations: int, **settings: Any) -> tuple[PBDDeformer, FibreTransport]:
         """Return the deformer and what carries the fibres; the deformer keeps no frame to go back to."""
+        solver = {"iterations": iterations, "checkpoint_memory": 0.0, **settings}
         bones, motion = self.scene.bones_data(), self.scene.motion
-        deformer = deform(
-            self.detector,
-            bones,
-            motion,
-            fibres=self.fibres,
-            fixed=None,
-            iterations=iterations,
-            checkpoint_memory=0.0,
-            **settings,
-        )
-        transport = FibreTransport(prune=PRUNE)
-        for port, value in enumerate((self.fibres, self.detector, deformer)):
-            transport.connect(port, value)
-        return deformer, transport
+        pipeline = MusclePipeline(self.fixed, bones, motion, fibres=self.fibres, solver=solver)
+        return pipeline.deformer, pipeline.transport
 
-    def bare_iteration(self) -> tuple[BatchedIteration, np.ndarray]:
-        """Return the iteration of the muscle, without bones, and the records of its points."""
-        rest = self.detector.update().output
+    def bare_iteration(self) -> Callable[[], object]:
+        """Return the iteration of the muscle, without bones."""
+        rest = self.fixed.update().output
         points, triangles = points_of(rest), checked_surface(rest, "benchmark")[1]
         points = points - points.mean(axis=0)
         mass = (point_array(rest, "FixedTo", "benchmark") < 0).astype(float)
-        packed = pack(mesh_topology(len(points), triangles), points, mass, shape_stiffness=0.9)
-        return BatchedIteration(packed), packed.records(points)
+        topology = mesh_topology(len(points), triangles)
+        shape = rest_shape.RestShape(points, topology)
+        order = orders.ColourOrder(topology, shape, mass, stiffness(topology))
+        return lambda: order.project(points, no_bones, bones_last=False)
 
 
 def measure(
     muscle: Muscle, iterations: int, times: np.ndarray, rounds: int, *, stages: bool, profiled: str | None
 ) -> dict[str, dict[str, float]]:
     """Return the median over the frames of the least times, by settings and stage [ms]."""
-    bare, records = muscle.bare_iteration()
+    bare = muscle.bare_iteration()
     chains = {name: muscle.chain(iterations, **settings) for name, settings in SETTINGS.items()}
     for _, transport in chains.values():
         transport.update(time=times[0])
@@ -175,7 +147,8 @@ def measure(
         watch.next_frame()
         for best, now in zip(least[name], times[1:], strict=True):
             with watch.measured(BARE):
-                bare.run(records, iterations)
+                for _ in range(iterations):
+                    bare()
             if name == profiled:
                 profiler.enable()
             started = time.thread_time()

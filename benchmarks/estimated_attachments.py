@@ -13,8 +13,7 @@ import numpy as np
 from vtkmuscle import Scene, phantoms
 from vtkmuscle.core.mesh.surface import triangle_normals
 from vtkmuscle.data.arrays import checked_surface, point_array
-from vtkmuscle.filters import FixedPointDetector
-from vtkmuscle.pipelines import estimate_attachments
+from vtkmuscle.filters import AttachmentEstimator, FixedPointDetector
 
 
 def main(path: str | None) -> None:
@@ -27,7 +26,10 @@ def main(path: str | None) -> None:
         thirds = np.repeat(np.linalg.norm(triangle_normals(points, triangles), axis=1) / 6.0, 3)
         weights = np.bincount(triangles.ravel(), thirds, len(points)) * scene.millimetres**2
         fixed = []
-        for areas in (scene.attachments_data(name), estimate_attachments(muscle.surface, bones)):
+        for areas in (
+            scene.attachments_data(name),
+            AttachmentEstimator(muscle=muscle.surface, bones=bones).output,
+        ):
             marked = FixedPointDetector().apply(muscle.surface, bones, areas)
             fixed.append(np.array(point_array(marked, "FixedTo", name)))
         for index, bone in enumerate(scene.bones):

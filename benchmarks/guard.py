@@ -6,7 +6,7 @@ result.
 ``ratios`` are times over that of a calibration kernel that this project will not change, measured in turns
 with it: a slow machine slows both. One that grew by more than ``--margin`` (1.5) is a regression, and the
 exit status 1. ``scaling`` are powers: how time grows with triangles, fibres, bones and frames (1 is in
-proportion), and what two threads gain. ``counts`` do not depend on the machine at all (``work_counts.py``);
+proportion). ``counts`` do not depend on the machine at all (``work_counts.py``);
 the tests hold them to the committed ones.
 """
 
@@ -61,17 +61,14 @@ def summary(result: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def growth(sizes: Mapping[str, Mapping[int, float]]) -> dict[str, float]:
-    """Return how time grows between the ends of each scale: a power, or the gain of threads."""
+    """Return how time grows between the ends of each scale: a power."""
     found = {}
     for scale, times in sizes.items():
         if len(times) < 2:
             continue
         low, high = min(times), max(times)
-        if scale.startswith("threads"):
-            found[f"gain of {high} {scale}"] = round(times[low] / times[high], 2)
-        else:
-            power = math.log(times[high] / times[low]) / math.log(high / low)
-            found[f"{scale}, {low} to {high}"] = round(power, 3)
+        power = math.log(times[high] / times[low]) / math.log(high / low)
+        found[f"{scale}, {low} to {high}"] = round(power, 3)
     return found
 
 
@@ -86,10 +83,7 @@ def regressions(now: Mapping[str, Any], before: Mapping[str, Any], margin: float
         old = before.get("scaling", {}).get(name)
         if old is None:
             continue
-        if name.startswith("gain"):
-            if power_now < old / margin:
-                worse.append(f"{name}: {power_now:g}, was {old:g}")
-        elif power_now > old + POWER_MARGIN:
+        if power_now > old + POWER_MARGIN:
             worse.append(f"{name}: grows with the power {power_now:g}, was {old:g}")
     for name, count in now.get("counts", {}).items():
         old = before.get("counts", {}).get(name)

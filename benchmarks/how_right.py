@@ -27,10 +27,9 @@ from vtkmuscle import RigidMotion, Scene, phantoms
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.derivatives import moment_arms, quartic_moment_arms
 from vtkmuscle.data.arrays import polylines_of
-from vtkmuscle.filters import BoneMotion, FibreTransport, FixedPointDetector, TautFibres
 from vtkmuscle.io import curves_for, read_literature
 from vtkmuscle.phantoms import Phantom
-from vtkmuscle.pipelines import PRUNE, decompose, deform
+from vtkmuscle.pipelines import MusclePipeline, pull_taut
 
 Floats = NDArray[np.float64]
 
@@ -89,19 +88,10 @@ def lengths_of_both(
     **fibre_settings: Any,
 ) -> dict[str, Floats]:
     """Return the lengths of a muscle's fibres (frames, fibres) [mm], by each of the models."""
-    fibres = decompose(muscle, attachments, **fibre_settings).update().output
-    fixed = FixedPointDetector()(muscle, bones, attachments)
-    moving = BoneMotion(motion=motion)
-    moving.connect(0, bones)
-    strings = TautFibres()
-    for port, value in enumerate((fibres, fixed, moving, attachments)):
-        strings.connect(port, value)
-    deformer = deform(fixed, bones, motion, attachments, fibres=fibres, fixed=None)
-    carried = FibreTransport(prune=PRUNE)
-    for port, value in enumerate((fibres, fixed, deformer)):
-        carried.connect(port, value)
+    volume = MusclePipeline(muscle, bones, motion, attachments, fixing={}, fibres=fibre_settings)
+    paths = pull_taut(volume.fixed, bones, motion, volume.fibres, attachments, fixing=None)
     found: dict[str, Floats] = {}
-    for model, chain in zip(MODELS, (strings, carried), strict=True):
+    for model, chain in zip(MODELS, (paths, volume.transport), strict=True):
         frames = (polylines_of(chain.update(time=time).output, model) for time in motion.times)
         found[model] = np.array([polyline_lengths(lines.points, lines.offsets) for lines in frames])
     return found

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from bench_kernels import SHAPE_STIFFNESS, torus
+from bench_kernels import SHAPE_STIFFNESS, no_bones, stiffness, torus
 from naive_kernels import naive_dihedral, naive_distance
 
 from vtkmuscle import Scene, phantoms
@@ -15,8 +15,8 @@ from vtkmuscle.core.mesh.surface import edge_lengths
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.core.pbd import constraints
-from vtkmuscle.core.pbd.batched_iteration import BatchedIteration
-from vtkmuscle.core.pbd.batches import pack
+from vtkmuscle.core.pbd.orders import ColourOrder
+from vtkmuscle.core.pbd.rest_shape import RestShape
 from vtkmuscle.data.arrays import (
     blocks_of,
     multiblock_from,
@@ -41,13 +41,11 @@ def held_torus(n_triangles: int) -> tuple[Any, Any, Any, Any]:
     return points, mass, mesh_topology(len(points), triangles), moved
 
 
-def iteration_of(n_triangles: int, *, dtype: str = "float64", threads: int = 1) -> Callable[[], object]:
-    """Return one whole batched iteration on a mesh of about so many triangles."""
-    points, mass, topology, moved = held_torus(n_triangles)
-    muscle = pack(topology, points, mass, shape_stiffness=SHAPE_STIFFNESS, dtype=dtype)
-    iteration = BatchedIteration(muscle, threads=threads)
-    records = muscle.records(moved)
-    return lambda: iteration.run(records, 1)
+def iteration_of(n_triangles: int) -> Callable[[], object]:
+    """Return one whole iteration on a mesh of about so many triangles, many edges at a time."""
+    points, mass, topology, p = held_torus(n_triangles)
+    order = ColourOrder(topology, RestShape(points, topology), mass, stiffness(topology))
+    return lambda: order.project(p, no_bones, bones_last=False)
 
 
 def naive_iteration_of(n_triangles: int) -> Callable[[], object]:
@@ -55,9 +53,8 @@ def naive_iteration_of(n_triangles: int) -> Callable[[], object]:
     points, mass, topology, p = held_torus(n_triangles)
     edges, quads = topology.edges, np.ascontiguousarray(topology.quads)
     lengths, ones = edge_lengths(points, edges), np.ones(len(edges))
-    angles, _ = constraints.dihedral_angle(*(points[quads[:, i]] for i in range(4)))
-    gradient = np.empty_like(points)
-    volume = constraints.volume_and_gradient(points, topology.triangles, gradient)
+    shape, gradient = RestShape(points, topology), np.empty_like(points)
+    angles, volume = shape.angles, shape.volume
 
     def run() -> None:
         naive_distance(p, mass, edges, lengths, ones)
@@ -80,7 +77,7 @@ def steps_of(n_triangles: int) -> Callable[[], object]:
     motion.connect(0, bones)
 
     def run() -> object:
-        deformer = PBDDeformer(collision="none", start="blend", iterations=10)
+        deformer = PBDDeformer(collision="off", prediction="blend", iterations=10)
         deformer.connect(0, muscle)
         deformer.connect(1, motion)
         return deformer.update(time=2.0).output
@@ -118,7 +115,7 @@ class Hip:
         for number in range(n_far):
             blocks[f"far {number}"] = with_points(bone, points_of(bone) + 600.0 * (number + 1))
         motion = RigidMotion(phantom.motion.times, dict(phantom.motion.transforms))
-        chain = deform(self.marked, multiblock_from(blocks), motion, fixed=None, **settings)
+        chain = deform(self.marked, multiblock_from(blocks), motion, fixing=None, **settings)
         return chain.update(time=float(motion.times[last])).output
 
     def scene(self, last: int, *, quality: str | None = None) -> Any:

@@ -10,7 +10,7 @@ from typing import Any
 
 from vtkmuscle import Scene, phantoms
 from vtkmuscle.core.collision import contact
-from vtkmuscle.core.pbd import projection
+from vtkmuscle.core.pbd import orders
 from vtkmuscle.filters import FixedPointDetector
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.pipelines import deform
@@ -23,7 +23,7 @@ FRAMES = 6
 def counted(counts: Counter[str]) -> Iterator[None]:
     """Count projections, collision passes, and executions of filters."""
     watched = (
-        ("projections", projection.ColourOrder, "iterate"),
+        ("projections", orders.ColourOrder, "project"),
         ("collision passes", contact.Contact, "keep_out"),
         ("executions", Filter, "RequestData"),
     )
@@ -59,7 +59,7 @@ def memory() -> int:
     phantom = phantoms.spindle_over_hinge()
     (name, muscle), *_ = phantom.muscles.items()
     marked = FixedPointDetector()(muscle, phantom.bones, phantom.attachments[name])
-    chain = deform(marked, phantom.bones, phantom.motion, fixed=None, threads=1)
+    chain = deform(marked, phantom.bones, phantom.motion, fixing=None)
     chain.update(time=float(phantom.motion.times[2]))
     tracemalloc.start()
     before = tracemalloc.get_traced_memory()[0]

@@ -31,7 +31,7 @@ class FibreCropper(Filter):
         float, default=0.25, minimum=0.0, maximum=0.45, doc="What is cut off at each end, of the length."
     )
 
-    fibres = InputPort(vtkPolyData, content="fibres", doc="Polylines.")
+    fibres = InputPort(vtkPolyData, doc="Polylines.")
     output = OutputPort(vtkPolyData, doc="The polylines with new ends, as many points each as before.")
 
     def execute(self, fibres: vtkPolyData) -> vtkPolyData:

@@ -20,19 +20,19 @@ COLOURS = 144
 def main() -> None:
     """Run the phantom hip, and draw all muscles with their fibres at three angles, side by side."""
     result = Scene.from_phantom(phantoms.hip(), n_fibres=60).run(frames=f"0:{FRAMES[-1] + 1}")
-    muscles = {i: [result.muscle(name, i) for name in result.muscle_names] for i in FRAMES}
+    muscles = {i: [result.muscle(name, frame=i) for name in result.muscle_names] for i in FRAMES}
     view = choose_view(
         [muscle for i in FRAMES for muscle in muscles[i]],
-        [result.bones(i) for i in FRAMES for _ in result.muscle_names],
+        [result.bones(frame=i) for i in FRAMES for _ in result.muscle_names],
         margin=0.06,
     )
     strips = []
     for i in FRAMES:
-        fibres = pv.merge([pv.wrap(result.fibres(name, i)) for name in result.muscle_names])
+        fibres = pv.merge([result.fibres(name, frame=i) for name in result.muscle_names])
         lengths = [result.lengths[name] for name in result.muscle_names]
         strain = np.concatenate([100.0 * (table[i] / table[0] - 1.0) for table in lengths])
         plotter = make_plotter(
-            result.bones(i), muscles[i], view, fibres=fibres, strain=strain, strain_limit=35.0
+            result.bones(frame=i), muscles[i], view, fibres=fibres, strain=strain, strain_limit=35.0
         )
         picture = Image.fromarray(plotter.screenshot(return_img=True))
         plotter.close()

@@ -12,9 +12,9 @@ import pyvista as pv
 from PIL import Image
 from vtkmodules.vtkFiltersGeometry import vtkCompositeDataGeometryFilter
 
-from vtkmuscle.filters import BoneMotion, FibreMetrics, FibreTransport, FibreTubes
+from vtkmuscle.filters import BoneMotion, FibreTubes
 from vtkmuscle.phantoms import hip
-from vtkmuscle.pipelines import decompose, deform
+from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.plotting import show_time
 
 phantom = hip()
@@ -22,19 +22,15 @@ plotter = pv.Plotter(window_size=(480, 560), off_screen=True)
 plotter.enable_anti_aliasing("ssaa")
 
 for name, muscle in phantom.muscles.items():
+    fibres = {"template": phantom.templates[name], "n_fibres": 40}
     attachments = phantom.attachments[name]
-    fibres = decompose(muscle, attachments, template=phantom.templates[name], n_fibres=40)
-    deformer = deform(muscle, phantom.bones, phantom.motion, attachments, fibres=fibres)
-    transport = FibreTransport()
-    transport.connect(1, muscle)
-    transport.connect(2, deformer)
-    tubes = fibres >> transport >> FibreMetrics() >> FibreTubes(radius=0.8)
-    plotter.add_mesh(deformer, color="darkred", opacity=0.3, culling="back")
+    pipeline = MusclePipeline(muscle, phantom.bones, phantom.motion, attachments, fixing={}, fibres=fibres)
+    tubes = pipeline.metrics >> FibreTubes(radius=0.8)
+    plotter.add_mesh(pipeline.deformer, color="darkred", opacity=0.3, culling="back")
     coloured = {"scalars": "Strain", "cmap": "coolwarm", "clim": (-0.3, 0.3), "show_scalar_bar": False}
-    plotter.add_mesh(tubes.last, **coloured)
+    plotter.add_mesh(tubes, **coloured)
 
-bones = BoneMotion(motion=phantom.motion)
-bones.connect(0, phantom.bones)
+bones = BoneMotion(bones=phantom.bones, motion=phantom.motion)
 surface = vtkCompositeDataGeometryFilter()  # PyVista shows algorithms that give one mesh
 surface.SetInputConnection(bones.GetOutputPort())
 plotter.add_mesh(surface, color="ivory", smooth_shading=True)

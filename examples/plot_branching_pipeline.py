@@ -21,7 +21,8 @@ bent = deform(muscle, phantom.bones, phantom.motion, attachments).apply(time=40.
 
 # %%
 plotter = pv.Plotter(window_size=(420, 600))
-plotter.add_mesh(BoneMotion(motion=phantom.motion).apply(phantom.bones, time=40.0), color="ivory")
+moving = BoneMotion(bones=phantom.bones, motion=phantom.motion)
+plotter.add_mesh(moving.apply(time=40.0), color="ivory")
 plotter.add_mesh(bent, color="darkred", smooth_shading=True)
 plotter.view_vector((1.0, -0.6, 0.1), viewup=(0, 0, 1))
 plotter.show()
@@ -30,29 +31,24 @@ plotter.show()
 # One BoneMotion moves the bones for two muscles; each muscle's fixed points go to two filters:
 
 phantom = hip()
-moving = BoneMotion(motion=phantom.motion)
-moving.connect(0, phantom.bones)
+bones = phantom.bones
+moving = BoneMotion(bones=bones, motion=phantom.motion)
 deformed, measured = {}, {}
 for name in ("gluteus_medius", "iliacus"):
-    fixed = FixedPointDetector()
-    for port, data in enumerate((phantom.muscles[name], phantom.bones, phantom.attachments[name])):
-        fixed.connect(port, data)
-    fibres = decompose(fixed, phantom.attachments[name], template=phantom.templates[name], n_fibres=40)
-    deformed[name] = PBDDeformer()
-    for port, upstream in enumerate((fixed, moving, fibres)):
-        deformed[name].connect(port, upstream)
-    transport = FibreTransport()
-    for port, upstream in enumerate((fibres, fixed, deformed[name])):
-        transport.connect(port, upstream)
-    measured[name] = (transport >> FibreMetrics()).last
+    attachments = phantom.attachments[name]
+    fixed = FixedPointDetector(muscle=phantom.muscles[name], bones=bones, attachments=attachments)
+    fibres = decompose(fixed, attachments, template=phantom.templates[name], n_fibres=40)
+    deformed[name] = PBDDeformer(muscle=fixed, bones=moving, fibres=fibres)
+    carried = FibreTransport(rest_fibres=fibres, rest_muscle=fixed, deformed_muscle=deformed[name])
+    measured[name] = carried >> FibreMetrics()
 
-for name, metrics in measured.items():
-    lengths = [f"{metrics.apply(time=angle)['Length'].mean():.1f}" for angle in (0.0, 30.0)]
+for name, chain in measured.items():
+    lengths = [f"{chain.apply(time=angle)['Length'].mean():.1f}" for angle in (0.0, 30.0)]
     print(f"{name}: mean fibre length {' and '.join(lengths)} mm at 0 and 30 degrees")
 
 # %%
-bones, muscles = moving.update(time=30.0).output, [d.apply(time=30.0) for d in deformed.values()]
-lines = pv.merge([metrics.apply(time=30.0) for metrics in measured.values()])
+bones, muscles = moving(time=30.0), [deformer.apply(time=30.0) for deformer in deformed.values()]
+lines = pv.merge([chain.apply(time=30.0) for chain in measured.values()])
 plotter = make_plotter(bones, muscles, choose_view(muscles, [bones] * 2), fibres=lines, off_screen=None)
 plotter.view_vector((-1.0, -0.8, 0.2), viewup=(0, 0, 1))
 plotter.camera.zoom(1.4)

@@ -16,7 +16,7 @@ KINDS = ("parallel", "pennate", "bipennate", "curved", "fan")
 plotter = pv.Plotter(shape=(1, 5), window_size=(1500, 380), border=False)
 plotter.enable_anti_aliasing("ssaa")
 for column, kind in enumerate(KINDS):
-    source = FibreTemplateSource(kind=kind, n_fibres=60, resolution=15)
+    source = FibreTemplateSource(template=kind, n_fibres=60, resolution=15)
     tubes = source >> FibreTubes(radius=0.008)
     fibres = pv.wrap(source.update().output)
     plotter.subplot(0, column)

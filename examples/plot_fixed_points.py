@@ -39,7 +39,7 @@ methods = ({"method": "collision"}, {"method": "proximity"}, {"method": "attachm
 plotter = pv.Plotter(shape=(1, 3))
 for column, settings in enumerate(methods):
     plotter.subplot(0, column)
-    muscle = FixedPointDetector(n_max=64**3, **settings).apply(iliacus, hip.bones, areas)
+    muscle = FixedPointDetector(n_voxels=64**3, **settings).apply(iliacus, hip.bones, areas)
     fixed = np.array(muscle["FixedTo"]) >= 0
     print(f"{settings['method']}: {fixed.sum()} of {len(fixed)} points are fixed")
     plotter.add_mesh(muscle, color="#b06060", scalars=None)

@@ -26,14 +26,13 @@ for i in (0, 6, 12):
 # %%
 # The muscle in the last frame, its fibres coloured by how much they have changed in length since rest:
 
-last = len(result.times) - 1
-muscle, bones = result.muscle("gluteus_medius", last), result.bones(last)
+muscle, bones = result.muscle("gluteus_medius", time=60.0), result.bones(time=60.0)
 plotter = make_plotter(
     bones,
     [muscle],
     choose_view([muscle], [bones]),
-    fibres=result.fibres("gluteus_medius", last),
-    strain=100.0 * (lengths[last] / lengths[0] - 1.0),
+    fibres=result.fibres("gluteus_medius", time=60.0),
+    strain=100.0 * (lengths[-1] / lengths[0] - 1.0),
     strain_limit=40.0,
     off_screen=None,
 )

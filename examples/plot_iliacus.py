@@ -15,28 +15,20 @@ from vtkmuscle import RigidMotion, phantoms
 from vtkmuscle.filters import FixedPointDetector
 from vtkmuscle.pipelines import deform
 
-paper = {
-    "iterations": 5,
-    "start": "inertial",
-    "solver": "gauss-seidel",
-    "order": "sequential",
-    "collision": "voxel",
-    "contact_velocity": "keep",
-    "anisotropy": "stiffness",
-}
 hip = phantoms.hip()
 motion = RigidMotion(hip.motion.times[:21], {"femur": hip.motion.transforms["femur"][:21]})
+published = {"quality": "published", "iterations": 5}
 cases = {
-    "collision": ("collision", {**paper, "bone_push": "transform"}),
-    "attachment": ("attachment", {**paper, "bone_push": "transform"}),
-    "attachment, no push": ("attachment", {**paper, "bone_push": "off"}),
+    "collision": ("collision", published),
+    "attachment": ("attachment", published),
+    "attachment, no push": ("attachment", {**published, "bone_push": "off"}),
     "defaults": ("attachment", {}),
 }
 plotter = pv.Plotter(shape=(1, 4), window_size=(1200, 600))
 for column, (title, (method, settings)) in enumerate(cases.items()):
     detector = FixedPointDetector(method=method)
     muscle = detector.apply(hip.muscles["iliacus"], hip.bones, hip.attachments["iliacus"])
-    deformer = deform(muscle, hip.bones, motion, fixed=None, **settings)
+    deformer = deform(muscle, hip.bones, motion, fixing=None, **settings)
     deformed = pv.wrap(deformer.update(time=40.0).output)
     stretch = deformed.field_data["EdgeStretchMax"][0]
     volume = deformed.field_data["VolumeRatio"][0]
@@ -44,7 +36,7 @@ for column, (title, (method, settings)) in enumerate(cases.items()):
     plotter.subplot(0, column)
     plotter.add_mesh(deformed, color="#b06060", scalars=None)
     plotter.add_points(deformed.points[np.array(deformed["FixedTo"]) >= 0], color="#0072b2", point_size=4)
-    plotter.add_mesh(pv.wrap(deformer.GetInputDataObject(1, 0)), color="#efe6d0", opacity=0.4)
+    plotter.add_mesh(pv.wrap(deformer.bones.output), color="#efe6d0", opacity=0.4)
     plotter.add_text(title, font_size=8)
     plotter.camera_position = [(300, -300, 0), (-10, -10, 0), (0, 0, 1)]
 plotter.show()

@@ -37,7 +37,7 @@ sheets = [
 
 file = Path(tempfile.mkdtemp()) / "crossing_heads.toml"
 file.write_text(TEMPLATE, encoding="utf-8")
-cube = pv.wrap(FibreTemplateSource(file=str(file), n_fibres=80).update().output)
+cube = pv.wrap(FibreTemplateSource(template_file=str(file), n_fibres=80).update().output)
 phantom = fibre_block("parallel")
 muscle, attachments = phantom.muscles["block"], phantom.attachments["block"]
 fibres = pv.wrap(decompose(muscle, attachments, template_file=str(file), n_fibres=80).update().output)

@@ -16,27 +16,26 @@ muscle, attachments = phantom.muscles["spindle"], phantom.attachments["spindle"]
 fibres = decompose(muscle, attachments, n_fibres=50)  # a chain of five filters
 deformer = deform(muscle, phantom.bones, phantom.motion, attachments, fibres=fibres)
 
-transport = FibreTransport()  # of fibres at rest, from the muscle at rest to the deformed one
-transport.connect(1, muscle)
-transport.connect(2, deformer)
-metrics = FibreMetrics()
-tubes = fibres >> transport >> metrics >> FibreTubes(radius=0.6)
+carried = FibreTransport(rest_fibres=fibres, rest_muscle=muscle, deformed_muscle=deformer)
+measured = carried >> FibreMetrics()
+tubes = measured >> FibreTubes(radius=0.6)
 
 for angle in (0.0, 20.0, 40.0):
-    lengths = metrics.apply(time=angle)["Length"]
+    lengths = measured.apply(time=angle)["Length"]
     print(f"{angle:2.0f} degrees: fibres of {lengths.min():.1f} to {lengths.max():.1f} mm")
 
 # %%
 # The fibres in blue have become shorter than they are at rest, those in red longer:
 
+bones = BoneMotion(bones=phantom.bones, motion=phantom.motion)
 plotter = pv.Plotter(shape=(1, 3), window_size=(1200, 600), border=False)
 for column, angle in enumerate((0.0, 20.0, 40.0)):
     plotter.subplot(0, column)
     plotter.add_text(f"{angle:.0f} degrees", font_size=12)
-    plotter.add_mesh(BoneMotion(motion=phantom.motion).apply(phantom.bones, time=angle), color="ivory")
+    plotter.add_mesh(bones.apply(time=angle), color="ivory")
     plotter.add_mesh(deformer.apply(time=angle), color="darkred", opacity=0.35, smooth_shading=True)
     coloured = {"scalars": "Strain", "cmap": "coolwarm", "clim": (-0.2, 0.2), "show_scalar_bar": False}
-    plotter.add_mesh(tubes.last.apply(time=angle), **coloured)
+    plotter.add_mesh(tubes.apply(time=angle), **coloured)
     plotter.view_vector((1.0, -0.6, 0.1), viewup=(0, 0, 1))
     plotter.camera.zoom(1.3)
 plotter.show()

@@ -17,8 +17,7 @@ from vtkmuscle.plotting import add_time_slider
 
 phantom = spindle_over_hinge()
 muscle = deform(phantom.muscles["spindle"], phantom.bones, phantom.motion, phantom.attachments["spindle"])
-bones = BoneMotion(motion=phantom.motion)
-bones.connect(0, phantom.bones)
+bones = BoneMotion(bones=phantom.bones, motion=phantom.motion)
 surface = vtkCompositeDataGeometryFilter()
 surface.SetInputConnection(bones.GetOutputPort())
 

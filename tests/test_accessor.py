@@ -15,8 +15,8 @@ from tiny_scene import write_tiny_scene
 import vtkmuscle.accessor
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters import FibreMetrics, FixedPointDetector, attachments_of
-from vtkmuscle.io.pyvista_readers import read_landmark_file, read_scene_file
 from vtkmuscle.pipelines import decompose, deform
+from vtkmuscle.pyvista_readers import read_landmark_file, read_scene_file
 
 ROOT = Path(__file__).parents[1]
 
@@ -36,20 +36,20 @@ def landmarks_by_role(phantom):
 
 def test_methods_give_what_the_filters_give(spindle, mesh):
     areas, bones = spindle.attachments["spindle"], spindle.bones
-    fixed = mesh.muscle.fix(bones, attachments=areas)
+    fixed = mesh.muscle.fixed(bones, attachments=areas)
     assert np.array_equal(fixed["FixedTo"], FixedPointDetector().apply(mesh, bones, areas)["FixedTo"])
-    fibres = mesh.muscle.decompose(attachments=areas, n_fibres=7)
+    fibres = mesh.muscle.fibres(attachments=areas, n_fibres=7)
     assert np.array_equal(fibres.points, points_of(decompose(mesh, areas, n_fibres=7).update().output))
     lengths = FibreMetrics().apply(fibres)["Length"]
     assert np.array_equal(fibres.muscle.fibre_lengths(), lengths)
     chain = deform(mesh, bones, spindle.motion, areas, fibres=fibres, iterations=2)
     for moved in (mesh, fixed):
         given = {"attachments": areas} if moved is mesh else {}
-        bent = moved.muscle.deform(bones, spindle.motion, time=4.0, fibres=fibres, iterations=2, **given)
+        bent = moved.muscle.deformed(bones, spindle.motion, time=4.0, fibres=fibres, iterations=2, **given)
         assert np.array_equal(bent.points, points_of(chain.update(time=4.0).output))
-    last = fixed.muscle.deform(bones, spindle.motion, iterations=2)
+    last = fixed.muscle.deformed(bones, spindle.motion, iterations=2)
     assert np.array_equal(
-        last.points, fixed.muscle.deform(bones, spindle.motion, time=40.0, iterations=2).points
+        last.points, fixed.muscle.deformed(bones, spindle.motion, time=40.0, iterations=2).points
     )
     assert fibres.muscle.tubes(radius=0.5, sides=6).n_points > 7 * 16 * 6
 
@@ -57,34 +57,34 @@ def test_methods_give_what_the_filters_give(spindle, mesh):
 def test_landmarks_may_be_given_by_role(spindle, mesh):
     areas, by_role = spindle.attachments["spindle"], landmarks_by_role(spindle)
     named = {name: spindle.bones.GetBlock(i) for i, name in enumerate(("proximal", "distal"))}
-    expected = mesh.muscle.fix(spindle.bones, attachments=areas)
-    assert np.array_equal(mesh.muscle.fix(named, **by_role)["FixedTo"], expected["FixedTo"])
+    expected = mesh.muscle.fixed(spindle.bones, attachments=areas)
+    assert np.array_equal(mesh.muscle.fixed(named, **by_role)["FixedTo"], expected["FixedTo"])
     bare = {role: next(iter(rings.values())) for role, rings in by_role.items()}
     lines = {role: areas.GetBlock(i) for i, role in enumerate(bare)}
     for given in (by_role, bare, lines):
-        fibres = mesh.muscle.decompose(n_fibres=5, **given)
-        assert np.array_equal(fibres.points, mesh.muscle.decompose(attachments=areas, n_fibres=5).points)
+        fibres = mesh.muscle.fibres(n_fibres=5, **given)
+        assert np.array_equal(fibres.points, mesh.muscle.fibres(attachments=areas, n_fibres=5).points)
 
 
 def test_what_is_missing_or_too_much_is_said(spindle, mesh):
     areas, by_role = spindle.attachments["spindle"], landmarks_by_role(spindle)
     ring = by_role["origin"]["proximal"]
     with pytest.raises(ValueError, match=r"origin must say which bone.*'proximal', 'distal'"):
-        mesh.muscle.fix(spindle.bones, origin=ring)
+        mesh.muscle.fixed(spindle.bones, origin=ring)
     with pytest.raises(ValueError, match=r"give origin= and insertion=, or attachments="):
-        mesh.muscle.decompose()
+        mesh.muscle.fibres()
     with pytest.raises(ValueError, match="not both"):
-        mesh.muscle.decompose(origin=ring, attachments=areas)
+        mesh.muscle.fibres(origin=ring, attachments=areas)
     with pytest.raises(ValueError, match=r"array \(k, 3\)"):
-        mesh.muscle.decompose(origin=[1.0, 2.0], insertion=ring)
+        mesh.muscle.fibres(origin=[1.0, 2.0], insertion=ring)
     with pytest.raises(TypeError, match="no_such"):
-        mesh.muscle.deform(spindle.bones, spindle.motion, attachments=areas, no_such=1)
+        mesh.muscle.deformed(spindle.bones, spindle.motion, attachments=areas, no_such=1)
 
 
 def test_the_mesh_stays_as_it_is(spindle, mesh):
     before = mesh.copy(deep=True)
-    mesh.muscle.fix(spindle.bones, attachments=spindle.attachments["spindle"])
-    mesh.muscle.decompose(attachments=spindle.attachments["spindle"], n_fibres=3)
+    mesh.muscle.fixed(spindle.bones, attachments=spindle.attachments["spindle"])
+    mesh.muscle.fibres(attachments=spindle.attachments["spindle"], n_fibres=3)
     assert mesh == before
 
 

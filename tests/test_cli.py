@@ -48,6 +48,18 @@ def test_a_run_says_what_it_found_and_where_it_is(scene_file, tmp_path):
     assert json.loads((tmp_path / "out/report.json").read_text())["frames"] == [0, 1]
 
 
+def test_each_fault_of_a_scene_is_a_line(scene_file):
+    text = scene_file.read_text().replace('units = "mm"', 'unit = "mm"').replace("iterations", "iteration")
+    scene_file.write_text(text)
+    done = vtkmuscle_("run", scene_file)
+    assert done.exit_code == 2
+    unit, iteration = done.stderr.splitlines()
+    assert unit.startswith(f"error: {scene_file}: unit: there is no such key; did you mean 'units'?")
+    assert iteration.startswith(
+        f"error: {scene_file}: solver.iteration: there is no setting 'iteration'; did"
+    )
+
+
 def test_workers_change_no_result_and_cannot_be_none(scene_file, tmp_path):
     tables = []
     for workers in ("1", "2"):
@@ -104,7 +116,7 @@ def test_frames_and_folders_that_cannot_be_are_status_2(scene_file, tmp_path):
 
 
 def test_a_failing_filter_is_status_2_and_names_the_muscle(scene_file, tmp_path):
-    scene_file.write_text(scene_file.read_text() + '\n[fixing]\nmethod = "proximity"\ntolerance = 1e-9\n')
+    scene_file.write_text(scene_file.read_text() + '\n[fixing]\nmethod = "proximity"\ndistance = 1e-9\n')
     done = vtkmuscle_("run", scene_file, "--out", tmp_path / "out", "--quiet")
     assert done.exit_code == 2
     assert "muscles.spindle: FixedPointDetector: no point of the muscle" in done.stderr

@@ -10,7 +10,7 @@ import pytest
 from faults import check_whole, ended, killed_at, results, small_disk, started
 from tiny_scene import write_tiny_scene
 
-from vtkmuscle.scene import Scene
+from vtkmuscle import Scene
 
 QUIET = ("--quiet", "--no-figures")
 

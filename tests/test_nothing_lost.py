@@ -12,12 +12,11 @@ import pytest
 from tiny_scene import write_tiny_scene
 from typer.testing import CliRunner
 
-from vtkmuscle import phantoms
+from vtkmuscle import Scene, SceneError, phantoms
 from vtkmuscle.cli import BAD_INPUT, app
 from vtkmuscle.io.writing import left_behind, replacing, write_text
 from vtkmuscle.run.claim import LOCK, claimed
 from vtkmuscle.run.unchanged import save_unless_changed
-from vtkmuscle.scene import Scene, SceneError
 
 QUICK = ("--frames", "0:1", "--no-figures", "--quiet")
 

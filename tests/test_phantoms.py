@@ -255,7 +255,7 @@ def test_block_answers_come_out_of_the_decomposition(block):
     from vtkmuscle.filters import FibreMetrics, FibreTemplateSource, SliceMorpher, TemplateFitter
 
     muscle, areas = block.muscles["block"], block.attachments["block"]
-    template = FibreTemplateSource(kind=block.templates["block"], n_fibres=64).update().output
+    template = FibreTemplateSource(template=block.templates["block"], n_fibres=64).update().output
     fitted = TemplateFitter()(template, muscle, areas)
     measured = FibreMetrics()(SliceMorpher()(fitted, muscle, areas), muscle)
     lengths = cell_array(measured, "Length", "fibres")

@@ -1,18 +1,19 @@
 """The ready-made chains are those of the single filters, and hold together by themselves."""
 
 import gc
-import inspect
 
 import numpy as np
 import pytest
 from tiny_scene import write_tiny_scene
 
+from vtkmuscle import Scene
 from vtkmuscle.core.motion.rigid import hinge
-from vtkmuscle.data.arrays import blocks_of, multiblock_from, points_of
+from vtkmuscle.data.arrays import blocks_of, cell_array, multiblock_from, points_of
 from vtkmuscle.data.attachments import attachments_from
+from vtkmuscle.filters import FibreMetrics, FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-from vtkmuscle.pipelines import FIBRE_SETTINGS, decompose, deform
-from vtkmuscle.scene import Scene
+from vtkmuscle.pipelines import FIBRE_SETTINGS, WEIGHT_TOLERANCE, MusclePipeline, decompose, deform, pull_taut
+from vtkmuscle.run import muscle_pipeline
 
 
 @pytest.fixture(scope="module")
@@ -31,19 +32,14 @@ def attachments(scene):
 
 
 def test_the_settings_of_fibres_are_all_parameters_of_the_chain(muscle, attachments):
-    keywords = {
-        name: parameter.default
-        for name, parameter in inspect.signature(decompose).parameters.items()
-        if parameter.kind is inspect.Parameter.KEYWORD_ONLY
-    }
-    assert keywords.keys() == FIBRE_SETTINGS.keys()
     chain = [decompose(muscle, attachments)]
     while chain[-1].GetNumberOfInputPorts():
         chain.append(chain[-1].GetInputAlgorithm(0, 0))
     declared = {(type(f), name) for f in chain for name in f.parameter_declarations}
     assert set(FIBRE_SETTINGS.values()) == declared
-    for word, (kind, name) in FIBRE_SETTINGS.items():
-        assert keywords[word] == kind.parameter_declarations[name].default
+    assert all(word == name for word, (_, name) in FIBRE_SETTINGS.items())
+    with pytest.raises(TypeError, match="decompose has no setting 'n_fibre'; did you mean 'n_fibres'"):
+        decompose(muscle, attachments, n_fibre=3)
 
 
 def test_fibres_fill_the_muscle(muscle, attachments):
@@ -71,7 +67,7 @@ def test_a_chain_lives_by_its_last_filter_alone(scene, muscle, attachments):
 
 def test_a_muscle_with_fixed_points_of_its_own_needs_no_attachments(scene, muscle, attachments):
     fixed = FixedPointDetector()(muscle, scene.bones_data(), attachments)
-    own = deform(fixed, scene.bones_data(), scene.motion, fixed=None, iterations=2).update(time=5.0).output
+    own = deform(fixed, scene.bones_data(), scene.motion, fixing=None, iterations=2).update(time=5.0).output
     found = (
         deform(muscle, scene.bones_data(), scene.motion, attachments, iterations=2).update(time=5.0).output
     )
@@ -84,23 +80,23 @@ def test_settings_reach_their_filters(scene, muscle, attachments):
         scene.bones_data(),
         scene.motion,
         attachments,
-        fixed="proximity",
-        fixed_tolerance=3.0,
+        fixing={"method": "proximity", "distance": 3.0},
         iterations=4,
     )
     assert last.iterations == 4
-    detector = last.GetInputAlgorithm(0, 0)
-    assert (detector.method, detector.tolerance) == ("proximity", 3.0)
-    smoother = decompose(muscle, attachments, smoothing=2, smoothing_weight=1.0)
-    assert (smoother.iterations, smoother.k) == (2, 1.0)
+    assert (last.muscle.method, last.muscle.distance) == ("proximity", 3.0)
+    smoother = decompose(muscle, attachments, smoothing_passes=2, smoothing_weight=1.0)
+    assert (smoother.smoothing_passes, smoother.smoothing_weight) == (2, 1.0)
 
 
 def test_what_is_not_allowed_is_refused_at_once(scene, muscle, attachments):
-    with pytest.raises(TypeError, match="PBDDeformer has no parameter iteration"):
+    with pytest.raises(
+        TypeError, match="PBDDeformer has no parameter or input port 'iteration'; did you mean 'iterations'"
+    ):
         deform(muscle, scene.bones_data(), scene.motion, attachments, iteration=3)
     with pytest.raises(ValueError, match=r"FixedPointDetector\.method is 'glue'"):
-        deform(muscle, scene.bones_data(), scene.motion, attachments, fixed="glue")
-    with pytest.raises(ValueError, match=r"FibreTemplateSource\.kind is 'wavy'"):
+        deform(muscle, scene.bones_data(), scene.motion, attachments, fixing={"method": "glue"})
+    with pytest.raises(ValueError, match=r"FibreTemplateSource\.template is 'wavy'"):
         decompose(muscle, attachments, template="wavy")
 
 
@@ -109,3 +105,62 @@ def test_a_failure_upstream_surfaces_at_the_end(scene, muscle, attachments):
     motion = hinge("lower_r", (0, 0, 0), (1, 0, 0), [0, 5])
     with pytest.raises(ValueError, match=r"FixedPointDetector: attachments, area 0 \(origin on 'upper'\)"):
         deform(muscle, renamed, motion, attachments).update(time=5.0)
+
+
+FEW_FIBRES = {"n_fibres": 6, "resolution": 5}
+
+
+def lengths(metrics, time=10.0):
+    return np.array(cell_array(metrics.update(time=time).output, "Length", "test"))
+
+
+def test_a_muscle_pipeline_is_the_filters_connected_by_hand(scene, muscle, attachments):
+    bones, motion = scene.bones_data(), scene.motion
+    pipeline = MusclePipeline(
+        muscle, bones, motion, attachments, fixing={}, fibres=FEW_FIBRES, solver={"iterations": 4}
+    )
+    fixed = FixedPointDetector()(muscle, bones, attachments)
+    fibres = decompose(muscle, attachments, **FEW_FIBRES).update().output
+    deformed = deform(fixed, bones, motion, attachments, fibres=fibres, fixing=None, iterations=4)
+    moved = deformed.update(time=10.0).output
+    carried = FibreTransport(weight_tolerance=WEIGHT_TOLERANCE)(fibres, fixed, moved)
+    expected = np.array(cell_array(FibreMetrics()(carried, moved), "Length", "test"))
+    np.testing.assert_array_equal(lengths(pipeline.metrics), expected)
+    np.testing.assert_array_equal(points_of(pipeline.deformer.update(time=10.0).output), points_of(moved))
+    assert pipeline.taut is None
+    with_fibres = MusclePipeline(fixed, bones, motion, fibres=fibres, solver={"iterations": 4})
+    np.testing.assert_array_equal(lengths(with_fibres.metrics), expected)
+
+
+def test_a_muscle_pipeline_of_paths_pulls_the_fibres_taut(scene, muscle, attachments):
+    bones, motion = scene.bones_data(), scene.motion
+    pipeline = MusclePipeline(muscle, bones, motion, attachments, model="paths", fixing={}, fibres=FEW_FIBRES)
+    assert pipeline.deformer is None
+    assert pipeline.transport is None
+    taut = pull_taut(muscle, bones, motion, decompose(muscle, attachments, **FEW_FIBRES), attachments)
+    found = points_of(pipeline.metrics.update(time=10.0).output)
+    np.testing.assert_array_equal(found, points_of(taut.update(time=10.0).output))
+
+
+def test_settings_of_a_muscle_pipeline_reach_their_filters_or_are_refused(scene, muscle, attachments):
+    def made(**settings):
+        return MusclePipeline(muscle, scene.bones_data(), scene.motion, attachments, **settings)
+
+    own = {"weight_tolerance": 0.1, "smoothing_passes": 2}
+    pipeline = made(fixing={"distance": 2.0}, fibres={**FEW_FIBRES, **own})
+    assert pipeline.fixed.distance == 2.0
+    assert pipeline.transport.weight_tolerance == 0.1
+    assert pipeline.fibres.smoothing_passes == 2
+    without = made(fixing={})
+    assert (without.fibres, without.transport, without.metrics) == (None, None, None)
+    with pytest.raises(ValueError, match="model is 'volumes', but must be 'volume' or 'paths'"):
+        made(model="volumes")
+    with pytest.raises(TypeError, match="prone"):
+        made(fibres={"prone": 0.1})
+
+
+def test_the_pipeline_of_a_scene_has_the_scenes_settings(scene):
+    pipeline = muscle_pipeline(scene, "spindle")
+    assert pipeline.deformer.iterations == scene.solver["iterations"]
+    run = scene.run(frames="0:3", figures=False)
+    np.testing.assert_array_equal(lengths(pipeline.metrics, run.times[2]), run.lengths["spindle"][2])

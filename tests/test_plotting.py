@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -28,9 +29,10 @@ from vtkmuscle.plotting import (
     plot_muscle,
     plot_volume,
     preflight,
-    write_figures,
 )
 from vtkmuscle.plotting import figures as figures_module
+from vtkmuscle.run import figures as run_figures
+from vtkmuscle.run.figures import write_figures
 
 
 @pytest.fixture
@@ -79,6 +81,7 @@ class FakeResult:
         rows = [{"time": t, "volume_ratio": 1.001} for t in self.times]
         self.report = {"model": "volume", "muscles": {name: {"frames": rows} for name in self.muscle_names}}
         self.frames = list(range(len(self.times)))
+        self.motion = SimpleNamespace(times=self.times)
         self.verdicts = dict.fromkeys(self.muscle_names, "ok")
 
     def finished(self, name):
@@ -93,14 +96,14 @@ class FakeResult:
     def rest_fibres(self, name):
         return straight_fibres() if name == "with_fibres" else None
 
-    def bones(self, i):
+    def bones(self, *, frame):
         return two_bones()
 
-    def muscle(self, name, i):
+    def muscle(self, name, *, frame):
         return spindle()
 
-    def fibres(self, name, i):
-        return straight_fibres(i / 100.0) if name == "with_fibres" else None
+    def fibres(self, name, *, frame):
+        return straight_fibres(frame / 100.0) if name == "with_fibres" else None
 
 
 def picture(plotter):
@@ -144,7 +147,7 @@ def test_a_window_that_renders_nothing_is_not_taken_for_success(renders, monkeyp
 
 
 def test_without_opengl_the_writer_raises_the_reason_and_writes_nothing(monkeypatch, tmp_path):
-    monkeypatch.setattr(figures_module, "can_render", lambda: "there is no display card")
+    monkeypatch.setattr(run_figures, "can_render", lambda: "there is no display card")
     with pytest.raises(RuntimeError, match="there is no display card"):
         write_figures(tmp_path / "figures", FakeResult())
     assert not (tmp_path / "figures").exists()

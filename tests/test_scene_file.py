@@ -1,6 +1,7 @@
 """Every fault in a scene gives one error that names the file, the key and the mend."""
 
 import json
+import pickle
 import re
 import warnings
 from pathlib import Path
@@ -11,7 +12,7 @@ from tiny_scene import HINGE, TOML, ellipsoid, ring, write_tiny_scene
 from vtkmodules.vtkFiltersCore import vtkAppendPolyData
 from vtkmodules.vtkFiltersSources import vtkCubeSource
 
-from vtkmuscle import Scene, SceneError
+from vtkmuscle import Muscle, Scene, SceneError
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.data.arrays import (
@@ -23,8 +24,10 @@ from vtkmuscle.data.arrays import (
     triangles_of,
     with_points,
 )
+from vtkmuscle.filters import PBDDeformer
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.io import read_surface, write_polydata
+from vtkmuscle.scene.schema import json_schema
 from vtkmuscle.scene.writing import to_toml
 
 MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
@@ -109,11 +112,11 @@ def test_settings_of_a_muscle_go_before_those_of_the_scene(scene_file):
     edit(
         scene_file,
         "[solver]",
-        "solver = { iterations = 7, stiffness = 1 }\nfixing = { tolerance = 2.5 }\n[solver]\ndamping = 1",
+        "solver = { iterations = 7, stiffness = 1 }\nfixing = { distance = 2.5 }\n[solver]\ndamping = 1",
     )
     scene = Scene.load(scene_file)
-    assert scene.solver_of("spindle") == {"iterations": 7, "stiffness": 1, "damping": 1}
-    assert scene.fixing_of("spindle") == {"tolerance": 2.5}
+    assert scene.solver_of("spindle") == {"iterations": 7, "stiffness": 1, "velocity_kept": 1}
+    assert scene.fixing_of("spindle") == {"distance": 2.5}
 
 
 def test_closed_says_what_a_table_of_points_is(scene_file):
@@ -139,7 +142,7 @@ def test_an_open_bone_will_do_and_the_run_says_what_was_made_of_it(scene_file):
     points, triangles = surface_parts(path)
     write_polydata(path, surface_from(points, triangles[1:]))
     # Voxels that reach as far as the muscle, which is not near enough to the bone otherwise.
-    edit(scene_file, "iterations = 3", 'iterations = 3\ncollision = "voxel"\nn_equal = 1')
+    edit(scene_file, "iterations = 3", 'iterations = 3\ncollision = "voxel"\nn_voxels_per_axis = 1')
     scene = Scene.load(scene_file)
     assert scene.bones["upper"].GetNumberOfCells() == len(triangles) - 1
     with pytest.warns(UserWarning, match=r"block 'upper': the surface is open: 1 hole\(s\), 3 edges"):
@@ -185,7 +188,7 @@ def test_a_template_of_ones_own_is_beside_the_scene(scene_file, tmp_path, monkey
     assert Path(named) == (scene_file.parent / "own.json").resolve()
     again = Scene.load(scene.save(elsewhere / "saved"))
     assert again.muscles["spindle"].fibres["template_file"] == named
-    source = FibreTemplateSource(file=named, n_fibres=3).update().output
+    source = FibreTemplateSource(template_file=named, n_fibres=3).update().output
     assert source.GetNumberOfCells() == 3
 
 
@@ -234,7 +237,7 @@ def test_superficial_fibres_are_read_used_and_saved(scene_file, tmp_path):
     assert "superficial_angle_degrees" not in before
     assert abs(report["twist_degrees"]) > 5.0
     assert report["superficial_angle_degrees"] < report["superficial_angle_straight_degrees"]
-    now, then = (points_of(r.muscle("spindle", 1)) for r in (result, plain))
+    now, then = (points_of(r.muscle("spindle", frame=1)) for r in (result, plain))
     assert np.abs(now - then).max() > 1e-3
 
 
@@ -250,14 +253,14 @@ def test_superficial_fibres_that_cannot_be_used_are_named(points, offsets, probl
     assert error.key == "muscles.spindle.superficial_fibres"
     assert error.file == scene_file.parent / "seen.vtp"
     assert problem in error.problem
-    assert mend in error.mend
+    assert mend in error.remedy
 
 
 def test_a_surface_in_place_of_superficial_fibres_is_named(scene_file):
     edit(scene_file, "[solver]", 'superficial_fibres = "muscles/spindle.vtp"\n[solver]')
     error = failure(scene_file)
     assert (error.key, error.problem) == ("muscles.spindle.superficial_fibres", "there are no polylines")
-    assert "polylines" in error.mend
+    assert "polylines" in error.remedy
     edit(scene_file, 'muscles/spindle.vtp"\n[solver]', 'no.vtp"\n[solver]')
     assert "no such file" in failure(scene_file).problem
 
@@ -315,7 +318,7 @@ def test_a_via_ring_that_does_not_hold_the_muscle_is_refused(scene_file, landmar
     error = failure(scene_file)
     assert error.key == f"muscles.spindle.attachments[1].{key}"
     assert problem in error.problem
-    assert mend in error.mend
+    assert mend in error.remedy
     assert error.file == (scene_file if key == "closed" else scene_file.parent / "ring.csv")
 
 
@@ -484,8 +487,8 @@ FAULTS = [
     ("iterations = 3", "stiffness = nan", "solver.stiffness", "nan is not allowed", "a finite number"),
     (
         "[solver]",
-        "solver = { damping = 2 }\n[solver]",
-        "muscles.spindle.solver.damping",
+        "solver = { velocity_kept = 2 }\n[solver]",
+        "muscles.spindle.solver.velocity_kept",
         "2 is not allowed",
         "<= 1",
     ),
@@ -498,10 +501,10 @@ FAULTS = [
     ),
     (
         "[solver]",
-        "fixing = { tol = 1 }\n[solver]",
-        "muscles.spindle.fixing.tol",
-        "no setting 'tol'",
-        "'tolerance'",
+        "fixing = { dist = 1 }\n[solver]",
+        "muscles.spindle.fixing.dist",
+        "no setting 'dist'",
+        "'distance'",
     ),
     ("[solver]\niterations = 3", "solver = 3", "muscles.spindle.solver", "must be a table", "format"),
 ]
@@ -515,9 +518,78 @@ def test_a_fault_in_the_file_is_named_with_its_mend(old, new, key, problem, mend
     error = failure(scene_file)
     assert error.key == key
     assert problem in error.problem
-    assert mend in error.mend
+    assert mend in error.remedy
     assert str(error).startswith(f"{error.file}: {key}: ")
     assert error.file.is_relative_to(scene_file.parent)
+
+
+def test_all_faults_are_said_at_once(scene_file):
+    edit(scene_file, 'units = "mm"', 'unit = "inch"')
+    edit(scene_file, "[bones.upper]", "[bones.upper]\ncolour = 1")
+    edit(scene_file, ORIGIN, ORIGIN.replace("origin", "orgin", 1))
+    edit(scene_file, "iterations = 3", "iterations = 0\nstifness = 1")
+    error = failure(scene_file)
+    assert {fault.key for fault in error.faults} == {
+        "unit",
+        "bones.upper.colour",
+        "muscles.spindle.attachments[0].role",
+        "solver.iterations",
+        "solver.stifness",
+    }
+    assert str(error).splitlines() == [str(fault).splitlines()[0] for fault in error.faults]
+    assert all(fault.problem and fault.remedy and fault.file == scene_file for fault in error.faults)
+    assert "did you mean 'units'" in next(fault.remedy for fault in error.faults if fault.key == "unit")
+    again = pickle.loads(pickle.dumps(error))
+    assert [fault.key for fault in again.faults] == [fault.key for fault in error.faults]
+
+
+def test_a_misspelt_key_is_not_said_to_be_missing_as_well(scene_file):
+    edit(scene_file, ORIGIN, ORIGIN.replace("landmarks", "landmark"))
+    (fault,) = failure(scene_file).faults
+    assert fault.key == "muscles.spindle.attachments[0].landmark"
+
+
+def test_all_files_that_cannot_be_read_are_said_at_once(scene_file):
+    for name in ("bones/upper.vtp", "motion.csv", "attachments/origin.vtp", "muscles/spindle.vtp"):
+        (scene_file.parent / name).unlink()
+    assert {fault.key for fault in failure(scene_file).faults} == {
+        "bones.upper.surface",
+        "motion.transforms",
+        "muscles.spindle.attachments[0].landmarks",
+        "muscles.spindle.surface",
+    }
+
+
+def test_all_surfaces_that_cannot_be_used_are_said_at_once(scene_file):
+    for name in ("bones/upper.vtp", "muscles/spindle.vtp"):
+        path = scene_file.parent / name
+        write_polydata(path, moved(*surface_parts(path)))
+    keys = [fault.key for fault in failure(scene_file).faults]
+    assert keys == ["bones.upper.surface", "muscles.spindle.surface"]
+
+
+def test_the_schema_for_editors_is_that_of_the_reader():
+    shipped = Path(__file__).parents[1] / "docs/_static/scene.schema.json"
+    assert json.loads(shipped.read_text(encoding="utf-8")) == json_schema()
+
+
+def test_the_schema_knows_every_key_and_setting():
+    tables = json_schema()["$defs"]
+    assert tables["Solver"]["properties"].keys() == PBDDeformer.parameter_declarations.keys()
+    assert tables["Solver"]["properties"]["iterations"]["minimum"] == 1
+    assert "null" not in json.dumps(json_schema())
+    for table in (*tables.values(), json_schema()):
+        assert table["additionalProperties"] is False
+        assert all("description" in value for value in table["properties"].values())
+
+
+def test_a_scene_of_pyvista_or_vtk_blocks_is_one(scene_file):
+    loaded = Scene.load(scene_file)
+    muscle = loaded.muscles["spindle"]
+    blocks = Muscle(muscle.surface, loaded.attachments_data("spindle"), muscle.fibres)
+    scene = Scene("x", loaded.bones_data(), {"spindle": blocks}, loaded.motion)
+    assert list(scene.bones) == ["upper", "lower"]
+    assert [area.role for area in scene.muscles["spindle"].attachments] == ["origin", "insertion"]
 
 
 def test_faults_outside_the_keys_name_the_file(tmp_path, scene_file):
@@ -596,7 +668,7 @@ def test_a_fault_in_a_muscle_is_named_with_its_mend(spoil, problem, mend, scene_
     error = failure(scene_file)
     assert (error.file, error.key) == (path, "muscles.spindle.surface")
     assert problem in error.problem
-    assert mend in error.mend
+    assert mend in error.remedy
 
 
 @pytest.mark.parametrize(
@@ -608,7 +680,7 @@ def test_a_fault_in_a_bone_is_named_with_its_mend(spoil, problem, mend, scene_fi
     error = failure(scene_file)
     assert (error.file, error.key) == (path, "bones.lower.surface")
     assert problem in error.problem
-    assert mend in error.mend
+    assert mend in error.remedy
 
 
 @pytest.mark.parametrize(
@@ -645,7 +717,7 @@ def test_tables_of_several_bones_must_agree_in_time(scene_file):
     (scene_file.parent / "b.csv").write_text("\n".join(rows[:-1]))
     error = failure(scene_file)
     assert error.key == "motion.transforms.upper"
-    assert "same times" in error.mend
+    assert "same times" in error.remedy
 
 
 @pytest.mark.parametrize("scale", [0.001, 1000.0])
@@ -657,7 +729,7 @@ def test_landmarks_in_another_unit_are_found_out(scale, scene_file):
     error = failure(scene_file)
     assert error.file == scene_file.parent / "origin.csv"
     assert "away from the muscle" in error.problem
-    assert "same unit" in error.mend
+    assert "same unit" in error.remedy
 
 
 # ------------------------------------------------------------------------------- writing
@@ -667,7 +739,7 @@ def test_a_saved_scene_is_the_same_scene(scene_file, tmp_path):
     edit(
         scene_file,
         "[solver]",
-        "solver = { external_force = [0, 0.1, 1e-9], anisotropy = false }\nfixing = { tolerance = 0.1 }\n"
+        'solver = { external_force = [0, 0.1, 1e-9], anisotropy = "off" }\nfixing = { distance = 0.1 }\n'
         '[fixing]\nmethod = "attachment"\n[solver]',
     )
     first = Scene.load(scene_file)

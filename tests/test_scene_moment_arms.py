@@ -13,8 +13,7 @@ from vtkmuscle import Scene, SceneError, hinge
 from vtkmuscle.core.moment_arms.derivatives import moment_arms
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.plotting import can_render
-from vtkmuscle.plotting.figures import plot_moment_arms
+from vtkmuscle.plotting import can_render, plot_moment_arms
 
 MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
 PUBLISHED = """source,muscle,part,dof,angle_deg,moment_arm_mm
@@ -77,7 +76,7 @@ def test_the_table_is_short_to_look_at_and_complete_as_columns(result):
     found = result.moment_arms("knee")
     assert len(repr(found)) < 300
     assert "spindle by knee, 0 to 20 deg: " in repr(found)
-    columns = found.columns()
+    columns = dict(found.table())
     assert {len(column) for column in columns.values()} == {6 * 9}
     assert columns["moment_arm_mm"][9] == found["spindle"]["knee"].arms[0, 1]
     with pytest.raises(KeyError, match="no moment arms of 'psoas'; there are those of: spindle"):
@@ -85,10 +84,10 @@ def test_the_table_is_short_to_look_at_and_complete_as_columns(result):
     with pytest.raises(ValueError, match="the motion has no coordinate 'hip'; it has: 'knee'"):
         result.moment_arms("hip")
     if importlib.util.find_spec("pandas") is None:
-        with pytest.raises(ImportError, match=r"columns\(\) gives the same as arrays"):
-            found.to_frame()
+        with pytest.raises(ImportError, match=r"dict\(table\) gives the same as arrays"):
+            found.table().to_frame()
     else:
-        assert list(found.to_frame().columns) == list(columns)
+        assert list(found.table().to_frame().columns) == list(columns)
 
 
 def test_tables_and_report_hold_them(result, out):

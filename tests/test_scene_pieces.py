@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from vtkmuscle import phantoms
-from vtkmuscle.scene import Scene
+from vtkmuscle import Scene, phantoms
 
 MUSCLES = ("gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis")
 

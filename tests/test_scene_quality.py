@@ -7,9 +7,9 @@ import pytest
 from tiny_scene import write_tiny_scene
 from typer.testing import CliRunner
 
+from vtkmuscle import Scene, SceneError
 from vtkmuscle.cli import app
 from vtkmuscle.filters.deformer.quality import PRESETS
-from vtkmuscle.scene import Scene, SceneError
 
 
 @pytest.fixture
@@ -20,7 +20,7 @@ def scene_file(tmp_path):
 def test_a_preset_is_below_the_scenes_own_settings_and_survives_a_round_trip(scene_file, tmp_path):
     scene_file.write_text('quality = "accurate"\n' + scene_file.read_text())
     scene = Scene.load(scene_file)
-    assert scene.solver_of("spindle") == {**PRESETS["accurate"], "iterations": 3}
+    assert scene.solver_of("spindle") == {"quality": "accurate", "iterations": 3}
     assert Scene.load(scene.save(tmp_path / "again")).quality == "accurate"
     assert Scene.load(replace(scene, quality=None).save(tmp_path / "none")).quality is None
 

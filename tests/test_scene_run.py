@@ -13,6 +13,7 @@ from tiny_scene import write_tiny_scene
 import vtkmuscle.phantoms
 import vtkmuscle.plotting
 from vtkmuscle import Scene, SceneError
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, unique_edges
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform
@@ -74,6 +75,58 @@ def all_numbers(value):
     return [value] if isinstance(value, int | float) else []
 
 
+# ------------------------------------------------------------------------------- asked by frame or time
+
+
+def test_a_frame_is_asked_for_by_its_number_in_the_motion_or_by_its_time(scene, result):
+    some = scene.run(frames="2:5:2", figures=False)
+    assert (some.frames, some.times) == ([2, 4], [10.0, 20.0])
+    for by in ({"frame": 4}, {"time": 20.0}):
+        np.testing.assert_array_equal(
+            some.muscle("spindle", **by).points, result.muscle("spindle", frame=4).points
+        )
+        np.testing.assert_array_equal(
+            some.fibres("spindle", **by).points, result.fibres("spindle", **by).points
+        )
+        assert some.bones(**by).keys() == ["upper", "lower"]
+
+
+@pytest.mark.parametrize(
+    ("name", "asked", "words"),
+    [
+        ("spindle", {"frame": 5}, "frame 5 was not kept; there are 0, 1, 2, 3, 4"),
+        ("spindle", {"frame": -1}, "frame -1 was not kept"),
+        ("spindle", {"time": 7.0}, "no frame of time 7 was kept; there are 0, 5, 10, 15, 20"),
+        ("spindle", {}, "either the number of a frame"),
+        ("spindle", {"frame": 0, "time": 0.0}, "either the number of a frame"),
+        ("spindel", {"frame": 0}, "no muscle 'spindel' in the result; did you mean 'spindle'"),
+    ],
+)
+def test_what_is_not_there_is_said(result, name, asked, words):
+    for ask in (result.muscle, result.fibres):
+        with pytest.raises(ValueError, match=words):
+            ask(name, **asked)
+
+
+def test_what_comes_back_is_pyvistas(result):
+    assert isinstance(result.muscle("spindle", frame=1), pyvista.PolyData)
+    assert isinstance(result.rest_fibres("spindle"), pyvista.PolyData)
+    assert isinstance(result.bones(frame=1), pyvista.MultiBlock)
+    assert "FixedTo" in result.rest_muscle("plain").point_data
+
+
+def test_lengths_and_figures_are_tables(result, out):
+    lengths, frames = result.length_table(), result.frame_table()
+    written = list(csv.DictReader((out / "lengths.csv").read_text().splitlines()))
+    assert lengths["length_mm"].tolist() == [float(row["length_mm"]) for row in written]
+    assert lengths["time"].tolist() == [float(row["time"]) for row in written]
+    assert lengths["frame"][:FRAMES].tolist() == list(range(FRAMES))
+    assert frames["muscle"].tolist() == ["spindle"] * FRAMES + ["plain"] * FRAMES
+    rows = result.report["muscles"]["plain"]["frames"]
+    assert frames["volume_ratio"][FRAMES:].tolist() == [row["volume_ratio"] for row in rows]
+    assert np.isnan(frames["fibres_outside_max_mm"][FRAMES:]).all()
+
+
 # ------------------------------------------------------------------------------- what comes back
 
 
@@ -82,11 +135,11 @@ def test_the_result_has_every_frame_of_every_muscle(result):
     assert result.times == [0, 5, 10, 15, 20]
     assert result.lengths.keys() == {"spindle"}
     assert result.lengths["spindle"].shape == (FRAMES, 6)
-    assert result.fibres("plain", 0) is None
+    assert result.fibres("plain", frame=0) is None
     for i in range(FRAMES):
-        assert result.fibres("spindle", i).GetNumberOfCells() == 6
+        assert result.fibres("spindle", frame=i).GetNumberOfCells() == 6
         for name in result.muscle_names:
-            muscle = result.muscle(name, i)
+            muscle = result.muscle(name, frame=i)
             assert np.isfinite(points_of(muscle)).all()
             assert set(point_array(muscle, "FixedTo", name)) == {-1, 0, 1}
 
@@ -96,20 +149,25 @@ def test_muscles_move_with_their_bones_and_keep_their_volume(result):
         rest = result.rest_muscle(name)
         triangles, volume = triangles_of(rest, name), signed_volume(points_of(rest), triangles_of(rest, name))
         for i in range(FRAMES):
-            points = points_of(result.muscle(name, i))
+            points = points_of(result.muscle(name, frame=i))
             assert signed_volume(points, triangles) == pytest.approx(volume, rel=0.01)
-            now = result.bones(i).GetBlock(1).GetFieldData().GetArray("Transform")
+            now = result.bones(frame=i).GetBlock(1).GetFieldData().GetArray("Transform")
             transform = np.array([now.GetValue(j) for j in range(16)]).reshape(4, 4)
             held = point_array(rest, "FixedTo", name) == 1
             np.testing.assert_allclose(
                 points[held], apply_transform(transform, points_of(rest)[held]), atol=1e-6
             )
-    assert np.abs(points_of(result.muscle("spindle", 4)) - points_of(result.muscle("spindle", 0))).max() > 5.0
+    assert (
+        np.abs(
+            points_of(result.muscle("spindle", frame=4)) - points_of(result.muscle("spindle", frame=0))
+        ).max()
+        > 5.0
+    )
 
 
 def test_lengths_are_those_of_the_fibres(result):
     for i in range(FRAMES):
-        lines = polylines_of(result.fibres("spindle", i), "fibres")
+        lines = polylines_of(result.fibres("spindle", frame=i), "fibres")
         np.testing.assert_allclose(
             result.lengths["spindle"][i], polyline_lengths(lines.points, lines.offsets)
         )
@@ -143,7 +201,7 @@ def test_the_report_says_what_the_geometry_says(result, scene):
     triangles = triangles_of(rest, "plain")
     edges = unique_edges(triangles)
     for i, row in enumerate(rows):
-        points = points_of(result.muscle("plain", i))
+        points = points_of(result.muscle("plain", frame=i))
         stretch = edge_lengths(points, edges) / edge_lengths(points_of(rest), edges)
         volume = signed_volume(points, triangles) / signed_volume(points_of(rest), triangles)
         assert (row["frame"], row["time"]) == (i, result.times[i])
@@ -161,7 +219,7 @@ def test_the_report_says_what_the_geometry_says(result, scene):
     assert parameters["solver"]["iterations"] == 3
     assert parameters["fixing"]["method"] == "attachment"
     assert parameters["fibres"]["n_fibres"] == 6
-    assert parameters["fibres"]["prune"] == 0.3
+    assert parameters["fibres"]["weight_tolerance"] == 0.3
     fibres = result.report["muscles"]["spindle"]["fibres"]
     assert fibres["points_inside"] + fibres["points_outside"] == fibres["points"] == 6 * 6
     assert fibres["points_inside"] >= 0.95 * fibres["points"]
@@ -219,12 +277,12 @@ def test_what_is_written_is_the_result_bit_for_bit(result, out):
         assert reader.time_values == result.times
         for i, time in enumerate(result.times):
             reader.set_active_time_value(time)
-            np.testing.assert_array_equal(reader.read()[0].points, points_of(result.muscle(name, i)))
+            np.testing.assert_array_equal(reader.read()[0].points, points_of(result.muscle(name, frame=i)))
     fibres = read_polydata(out / "spindle_fibres/spindle_fibres_0004.vtp")
-    np.testing.assert_array_equal(points_of(fibres), points_of(result.fibres("spindle", 4)))
+    np.testing.assert_array_equal(points_of(fibres), points_of(result.fibres("spindle", frame=4)))
     bones = pyvista.get_reader(out / "bones.pvd")
     bones.set_active_time_value(20.0)
-    for block, mine in zip(bones.read(), (result.bones(4).GetBlock(i) for i in range(2)), strict=True):
+    for block, mine in zip(bones.read(), (result.bones(frame=4).GetBlock(i) for i in range(2)), strict=True):
         np.testing.assert_array_equal(block.points, points_of(mine))
 
 
@@ -291,7 +349,7 @@ def test_frames_are_the_same_whichever_are_kept(frames, result, scene, tmp_path)
     for i in range(2):
         for name in some.muscle_names:
             np.testing.assert_array_equal(
-                points_of(some.muscle(name, i)), points_of(result.muscle(name, i + 2))
+                points_of(some.muscle(name, frame=i + 2)), points_of(result.muscle(name, frame=i + 2))
             )
     np.testing.assert_array_equal(some.lengths["spindle"], result.lengths["spindle"][2:4])
     assert [row["frame"] for row in some.report["muscles"]["plain"]["frames"]] == [2, 3]
@@ -334,7 +392,8 @@ def test_the_result_does_not_depend_on_the_number_of_workers(result, scene):
     alone = scene.run(workers=1)
     for name in result.muscle_names:
         for i in range(FRAMES):
-            np.testing.assert_array_equal(points_of(alone.muscle(name, i)), points_of(result.muscle(name, i)))
+            one, other = (points_of(run.muscle(name, frame=i)) for run in (alone, result))
+            np.testing.assert_array_equal(one, other)
     np.testing.assert_array_equal(alone.lengths["spindle"], result.lengths["spindle"])
     with pytest.raises(ValueError, match="workers is 0"):
         scene.run(workers=0)
@@ -377,12 +436,14 @@ def in_metres(scene):
 
 def test_a_scene_in_metres_reports_the_same_millimetres(scene):
     # Where two fibre segments are equally near, rounding decides which one gives an edge its direction.
-    scene = replace(scene, solver={"iterations": 3, "anisotropy": False})
+    scene = replace(scene, solver={"iterations": 3, "anisotropy": "off"})
     result, other = scene.run(), in_metres(scene).run()
     np.testing.assert_allclose(other.lengths["spindle"], result.lengths["spindle"], rtol=1e-6)
     for name in result.muscle_names:
         np.testing.assert_allclose(
-            1000.0 * points_of(other.muscle(name, 4)), points_of(result.muscle(name, 4)), atol=1e-5
+            1000.0 * points_of(other.muscle(name, time=20.0)),
+            points_of(result.muscle(name, frame=4)),
+            atol=1e-5,
         )
         mine, yours = result.report["muscles"][name], other.report["muscles"][name]
         assert yours["volume_mm3"] == pytest.approx(mine["volume_mm3"])
@@ -419,7 +480,7 @@ def test_figures_are_moved_into_place(scene, tmp_path, monkeypatch):
         (folder / "volume.png").write_bytes(b"png")
 
     monkeypatch.setattr(vtkmuscle.plotting, "can_render", lambda: None)
-    monkeypatch.setattr(vtkmuscle.plotting, "write_figures", draw)
+    monkeypatch.setattr("vtkmuscle.run.figures.write_figures", draw)
     scene.run(tmp_path, frames=0)
     (tmp_path / "figures/mine.png").write_bytes(b"")
     result = scene.run(tmp_path, frames=0)
@@ -441,7 +502,7 @@ def finished(folder, name):
 
 
 @pytest.mark.parametrize(
-    "error", [ValueError("bad shape; try another"), RuntimeError("a fault"), MemoryError()]
+    "error", [InputError("", "bad shape", "try another"), RuntimeError("a fault"), MemoryError()]
 )
 def test_a_fault_in_a_frame_leaves_the_finished_ones(error, scene, tmp_path, monkeypatch):
     whole = MuscleMeasure.frame
@@ -459,7 +520,7 @@ def test_a_fault_in_a_frame_leaves_the_finished_ones(error, scene, tmp_path, mon
     with pytest.raises(expected) as caught:
         scene.run(tmp_path, workers=1, figures=False)
     if expected is SceneError:
-        assert (caught.value.key, caught.value.mend) == ("muscles.spindle", "try another")
+        assert (caught.value.key, caught.value.remedy) == ("muscles.spindle", "try another")
         assert caught.value.__cause__ is error
     assert finished(tmp_path, "spindle") == [0.0, 5.0]
     assert finished(tmp_path, "spindle_fibres") == [0.0, 5.0]
@@ -484,7 +545,7 @@ def test_a_run_that_is_stopped_does_not_keep_an_earlier_report(scene, tmp_path, 
 
 
 def test_a_failure_of_a_filter_names_the_muscle(scene):
-    far = replace(scene, fixing={"method": "proximity", "tolerance": 1e-9})
+    far = replace(scene, fixing={"method": "proximity", "distance": 1e-9})
     with pytest.raises(SceneError, match=r"scene\.toml: muscles\.(spindle|plain): FixedPointDetector"):
         far.run()
 
@@ -546,8 +607,8 @@ def test_the_main_job_on_the_real_hip(lhdl_hip):
             assert row["penetration_p95_mm"] <= 0.1
             assert row["penetration_max_mm"] <= 0.5
         for i in (0, 22, 45):
-            assert np.isfinite(points_of(result.muscle(name, i))).all()
-            assert np.isfinite(points_of(result.fibres(name, i))).all()
+            assert np.isfinite(points_of(result.muscle(name, frame=i))).all()
+            assert np.isfinite(points_of(result.fibres(name, frame=i))).all()
     # The iliacus gets shorter; where it may not give way along its fibres it coils up like a spring.
-    rest, bent = (cell_array(result.fibres("iliacus", i), "Tortuosity", "iliacus") for i in (0, 45))
+    rest, bent = (cell_array(result.fibres("iliacus", frame=i), "Tortuosity", "iliacus") for i in (0, 45))
     assert (bent / rest).max() < 1.15

@@ -12,13 +12,12 @@ from scipy.spatial.transform import Rotation
 from tiny_scene import write_tiny_scene
 from typer.testing import CliRunner
 
-from vtkmuscle import phantoms
+from vtkmuscle import Scene, SceneError, phantoms
 from vtkmuscle.cli import app
 from vtkmuscle.core.attachments.rings import ring_length, short_ring
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import points_of, surface_from, with_points
 from vtkmuscle.io import read_landmarks
-from vtkmuscle.scene import Scene, SceneError
 from vtkmuscle.scene.sense import check_sense
 
 PAGE = Path(__file__).parents[1] / "docs/sense.rst"
@@ -268,7 +267,7 @@ def test_the_command_line_says_it(tmp_path):
 def test_a_muscle_that_is_all_fixed_is_said_to_be(tmp_path):
     scene = Scene.load(write_tiny_scene(tmp_path))
     with pytest.warns(UserWarning, match="none is free"):
-        replace(scene, fixing={"method": "proximity", "tolerance": 1000.0}).run(frames="0:1", figures=False)
+        replace(scene, fixing={"method": "proximity", "distance": 1000.0}).run(frames="0:1", figures=False)
 
 
 def test_a_decimal_comma_is_seen(tmp_path):

@@ -14,22 +14,35 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from vtkmuscle._version import __version__
+
 if TYPE_CHECKING:
     from vtkmuscle import filters, phantoms, pipelines, plotting
+    from vtkmuscle.core.errors import InputError
     from vtkmuscle.core.motion.rigid import RigidMotion, hinge
-    from vtkmuscle.scene import Scene, SceneError
-
-__version__ = "0.1.0"
+    from vtkmuscle.run.moment_arms import MomentArmTable
+    from vtkmuscle.run.result import Result
+    from vtkmuscle.scene.data import Muscle
+    from vtkmuscle.scene.faults import SceneError
+    from vtkmuscle.scenes import Scene
 
 _MODULES = ("filters", "phantoms", "pipelines", "plotting")
 _SOURCES = {
     "RigidMotion": "vtkmuscle.core.motion.rigid",
     "hinge": "vtkmuscle.core.motion.rigid",
-    "Scene": "vtkmuscle.scene",
-    "SceneError": "vtkmuscle.scene",
+    "InputError": "vtkmuscle.core.errors",
+    "MomentArmTable": "vtkmuscle.run.moment_arms",
+    "Muscle": "vtkmuscle.scene.data",
+    "Result": "vtkmuscle.run.result",
+    "Scene": "vtkmuscle.scenes",
+    "SceneError": "vtkmuscle.scene.faults",
 }
 
 __all__ = [
+    "InputError",
+    "MomentArmTable",
+    "Muscle",
+    "Result",
     "RigidMotion",
     "Scene",
     "SceneError",

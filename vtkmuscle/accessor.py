@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pyvista
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData
 
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import Polylines, blocks_of, polylines_from
-from vtkmuscle.data.attachments import AttachmentArea, attachments_from, landmarks_of
+from vtkmuscle.data.attachments import AttachmentArea, landmarks_of
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.fibre_tubes import FibreTubes
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
@@ -46,11 +46,11 @@ class MuscleAccessor:
     >>> phantom = spindle_over_hinge()
     >>> mesh = pv.wrap(phantom.muscles["spindle"])
     >>> attachments = phantom.attachments["spindle"]
-    >>> fibres = mesh.muscle.decompose(attachments=attachments, n_fibres=10)
+    >>> fibres = mesh.muscle.fibres(attachments=attachments, n_fibres=10)
     >>> fibres.muscle.fibre_lengths().shape
     (10,)
-    >>> fixed = mesh.muscle.fix(phantom.bones, attachments=attachments)
-    >>> bent = fixed.muscle.deform(phantom.bones, phantom.motion, time=10.0, iterations=3)
+    >>> fixed = mesh.muscle.fixed(phantom.bones, attachments=attachments)
+    >>> bent = fixed.muscle.deformed(phantom.bones, phantom.motion, time=10.0, iterations=3)
     >>> bool(abs(bent.volume / mesh.volume - 1.0) < 0.01)
     True
     """
@@ -58,13 +58,13 @@ class MuscleAccessor:
     def __init__(self, mesh: Any) -> None:
         self._mesh = mesh
 
-    def fix(
+    def fixed(
         self,
         bones: Any,
         *,
         origin: Landmarks = None,
         insertion: Landmarks = None,
-        attachments: vtkMultiBlockDataSet | None = None,
+        attachments: Any = None,
         **parameters: Any,
     ) -> Any:
         """Return the muscle with its fixed points marked, by FixedPointDetector.
@@ -76,10 +76,10 @@ class MuscleAccessor:
         origin, insertion : mapping of str to landmarks, optional
             Per bone the landmarks of an attachment area: a (k, 3) array or a polyline, [mm]; a ring ends at
             the point it began with.
-        attachments : vtkMultiBlockDataSet, optional
-            The areas as one data set, instead of ``origin`` and ``insertion``.
+        attachments : vtkMultiBlockDataSet or sequence of AttachmentArea, optional
+            The areas as one, instead of ``origin`` and ``insertion``.
         **parameters
-            Of :class:`~vtkmuscle.filters.FixedPointDetector`: ``method``, ``tolerance``.
+            Of :class:`~vtkmuscle.filters.FixedPointDetector`: ``method``, ``distance``.
 
         Returns
         -------
@@ -93,10 +93,10 @@ class MuscleAccessor:
         ValueError
             If a bone is not named, or as FixedPointDetector.
         """
-        bones, areas = _at_rest(bones, origin, insertion, attachments)
-        return FixedPointDetector(**parameters).apply(self._mesh, bones, areas)
+        areas = _areas(origin, insertion, attachments, _names(bones))
+        return FixedPointDetector(muscle=self._mesh, bones=bones, attachments=areas, **parameters).apply()
 
-    def deform(
+    def deformed(
         self,
         bones: Any,
         motion: RigidMotion,
@@ -105,7 +105,8 @@ class MuscleAccessor:
         fibres: Any = None,
         origin: Landmarks = None,
         insertion: Landmarks = None,
-        attachments: vtkMultiBlockDataSet | None = None,
+        attachments: Any = None,
+        fixing: Mapping[str, Any] | None = None,
         **solver: Any,
     ) -> Any:
         """Return the muscle deformed with the bones, by BoneMotion and PBDDeformer.
@@ -117,11 +118,13 @@ class MuscleAccessor:
         motion : RigidMotion
             How they move.
         time : float, optional
-            When; the last time of the motion by default.
+            When; the last time step of the motion by default.
         fibres : vtkPolyData, optional
             Fibres at rest, for the anisotropy.
         origin, insertion, attachments
-            As of :meth:`fix`; not needed where the mesh has the point array ``FixedTo``.
+            As of :meth:`fixed`; not needed where the mesh has the point array ``FixedTo``.
+        fixing : mapping, optional
+            Parameters of FixedPointDetector; not needed where the mesh has ``FixedTo``.
         **solver
             Parameters of :class:`~vtkmuscle.filters.PBDDeformer`.
 
@@ -137,17 +140,18 @@ class MuscleAccessor:
         ValueError
             As FixedPointDetector and PBDDeformer.
         """
-        bones, areas = _at_rest(bones, origin, insertion, attachments)
-        fixed = None if areas is None and "FixedTo" in self._mesh.point_data else "attachment"
-        chain = deform(self._mesh, bones, motion, areas, fibres=fibres, fixed=fixed, **solver)
-        return chain.apply(time=float(motion.times[-1]) if time is None else time)
+        areas = _areas(origin, insertion, attachments, _names(bones))
+        marked = areas is None and fixing is None and "FixedTo" in self._mesh.point_data
+        return deform(
+            self._mesh, bones, motion, areas, fibres=fibres, fixing=None if marked else fixing or {}, **solver
+        ).apply(time=time)
 
-    def decompose(
+    def fibres(
         self,
         *,
         origin: Landmarks = None,
         insertion: Landmarks = None,
-        attachments: vtkMultiBlockDataSet | None = None,
+        attachments: Any = None,
         **settings: Any,
     ) -> Any:
         """Return fibres that fill the muscle, by the chain of :func:`vtkmuscle.pipelines.decompose`.
@@ -156,10 +160,10 @@ class MuscleAccessor:
         ----------
         origin, insertion : landmarks, or mapping of str to landmarks
             Of the attachment areas: a (k, 3) array or a polyline, [mm]; several by the names of their bones.
-        attachments : vtkMultiBlockDataSet, optional
-            The areas as one data set, instead of ``origin`` and ``insertion``.
+        attachments : vtkMultiBlockDataSet or sequence of AttachmentArea, optional
+            The areas as one, instead of ``origin`` and ``insertion``.
         **settings
-            Of decompose: ``template``, ``n_fibres``, ``resolution`` and so on.
+            Of that chain: ``template``, ``n_fibres``, ``resolution`` and so on.
 
         Returns
         -------
@@ -175,7 +179,7 @@ class MuscleAccessor:
         """
         areas = _areas(origin, insertion, attachments, None)
         if areas is None:
-            raise ValueError("mesh.muscle.decompose: give origin= and insertion=, or attachments=")
+            raise ValueError("mesh.muscle.fibres: give origin= and insertion=, or attachments=")
         return decompose(self._mesh, areas, **settings).apply()
 
     def fibre_lengths(self) -> Floats:
@@ -198,17 +202,12 @@ class MuscleAccessor:
         return FibreTubes(**parameters).apply(self._mesh)
 
 
-def _at_rest(
-    bones: Any, origin: Landmarks, insertion: Landmarks, attachments: vtkMultiBlockDataSet | None
-) -> tuple[Any, vtkMultiBlockDataSet | None]:
-    """Return bones and attachment areas as filters take them."""
-    blocks = pyvista.MultiBlock(dict(bones)) if isinstance(bones, Mapping) else bones
-    return blocks, _areas(origin, insertion, attachments, [name for name, _ in blocks_of(blocks)])
+def _names(bones: Any) -> list[str]:
+    """Return the names of bones, in a mapping or in named blocks."""
+    return list(bones) if isinstance(bones, Mapping) else [name for name, _ in blocks_of(bones)]
 
 
-def _areas(
-    origin: Landmarks, insertion: Landmarks, attachments: vtkMultiBlockDataSet | None, bones: list[str] | None
-) -> vtkMultiBlockDataSet | None:
+def _areas(origin: Landmarks, insertion: Landmarks, attachments: Any, bones: list[str] | None) -> Any:
     """Return attachment areas as filters take them; bones are the names to choose from, where it matters."""
     given = {"origin": origin, "insertion": insertion}
     if attachments is not None:
@@ -229,7 +228,7 @@ def _areas(
         for bone, where in landmarks.items():
             points, closed = landmarks_of(_polyline(where), f"mesh.muscle: {role} on {bone!r}")
             areas.append(AttachmentArea(role, bone, points, closed))
-    return attachments_from(areas) if areas else None
+    return areas or None
 
 
 def _polyline(landmarks: Any) -> vtkPolyData:

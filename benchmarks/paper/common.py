@@ -27,14 +27,14 @@ from vtkmuscle import RigidMotion, Scene, phantoms
 from vtkmuscle.core.mesh.surface import edge_lengths
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.data.arrays import checked_surface, field_array, points_of
-from vtkmuscle.filters import FibreTransport, FixedPointDetector
-from vtkmuscle.pipelines import PRUNE, decompose, deform
+from vtkmuscle.filters import FixedPointDetector
+from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.plotting import can_render, choose_view, make_plotter
 from vtkmuscle.plotting.views import View
+from vtkmuscle.run import muscle_pipeline
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from muscle_problem import data_folder
-from published import P21
 
 Floats = NDArray[np.float64]
 
@@ -74,28 +74,19 @@ class Table:
         return "\n".join([*lines, ""])
 
 
-class Chain:
-    """A muscle that follows its bones, with what it is made of.
+#: The settings of Kohout and Cervenka 2021; the number of iterations differs between their experiments.
+P21: dict[str, Any] = {"quality": "published"}
 
-    Attributes
-    ----------
-    marked, fibres, deformer, transport
-        The muscle with its fixed points, its fibres at rest, and the filters that move the two.
-    """
+
+class Chain(MusclePipeline):
+    """A muscle that follows its bones, with fixed points and fibres at rest as data."""
 
     def __init__(self, case: Case, name: str, surface: Any, fixing: dict[str, Any], solver: dict[str, Any]):
-        scene = case.scene
-        areas = scene.attachments_data(name)
-        self.marked = FixedPointDetector(**fixing).apply(surface, scene.bones_data(), areas)
-        self.fibres = case.fibres(name)
-        self.deformer = deform(
-            self.marked, scene.bones_data(), case.motion, fibres=self.fibres, fixed=None, **solver
-        )
-        # P21 carries fibres with all weights (its eq. 8); a run with those that matter.
-        theirs = solver.get("order") == P21["order"]
-        self.transport = FibreTransport(prune=0.0 if theirs else PRUNE)
-        for port, value in enumerate((self.fibres, self.marked, self.deformer)):
-            self.transport.connect(port, value)
+        bones, areas = case.scene.bones_data(), case.scene.attachments_data(name)
+        fixed = FixedPointDetector(**fixing).apply(surface, bones, areas)
+        super().__init__(fixed, bones, case.motion, fibres=case.fibres(name), solver=solver)
+        if solver.get("quality") == P21["quality"]:
+            self.transport.weight_tolerance = 0.0  # P21 carries fibres with all weights (its eq. 8)
         self._times = case.motion.times
 
     def at(self, degrees: float) -> Any:
@@ -164,9 +155,8 @@ class Case:
     def fibres(self, name: str) -> Any:
         """Return the fibres of a muscle at rest: 100 of 15 segments, as in P21."""
         if name not in self._fibres:
-            muscle = self.scene.muscles[name]
-            chain = decompose(muscle.surface, self.scene.attachments_data(name), **(muscle.fibres or {}))
-            self._fibres[name] = pv.wrap(chain.update().output).copy()
+            fibres = muscle_pipeline(self.scene, name).fibres
+            self._fibres[name] = pv.wrap(fibres.update().output).copy()
         return self._fibres[name]
 
     def chain(

@@ -78,10 +78,10 @@ def tables(case: Case) -> list[Table]:
             fibres = make()
             if name not in transports:
                 transports[name] = FibreTransport()
-                transports[name](at_rest[name], chain.marked, muscle)  # the weights, once
+                transports[name](at_rest[name], chain.fixed, muscle)  # the weights, once
             transport = transports[name]
-            carried += least(lambda t=transport, n=name, c=chain, m=muscle: t(at_rest[n], c.marked, m.copy()))
-            along = transport(at_rest[name], chain.marked, muscle)
+            carried += least(lambda t=transport, n=name, c=chain, m=muscle: t(at_rest[n], c.fixed, m.copy()))
+            along = transport(at_rest[name], chain.fixed, muscle)
             for found, made in zip(lengths, (fibres, along), strict=True):
                 lines = polylines_of(made, name)
                 found += list(polyline_lengths(lines.points, lines.offsets) * case.scene.millimetres)

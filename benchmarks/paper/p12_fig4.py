@@ -19,7 +19,7 @@ def tables(case: Case) -> list[Table]:
     columns += ("angle to the axis [degrees]", "nearest starts / ideal")
     table = Table("Fig. 4: templates, 100 fibres", columns)
     for kind in TEMPLATES:
-        template = FibreTemplateSource(kind=kind, n_fibres=100, resolution=19)()
+        template = FibreTemplateSource(template=kind, n_fibres=100, resolution=19)()
         lines = polylines_of(template, kind)
         first, last = lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1]
         run = last - first

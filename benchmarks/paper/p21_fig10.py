@@ -40,8 +40,8 @@ def tables(case: Case) -> list[Table]:
         joint = Acetabulum(case.scene)
     row = []
     for title, (published, fixed, settings) in cases.items():
-        fixing = {"method": fixed, "n_max": FINE} if fixed == "collision" else {"method": fixed}
-        chain = case.chain("iliacus", fixing=fixing, penetration=True, **settings)
+        fixing = {"method": fixed, "n_voxels": FINE} if fixed == "collision" else {"method": fixed}
+        chain = case.chain("iliacus", fixing=fixing, measure_penetration=True, **settings)
         bones, muscle = chain.pose(6.0 if case.short else FLEXION)
         inside = "" if joint is None else int((joint.depth(points_of(muscle)) > 0.0).sum())
         table.add(

@@ -23,7 +23,7 @@ from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.io import read_motion_table
-from vtkmuscle.pipelines import deform
+from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.plotting.sheets import curves
 
 PUBLISHED_A = {"gluteus_maximus": -0.042, "gluteus_medius": 0.0, "iliacus": -0.024}
@@ -66,13 +66,11 @@ def poses_of(case: Case) -> Poses:
 def deformed_lengths(case: Case, name: str, poses: Poses, settings: dict[str, Any]) -> Floats:
     """Return the lengths of our fibres in the deformed muscle, (angles, fibres) [mm]."""
     chain = case.chain(name)
-    deformer = deform(
-        chain.marked, case.scene.bones_data(), poses.motion, fibres=chain.fibres, fixed=None, **settings
-    )
-    chain.transport.connect(2, deformer)
+    bones = case.scene.bones_data()
+    moved = MusclePipeline(chain.fixed, bones, poses.motion, fibres=chain.fibres, solver=settings)
     found = []
     for time in poses.times:
-        lines = polylines_of(chain.transport.update(time=time).output, name)
+        lines = polylines_of(moved.transport.update(time=time).output, name)
         found.append(polyline_lengths(lines.points, lines.offsets))
     return np.array(found) * case.scene.millimetres
 

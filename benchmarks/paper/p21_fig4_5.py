@@ -29,10 +29,10 @@ def tables(case: Case) -> list[Table]:
     mm = case.scene.millimetres
     detectors = {
         "attachment": {"method": "attachment"},
-        "collision": {"method": "collision", "n_max": EQUAL},
+        "collision": {"method": "collision", "n_voxels": EQUAL},
         "proximity, mean edge": {"method": "proximity"},
-        "proximity, 0.5 mm": {"method": "proximity", "tolerance": 0.5 / mm},
-        "proximity, 1 mm": {"method": "proximity", "tolerance": 1.0 / mm},
+        "proximity, 0.5 mm": {"method": "proximity", "distance": 0.5 / mm},
+        "proximity, 1 mm": {"method": "proximity", "distance": 1.0 / mm},
     }
     columns = ("muscle", "method", "published", "fixed points", f"of these > {FAR:g} mm from the areas")
     table = Table("Figs. 4 and 5: fixed points", columns)

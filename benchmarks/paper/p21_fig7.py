@@ -22,7 +22,7 @@ from published_loop import run
 from vtkmuscle import RigidMotion
 from vtkmuscle.core.mesh.surface import edge_lengths
 from vtkmuscle.core.mesh.topology import mesh_topology
-from vtkmuscle.core.pbd import solver
+from vtkmuscle.core.pbd import orders, solver
 from vtkmuscle.core.pbd.anisotropy import edge_stiffness, fibre_directions_at
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, polylines_of
 from vtkmuscle.pipelines import deform
@@ -37,18 +37,18 @@ def recorded(moves: list[float]) -> Iterator[None]:
     """Note the mean distance that points are moved by from the iterate before, iteration by iteration."""
 
     def noting(original: Any) -> Any:
-        def iterate(self: Any, p: Any, *arguments: Any, **keywords: Any) -> Any:
+        def project(self: Any, p: Any, *arguments: Any, **keywords: Any) -> Any:
             before = p.copy()
             result = original(self, p, *arguments, **keywords)
             moves.append(float(np.linalg.norm(p - before, axis=1).mean()))
             return result
 
-        return iterate
+        return project
 
-    orders = (solver.SequentialOrder, solver.ColourOrder)
+    one_by_one, colours = orders.SequentialOrder, orders.ColourOrder
     with (
-        mock.patch.object(orders[0], "iterate", noting(orders[0].iterate)),
-        mock.patch.object(orders[1], "iterate", noting(orders[1].iterate)),
+        mock.patch.object(one_by_one, "project", noting(one_by_one.project)),
+        mock.patch.object(colours, "project", noting(colours.project)),
     ):
         yield
 
@@ -116,7 +116,7 @@ def in_each_iteration(case: Case, iterations: int, settings: dict[str, Any]) -> 
     )
     settings = {**settings, "iterations": 1}
     deformer = deform(
-        chain.marked, case.scene.bones_data(), motion, fibres=chain.fibres, fixed=None, **settings
+        chain.fixed, case.scene.bones_data(), motion, fibres=chain.fibres, fixing=None, **settings
     )
     before, moves, longest = points_of(deformer.update(time=0.0).output).copy(), [], None
     for time in motion.times[1:]:
@@ -136,7 +136,7 @@ def in_each_iteration(case: Case, iterations: int, settings: dict[str, Any]) -> 
 def published_code(case: Case, iterations: int) -> tuple[Trace, float]:
     """Trace the loop of the published code; return also the share of dihedral angles that it corrects."""
     chain = case.chain(case.adductor)
-    points, triangles = checked_surface(chain.marked, case.adductor)
+    points, triangles = checked_surface(chain.fixed, case.adductor)
     edges = mesh_topology(len(points), triangles).edges
     lines = polylines_of(chain.fibres, case.adductor)
     directions = fibre_directions_at(points[edges].mean(axis=1), lines.points, lines.offsets)
@@ -145,7 +145,7 @@ def published_code(case: Case, iterations: int) -> tuple[Trace, float]:
     for angle in angles:
         now = case.motion.at(float(case.motion.times[round(angle / STEP)]))
         poses.append([now.get(bone, np.eye(4)) for bone in case.scene.bones])
-    fixed_to = point_array(chain.marked, "FixedTo", case.adductor)
+    fixed_to = point_array(chain.fixed, "FixedTo", case.adductor)
     stiffness = edge_stiffness(points, edges, directions)
     moves, share, end = run(points, triangles, np.asarray(fixed_to), stiffness, np.array(poses), iterations)
     longest = float((edge_lengths(end, edges) / edge_lengths(points, edges)).max())

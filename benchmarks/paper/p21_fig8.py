@@ -31,7 +31,7 @@ def tables(case: Case) -> list[Table]:
         kinds = []
         for anisotropy in ("off", "stiffness"):
             settings = {**P21, "anisotropy": anisotropy}
-            fixing = {"method": fixed, "n_max": FINE}
+            fixing = {"method": fixed, "n_voxels": FINE}
             poses = [
                 case.chain(case.adductor, fixing=fixing, iterations=count, **settings).pose(flexion)
                 for count in counts

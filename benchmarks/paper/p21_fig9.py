@@ -19,8 +19,7 @@ from scipy.sparse.csgraph import dijkstra
 from vtkmuscle import RigidMotion
 from vtkmuscle.core.mesh.surface import edge_lengths
 from vtkmuscle.core.mesh.topology import mesh_topology
-from vtkmuscle.core.pbd.coarse import decimate
-from vtkmuscle.data.arrays import checked_surface, point_array, points_of, surface_from
+from vtkmuscle.data.arrays import checked_surface, point_array, points_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.io import read_surface
 from vtkmuscle.pipelines import deform
@@ -37,8 +36,8 @@ def meshes(case: Case) -> dict[str, Any]:
         lite = data_folder() / "muscles_lite"
         coarse = [read_surface(lite / f"adductor_brevis_{n}.vtp") for n in (3000, 1000)]
     else:
-        points, triangles = checked_surface(full, case.adductor)
-        coarse = [surface_from(*decimate(points, triangles, n)) for n in (800, 400)]
+        triangles = pv.wrap(full).n_cells  # of a closed surface: twice as many as points
+        coarse = [pv.wrap(full).decimate(1.0 - 2.0 * n / triangles) for n in (800, 400)]
     return dict(zip(("full", "L1", "L2"), (full, *coarse), strict=True))
 
 
@@ -63,10 +62,10 @@ def moved_on(case: Case, surface: Any, flexion: float, held: int) -> tuple[Any, 
     motion = RigidMotion(np.arange(float(len(frames))), poses)
     settings = {**P21, "iterations": ITERATIONS}
     deformer = deform(
-        chain.marked, case.scene.bones_data(), motion, fibres=chain.fibres, fixed=None, **settings
+        chain.fixed, case.scene.bones_data(), motion, fibres=chain.fibres, fixing=None, **settings
     )
     now = pv.wrap(deformer.update(time=float(reached)).output).copy()
-    return chain.marked, now, pv.wrap(deformer.update(time=float(reached + held)).output).copy()
+    return chain.fixed, now, pv.wrap(deformer.update(time=float(reached + held)).output).copy()
 
 
 def why(case: Case, surfaces: dict[str, Any], flexion: float) -> Table:

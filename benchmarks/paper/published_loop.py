@@ -114,7 +114,7 @@ def run(
         for _ in range(iterations):
             v *= DAMPING
             p = x + v
-            constraints.project_distance(p, w, edges, lengths, powers)
+            constraints.sweep_distances(p, w, edges, lengths, powers)
             # Fixed points take their part of the volume's correction there, and are put back.
             constraints.project_volume(p, ones, triangles, volume, 0.0, 1.0, gradient)
             corrected += _project_angles(p, w, quads, angles)

@@ -88,7 +88,7 @@ def test_linear_blend_fibres(measured, hip):
     )
 
 
-@pytest.mark.parametrize("collision", ["none", "sdf", "voxel"])
-@pytest.mark.parametrize("solver", ["gauss-seidel", "anderson", "two-level"])
+@pytest.mark.parametrize("collision", ["off", "sdf", "voxel"])
+@pytest.mark.parametrize("solver", ["gauss-seidel", "anderson"])
 def test_pbd_deformer_over_5_frames(measured, hip, solver, collision):
     measured(lambda: hip.frames(5, solver=solver, collision=collision), rounds=FEW)

@@ -11,20 +11,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench_kernels import SHAPE_STIFFNESS
+from bench_kernels import edges_of
 from problems import held_torus
-
-from vtkmuscle.core.pbd.batched_iteration import BatchedIteration
-from vtkmuscle.core.pbd.batches import pack
 
 TRIANGLES, ROUNDS = 17_000, 30
 
 
 def test_distance_and_bending(measured, benchmark, request, tmp_path):
     points, mass, topology, moved = held_torus(TRIANGLES)
-    iteration = BatchedIteration(pack(topology, points, mass, shape_stiffness=SHAPE_STIFFNESS), threads=1)
-    records = iteration.muscle.records(moved)
-    measured(lambda: iteration.edges(records), rounds=ROUNDS)
+    measured(edges_of(topology, points, mass, moved), rounds=ROUNDS)
     python = request.config.getoption("pypbd")
     if python is None:
         pytest.skip("--pypbd was not given; ours was measured")

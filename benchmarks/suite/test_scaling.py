@@ -1,4 +1,4 @@
-"""How time grows: with triangles, fibres, bones and frames, and what two threads gain.
+"""How time grows: with triangles, fibres, bones and frames.
 
 ``scale`` and ``size`` of the ``extra_info`` say of what and at which size; ``benchmarks/guard.py`` makes
 powers of them.
@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import pytest
 from problems import iteration_of, steps_of
-
-from vtkmuscle.core.pbd.batched_iteration import available_threads
 
 ROUNDS, FEW = 15, 2
 #: Steps take longer than an iteration by far.
@@ -54,12 +52,3 @@ def test_bones_far_away(measured, hip, n_bones):
 @pytest.mark.parametrize("frames", [5, 40])
 def test_frames(measured, hip, frames):
     measured(lambda: hip.frames(frames), rounds=FEW, scale="frames", size=frames)
-
-
-@pytest.mark.parametrize("threads", [1, 2])
-def test_threads(measured, within, threads):
-    within(100_000)
-    if threads > available_threads():
-        pytest.skip("there is one processor only")
-    run = iteration_of(100_000, threads=threads)
-    measured(run, rounds=ROUNDS, scale="threads, 100 000 triangles", size=threads)

@@ -1,10 +1,12 @@
-"""What these docs need beyond Sphinx: kernels shown as functions, bars in docstrings, the filter table."""
+"""What these docs need beyond Sphinx: kernels shown as functions, bars in docstrings, lists of filters."""
 
 from __future__ import annotations
 
 import importlib
+import json
 import pkgutil
 import re
+from pathlib import Path
 from typing import Any
 
 from docutils import nodes
@@ -13,6 +15,7 @@ from sphinx.util.docutils import SphinxDirective
 
 import vtkmuscle.core
 import vtkmuscle.filters
+import vtkmuscle.scene.schema
 
 
 def show_kernels_as_functions(app: Sphinx) -> None:
@@ -43,6 +46,17 @@ def escape_bars(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines
             lines[i] = "".join(parts)
 
 
+def write_filter_page(app: Sphinx, config: Any) -> None:
+    """Write the page that lists all filters, for autosummary to find it: no list is kept by hand."""
+    page = Path(app.confdir) / "api" / "filters.rst"
+    lines = ["All filters", "===========", "", ".. currentmodule:: vtkmuscle.filters", "", ".. autosummary::"]
+    lines += ["   :toctree: generated", "   :template: autosummary/filter.rst", ""]
+    lines += [f"   {kind.__name__}" for kind in vtkmuscle.filters.filter_classes()]
+    text = "\n".join([*lines, ""])
+    if not page.exists() or page.read_text(encoding="utf-8") != text:
+        page.write_text(text, encoding="utf-8")
+
+
 class FilterTable(SphinxDirective):
     """``.. filter-table::``: all filters with their ports, from what they declare."""
 
@@ -56,14 +70,8 @@ class FilterTable(SphinxDirective):
             "     - input ports",
             "     - output",
         ]
-        for name in sorted(vtkmuscle.filters.__all__):
-            filter_class = getattr(vtkmuscle.filters, name)
-            base = vtkmuscle.filters.Filter
-            if not (isinstance(filter_class, type) and issubclass(filter_class, base)):
-                continue
-            if filter_class is base:
-                continue
-            lines += [f"   * - :class:`~vtkmuscle.filters.{name}`"]
+        for filter_class in vtkmuscle.filters.filter_classes():
+            lines += [f"   * - :class:`~vtkmuscle.filters.{filter_class.__name__}`"]
             lines += self._cell([self._input(i, port) for i, port in enumerate(filter_class.input_ports)])
             lines += self._cell([f"{port.type_name}: {port.doc}" for port in filter_class.output_ports])
         return self.parse_text_to_nodes("\n".join(lines))
@@ -80,11 +88,29 @@ class FilterTable(SphinxDirective):
         return lines + [f"       | {entry}" for entry in others]
 
 
+class SceneTable(SphinxDirective):
+    """``.. scene-table:: NAME``: the keys of a table of a scene file, from its model."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        lines = [".. list-table::", "   :header-rows: 1", "   :widths: 22 58 20", ""]
+        lines += ["   * - key", "     - what", "     - default"]
+        for name, field in getattr(vtkmuscle.scene.schema, self.arguments[0]).model_fields.items():
+            plain = isinstance(field.default, str | bool)
+            default = f"``{json.dumps(field.default)}``" if plain else "none"
+            lines += [f"   * - ``{name}``", f"     - {field.description}"]
+            lines += ["     - required" if field.is_required() else f"     - {default}"]
+        return self.parse_text_to_nodes("\n".join(lines))
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register all of it with Sphinx."""
     app.setup_extension("sphinx.ext.autodoc")
+    app.connect("config-inited", write_filter_page)
     app.connect("builder-inited", show_kernels_as_functions)
     app.connect("autodoc-skip-member", skip_imported)
     app.connect("autodoc-process-docstring", escape_bars, priority=400)
     app.add_directive("filter-table", FilterTable)
+    app.add_directive("scene-table", SceneTable)
     return {"parallel_read_safe": True}

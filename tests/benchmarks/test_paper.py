@@ -58,9 +58,9 @@ def test_settings_of_the_paper_are_all_named(case):
         "bone_push",
         "collision",
         "contact_velocity",
-        "order",
+        "projection_order",
         "solver",
-        "start",
+        "prediction",
     }
 
 

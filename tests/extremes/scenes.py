@@ -19,7 +19,8 @@ from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 
 CHOICES = {
-    name: PBDDeformer.__dict__[name].choices for name in ("collision", "anisotropy", "solver", "start")
+    name: PBDDeformer.parameter_declarations[name].choices
+    for name in ("collision", "anisotropy", "solver", "prediction")
 }
 
 #: Every mode of the solver, and some of them in which every two choices meet; the first is the default.
@@ -28,8 +29,8 @@ SOME_MODES = [
     {
         "collision": collision,
         "anisotropy": anisotropy,
-        "solver": CHOICES["solver"][(i + j + 1) % 3],
-        "start": CHOICES["start"][(i + 2 * j + 1) % 3],
+        "solver": CHOICES["solver"][(i + j) % 2],
+        "prediction": CHOICES["prediction"][(i + 2 * j) // 2 % 2],
     }
     for i, collision in enumerate(CHOICES["collision"])
     for j, anisotropy in enumerate(CHOICES["anisotropy"])

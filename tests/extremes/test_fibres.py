@@ -110,7 +110,7 @@ METHODS = SliceMorpher.__dict__["method"].choices
 
 def finite_and_measured(rest, muscle):
     """Carry fibres with a muscle that stays where it is and measure them; return how far they are outside."""
-    moved = FibreTransport(prune=1.0)(rest, muscle, muscle)
+    moved = FibreTransport(weight_tolerance=1.0)(rest, muscle, muscle)
     assert_allclose(points_of(moved), points_of(rest), atol=1e-7)
     measured = FibreMetrics(architecture=True, curvature=True, sections=3)(moved, muscle)
     for name in ("Length", "Tortuosity", "Strain", "PennationOrigin", "CurvatureMax", "LineAngle"):

@@ -101,7 +101,9 @@ def check_documented(case):
         assert line in text, f"{name} is not documented"
         assert declaration.doc.rstrip().endswith("."), f"the sentence on {name} has no end"
     for number, port in enumerate(case.ports):
-        assert f"Input port {number}, ``{port.name}``" in text
+        optional = ", optional" if port.optional else ""
+        line = f"{port.name} : {port.type_name}, input port {number}{optional}"
+        assert line in text, f"the port {port.name} is not documented"
         assert port.doc.rstrip().endswith("."), f"the sentence on port {port.name} has no end"
     for number, port in enumerate(case.kind.output_ports):
         assert f"Output port {number}, ``{port.name}``" in text

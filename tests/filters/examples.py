@@ -1,4 +1,4 @@
-"""A small example of everything that filters take, for the contract suite: found by a port's ``content``."""
+"""A small example of everything that filters take, for the contract suite: found by a port's name."""
 
 import numpy as np
 from vtkmodules.vtkFiltersSources import vtkSphereSource
@@ -139,38 +139,41 @@ def _lines(starts, direction, n_points=8):
     return polylines_from(Polylines(points, np.arange(0, len(points) + 1, n_points)))
 
 
+#: By the name of a port; "FILTER.port" where a filter takes something else by that name.
 EXAMPLES = {
-    "rest bones": rest_bones,
-    "moving bones": moving_bones,
-    "muscle": muscle,
-    "fixed muscle": fixed_muscle,
-    "deformed muscle": deformed_muscle,
+    "bones": moving_bones,
+    "AttachmentEstimator.bones": rest_bones,
+    "BoneMotion.bones": rest_bones,
+    "FixedPointDetector.bones": rest_bones,
+    "muscle": fixed_muscle,
+    "rest_muscle": fixed_muscle,
+    "deformed_muscle": deformed_muscle,
     "attachments": attachments,
     "neighbours": neighbours,
     "template": template,
-    "fitted template": fitted_template,
+    "SliceMorpher.template": fitted_template,
     "fibres": fibres,
-    "fibres over time": fibres_over_time,
-    "superficial fibres": superficial_fibres,
+    "rest_fibres": fibres,
+    "MomentArms.fibres": fibres_over_time,
+    "superficial": superficial_fibres,
 }
 
-#: Contents that change with the pipeline's time.
-MOVING = {"moving bones": moving_bones, "neighbours": neighbours}
+#: What changes with the pipeline's time.
+MOVING = {moving_bones, neighbours}
 
 #: Values of parameters that are objects, by their class.
 OBJECTS = {RigidMotion: PHANTOM.motion}
 
 
-def example(content, time=None):
-    """Return a new data set of a content, at a time where it moves."""
-    if content not in EXAMPLES:
+def example(kind, port, time=None):
+    """Return a new data set for a port of a filter, at a time where it moves."""
+    make = EXAMPLES.get(f"{kind.__name__}.{port.name}") or EXAMPLES.get(port.name)
+    if make is None:
         raise AssertionError(
-            f"no example of {content!r}: add an example to tests/filters/examples.py, so that the contract "
-            f"suite can run the filters that take it (there are: {', '.join(EXAMPLES)})"
+            f"no example of {port.name!r}: add an example to tests/filters/examples.py, so that the contract "
+            f"suite can run {kind.__name__} (there are: {', '.join(EXAMPLES)})"
         )
-    if time is not None and content in MOVING:
-        return MOVING[content](time)
-    return EXAMPLES[content]()
+    return make(time) if time is not None and make in MOVING else make()
 
 
 def deep_copy(data):

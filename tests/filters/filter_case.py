@@ -13,11 +13,11 @@ from examples import OBJECTS, TIMES, deep_copy, example
 from vtkmuscle.data.arrays import blocks_of, points_of, vtk_points
 from vtkmuscle.data.pipeline_times import announce_times
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.deformer.convergence_report import FIGURES
 
 #: Arrays that say how a result came about, not what it is: they differ from run to run, or by parameters that
-#: change nothing else (threads, say).
+#: change nothing else.
 HOW_IT_WAS_MADE = {"Provenance", *(name for name in FIGURES if name.startswith("Milliseconds"))}
 
 
@@ -75,11 +75,11 @@ def poisoned(data):
 
 
 class Timed(VTKPythonAlgorithmBase):
-    """A source that announces time steps, and gives the example of a content at the time asked for."""
+    """A source that announces time steps, and gives the example for a port at the time asked for."""
 
-    def __init__(self, port):
+    def __init__(self, kind, port):
         super().__init__(nInputPorts=0, nOutputPorts=1, outputType=port.type_name)
-        self.content = port.content
+        self.kind, self.port = kind, port
 
     def RequestInformation(self, request, in_info, out_info):
         announce_times(out_info.GetInformationObject(0), TIMES)
@@ -89,7 +89,7 @@ class Timed(VTKPythonAlgorithmBase):
         info = out_info.GetInformationObject(0)
         time = info.Get(self.GetExecutive().UPDATE_TIME_STEP())
         output = info.Get(vtkDataObject.DATA_OBJECT())
-        output.ShallowCopy(example(self.content, TIMES[0] if time is None else time))
+        output.ShallowCopy(example(self.kind, self.port, TIMES[0] if time is None else time))
         output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), TIMES[0] if time is None else time)
         return 1
 
@@ -97,7 +97,7 @@ class Timed(VTKPythonAlgorithmBase):
 class PassOn(Filter):
     """Give the input on, whatever it is."""
 
-    anything = InputPort(vtkDataObject, content="anything", doc="Data.")
+    anything = InputPort(vtkDataObject, doc="Data.")
     output = OutputPort(vtkPolyData, doc="The same.")
 
     def execute(self, anything):
@@ -121,7 +121,7 @@ class Case:
         }
 
     def inputs(self):
-        return [example(port.content) for port in self.ports]
+        return [example(self.kind, port) for port in self.ports]
 
     def filter(self, *inputs, **parameters):
         """Return a new filter, connected to data."""
@@ -132,7 +132,7 @@ class Case:
 
     def timed(self):
         """Return a new filter whose inputs announce time steps."""
-        return self.filter(*(Timed(port) for port in self.ports))
+        return self.filter(*(Timed(self.kind, port) for port in self.ports))
 
     def reference(self):
         return digests(self.filter(*self.inputs()))

@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from vtkmuscle import Scene
 from vtkmuscle.core.mesh.surface import triangle_normals
 from vtkmuscle.data.arrays import (
     blocks_of,
@@ -15,7 +16,6 @@ from vtkmuscle.data.arrays import (
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.filters.attachment_estimator import AttachmentEstimator
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-from vtkmuscle.scene.model import Scene
 
 
 def estimate(muscle, bones, **parameters):

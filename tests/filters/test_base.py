@@ -16,7 +16,8 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 from vtkmuscle.data.arrays import multiblock_from, points_of, set_field_array, with_points
 from vtkmuscle.data.pipeline_times import times_of
 from vtkmuscle.filters.base.filter import AbortedError, Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
 
 class Shift(Filter):
@@ -34,8 +35,8 @@ class Shift(Filter):
     way = Parameter(str, default="there", choices=("there", "back"), doc="Which way.")
     limit: Parameter[float | None] = Parameter(float, default=None, above=0.0, doc="Farthest point.")
 
-    shape = InputPort(vtkPolyData, content="muscle", doc="Points.")
-    extra = InputPort(vtkPolyData, content="fibres", optional=True, doc="More points.")
+    shape = InputPort(vtkPolyData, doc="Points.")
+    extra = InputPort(vtkPolyData, optional=True, doc="More points.")
     output = OutputPort(vtkPolyData, doc="The points, moved.")
 
     def execute(self, shape, extra):
@@ -61,7 +62,7 @@ class Clock(Filter):
 class Split(Filter):
     """Give a data set twice, and the second time backwards."""
 
-    shape = InputPort(vtkPolyData, content="muscle", doc="Points.")
+    shape = InputPort(vtkPolyData, doc="Points.")
     same = OutputPort(vtkPolyData, doc="The same.")
     blocks = OutputPort(vtkMultiBlockDataSet, doc="In a block.")
 
@@ -82,10 +83,11 @@ def x_of(data):
 # -------------------------------------------------------------------- declarations
 
 
-def test_constructor_arguments_are_the_parameters():
+def test_constructor_arguments_are_ports_and_parameters():
     shift = Shift(times=3, vector=(0, 2, 0))
     assert shift.parameters() == {"vector": (0.0, 2.0, 0.0), "times": 3, "way": "there", "limit": None}
-    assert list(inspect.signature(Shift).parameters) == ["vector", "times", "way", "limit"]
+    names = ["shape", "extra", "vector", "times", "way", "limit"]
+    assert list(inspect.signature(Shift).parameters) == names
 
 
 def test_constructor_takes_keywords_only():
@@ -169,7 +171,7 @@ def test_documentation_is_written_from_the_declarations():
     assert text.index("Notes\n---") < text.index("References\n---")
     assert "times : an integer >= 0 and <= 9, default: 1\n    How often." in text
     assert "How far. [mm]" in text
-    assert "Input port 1, ``extra`` (vtkPolyData, optional): More points." in text
+    assert "extra : vtkPolyData, input port 1, optional\n    More points." in text
     assert "Output port 0, ``output`` (vtkPolyData): The points, moved." in text
 
 
@@ -177,22 +179,22 @@ def test_documentation_is_written_from_the_declarations():
 
 
 def test_open_port_is_named():
-    with pytest.raises(ValueError, match=r"Shift: nothing is connected to port 0 \(shape\)"):
+    with pytest.raises(ValueError, match=r"Shift\.shape is not connected; it must be a vtkPolyData"):
         Shift().update()
 
 
 def test_open_port_upstream_is_named():
-    with pytest.raises(ValueError, match=r"Shift: nothing is connected to port 0"):
+    with pytest.raises(ValueError, match=r"Shift\.shape is not connected"):
         (Shift() >> vtkCleanPolyData() >> Shift()).last.update()
 
 
 def test_data_of_another_class_is_refused():
-    with pytest.raises(TypeError, match=r"Shift: port 0 \(shape\) takes a vtkPolyData, got a vtkTable"):
+    with pytest.raises(TypeError, match=r"Shift\.shape is a vtkTable, but must be a vtkPolyData"):
         Shift().apply(vtkTable())
 
 
 def test_what_is_no_data_is_refused():
-    with pytest.raises(TypeError, match="data object or an algorithm, got list"):
+    with pytest.raises(TypeError, match=r"Shift\.shape is \[1, 2\], but must be a vtkPolyData, an alg"):
         Shift().apply([1, 2])
 
 
@@ -202,7 +204,7 @@ def test_too_many_inputs_are_refused():
 
 
 def test_empty_input_is_refused():
-    with pytest.raises(ValueError, match=r"Shift: the input on port 0 \(shape\) has no points"):
+    with pytest.raises(ValueError, match=r"Shift\.shape: the input has no points"):
         Shift().apply(vtkPolyData())
 
 
@@ -219,7 +221,7 @@ def test_connect_takes_data_algorithms_ports_and_none():
     shift.connect(0, line(7.0))
     assert x_of(shift.update().output) == 8.0
     shift.connect(0, None)
-    with pytest.raises(ValueError, match="nothing is connected"):
+    with pytest.raises(ValueError, match="is not connected"):
         shift.update()
 
 

@@ -10,7 +10,8 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from examples import example
 from vtkmuscle.data.arrays import points_of, polylines_from, polylines_of, set_field_array, with_points
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
 
 class Sound(Filter):
@@ -28,7 +29,7 @@ class Sound(Filter):
     """
 
     scale = Parameter(float, default=1.0, minimum=0.0, doc="Factor.")
-    fibres = InputPort(vtkPolyData, content="fibres", doc="Polylines.")
+    fibres = InputPort(vtkPolyData, doc="Polylines.")
     output = OutputPort(vtkPolyData, doc="The polylines, scaled.")
 
     def execute(self, fibres):
@@ -56,7 +57,7 @@ class LeaksByACycle(Sound):
 
     def __init__(self, **parameters):
         super().__init__(**parameters)
-        self.myself = self
+        self._myself = self
 
 
 class LeaksByAnObserver(Sound):
@@ -74,7 +75,7 @@ class KeepsItsInput(Sound):
     """Remembers the data that it was given."""
 
     def execute(self, fibres):
-        self.last = fibres
+        self._last = fibres
         return super().execute(fibres)
 
 
@@ -258,6 +259,6 @@ def test_planted_missing_section_is_caught():
         contract_declarations.check_documented(Case(SaysNothingOfErrors))
 
 
-def test_content_without_an_example_is_named():
-    with pytest.raises(AssertionError, match="add an example"):
-        example("no such content")
+def test_port_without_an_example_is_named():
+    with pytest.raises(AssertionError, match="'output': add an example"):
+        example(Sound, Sound.output_ports[0])

@@ -38,7 +38,9 @@ def noisy_fibres():
 
 def test_inner_points_follow_the_formula_and_end_points_stay():
     lines = noisy_fibres()
-    smoothed = points_of(FibreSmoother(iterations=1, k=4.0)(polylines_from(lines))).reshape(4, 12, 3)
+    smoothed = points_of(
+        FibreSmoother(smoothing_passes=1, smoothing_weight=4.0)(polylines_from(lines))
+    ).reshape(4, 12, 3)
     p = lines.points.reshape(4, 12, 3)
     assert_allclose(smoothed[:, 1:-1], (p[:, :-2] + 4 * p[:, 1:-1] + p[:, 2:]) / 6, atol=1e-12)
     assert_array_equal(smoothed[:, [0, -1]], p[:, [0, -1]])
@@ -46,13 +48,13 @@ def test_inner_points_follow_the_formula_and_end_points_stay():
 
 def test_no_iteration_changes_nothing():
     lines = noisy_fibres()
-    assert_array_equal(points_of(FibreSmoother(iterations=0)(polylines_from(lines))), lines.points)
+    assert_array_equal(points_of(FibreSmoother(smoothing_passes=0)(polylines_from(lines))), lines.points)
 
 
 def test_many_iterations_straighten_the_fibres():
-    smoothed = points_of(FibreSmoother(iterations=5000, k=0.0)(polylines_from(noisy_fibres()))).reshape(
-        4, 12, 3
-    )
+    smoothed = points_of(
+        FibreSmoother(smoothing_passes=5000, smoothing_weight=0.0)(polylines_from(noisy_fibres()))
+    ).reshape(4, 12, 3)
     assert_allclose(smoothed, np.linspace(smoothed[:, 0], smoothed[:, -1], 12, axis=1), atol=1e-6)
 
 
@@ -75,8 +77,8 @@ def test_points_stay_in_the_muscle_where_it_is_connected():
     arch[8] *= 1.5
     fibres = polylines_from(Polylines(arch, np.array([0, 16])))
     surface = SurfaceDistance(ball)
-    alone = points_of(FibreSmoother(iterations=1)(fibres))
-    kept = points_of(FibreSmoother(iterations=1)(fibres, ball))
+    alone = points_of(FibreSmoother(smoothing_passes=1)(fibres))
+    kept = points_of(FibreSmoother(smoothing_passes=1)(fibres, ball))
     outside = surface.depth(alone) == 0
     assert outside[8]
     assert_allclose(kept[~outside], alone[~outside], atol=0)
@@ -84,22 +86,22 @@ def test_points_stay_in_the_muscle_where_it_is_connected():
     assert_array_equal(kept[[0, -1]], arch[[0, -1]])
 
 
-def test_with_filling_a_fibre_in_a_ball_runs_through_its_middle():
+def test_with_spreading_a_fibre_in_a_ball_runs_through_its_middle():
     ball = vtkSphereSource(radius=10.0, theta_resolution=40, phi_resolution=40).update().output
     t = np.linspace(-1, 1, 16)
     fibre = polylines_from(Polylines(np.column_stack([9 * t, 3 + 0 * t, 0 * t]), np.array([0, 16])))
-    smoothed = points_of(FibreSmoother(filling=1.0)(fibre, ball))
+    smoothed = points_of(FibreSmoother(spreading=1.0)(fibre, ball))
     assert np.abs(smoothed[3:-3, 1:]).max() < 0.8
     assert_array_equal(smoothed[[0, -1]], points_of(fibre)[[0, -1]])
 
 
-def test_with_filling_ends_move_on_their_areas():
+def test_with_spreading_ends_move_on_their_areas():
     phantom = spindle_over_hinge()
     ((name, muscle),) = phantom.muscles.items()
     attachments = phantom.attachments[name]
-    rest = decompose(muscle, attachments, n_fibres=30, filling=0.0).update().output
-    held = points_of(FibreSmoother(filling=1.5)(rest, muscle)).reshape(30, -1, 3)
-    moved = points_of(FibreSmoother(filling=1.5)(rest, muscle, attachments)).reshape(30, -1, 3)
+    rest = decompose(muscle, attachments, n_fibres=30, spreading=0.0).update().output
+    held = points_of(FibreSmoother(spreading=1.5)(rest, muscle)).reshape(30, -1, 3)
+    moved = points_of(FibreSmoother(spreading=1.5)(rest, muscle, attachments)).reshape(30, -1, 3)
     assert_array_equal(held[:, [0, -1]], points_of(rest).reshape(30, -1, 3)[:, [0, -1]])
     assert np.linalg.norm(moved - held, axis=2)[:, [0, -1]].max() > 0.3
     geometry = muscle_geometry(muscle, "muscle")

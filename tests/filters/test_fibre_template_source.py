@@ -8,7 +8,7 @@ from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_fibres_are_those_of_the_template(kind):
-    fibres = FibreTemplateSource(kind=kind, n_fibres=7, resolution=4).update().output
+    fibres = FibreTemplateSource(template=kind, n_fibres=7, resolution=4).update().output
     lines = polylines_of(fibres, "test")
     t = point_array(fibres, "t", "test")
     r, s = (cell_array(fibres, name, "test") for name in ("r", "s"))
@@ -22,7 +22,7 @@ def test_fibres_are_those_of_the_template(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_areas_are_those_of_the_template(kind):
-    fibres = FibreTemplateSource(kind=kind).update().output
+    fibres = FibreTemplateSource(template=kind).update().output
     for name, areas in (
         ("OriginArea", TEMPLATES[kind].origin_areas),
         ("InsertionArea", TEMPLATES[kind].insertion_areas),
@@ -41,7 +41,7 @@ def test_a_new_setting_makes_new_fibres():
     assert source.update().output.GetNumberOfCells() == 5
 
 
-@pytest.mark.parametrize(("name", "value"), [("kind", "spiral"), ("n_fibres", 0), ("resolution", 0)])
+@pytest.mark.parametrize(("name", "value"), [("template", "spiral"), ("n_fibres", 0), ("resolution", 0)])
 def test_a_value_that_is_not_allowed_is_refused(name, value):
     with pytest.raises(ValueError, match=name):
         FibreTemplateSource(**{name: value})

@@ -11,11 +11,14 @@ from vtkmuscle.data.arrays import (
     points_of,
     polylines_from,
     set_cell_array,
+    set_field_array,
+    set_point_array,
     surface_from,
     triangles_of,
     with_points,
 )
 from vtkmuscle.data.pipeline_times import announce_times
+from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters import fibre_transport
 from vtkmuscle.filters.fibre_transport import FibreTransport
 
@@ -165,11 +168,25 @@ def test_pruned_weights_are_near_all_of_them_and_say_how_near(fibres, muscle):
     bent[:, 1] += 0.01 * bent[:, 0] ** 2
     deformed = with_points(muscle, bent)
     exact = FibreTransport()(fibres, muscle, deformed)
-    assert_array_equal(field_array(exact, "PruneError"), [0.0])
-    transport = FibreTransport(prune=0.5)
+    assert_array_equal(field_array(exact, "WeightError"), [0.0])
+    transport = FibreTransport(weight_tolerance=0.5)
     pruned = transport(fibres, muscle, deformed)
     error = np.linalg.norm(points_of(pruned) - points_of(exact), axis=1).max()
     assert 0 < error < 0.5
-    assert 0 < field_array(pruned, "PruneError")[0] < 1.0
-    transport.prune = 0.0
+    assert 0 < field_array(pruned, "WeightError")[0] < 1.0
+    transport.weight_tolerance = 0.0
     assert_array_equal(points_of(transport(fibres, muscle, deformed)), points_of(exact))
+
+
+def test_carried_fibres_are_no_farther_outside_than_at_rest(fibres, muscle):
+    thinner = with_points(muscle, points_of(muscle) * [1.0, 0.5, 0.5])
+    carried = points_of(fibres) + np.array([0.0, 8.0, 0.0])  # beyond the thinner muscle
+    set_point_array(thinner, "Carried", points_of(thinner))
+    set_field_array(thinner, "FibrePoints", carried)
+    moved = points_of(FibreTransport()(fibres, muscle, thinner))
+    gap = SurfaceDistance(muscle).signed(points_of(fibres)).clip(min=0.0)
+    distances = SurfaceDistance(thinner).signed(moved)
+    assert (SurfaceDistance(thinner).signed(carried) > gap + 1.0).any()
+    assert (distances <= gap + 1e-9).all()
+    within = SurfaceDistance(thinner).signed(carried) <= gap
+    assert_allclose(moved[within], carried[within], atol=1e-12)

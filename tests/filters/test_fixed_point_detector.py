@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
+from vtkmuscle import Scene
 from vtkmuscle.core.mesh.surface import edge_lengths, triangle_normals, unique_edges
 from vtkmuscle.data.arrays import checked_surface, multiblock_from, point_array, points_of
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from, landmarks_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-from vtkmuscle.scene.model import Scene
 
 
 def ball(centre, radius):
@@ -107,7 +107,7 @@ def test_a_point_in_areas_of_two_bones_goes_to_the_one_with_the_nearest_landmark
 
 @pytest.mark.parametrize("tolerance", [None, 1.0, 3.0])
 def test_proximity_fixes_the_points_within_the_tolerance_of_the_nearest_bone(tolerance):
-    fixed_to = detect("proximity", tolerance=tolerance)
+    fixed_to = detect("proximity", distance=tolerance)
     limit = mean_edge_length() if tolerance is None else tolerance
     distances = np.array([SurfaceDistance(BONES.GetBlock(i)).unsigned(points_of(MUSCLE)) for i in range(3)])
     expected = np.where(distances.min(axis=0) <= limit, distances.argmin(axis=0), -1)
@@ -116,7 +116,7 @@ def test_proximity_fixes_the_points_within_the_tolerance_of_the_nearest_bone(tol
 
 
 def test_collision_fixes_the_points_in_the_voxels_of_a_bone():
-    fixed_to = detect("collision", n_max=100_000)
+    fixed_to = detect("collision", n_voxels=100_000)
     points = points_of(MUSCLE)
     inside = SurfaceDistance(BONES.GetBlock(1)).depth(points) > 0
     assert inside.sum() > 50
@@ -128,7 +128,7 @@ def test_collision_fixes_the_points_in_the_voxels_of_a_bone():
 
 
 def test_coarser_voxels_fix_more():
-    assert (detect("collision", n_max=1000) >= 0).sum() > (detect("collision", n_max=10**6) >= 0).sum()
+    assert (detect("collision", n_voxels=1000) >= 0).sum() > (detect("collision", n_voxels=10**6) >= 0).sum()
 
 
 def test_a_point_in_the_voxels_of_two_bones_goes_to_the_nearer_surface():
@@ -166,7 +166,7 @@ def test_arrays_of_the_muscle_pass_and_the_muscle_is_not_changed():
 
 
 def test_attachments_must_be_connected_for_the_method_attachment():
-    with pytest.raises(ValueError, match="needs attachments on port 2"):
+    with pytest.raises(ValueError, match="needs attachments=; give them"):
         detect("attachment")
 
 
@@ -190,7 +190,7 @@ def test_landmarks_far_from_the_muscle_name_the_area():
 
 
 @pytest.mark.parametrize(
-    ("method", "mend"), [("proximity", "larger tolerance"), ("collision", "lower n_max")]
+    ("method", "mend"), [("proximity", "larger distance"), ("collision", "lower n_voxels")]
 )
 def test_a_muscle_without_fixed_points_is_refused(method, mend):
     muscle = ball((60.0, 60.0, 0.0), 20.0)

@@ -17,9 +17,9 @@ P21 = {
     "bone_push": "transform",
     "contact_velocity": "keep",
     "anisotropy": "stiffness",
-    "start": "inertial",
+    "prediction": "inertial",
     "solver": "gauss-seidel",
-    "order": "sequential",
+    "projection_order": "sequential",
 }
 
 

@@ -22,7 +22,7 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.filters import BoneMotion, FibreMetrics, FibreTransport, FibreTubes, PBDDeformer
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
 ANGLES = np.arange(0.0, 21.0, 2.0)
 #: Growth per update that is noise: caches of Python and VTK, fragments [bytes].
@@ -106,7 +106,7 @@ class Leaks(Filter):
         Never.
     """
 
-    muscle = InputPort(vtkPolyData, content="muscle", doc="A surface.")
+    muscle = InputPort(vtkPolyData, doc="A surface.")
     output = OutputPort(vtkPolyData, doc="The same.")
 
     def __init__(self, **parameters):

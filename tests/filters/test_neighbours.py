@@ -9,7 +9,7 @@ import pytest
 from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 
 from examples import ball_beside
-from vtkmuscle import Scene, SceneError
+from vtkmuscle import Muscle, Scene, SceneError
 from vtkmuscle.core.collision.muscle_contact import depth_in
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import (
@@ -22,7 +22,6 @@ from vtkmuscle.data.arrays import (
 from vtkmuscle.filters.deformer.neighbours import outward_tree
 from vtkmuscle.phantoms import spindle_over_hinge
 from vtkmuscle.pipelines import deform
-from vtkmuscle.scene.model import Muscle
 
 
 def depth(points, other):
@@ -93,7 +92,7 @@ def two_spindles(contact, *, apart=33.0):
         phantom.motion.times[::6], {bone: table[::6] for bone, table in phantom.motion.transforms.items()}
     )
     muscles = {"front": front, "back": back}
-    solver = {"collision": "none"}
+    solver = {"collision": "off"}
     return Scene("two", phantom.bones, muscles, motion, muscle_contact=contact, solver=solver)
 
 

@@ -25,7 +25,7 @@ ROLES = ("origin", "insertion")
 
 
 def template(kind="parallel"):
-    return FibreTemplateSource(kind=kind, n_fibres=5, resolution=4).update().output
+    return FibreTemplateSource(template=kind, n_fibres=5, resolution=4).update().output
 
 
 def transform_of(fitted):
@@ -171,7 +171,7 @@ def test_any_assignment_of_the_cube_finds_fibres_that_run_across_the_long_axis()
         [AttachmentArea(role, "bone", side, True) for role, side in zip(ROLES, sides, strict=True)]
     )
     muscle = surface_from(points, triangles)
-    fitted = TemplateFitter(axis="principal", cube="any")(template(), muscle, areas)
+    fitted = TemplateFitter(axis="principal", orientation="any")(template(), muscle, areas)
     assert field_array(fitted, "FitError")[0] == pytest.approx(0, abs=1e-9)
     assert np.allclose(np.abs(axis_of(fitted)), (0, 1, 0))
     upright = TemplateFitter(axis="principal")(template(), muscle, areas)
@@ -209,7 +209,7 @@ def square_block():
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_arched_fibres_arch_to_the_side_that_was_seen(side):
     # The landmarks of a square block suit a box with its x axis to any of four sides.
-    cube = FibreTemplateSource(kind="curved", n_fibres=200, resolution=15).update().output
+    cube = FibreTemplateSource(template="curved", n_fibres=200, resolution=15).update().output
     fitted = TemplateFitter()(cube, *square_block(), leaning_lines(side, 0.2))
     x_axis = transform_of(fitted)[:3, 0]
     assert np.allclose(x_axis / np.linalg.norm(x_axis), [side, 0, 0], atol=1e-9)
@@ -222,17 +222,17 @@ def test_superficial_fibres_tell_which_axis_of_the_cube_follows_the_muscle():
     seen = polylines_from(Polylines(np.vstack(across), np.arange(0, 25, 4)))
     muscle, attachments = square_block()
     cube = FibreTemplateSource(n_fibres=20, resolution=4).update().output
-    fitted = TemplateFitter(cube="any")(cube, muscle, attachments, seen)
+    fitted = TemplateFitter(orientation="any")(cube, muscle, attachments, seen)
     lines = polylines_of(fitted, "test")
     chords = np.array([lines.line(i)[-1] - lines.line(i)[0] for i in range(len(lines))])
     assert np.abs(chords[:, 0]).min() > 0.9 * np.linalg.norm(chords, axis=1).max()
-    upright = TemplateFitter(cube="any")(cube, muscle, attachments)
+    upright = TemplateFitter(orientation="any")(cube, muscle, attachments)
     line = polylines_of(upright, "test").line(0)
     assert abs(line[-1, 2] - line[0, 2]) == pytest.approx(120.0)
 
 
 def test_the_mirrored_muscle_gets_the_mirror_image_with_superficial_fibres_too():
-    cube = FibreTemplateSource(kind="curved", n_fibres=50, resolution=15).update().output
+    cube = FibreTemplateSource(template="curved", n_fibres=50, resolution=15).update().output
     muscle, attachments = square_block()
     seen = leaning_lines(1.0, 0.2)
     fitted = TemplateFitter()(cube, muscle, attachments, seen)

@@ -12,11 +12,10 @@ from test_pbd_deformer import bones, fixed_to, spindle
 
 from vtkmuscle.core.collision import obstacles
 from vtkmuscle.core.motion.rigid import hinge
-from vtkmuscle.core.pbd import solver
+from vtkmuscle.core.pbd import muscle_model, orders, solver
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters.base.checkpoints import Checkpoints
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.filters.deformer import kept_solver
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 
 STEPS = (0.0, 4.0, 8.0, 12.0, 16.0, 20.0)
@@ -28,17 +27,17 @@ MUSCLES = {"thin": spindle(9.0), "thick": spindle(12.0)}
 #: What may change from one request to the next, with the values it may have.
 CHOICES = {
     "iterations": (2, 3),
-    "collision": ("sdf", "voxel", "none"),
-    "start": ("blend", "inertial"),
+    "collision": ("sdf", "voxel", "off"),
+    "prediction": ("blend", "inertial"),
     "solver": ("anderson", "gauss-seidel"),
     "anisotropy": (True, False),
     "stiffness": (1.0, 0.7),
-    "cell": (3.0, 4.0),
-    "skin": (0.0, 0.5),
+    "grid_spacing": (3.0, 4.0),
+    "bone_clearance": (0.0, 0.5),
     "friction": (0.0, 0.3),
     "contact_velocity": ("zero", "keep"),
-    "n_max": (200, 400),
-    "n_equal": (None, 8),
+    "n_voxels": (200, 400),
+    "n_voxels_per_axis": (None, 8),
     "bone_push": ("off", "transform"),
     "checkpoint_memory": (256.0, 0.015, 0.0),
     "motion": tuple(MOTIONS),
@@ -135,8 +134,8 @@ def work(monkeypatch):
     count(solver, "mesh_topology", "topology")
     count(solver, "RestShape", "rest shape")
     count(solver, "harmonic_weights", "blend weights")
-    count(solver, "pack", "constraints")
-    count(kept_solver, "harmonic_directions", "fibre directions")
+    count(orders, "pack", "constraints")
+    count(muscle_model, "harmonic_directions", "fibre directions")
     monkeypatch.setattr(obstacles, "_shared", WeakValueDictionary())
     count(obstacles, "cached_distance_grid", "distance grids")
     count(obstacles, "build_voxel_grid", "voxels")
@@ -148,25 +147,25 @@ def work(monkeypatch):
     ("name", "value", "redone"),
     [
         ("iterations", 3, {"steps"}),
-        ("damping", 0.5, {"steps"}),
+        ("velocity_kept", 0.5, {"steps"}),
         ("dt", 0.5, {"steps"}),
         ("external_force", (0.01, 0.0, 0.0), {"steps"}),
         ("volume_stiffness", 0.5, {"steps", "constraints"}),
         ("tolerance", 0.1, {"steps"}),
-        ("start", "inertial", {"steps"}),
+        ("prediction", "inertial", {"steps"}),
         ("stiffness", 0.5, {"steps", "constraints"}),
         ("shape_stiffness", 0.5, {"steps", "constraints"}),
         ("anisotropy", False, {"steps", "constraints"}),
-        ("order", "sequential", {"steps"}),
-        ("collision", "none", {"steps"}),
+        ("projection_order", "sequential", {"steps"}),
+        ("collision", "off", {"steps"}),
         ("collision", "voxel", {"steps", "voxels"}),
-        ("cell", 4.0, {"steps", "distance grids"}),
-        ("skin", 0.5, {"steps"}),
+        ("grid_spacing", 4.0, {"steps", "distance grids"}),
+        ("bone_clearance", 0.5, {"steps"}),
         ("friction", 0.3, {"steps"}),
         ("contact_velocity", "keep", {"steps"}),
         ("motion", "far", {"steps"}),
-        ("n_equal", 8, set()),
-        ("n_max", 400, set()),
+        ("n_voxels_per_axis", 8, set()),
+        ("n_voxels", 400, set()),
         ("bone_push", "transform", set()),
         ("checkpoint_memory", 0.0, set()),
         ("muscle", "thin", {"steps", "constraints", *OF_A_MUSCLE}),
@@ -183,7 +182,7 @@ def test_a_change_redoes_what_depends_on_it_and_nothing_else(work, name, value, 
 
 
 def test_the_fibres_of_an_isotropic_muscle_are_not_looked_at(work):
-    frame(made({**FIRST, "anisotropy": False}), 8.0)
+    frame(made({**FIRST, "anisotropy": "off"}), 8.0)
     assert "fibre directions" not in work
 
 

@@ -28,7 +28,7 @@ def check_declarations():
             if parameter.choices:
                 domain = shown.GetDomain("list")
                 listed = [domain.GetString(i) for i in range(domain.GetNumberOfStrings())]
-                assert tuple(listed) == parameter.choices
+                assert tuple(filter(None, listed)) == parameter.choices
             for bound, has in ((parameter.minimum, "Minimum"), (parameter.maximum, "Maximum")):
                 if bound is not None:
                     domain = shown.GetDomain("range")

@@ -8,7 +8,7 @@ from xml.etree.ElementTree import fromstring
 import pytest
 
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.filters import Filter, InputPort, OutputPort, Parameter
+from vtkmuscle.filters import Filter, InputPort, OutputPort, Parameter, PBDDeformer
 from vtkmuscle.paraview.properties import FILES, camel_case, plain, properties_of, spaced
 from vtkmuscle.paraview.proxies import proxy_parts
 from vtkmuscle.paraview.shells import all_kinds
@@ -55,7 +55,8 @@ def test_property_says_what_is_declared(kind, parameter):
         assert xml.find("Hints/FileChooser").get("extensions") == FILES[parameter.kind].extensions
     elif parameter.default is not None:
         assert parameter.kind(defaults[0]) == parameter.default
-    assert tuple(choice.get("value") for choice in xml.iter("String")) == parameter.choices
+    listed = tuple(choice.get("value") for choice in xml.iter("String"))
+    assert listed == ("",) * (bool(parameter.choices) and parameter.default is None) + parameter.choices
     domain = xml.find("IntRangeDomain" if parameter.kind is int else "DoubleRangeDomain")
     if parameter.kind in (int, float):
         lowest = parameter.above if parameter.minimum is None else parameter.minimum
@@ -80,6 +81,16 @@ def test_nothing_else_is_in_the_proxy(kind):
         expected += [camel_case(port.name) for port in kind.output_ports]
     assert names == expected
     assert len(set(names)) == len(names)
+
+
+def test_what_does_not_count_is_hidden():
+    shown = parts(PBDDeformer)
+    voxels = named(shown, "NVoxels").find("Hints/PropertyWidgetDecorator").attrib
+    assert (voxels["property"], voxels["values"], voxels["mode"]) == ("Collision", "voxel", "visibility")
+    for element in (named(shown, "Iterations"), named(shown, "Tolerance")):
+        (ruled,) = [d for d in element.iter("PropertyWidgetDecorator") if d.get("property") == "Quality"]
+        assert (ruled.get("values"), ruled.get("inverse")) == ("preview balanced accurate", "1")
+    assert named(shown, "Substeps").find("Hints") is None
 
 
 @every_filter
@@ -126,7 +137,7 @@ def test_a_kind_without_property_or_file_is_refused():
         """Take something odd."""
 
         thing = Parameter(dict, default=None, doc="Odd.")
-        input = InputPort(Filter, content="x", doc="X.")
+        input = InputPort(Filter, doc="X.")
 
     with pytest.raises(TypeError, match=r"'thing' is a dict.*FILES"):
         properties_of(Odd.parameter_declarations["thing"])

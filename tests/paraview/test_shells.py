@@ -46,26 +46,39 @@ def test_setters_set():
     deformer = shell(PBDDeformer)
     deformer.SetIterations(7)
     deformer.SetExternalForce(0.0, 1.0, 2.0)
-    deformer.SetPenetration(1)
+    deformer.SetMeasurePenetration(1)
     deformer.SetAnisotropy("stiffness")
     deformer.SetSolver("gauss-seidel")
     assert deformer.iterations == 7
     assert deformer.external_force == (0.0, 1.0, 2.0)
-    assert deformer.penetration is True
+    assert deformer.measure_penetration is True
     assert deformer.anisotropy == "stiffness"
     assert deformer.solver == "gauss-seidel"
 
 
 def test_a_number_counts_when_it_is_not_automatic():
     detector = shell(FixedPointDetector)
-    detector.SetTolerance(2.5)
-    assert detector.tolerance is None
-    detector.SetAutomaticTolerance(0)
-    assert detector.tolerance == 2.5
-    detector.SetTolerance(0.0)
-    assert detector.tolerance == 0.0
-    detector.SetAutomaticTolerance(1)
-    assert detector.tolerance is None
+    detector.SetDistance(2.5)
+    assert detector.distance is None
+    detector.SetAutomaticDistance(0)
+    assert detector.distance == 2.5
+    detector.SetDistance(0.0)
+    assert detector.distance == 0.0
+    detector.SetAutomaticDistance(1)
+    assert detector.distance is None
+
+
+def test_quality_rules_over_what_paraview_sets_beside_it():
+    deformer = shell(PBDDeformer)
+    defaults = deformer.parameters()
+    deformer.SetIterations(7)
+    deformer.SetQuality("preview")
+    deformer.SetTolerance(0.2)  # hidden then, but a state file sets it
+    assert deformer.parameters() == PBDDeformer(quality="preview").parameters()
+    deformer.SetQuality("accurate")
+    assert deformer.parameters() == PBDDeformer(quality="accurate").parameters()
+    deformer.SetQuality("")
+    assert deformer.parameters() == {**defaults, "iterations": 7, "tolerance": 0.2}
 
 
 def test_a_motion_is_read_from_its_scene(spindle, tmp_path):

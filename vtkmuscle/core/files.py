@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from vtkmuscle.core.errors import InputError, MissingFileError
+
 #: What a mesh, a series or a table may take [bytes].
 MOST_BYTES = 4 * 1024**3
 
@@ -33,16 +35,17 @@ def check_is_file(path: Path, *, most: int = MOST_BYTES) -> None:
     if path.is_file():
         size = path.stat().st_size
         if size > most:
-            raise ValueError(
-                f"{path}: the file takes {size / 1024**2:.0f} MB, but at most {most // 1024**2} MB are read; "
-                "check that it is what its name says"
+            raise InputError(
+                path,
+                f"the file takes {size / 1024**2:.0f} MB, but at most {most // 1024**2} MB are read",
+                "check that it is what its name says",
             )
         return
     if path.is_dir():
-        raise FileNotFoundError(f"{path}: this is a folder, not a file")
+        raise MissingFileError(path, "this is a folder, not a file")
     if path.exists():
-        raise FileNotFoundError(f"{path}: this is a pipe or a device, not a file; copy what it gives to one")
+        raise MissingFileError(path, "this is a pipe or a device, not a file", "copy what it gives to one")
     near = path.parent if path.parent.is_dir() else None
     also = sorted(p.name for p in near.iterdir() if p.suffix == path.suffix)[:5] if near else []
-    hint = f"; its folder holds {', '.join(also)}" if also else ""
-    raise FileNotFoundError(f"{path}: there is no such file{hint}")
+    hint = f"its folder holds {', '.join(also)}" if also else ""
+    raise MissingFileError(path, "there is no such file", hint)

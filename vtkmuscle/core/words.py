@@ -1,8 +1,10 @@
-"""Values in messages: of one line, and not longer than a reader's patience."""
+"""Values and suggestions in messages: of one line, and not longer than a reader's patience."""
 
 from __future__ import annotations
 
 import reprlib
+from collections.abc import Iterable
+from difflib import get_close_matches
 
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 80
@@ -24,3 +26,18 @@ def shown(value: object) -> str:
         return _SHORT.repr(value)
     except ValueError:  # an integer of so many digits that Python does not write it
         return f"a number of more than {4300} digits"
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """Return what to do about a word that is not known: the nearest known one, and all of them.
+
+    Examples
+    --------
+    >>> from vtkmuscle.core.words import suggestion
+    >>> suggestion("iteration", ["iterations", "tolerance"])
+    "did you mean 'iterations'? allowed: iterations, tolerance"
+    """
+    known = list(known)
+    near = get_close_matches(word, known, n=1, cutoff=0.5)
+    meant = f"did you mean {near[0]!r}? " if near else ""
+    return f"{meant}allowed: {', '.join(known) or 'none'}"

@@ -17,6 +17,8 @@ from vtkmodules.util.numpy_support import (
 from vtkmodules.vtkCommonCore import vtkDataArray, vtkPoints, vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkCompositeDataSet, vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.errors import InputError
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -50,12 +52,10 @@ def triangles_of(surface: vtkPolyData, where: str) -> Ints:
     """
     polys = surface.GetPolys()
     if polys.GetNumberOfCells() == 0:
-        raise ValueError(f"{where}: the surface has no triangles")
+        raise InputError(where, "the surface has no triangles")
     offsets = vtk_to_numpy(polys.GetOffsetsArray())
     if surface.GetNumberOfStrips() or not (np.diff(offsets) == 3).all():
-        raise ValueError(
-            f"{where}: the surface has faces that are not triangles; run vtkTriangleFilter on it"
-        )
+        raise InputError(where, "the surface has faces that are not triangles", "run vtkTriangleFilter on it")
     return np.array(vtk_to_numpy(polys.GetConnectivityArray()), dtype=np.int64).reshape(-1, 3)
 
 
@@ -72,8 +72,8 @@ def checked_surface(surface: vtkPolyData, where: str) -> tuple[Floats, Ints]:
     finite = np.isfinite(points)
     if not finite.all():  # row by row takes far longer
         bad = np.flatnonzero(~finite.all(axis=1))
-        raise ValueError(
-            f"{where}: {len(bad)} point(s) are not finite, the first is point {bad[0]}; correct them"
+        raise InputError(
+            where, f"{len(bad)} point(s) are not finite, the first is point {bad[0]}", "correct them"
         )
     return points, triangles
 
@@ -135,13 +135,13 @@ def polylines_of(data: vtkPolyData, where: str) -> Polylines:
     """
     lines = data.GetLines()
     if lines.GetNumberOfCells() == 0:
-        raise ValueError(f"{where}: there are no polylines")
+        raise InputError(where, "there are no polylines")
     others = data.GetNumberOfCells() - lines.GetNumberOfCells()
     if others:
-        raise ValueError(f"{where}: {others} cell(s) are not polylines; keep the lines only")
+        raise InputError(where, f"{others} cell(s) are not polylines", "keep the lines only")
     points = points_of(data)[vtk_to_numpy(lines.GetConnectivityArray())]
     if not np.isfinite(points).all():
-        raise ValueError(f"{where}: some points are not finite; correct them")
+        raise InputError(where, "some points are not finite", "correct them")
     return Polylines(points, np.array(vtk_to_numpy(lines.GetOffsetsArray()), dtype=np.int64))
 
 
@@ -207,7 +207,7 @@ def point_array(data: Any, name: str, where: str) -> NDArray[Any]:
     """
     array = data.GetPointData().GetArray(name)
     if array is None:
-        raise ValueError(f"{where}: the point array {name!r} is missing")
+        raise InputError(where, f"the point array {name!r} is missing")
     return _view(array)
 
 
@@ -215,7 +215,7 @@ def cell_array(data: Any, name: str, where: str) -> NDArray[Any]:
     """Return a cell array as a read-only view; a ValueError where there is none."""
     array = data.GetCellData().GetArray(name)
     if array is None:
-        raise ValueError(f"{where}: the cell array {name!r} is missing")
+        raise InputError(where, f"the cell array {name!r} is missing")
     return _view(array)
 
 

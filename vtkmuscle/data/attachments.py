@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.taut.via_rings import ViaRing, via_ring
 from vtkmuscle.data.arrays import (
     Polylines,
@@ -71,6 +73,15 @@ def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
     return multiblock_from(blocks)
 
 
+def is_areas(value: object) -> TypeGuard[Sequence[AttachmentArea]]:
+    """Return whether a value is a list or tuple of areas."""
+    return (
+        isinstance(value, (list, tuple))
+        and bool(value)
+        and all(isinstance(area, AttachmentArea) for area in value)
+    )
+
+
 def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]:
     """Return the areas of a data set.
 
@@ -98,14 +109,14 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
     for name, block in blocks_of(data):
         label = f"{where}, block {name!r}"
         if block is None or block.GetNumberOfPoints() == 0:
-            raise ValueError(f"{label}: there are no landmarks")
+            raise InputError(label, "there are no landmarks")
         role, bone = field_string(block, "Role"), field_string(block, "Bone")
         if role not in (*ROLES, VIA):
-            raise ValueError(
-                f"{label}: the field array 'Role' is {role!r}, but must be 'origin', 'insertion' or 'via'"
+            raise InputError(
+                label, f"the field array 'Role' is {role!r}, but must be 'origin', 'insertion' or 'via'"
             )
         if not bone:
-            raise ValueError(f"{label}: the field array 'Bone' must name a bone")
+            raise InputError(label, "the field array 'Bone' must name a bone")
         landmarks, closed = landmarks_of(block, label)
         if role == VIA:
             _check_ring(landmarks, closed, label)
@@ -142,22 +153,23 @@ def rings_by_bone(
     areas = [] if data is None else via_rings_of(data, where)
     for area in areas:
         if area.bone not in bones:
-            raise ValueError(
-                f"{where}: a via ring goes with the bone {area.bone!r}, but the bones are "
-                f"{', '.join(map(repr, bones))}"
+            raise InputError(
+                where,
+                f"a via ring goes with the bone {area.bone!r}, but the bones are "
+                f"{', '.join(map(repr, bones))}",
             )
     return tuple((list(bones).index(area.bone), via_ring(area.landmarks)) for area in areas)
 
 
 def _check_ring(landmarks: NDArray[np.float64], closed: bool, where: str) -> None:
     if not closed:
-        raise ValueError(
-            f"{where}: a via ring must be closed; end its polyline with the point that it begins with"
+        raise InputError(
+            where, "a via ring must be closed", "end its polyline with the point that it begins with"
         )
     try:
         via_ring(landmarks)
     except ValueError as error:
-        raise ValueError(f"{where}: {error}") from error
+        raise InputError(where, *fault_of(error)) from error
 
 
 def landmarks_of(data: vtkPolyData, where: str) -> tuple[NDArray[np.float64], bool]:
@@ -170,12 +182,12 @@ def landmarks_of(data: vtkPolyData, where: str) -> tuple[NDArray[np.float64], bo
     """
     points = points_of(data)
     if not np.isfinite(points).all():
-        raise ValueError(f"{where}: some landmarks are not finite")
+        raise InputError(where, "some landmarks are not finite")
     lines = data.GetLines()
     if lines.GetNumberOfCells() == 0:
         return points, False
     if lines.GetNumberOfCells() > 1:
-        raise ValueError(f"{where}: {lines.GetNumberOfCells()} polylines, expected one through all landmarks")
+        raise InputError(where, f"{lines.GetNumberOfCells()} polylines, expected one through all landmarks")
     landmarks = points[vtk_to_numpy(lines.GetConnectivityArray())]
     closed = len(landmarks) > 3 and bool(np.array_equal(landmarks[0], landmarks[-1]))
     return (landmarks[:-1] if closed else landmarks), closed

@@ -9,6 +9,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.collision.obstacles import DistanceObstacle, Obstacle, VoxelObstacle
 from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, is_rigid
 from vtkmuscle.data.arrays import checked_surface, field_array, surface_from
 from vtkmuscle.data.surface_distance import SurfaceDistance
@@ -39,15 +40,16 @@ def transforms_of(bones: dict[str, vtkPolyData], where: str) -> Floats:
     for index, (name, bone) in enumerate(bones.items()):
         values = field_array(bone, "Transform")
         if values is None:
-            raise ValueError(
-                f"{where}, block {name!r}: the field array 'Transform' is missing; BoneMotion adds it"
+            raise InputError(
+                f"{where}, block {name!r}", "the field array 'Transform' is missing", "BoneMotion adds it"
             )
         if values.tobytes() == _AT_REST:  # as most bones are, most of the time
             continue
         if values.size != transforms[index].size or not is_rigid(values.reshape(4, 4)):
-            raise ValueError(
-                f"{where}, block {name!r}: the field array 'Transform' must be 16 numbers, a rotation and a "
-                "translation, row by row, with last row 0 0 0 1"
+            raise InputError(
+                f"{where}, block {name!r}",
+                "the field array 'Transform' must be 16 numbers, a rotation and a translation, row by row, "
+                "with last row 0 0 0 1",
             )
         transforms[index] = values.reshape(4, 4)
     return transforms
@@ -59,7 +61,7 @@ def _reach_of(bone: vtkPolyData, where: str) -> Floats | None:
     if reach is None:
         return None
     if reach.ndim != 2 or reach.shape[1] != 3 or not len(reach) or not np.isfinite(reach).all():
-        raise ValueError(f"{where}: the field array 'Reach' must be points, three finite numbers each")
+        raise InputError(where, "the field array 'Reach' must be points, three finite numbers each")
     return np.array(reach, dtype=np.float64)
 
 
@@ -191,8 +193,9 @@ class RestBones:
                 off = float(np.abs(now - expected).max())
             scale = float(np.ptp(expected, axis=0).max()) + float(np.abs(expected).max())
             if not off <= RIGIDITY_TOLERANCE * scale:
-                raise ValueError(
-                    f"{self._where}, block {name!r}: its points are not its rest points moved by its "
-                    "'Transform'; move bones with BoneMotion, or set collision to 'none'"
+                raise InputError(
+                    f"{self._where}, block {name!r}",
+                    "its points are not its rest points moved by its 'Transform'",
+                    "move bones with BoneMotion, or set collision to 'off'",
                 )
             self._checked[name] = state

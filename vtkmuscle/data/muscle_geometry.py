@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
 from functools import cached_property
 from threading import Lock
@@ -14,13 +13,14 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.attachments.patches import attachment_patch
+from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.sampling import samples_inside
-from vtkmuscle.core.mesh.surface import half_edges
+from vtkmuscle.core.mesh.surface import edge_uses, half_edges
+from vtkmuscle.core.mesh.topology import opposite_half_edges
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
-from vtkmuscle.core.morphing.sections import ClosedSurface, opposite_half_edges
+from vtkmuscle.core.morphing.sections import ClosedSurface
 from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.data.attachments import AttachmentArea
-from vtkmuscle.data.fingerprint import fingerprint
 from vtkmuscle.data.surface_distance import SurfaceDistance
 
 Floats = NDArray[np.float64]
@@ -30,8 +30,9 @@ T = TypeVar("T")
 #: Surfaces that are remembered: the muscles of a limb. One of 20 000 triangles takes about 10 MB.
 REMEMBERED = 8
 
-_known: OrderedDict[Any, MuscleGeometry] = OrderedDict()
-_topologies: OrderedDict[Any, SurfaceTopology] = OrderedDict()
+#: Arrays, and what is known where they are equal to these; what was asked for last comes last.
+_known: list[tuple[tuple[NDArray[Any], ...], MuscleGeometry]] = []
+_topologies: list[tuple[tuple[NDArray[Any], ...], SurfaceTopology]] = []
 _lock = Lock()
 
 
@@ -40,27 +41,22 @@ class SurfaceTopology:
 
     Parameters
     ----------
-    n_points : int
-        Number of points.
     triangles : (m, 3) int array
         Point ids.
     """
 
-    def __init__(self, n_points: int, triangles: Ints) -> None:
-        self.n_points, self.triangles = n_points, triangles
+    def __init__(self, triangles: Ints) -> None:
+        self.triangles = triangles
 
     @cached_property
     def n_open_edges(self) -> int:
         """Number of edges that only one triangle has."""
-        edges = half_edges(self.triangles)
-        keys = np.sort(edges.min(axis=1) * self.n_points + edges.max(axis=1))
-        new = np.r_[True, keys[1:] != keys[:-1], True]
-        return int((new[1:] & new[:-1]).sum())
+        return int((edge_uses(self.triangles) == 1).sum())
 
     @cached_property
     def opposite(self) -> Ints:
         """Of each half-edge the opposite one; ValueError where the surface is open."""
-        return opposite_half_edges(self.triangles, self.n_points)
+        return opposite_half_edges(self.triangles)
 
 
 class MuscleGeometry:
@@ -127,9 +123,9 @@ class MuscleGeometry:
             try:
                 patches.append(self.patch(area))
             except ValueError as error:
-                raise ValueError(f"{where}: {role} area {number}: {error}") from error
+                raise InputError(f"{where}: {role} area {number}", *fault_of(error)) from error
         if not patches:
-            raise ValueError(f"{where}: there is no area with the role {role!r}")
+            raise InputError(where, f"there is no area with the role {role!r}")
         return np.unique(np.concatenate(patches))
 
     def once(self, key: Hashable, find: Callable[[], T]) -> T:
@@ -174,33 +170,45 @@ def muscle_geometry(surface: vtkPolyData, where: str) -> MuscleGeometry:
     ValueError
         If the surface has no triangles or other faces, or a point is not finite.
     """
-    points_key, faces_key = _keys(surface)
+    positions, faces = _arrays(surface)
     with _lock:
-        found = _known.pop((points_key, faces_key), None)
+        found = _recalled(_known, (*positions, *faces))
         if found is None:
             points, triangles = checked_surface(surface, where)
-            topology = _topologies.pop((len(points), faces_key), None)
-            topology = topology or SurfaceTopology(len(points), triangles)
-            _remember(_topologies, (len(points), faces_key), topology)
+            size = np.array(len(points))
+            topology = _recalled(_topologies, (size, *faces))
+            if topology is None:
+                topology = SurfaceTopology(triangles)
+                _remember(_topologies, (size, *faces), topology)
             found = MuscleGeometry(surface, points, topology)
-        _remember(_known, (points_key, faces_key), found)
+            _remember(_known, (*positions, *faces), found)
     return found
 
 
-def _keys(surface: vtkPolyData) -> tuple[Any, Any]:
-    """Return keys of a surface's points and of its faces, whatever these are."""
+def _arrays(surface: vtkPolyData) -> tuple[tuple[NDArray[Any], ...], tuple[NDArray[Any], ...]]:
+    """Return the arrays of a surface's points and of its faces, whatever these are."""
     polys, points = surface.GetPolys(), surface.GetPoints()
     if points is None or polys.GetNumberOfCells() == 0:
-        return None, None
+        return (), ()
     # Whatever the arrays' types: copies may have others.
     positions = np.asarray(vtk_to_numpy(points.GetData()), dtype=np.float64)
     arrays = vtk_to_numpy(polys.GetOffsetsArray()), vtk_to_numpy(polys.GetConnectivityArray())
-    faces = fingerprint(*(np.asarray(array, dtype=np.int64) for array in arrays))
-    return fingerprint(positions), (surface.GetNumberOfStrips(), faces)
+    faces = tuple(np.asarray(array, dtype=np.int64) for array in arrays)
+    return (positions,), (np.array(surface.GetNumberOfStrips()), *faces)
 
 
-def _remember(known: OrderedDict[Any, Any], key: Any, value: Any) -> None:
+def _recalled(known: list[tuple[tuple[NDArray[Any], ...], T]], arrays: tuple[NDArray[Any], ...]) -> T | None:
+    """Return what is remembered of equal arrays, None where nothing is."""
+    for number, (theirs, found) in enumerate(known):
+        if len(theirs) == len(arrays) and all(map(np.array_equal, theirs, arrays)):
+            known.append(known.pop(number))
+            return found
+    return None
+
+
+def _remember(
+    known: list[tuple[tuple[NDArray[Any], ...], T]], arrays: tuple[NDArray[Any], ...], found: T
+) -> None:
     """Put something at the end of what is remembered, and forget what is too much."""
-    known[key] = value
-    while len(known) > REMEMBERED:
-        known.popitem(last=False)
+    known.append((tuple(array.copy() for array in arrays), found))  # the caller's may change
+    del known[:-REMEMBERED]

@@ -8,7 +8,7 @@ from typing import Any
 
 from vtkmodules.vtkCommonCore import vtkStringArray
 
-from vtkmuscle import __version__
+from vtkmuscle._version import __version__
 
 #: Name of the field array: one JSON object per filter, in the order in which they ran.
 PROVENANCE = "Provenance"

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.morphing.superficial import SeenFibres, seen_fibres
 from vtkmuscle.data.arrays import Polylines, polylines_of
@@ -30,9 +31,10 @@ def checked_superficial(data: vtkPolyData, where: str) -> Polylines:
     """
     lines = polylines_of(data, where)
     if not polyline_lengths(lines.points, lines.offsets).max() > 0.0:
-        raise ValueError(
-            f"{where}: no fibre has a length, so that they have no direction; digitise two points or more of "
-            "each"
+        raise InputError(
+            where,
+            "no fibre has a length, so that they have no direction",
+            "digitise two points or more of each",
         )
     return lines
 

@@ -1,102 +1,57 @@
-"""VTK filters over :mod:`vtkmuscle.core`: one algorithm per file, imported when first used.
+"""VTK filters over :mod:`vtkmuscle.core`: one algorithm per file, found and imported when first used.
+
+A filter is in the file of its name: ``FibreSmoother`` in ``fibre_smoother.py``. Nothing else lists it.
 
 Examples
 --------
 >>> from vtkmuscle.filters import FibreSmoother, FibreTemplateSource
->>> fibres = FibreTemplateSource(kind="curved", n_fibres=10) >> FibreSmoother()
->>> fibres.update().output.GetNumberOfCells()
+>>> fibres = FibreTemplateSource(template="curved", n_fibres=10) >> FibreSmoother()
+>>> fibres.output.GetNumberOfCells()
 10
 """
 
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from pkgutil import iter_modules
+from typing import Any
 
-if TYPE_CHECKING:
-    from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of, via_rings_of
-    from vtkmuscle.data.provenance import provenance_of
-    from vtkmuscle.filters.attachment_estimator import AttachmentEstimator
-    from vtkmuscle.filters.base.filter import Filter
-    from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
-    from vtkmuscle.filters.bone_motion import BoneMotion
-    from vtkmuscle.filters.fibre_metrics import FibreMetrics
-    from vtkmuscle.filters.fibre_smoother import FibreSmoother
-    from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
-    from vtkmuscle.filters.fibre_transport import FibreTransport
-    from vtkmuscle.filters.fibre_trimmer import FibreTrimmer
-    from vtkmuscle.filters.fibre_tubes import FibreTubes
-    from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-    from vtkmuscle.filters.harmonic_field import HarmonicField
-    from vtkmuscle.filters.linear_blend_fibres import LinearBlendFibres
-    from vtkmuscle.filters.moment_arms import MomentArms
-    from vtkmuscle.filters.pbd_deformer import PBDDeformer
-    from vtkmuscle.filters.slice_morpher import SliceMorpher
-    from vtkmuscle.filters.taut_fibres import TautFibres
-    from vtkmuscle.filters.template_fitter import TemplateFitter
+from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of, via_rings_of
+from vtkmuscle.data.provenance import provenance_of
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
-_SOURCES = {
-    "AttachmentArea": "vtkmuscle.data.attachments",
-    "AttachmentEstimator": "vtkmuscle.filters.attachment_estimator",
-    "BoneMotion": "vtkmuscle.filters.bone_motion",
-    "FibreMetrics": "vtkmuscle.filters.fibre_metrics",
-    "FibreSmoother": "vtkmuscle.filters.fibre_smoother",
-    "FibreTemplateSource": "vtkmuscle.filters.fibre_template_source",
-    "FibreTransport": "vtkmuscle.filters.fibre_transport",
-    "FibreTrimmer": "vtkmuscle.filters.fibre_trimmer",
-    "FibreTubes": "vtkmuscle.filters.fibre_tubes",
-    "Filter": "vtkmuscle.filters.base.filter",
-    "FixedPointDetector": "vtkmuscle.filters.fixed_point_detector",
-    "HarmonicField": "vtkmuscle.filters.harmonic_field",
-    "InputPort": "vtkmuscle.filters.base.parameters",
-    "LinearBlendFibres": "vtkmuscle.filters.linear_blend_fibres",
-    "MomentArms": "vtkmuscle.filters.moment_arms",
-    "OutputPort": "vtkmuscle.filters.base.parameters",
-    "PBDDeformer": "vtkmuscle.filters.pbd_deformer",
-    "Parameter": "vtkmuscle.filters.base.parameters",
-    "SliceMorpher": "vtkmuscle.filters.slice_morpher",
-    "TautFibres": "vtkmuscle.filters.taut_fibres",
-    "TemplateFitter": "vtkmuscle.filters.template_fitter",
-    "attachments_from": "vtkmuscle.data.attachments",
-    "attachments_of": "vtkmuscle.data.attachments",
-    "provenance_of": "vtkmuscle.data.provenance",
-    "via_rings_of": "vtkmuscle.data.attachments",
+#: Names beside those of the filters.
+_OTHERS = (
+    AttachmentArea, Filter, InputPort, OutputPort, Parameter, attachments_from, attachments_of, provenance_of,
+    via_rings_of,
+)  # fmt: skip
+#: Module of each filter by the filter's name in lower case.
+_MODULES = {
+    module.name.replace("_", ""): module.name for module in iter_modules(__path__) if not module.ispkg
 }
 
-__all__ = [
-    "AttachmentArea",
-    "AttachmentEstimator",
-    "BoneMotion",
-    "FibreMetrics",
-    "FibreSmoother",
-    "FibreTemplateSource",
-    "FibreTransport",
-    "FibreTrimmer",
-    "FibreTubes",
-    "Filter",
-    "FixedPointDetector",
-    "HarmonicField",
-    "InputPort",
-    "LinearBlendFibres",
-    "MomentArms",
-    "OutputPort",
-    "PBDDeformer",
-    "Parameter",
-    "SliceMorpher",
-    "TautFibres",
-    "TemplateFitter",
-    "attachments_from",
-    "attachments_of",
-    "provenance_of",
-    "via_rings_of",
-]
+
+def filter_classes() -> list[type[Filter]]:
+    """Return all filters of the package, in alphabetical order; imports every one of them."""
+    found: list[type[Filter]] = []
+    for name, file in _MODULES.items():
+        module = import_module(f"{__name__}.{file}")
+        (own,) = (value for key, value in vars(module).items() if key.lower() == name)
+        found.append(own)
+    return sorted(found, key=lambda kind: kind.__name__)
 
 
 def __getattr__(name: str) -> Any:
-    if name in _SOURCES:
-        return getattr(import_module(_SOURCES[name]), name)
-    raise AttributeError(f"module 'vtkmuscle.filters' has no attribute {name!r}")
+    if name == "__all__":
+        return __dir__()
+    if name.lower() in _MODULES and not name.islower():
+        module = import_module(f"{__name__}.{_MODULES[name.lower()]}")
+        if hasattr(module, name):
+            return getattr(module, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted([*(kind.__name__ for kind in filter_classes()), *(value.__name__ for value in _OTHERS)])

@@ -8,22 +8,24 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.attachments.contact_areas import ContactArea, attached_contacts, contact_areas, outline
 from vtkmuscle.core.attachments.patches import FACING, approach, outward_normals
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.bone_motion import bones_of
 from vtkmuscle.filters.fixed_point_detector import in_box
 
-#: Where no tolerance is given: this part of the diagonal of the muscle's box, 2 to 5 mm about the hip.
-TOLERANCE_PER_DIAGONAL = 0.015
+#: Where no distance is given: this part of the diagonal of the muscle's box, 2 to 5 mm about the hip.
+DISTANCE_PER_DIAGONAL = 0.015
 
 
 class AttachmentEstimator(Filter):
     """Propose the attachments of a muscle, from where it touches the bones at rest.
 
-    A point touches a bone within the tolerance of which it is, and which it faces. Of the connected areas
+    A point touches a bone within the distance of which it is, and which it faces. Of the connected areas
     of such points, those two of different bones are the main attachments that are large and far from each
     other along the muscle, for between its ends a muscle slides over bones; other areas of the same bones
     at the same ends are added. The landmarks are points on the areas' boundaries.
@@ -48,7 +50,7 @@ class AttachmentEstimator(Filter):
     ['origin_0', 'insertion_1']
     """
 
-    tolerance: Parameter[float | None] = Parameter(
+    distance: Parameter[float | None] = Parameter(
         float,
         default=None,
         above=0.0,
@@ -59,8 +61,8 @@ class AttachmentEstimator(Filter):
         str, default=None, doc="Name of the origin's bone; None is the one that is touched more."
     )
 
-    muscle = InputPort(vtkPolyData, content="muscle", doc="Triangles, in the rest pose.")
-    bones = InputPort(vtkMultiBlockDataSet, content="rest bones", doc="Named blocks of vtkPolyData, at rest.")
+    muscle = InputPort(vtkPolyData, doc="Triangles, in the rest pose.")
+    bones = InputPort(vtkMultiBlockDataSet, doc="Named blocks of vtkPolyData, at rest.")
     output = OutputPort(
         vtkMultiBlockDataSet,
         doc="Attachments: a block per area, a closed polyline through its landmarks, with the field arrays "
@@ -71,17 +73,17 @@ class AttachmentEstimator(Filter):
         """Return the areas."""
         points, triangles = checked_surface(muscle, "AttachmentEstimator: muscle")
         surfaces = bones_of(bones, "AttachmentEstimator: bones")
-        tolerance = self.tolerance
-        if tolerance is None:
+        within = self.distance
+        if within is None:
             used = points[np.unique(triangles)]
-            tolerance = TOLERANCE_PER_DIAGONAL * float(np.linalg.norm(np.ptp(used, axis=0)))
+            within = DISTANCE_PER_DIAGONAL * float(np.linalg.norm(np.ptp(used, axis=0)))
         touching = []
         for number, bone in enumerate(surfaces.values()):
-            touching.append(_touching(points, triangles, bone, tolerance))
+            touching.append(_touching(points, triangles, bone, within))
             self.report_progress((number + 1) / (len(surfaces) + 1))
         names = list(surfaces)
         ends = attached_contacts(points, triangles, contact_areas(points, triangles, touching))
-        self._check(names, ends, touching, tolerance)
+        self._check(names, ends, touching, within)
         if names[ends[1][0].bone] == self.origin:
             ends = ends[::-1]
         areas = []
@@ -96,32 +98,36 @@ class AttachmentEstimator(Filter):
         names: list[str],
         ends: tuple[list[ContactArea], list[ContactArea]],
         touching: list[NDArray[np.bool_]],
-        tolerance: float,
+        within: float,
     ) -> None:
         if not ends[0]:
             touched = [repr(name) for name, mask in zip(names, touching, strict=True) if mask.any()]
-            raise ValueError(
-                f"AttachmentEstimator: within {tolerance:.4g} the muscle touches "
+            raise InputError(
+                "AttachmentEstimator",
+                f"within {within:.4g} the muscle touches "
                 f"{'only ' + touched[0] if touched else 'no bone'}, but attachments are estimated between "
-                "two bones; give a larger tolerance, or landmarks"
+                "two bones",
+                "give a larger distance, or landmarks",
             )
         found = [names[end[0].bone] for end in ends]
         if self.origin is not None and self.origin not in found:
-            raise ValueError(
-                f"AttachmentEstimator: origin is {self.origin!r}, but the muscle seems to be attached to "
-                f"{' and '.join(map(repr, found))}; choose one of these, or another tolerance"
+            raise InputError(
+                "AttachmentEstimator",
+                f"origin is {self.origin!r}, but the muscle seems to be attached to "
+                f"{' and '.join(map(repr, found))}",
+                "choose one of these, or another distance",
             )
 
 
 def _touching(
-    points: NDArray[np.float64], triangles: NDArray[np.int64], bone: vtkPolyData, tolerance: float
+    points: NDArray[np.float64], triangles: NDArray[np.int64], bone: vtkPolyData, within: float
 ) -> NDArray[np.bool_]:
     touching = np.zeros(len(points), dtype=np.bool_)
-    near = in_box(points, bone, tolerance)
+    near = in_box(points, bone, within)
     near = near[np.isin(near, triangles)]
     if len(near):
         distance = SurfaceDistance(bone).signed
-        near = near[distance(points[near]) <= tolerance]
+        near = near[distance(points[near]) <= within]
         normals, step = outward_normals(points, triangles)
         touching[near] = approach(points[near], normals[near], step, distance) >= FACING
     return touching

@@ -11,19 +11,20 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonTransforms import vtkTransform
 from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
 
-from vtkmuscle.core.motion.rigid import Floats, RigidMotion
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import blocks_of, multiblock_from, set_field_array
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
 
 class BoneMotion(Filter):
     """Move bones to where a rigid motion has them at the pipeline's time.
 
     The filter announces the times of the motion as its time steps; between them the motion is
-    interpolated, before the first and after the last it stands still. Where no time is asked for, the
-    bones are at the first one. Bones that the motion does not name stay where they are and share their
-    geometry with the input.
+    interpolated, before the first and after the last it stands still. Bones that the motion does not name
+    stay where they are and share their geometry with the input.
 
     Raises
     ------
@@ -35,7 +36,7 @@ class BoneMotion(Filter):
     >>> from vtkmuscle.filters import BoneMotion
     >>> from vtkmuscle.phantoms import spindle_over_hinge
     >>> phantom = spindle_over_hinge()
-    >>> bones = BoneMotion(motion=phantom.motion).apply(phantom.bones, time=phantom.motion.times[-1])
+    >>> bones = BoneMotion(bones=phantom.bones, motion=phantom.motion).apply(time=20.0)
     >>> bones[0].field_data["Transform"].shape
     (16,)
     """
@@ -44,7 +45,7 @@ class BoneMotion(Filter):
         RigidMotion, default=None, doc="Transforms of the moving bones over time; None leaves all at rest."
     )
 
-    bones = InputPort(vtkMultiBlockDataSet, content="rest bones", doc="Named blocks of vtkPolyData, at rest.")
+    bones = InputPort(vtkMultiBlockDataSet, doc="Named blocks of vtkPolyData, at rest.")
     output = OutputPort(
         vtkMultiBlockDataSet,
         doc="The bones, in the same named blocks, at the time asked for; each with the field array "
@@ -88,7 +89,8 @@ class BoneMotion(Filter):
     def _transforms(self) -> dict[str, Floats]:
         if self.motion is None:
             return {}
-        return self.motion.at(self.motion.times[0] if self.request_time is None else self.request_time)
+        assert self.request_time is not None  # the filter announces the motion's times
+        return self.motion.at(self.request_time)
 
 
 def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:

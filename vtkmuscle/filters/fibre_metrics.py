@@ -33,7 +33,8 @@ from vtkmuscle.data.attachments import end_areas
 from vtkmuscle.data.inner_areas import inner_areas
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
 Floats = NDArray[np.float64]
 
@@ -88,18 +89,11 @@ class FibreMetrics(Filter):
         doc="Number of cross-sections in which fibres are counted, evenly along the centroid path.",
     )
 
-    fibres = InputPort(
-        vtkPolyData, content="fibres", doc="Polylines; the cell array ``RestLength`` [mm] where there is one."
-    )
-    muscle = InputPort(
-        vtkPolyData, content="muscle", optional=True, doc="The surface that the fibres end on."
-    )
-    bones = InputPort(
-        vtkMultiBlockDataSet, content="moving bones", optional=True, doc="Bones in the pose of the fibres."
-    )
+    fibres = InputPort(vtkPolyData, doc="Polylines; the cell array ``RestLength`` [mm] where there is one.")
+    muscle = InputPort(vtkPolyData, optional=True, doc="The surface that the fibres end on.")
+    bones = InputPort(vtkMultiBlockDataSet, optional=True, doc="Bones in the pose of the fibres.")
     attachments = InputPort(
         vtkMultiBlockDataSet,
-        content="attachments",
         optional=True,
         doc="Areas in the pose of the fibres; what those within the muscle span counts as its surface.",
     )

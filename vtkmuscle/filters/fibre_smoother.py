@@ -15,7 +15,8 @@ from vtkmuscle.data.arrays import Polylines, field_string, polylines_of, set_cel
 from vtkmuscle.data.attachments import end_areas
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
 Floats = NDArray[np.float64]
 
@@ -23,7 +24,7 @@ Floats = NDArray[np.float64]
 #: Positions in the muscle by which fibres are spread: for each fibre, and at least.
 SAMPLES, LEAST_SAMPLES = 64, 2048
 #: How far parallel fibres are moved by each pass.
-FILLING = 1.5
+SPREADING = 1.5
 
 
 class FibreSmoother(Filter):
@@ -35,7 +36,7 @@ class FibreSmoother(Filter):
 
     The map from the template crowds fibres in the middle of a muscle, and straight ends leave its flanks
     bare. So where the muscle is connected, each pass also moves every fibre towards the middle of the part
-    of the muscle that is nearest to it (Lloyd's relaxation), ``filling`` times the way. The ends of
+    of the muscle that is nearest to it (Lloyd's relaxation), ``spreading`` times the way. The ends of
     fibres stay where they are, but where attachments are connected they move along on the areas. That is
     for fibres of which nothing is known but that they fill the muscle, and so is done by default to those
     of the parallel template only: pennate ones would be drawn into corners that they leave free.
@@ -55,14 +56,14 @@ class FibreSmoother(Filter):
     Examples
     --------
     >>> from vtkmuscle.filters import FibreSmoother, FibreTemplateSource
-    >>> fibres = FibreTemplateSource(kind="fan", n_fibres=4) >> FibreSmoother(iterations=2)
+    >>> fibres = FibreTemplateSource(template="fan", n_fibres=4) >> FibreSmoother(smoothing_passes=2)
     >>> fibres.update().output.GetNumberOfCells()
     4
     """
 
-    iterations = Parameter(int, default=5, minimum=0, maximum=10_000, doc="Number of smoothing passes.")
-    k = Parameter(float, default=4.0, minimum=0.0, doc="Weight of the middle point.")
-    filling: Parameter[float | None] = Parameter(
+    smoothing_passes = Parameter(int, default=5, minimum=0, maximum=10_000, doc="Number of smoothing passes.")
+    smoothing_weight = Parameter(float, default=4.0, minimum=0.0, doc="Weight of the middle point.")
+    spreading: Parameter[float | None] = Parameter(
         float,
         default=None,
         minimum=0.0,
@@ -72,13 +73,10 @@ class FibreSmoother(Filter):
         "field array ``Template`` says that they are parallel, else 0.",
     )
 
-    fibres = InputPort(vtkPolyData, content="fibres", doc="Polylines, any number of points each.")
-    muscle = InputPort(
-        vtkPolyData, content="muscle", optional=True, doc="Closed triangles that the fibres stay in."
-    )
+    fibres = InputPort(vtkPolyData, doc="Polylines, any number of points each.")
+    muscle = InputPort(vtkPolyData, optional=True, doc="Closed triangles that the fibres stay in.")
     attachments = InputPort(
         vtkMultiBlockDataSet,
-        content="attachments",
         optional=True,
         doc="Areas on which the fibres' ends may move as fibres are spread.",
     )
@@ -95,35 +93,41 @@ class FibreSmoother(Filter):
         lines = polylines_of(fibres, "FibreSmoother: fibres")
         if muscle is not None:
             geometry = muscle_geometry(muscle, "FibreSmoother: muscle")
-            filling = self.filling
-            if filling is None:
-                filling = FILLING if field_string(fibres, "Template") == "parallel" else 0.0
-            points = self._in_muscle(lines, filling, geometry, _areas(attachments, geometry))
+            spreading = self.spreading
+            if spreading is None:
+                spreading = SPREADING if field_string(fibres, "Template") == "parallel" else 0.0
+            points = self._in_muscle(lines, spreading, geometry, _areas(attachments, geometry))
         elif attachments is not None:
             raise ValueError(
                 "FibreSmoother: attachments are areas on the muscle, but the port 'muscle' is not connected"
             )
         else:
-            points = smooth_polylines(lines.points, lines.offsets, self.k, self.iterations)
+            points = smooth_polylines(
+                lines.points, lines.offsets, self.smoothing_weight, self.smoothing_passes
+            )
         result = with_polylines(fibres, Polylines(points, lines.offsets))
         before = polyline_lengths(lines.points, lines.offsets)
         set_cell_array(result, "LengthChange", polyline_lengths(points, lines.offsets) - before)
         return result
 
     def _in_muscle(
-        self, lines: Polylines, filling: float, geometry: MuscleGeometry, areas: Sequence[TriangleTree | None]
+        self,
+        lines: Polylines,
+        spreading: float,
+        geometry: MuscleGeometry,
+        areas: Sequence[TriangleTree | None],
     ) -> Floats:
         """Return points smoothed and spread, of which the inner ones are put back into the muscle."""
         ends = lines.offsets[:-1], lines.offsets[1:] - 1
         inner = np.ones(len(lines.points), dtype=np.bool_)
         inner[ends[0]] = inner[ends[1]] = False
-        n_samples = max(SAMPLES * len(lines), LEAST_SAMPLES) if filling and self.iterations else 0
+        n_samples = max(SAMPLES * len(lines), LEAST_SAMPLES) if spreading and self.smoothing_passes else 0
         samples = geometry.samples(n_samples)
         points = lines.points
-        for done in range(self.iterations):
-            points = smooth_polylines(points, lines.offsets, self.k, 1)
+        for done in range(self.smoothing_passes):
+            points = smooth_polylines(points, lines.offsets, self.smoothing_weight, 1)
             if len(samples):
-                steps = filling * steps_to_centres(points, lines.offsets, samples)
+                steps = spreading * steps_to_centres(points, lines.offsets, samples)
                 goals = points + steps
                 for end, other, area in zip(ends, reversed(ends), areas, strict=True):
                     if area is None:
@@ -132,7 +136,7 @@ class FibreSmoother(Filter):
                         move_ends(goals, end, other, area.nearest(goals[end])[1])
                 points = goals
             points[inner] = geometry.distance.into(points[inner])
-            self.report_progress((done + 1) / self.iterations)
+            self.report_progress((done + 1) / self.smoothing_passes)
         return points
 
 

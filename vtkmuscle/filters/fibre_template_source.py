@@ -15,7 +15,8 @@ from vtkmuscle.data.arrays import (
     set_point_array,
 )
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import OutputPort
 
 
 class FibreTemplateSource(Filter):
@@ -41,14 +42,14 @@ class FibreTemplateSource(Filter):
     Examples
     --------
     >>> from vtkmuscle.filters import FibreTemplateSource
-    >>> fibres = FibreTemplateSource(kind="pennate", n_fibres=10, resolution=19).update().output
+    >>> fibres = FibreTemplateSource(template="pennate", n_fibres=10, resolution=19).update().output
     >>> fibres.GetNumberOfCells(), fibres.GetNumberOfPoints()
     (10, 200)
     """
 
-    kind = Parameter(str, default="parallel", choices=KINDS, doc="How the fibres run.")
-    file: Parameter[str | None] = Parameter(
-        str, default=None, doc="A .toml or .json file with a template of your own, in place of ``kind``."
+    template = Parameter(str, default="parallel", choices=KINDS, doc="How the fibres run.")
+    template_file: Parameter[str | None] = Parameter(
+        str, default=None, doc="A .toml or .json file with a template of your own, in place of ``template``."
     )
     n_fibres = Parameter(int, default=100, minimum=1, maximum=100_000, doc="Number of fibres.")
     resolution = Parameter(
@@ -65,12 +66,12 @@ class FibreTemplateSource(Filter):
 
     def execute(self) -> vtkPolyData:
         """Return the template."""
-        template = TEMPLATES[self.kind]
-        if self.file is not None:
+        template = TEMPLATES[self.template]
+        if self.template_file is not None:
             try:
-                template = read_template(self.file)
+                template = read_template(self.template_file)
             except ValueError as error:
-                raise ValueError(f"FibreTemplateSource.file: {error}") from error
+                raise ValueError(f"FibreTemplateSource.template_file: {error}") from error
         r, s = sobol_points(self.n_fibres).T
         t = np.linspace(0.0, 1.0, self.resolution + 1)
         points = template.fibres(r, s, t).reshape(-1, 3)
@@ -80,7 +81,7 @@ class FibreTemplateSource(Filter):
         set_cell_array(fibres, "r", r)
         set_cell_array(fibres, "s", s)
         set_cell_array(fibres, "FibreId", np.arange(self.n_fibres))
-        set_field_array(fibres, "Template", self.kind if self.file is None else "file")
+        set_field_array(fibres, "Template", self.template if self.template_file is None else "file")
         set_field_array(fibres, "OriginArea", template.origin_areas.reshape(-1, 3))
         set_field_array(fibres, "InsertionArea", template.insertion_areas.reshape(-1, 3))
         return fibres

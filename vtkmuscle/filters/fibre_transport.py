@@ -19,6 +19,8 @@ from vtkmuscle.core.fibres.sparse_weights import (
 )
 from vtkmuscle.core.fibres.vertex_groups import vertex_groups
 from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.data.arrays import (
     Polylines,
     checked_surface,
@@ -32,7 +34,8 @@ from vtkmuscle.data.arrays import (
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.data.pipeline_times import times_of
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -52,15 +55,15 @@ class _Rest:
     fibre_points: Floats
     points: Floats
     triangles: Ints
-    prune: float
-    outside: int | None = None
+    weight_tolerance: float
+    gap: Floats | None = None
     sparse: SparseWeights | None = None
     weights: dict[int, Floats] = field(default_factory=dict)
     size: int = 0
 
-    def is_of(self, fibre_points: Floats, points: Floats, triangles: Ints, prune: float) -> bool:
+    def is_of(self, fibre_points: Floats, points: Floats, triangles: Ints, weight_tolerance: float) -> bool:
         return (
-            self.prune == prune
+            self.weight_tolerance == weight_tolerance
             and np.array_equal(self.fibre_points, fibre_points)
             and np.array_equal(self.points, points)
             and np.array_equal(self.triangles, triangles)
@@ -73,7 +76,7 @@ class _Rest:
 
     def moved(self, deformed: Floats, report: Callable[[float], None]) -> Floats:
         """Return the fibre points in the deformed vertices; `report` is told the part that is done."""
-        if self.prune > 0.0:
+        if self.weight_tolerance > 0.0:
             if self.sparse is None:
                 self.sparse = self._made_sparse(report)
             moved = sparse_transport(self.sparse, deformed)
@@ -92,7 +95,7 @@ class _Rest:
             block = self.fibre_points[first : first + _BLOCK]
             parts.append(
                 sparse_mean_value_coordinates(
-                    self.points, self.triangles, block, prune=self.prune, groups=groups
+                    self.points, self.triangles, block, prune=self.weight_tolerance, groups=groups
                 )
             )
             report(min(first + _BLOCK, count) / (count + 1))
@@ -115,9 +118,10 @@ class FibreTransport(Filter):
     """Carry fibres from a muscle at rest into the deformed muscle.
 
     With ``method="carried"`` fibres go where the taut fibres of PBDDeformer are, moved on by what its solve
-    moved the surface from there: mean value coordinates take that to the fibre's points. It is small, and so
-    fibres stay in a muscle that is folded over a bone. It needs the arrays ``Carried`` and ``FibrePoints`` of
-    PBDDeformer for the very same fibres; where they are not there, ``"mean-value"`` takes the place.
+    moved the surface from there: mean value coordinates take that to the fibre's points. Points that come to
+    lie outside of the deformed muscle, farther than at rest, go to the nearest place on it. It needs the
+    arrays ``Carried`` and ``FibrePoints`` of PBDDeformer for the very same fibres; where they are not there,
+    ``"mean-value"`` takes the place.
 
     With ``method="mean-value"``, that of the paper, each fibre point is expressed by mean value coordinates
     in the vertices of the muscle at rest; the same weighted mean of the deformed vertices is where it has
@@ -125,9 +129,10 @@ class FibreTransport(Filter):
     so that a frame costs one matrix product. Fibre points outside of the muscle are carried along as well,
     and counted.
 
-    All weights of 1600 points on 9878 vertices take 126 MB. With ``prune`` groups of vertices whose weights
-    are much the same have one weight, and affine motions stay exact; 0.3 keeps one in thirty. What that costs
-    is in ``PruneError``: the largest error of a fibre point if the muscle is bent by about one radian.
+    All weights of 1600 points on 9878 vertices take 126 MB. With ``weight_tolerance`` groups of vertices
+    whose weights are much the same have one weight, and affine motions stay exact; 0.3 keeps one in thirty.
+    What that costs is in ``WeightError``: the largest error of a fibre point if the muscle is bent by about
+    one radian.
 
     Raises
     ------
@@ -153,12 +158,12 @@ class FibreTransport(Filter):
     2.0
     """
 
-    prune = Parameter(
+    weight_tolerance = Parameter(
         float,
         default=0.0,
         minimum=0.0,
-        doc="How much the weights of vertices that get one weight together may differ, in mean weights: the "
-        "sum of their deviations, times the radius of the group by that of the muscle; 0 keeps all.",
+        doc="Tolerance for merging vertices into groups that share one weight: with a larger one transport "
+        "is faster, takes less memory and is less exact. 0 merges nothing; 0.3 keeps one weight in thirty.",
     )
 
     method = Parameter(
@@ -168,16 +173,14 @@ class FibreTransport(Filter):
         doc="What fibres follow: the taut fibres that the muscle was deformed with, or its surface alone.",
     )
 
-    rest_fibres = InputPort(vtkPolyData, content="fibres", doc="Polylines in the muscle at rest.")
-    rest_muscle = InputPort(vtkPolyData, content="muscle", doc="The muscle at rest, closed, triangles.")
-    deformed_muscle = InputPort(
-        vtkPolyData, content="deformed muscle", doc="The same points as the muscle at rest, moved."
-    )
+    rest_fibres = InputPort(vtkPolyData, doc="Polylines in the muscle at rest.")
+    rest_muscle = InputPort(vtkPolyData, doc="The muscle at rest, closed, triangles.")
+    deformed_muscle = InputPort(vtkPolyData, doc="The same points as the muscle at rest, moved.")
     output = OutputPort(
         vtkPolyData,
         doc="The moved polylines, with the arrays of the rest fibres and the cell array ``RestLength`` "
         "(n_fibres,) [mm], and the field arrays ``PointsOutside``, the number of rest fibre points that are "
-        "outside of the muscle, and ``PruneError`` [mm].",
+        "outside of the muscle, and ``WeightError`` [mm].",
     )
 
     _rest: _Rest | None = None
@@ -200,20 +203,18 @@ class FibreTransport(Filter):
             )
         rest = self._rest_of(lines.points, points, triangles)
         carried = self._carried(deformed_muscle, len(lines.points))
-        if carried is None:
-            moved = rest.moved(deformed, self.report_progress)
-        else:
-            surface, fibre_points = carried
-            moved = fibre_points + rest.moved(deformed - surface, self.report_progress)
-        if rest.outside is None:
+        surface, fibre_points = (0.0, 0.0) if carried is None else carried
+        moved = fibre_points + rest.moved(deformed - surface, self.report_progress)
+        if rest.gap is None:
             distance = muscle_geometry(rest_muscle, "FibreTransport: rest_muscle").distance
-            slack = _ON_SURFACE * float(np.linalg.norm(np.ptp(points, axis=0)))
-            gone = np.linalg.norm(distance.into(lines.points) - lines.points, axis=1) > slack
-            rest.outside = int(gone.sum())
+            rest.gap = np.linalg.norm(distance.into(lines.points) - lines.points, axis=1)
+        if carried is not None:
+            _keep_within(moved, rest.gap, deformed, triangles)
         result = with_polylines(rest_fibres, Polylines(moved, lines.offsets))
         set_cell_array(result, "RestLength", polyline_lengths(lines.points, lines.offsets))
-        set_field_array(result, "PointsOutside", rest.outside)
-        set_field_array(result, "PruneError", rest.error)
+        slack = _ON_SURFACE * float(np.linalg.norm(np.ptp(points, axis=0)))
+        set_field_array(result, "PointsOutside", int((rest.gap > slack).sum()))
+        set_field_array(result, "WeightError", rest.error)
         return result
 
     def _carried(self, muscle: vtkPolyData, count: int) -> tuple[Floats, Floats] | None:
@@ -229,6 +230,14 @@ class FibreTransport(Filter):
     def _rest_of(self, fibre_points: Floats, points: Floats, triangles: Ints) -> _Rest:
         # Comparing content costs a hundredth of a frame, and unlike comparing modification times it is right
         # for inputs that were copied, or changed behind VTK's back through a numpy view.
-        if self._rest is None or not self._rest.is_of(fibre_points, points, triangles, self.prune):
-            self._rest = _Rest(fibre_points, points, triangles, self.prune)
+        if self._rest is None or not self._rest.is_of(fibre_points, points, triangles, self.weight_tolerance):
+            self._rest = _Rest(fibre_points, points, triangles, self.weight_tolerance)
         return self._rest
+
+
+def _keep_within(fibre_points: Floats, gap: Floats, surface: Floats, triangles: Ints) -> None:
+    """Move fibre points (p, 3) to the surface that are farther outside of it than their gap at rest (p,)."""
+    side = 1.0 if signed_volume(surface, triangles) > 0.0 else -1.0
+    distances, nearest, outward = triangle_tree(surface, triangles).tangent_planes(fibre_points)
+    out = side * distances > gap
+    fibre_points[out] = nearest[out] + side * gap[out, None] * outward[out]

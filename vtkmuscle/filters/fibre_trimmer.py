@@ -16,7 +16,8 @@ from vtkmuscle.data.attachments import AttachmentArea, end_areas
 from vtkmuscle.data.inner_areas import inner_areas
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -80,11 +81,9 @@ class FibreTrimmer(Filter):
         "muscle that nothing would be left between the planes.",
     )
 
-    fibres = InputPort(vtkPolyData, content="fibres", doc="Polylines from the origin to the insertion.")
-    muscle = InputPort(vtkPolyData, content="muscle", doc="The muscle's surface, triangles.")
-    attachments = InputPort(
-        vtkMultiBlockDataSet, content="attachments", doc="Areas of both roles, landmarks near the muscle."
-    )
+    fibres = InputPort(vtkPolyData, doc="Polylines from the origin to the insertion.")
+    muscle = InputPort(vtkPolyData, doc="The muscle's surface, triangles.")
+    attachments = InputPort(vtkMultiBlockDataSet, doc="Areas of both roles, landmarks near the muscle.")
     output = OutputPort(
         vtkPolyData, doc="The trimmed polylines, with the cell and field arrays of the input."
     )

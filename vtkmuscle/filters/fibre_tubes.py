@@ -22,7 +22,8 @@ from vtkmuscle.data.arrays import (
     with_polylines,
 )
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
 Floats = NDArray[np.float64]
 
@@ -78,10 +79,8 @@ class FibreTubes(Filter):
         "fewer fibres (the first ones, which a template spreads evenly); 0: no limit.",
     )
 
-    fibres = InputPort(vtkPolyData, content="fibres", doc="Polylines.")
-    muscle = InputPort(
-        vtkPolyData, content="muscle", optional=True, doc='Its volume is filled with ``radius_by="fill"``.'
-    )
+    fibres = InputPort(vtkPolyData, doc="Polylines.")
+    muscle = InputPort(vtkPolyData, optional=True, doc='Its volume is filled with ``radius_by="fill"``.')
     output = OutputPort(
         vtkPolyData,
         doc="Tubes, triangle strips with normals, with the arrays of the input on points and cells.",

@@ -14,7 +14,8 @@ from vtkmuscle.data.arrays import checked_surface, set_point_array
 from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.bone_motion import bones_of
 
 Floats = NDArray[np.float64]
@@ -26,7 +27,7 @@ class FixedPointDetector(Filter):
 
     ``"attachment"`` fixes what the landmarks of the attachment areas enclose when projected onto the
     muscle, on the side that faces the bone, and for areas that are open curves what lies within the
-    tolerance of the curve. ``"proximity"`` fixes the points within the tolerance of a bone's surface,
+    distance of the curve. ``"proximity"`` fixes the points within the distance of a bone's surface,
     ``"collision"`` those in the boundary or inside voxels of a bone. The last two also fix points that
     should slide along the bone; they are for muscles without landmarks. A point that two bones claim goes to
     the nearer one (by attachment: to the bone with the nearest landmark).
@@ -63,7 +64,7 @@ class FixedPointDetector(Filter):
         choices=("attachment", "proximity", "collision"),
         doc="How fixed points are told.",
     )
-    tolerance: Parameter[float | None] = Parameter(
+    distance: Parameter[float | None] = Parameter(
         float,
         default=None,
         minimum=0.0,
@@ -71,15 +72,14 @@ class FixedPointDetector(Filter):
         doc="Distance from a bone (proximity) or from an open curve (attachment); None is the muscle's "
         "mean edge length.",
     )
-    n_max = Parameter(
+    n_voxels = Parameter(
         int, default=DEFAULT_N_MAX, minimum=1, doc="Number of voxels of a bone, about (collision)."
     )
 
-    muscle = InputPort(vtkPolyData, content="muscle", doc="Triangles, in the rest pose.")
-    bones = InputPort(vtkMultiBlockDataSet, content="rest bones", doc="Named blocks of vtkPolyData, at rest.")
+    muscle = InputPort(vtkPolyData, doc="Triangles, in the rest pose.")
+    bones = InputPort(vtkMultiBlockDataSet, doc="Named blocks of vtkPolyData, at rest.")
     attachments = InputPort(
         vtkMultiBlockDataSet,
-        content="attachments",
         optional=True,
         doc="A block per area; needed for the method ``attachment`` only. Via rings fix nothing.",
     )
@@ -118,7 +118,7 @@ class FixedPointDetector(Filter):
     ) -> Ints:
         if attachments is None:
             raise ValueError(
-                "FixedPointDetector: the method 'attachment' needs attachments on port 2; connect them, or "
+                "FixedPointDetector: the method 'attachment' needs attachments=; give them, or "
                 "choose the method 'proximity' or 'collision'"
             )
         names = list(bones)
@@ -151,30 +151,30 @@ class FixedPointDetector(Filter):
                 triangles,
                 area.landmarks,
                 area.closed,
-                tolerance=self.tolerance,
+                tolerance=self.distance,
                 bone_distance=bone.signed,
             )
         except ValueError as error:
             raise ValueError(f"{where}: {error}") from error
 
     def _by_proximity(self, points: Floats, triangles: Ints, bones: dict[str, vtkPolyData]) -> Ints:
-        tolerance = self.tolerance
-        if tolerance is None:
-            tolerance = float(edge_lengths(points, unique_edges(triangles)).mean())
+        within = self.distance
+        if within is None:
+            within = float(edge_lengths(points, unique_edges(triangles)).mean())
         nearest = np.full(len(points), np.inf)
         fixed_to = np.full(len(points), -1)
         for index, bone in enumerate(bones.values()):
-            reachable = in_box(points, bone, tolerance)
+            reachable = in_box(points, bone, within)
             if len(reachable):
                 distances = SurfaceDistance(bone).unsigned(points[reachable])
-                closer = (distances <= tolerance) & (distances < nearest[reachable])
+                closer = (distances <= within) & (distances < nearest[reachable])
                 nearest[reachable[closer]] = distances[closer]
                 fixed_to[reachable[closer]] = index
             self.report_progress((index + 1) / len(bones))
         if (fixed_to < 0).all():
             raise ValueError(
-                f"FixedPointDetector: no point of the muscle is within {tolerance:.4g} of a bone; give a "
-                "larger tolerance, or landmarks and the method 'attachment'"
+                f"FixedPointDetector: no point of the muscle is within {within:.4g} of a bone; give a "
+                "larger distance, or landmarks and the method 'attachment'"
             )
         return fixed_to
 
@@ -184,14 +184,14 @@ class FixedPointDetector(Filter):
             reachable = in_box(points, bone, 0.0)
             if len(reachable):
                 surface = checked_surface(bone, f"FixedPointDetector: bones, block {name!r}")
-                claimed[index, reachable] = build_voxel_grid(*surface, n_max=self.n_max).contains(
+                claimed[index, reachable] = build_voxel_grid(*surface, n_max=self.n_voxels).contains(
                     points[reachable]
                 )
             self.report_progress((index + 1) / len(bones))
         if not claimed.any():
             raise ValueError(
-                "FixedPointDetector: no point of the muscle is in the voxels of a bone; lower n_max, or use "
-                "the method 'proximity' or 'attachment'"
+                "FixedPointDetector: no point of the muscle is in the voxels of a bone; lower n_voxels, or "
+                "use the method 'proximity' or 'attachment'"
             )
         disputed = claimed.sum(axis=0) > 1
         distances = np.where(claimed, 0.0, np.inf)

@@ -11,7 +11,7 @@ from vtkmuscle.data.arrays import point_array, set_point_array
 from vtkmuscle.data.attachments import end_areas
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
 Floats = NDArray[np.float64]
 
@@ -49,10 +49,8 @@ class HarmonicField(Filter):
     (0.0, 1.0)
     """
 
-    muscle = InputPort(vtkPolyData, content="muscle", doc="The muscle's surface, triangles.")
-    attachments = InputPort(
-        vtkMultiBlockDataSet, content="attachments", doc="Areas of both roles, landmarks near the muscle."
-    )
+    muscle = InputPort(vtkPolyData, doc="The muscle's surface, triangles.")
+    attachments = InputPort(vtkMultiBlockDataSet, doc="Areas of both roles, landmarks near the muscle.")
     output = OutputPort(
         vtkPolyData, doc="The muscle with the point array ``HarmonicField`` (from 0 at the origin to 1)."
     )

@@ -24,7 +24,8 @@ from vtkmuscle.data.moving_bones import transforms_of
 from vtkmuscle.data.pipeline_times import times_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
 Floats = NDArray[np.float64]
 
@@ -61,12 +62,9 @@ class LinearBlendFibres(Filter):
     >>> phantom = spindle_over_hinge()
     >>> (name, muscle), = phantom.muscles.items()
     >>> rest = decompose(muscle, phantom.attachments[name], n_fibres=8)
-    >>> bones = BoneMotion(motion=phantom.motion)
-    >>> bones.connect(0, phantom.bones)
-    >>> blend = LinearBlendFibres(origin="proximal", insertion="distal")
-    >>> blend.connect(0, rest)
-    >>> blend.connect(1, bones)
-    >>> blend.update(time=phantom.motion.times[-1]).output.GetNumberOfCells()
+    >>> bones = BoneMotion(bones=phantom.bones, motion=phantom.motion)
+    >>> blend = LinearBlendFibres(rest_fibres=rest, bones=bones, origin="proximal", insertion="distal")
+    >>> blend.output.GetNumberOfCells()
     8
     """
 
@@ -82,10 +80,9 @@ class LinearBlendFibres(Filter):
         str, default=None, doc="Bone of the fibres' last points; None: the last block."
     )
 
-    rest_fibres = InputPort(vtkPolyData, content="fibres", doc="Polylines at rest, origin to insertion.")
+    rest_fibres = InputPort(vtkPolyData, doc="Polylines at rest, origin to insertion.")
     bones = InputPort(
         vtkMultiBlockDataSet,
-        content="moving bones",
         doc="Named blocks with the field array ``Transform`` (16), rest to now.",
     )
     output = OutputPort(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.derivatives import moment_arms
 from vtkmuscle.core.moment_arms.of_joints import checked_coordinates, coordinate_samples
@@ -23,7 +24,8 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.data.pipeline_times import times_of
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.base.time_path import input_at, requested_time, state_of_inputs
 
 Floats = NDArray[np.float64]
@@ -66,13 +68,9 @@ class MomentArms(Filter):
     >>> from vtkmuscle.pipelines import decompose
     >>> phantom = spindle_over_hinge()
     >>> rest = decompose(phantom.muscles["spindle"], phantom.attachments["spindle"], n_fibres=8)
-    >>> bones, blend = BoneMotion(motion=phantom.motion), LinearBlendFibres()
-    >>> bones.connect(0, phantom.bones)
-    >>> blend.connect(0, rest)
-    >>> blend.connect(1, bones)
-    >>> arms = MomentArms(motion=phantom.motion)
-    >>> arms.connect(0, blend)
-    >>> found = arms.apply(time=20.0)
+    >>> bones = BoneMotion(bones=phantom.bones, motion=phantom.motion)
+    >>> blend = LinearBlendFibres(rest_fibres=rest, bones=bones)
+    >>> found = MomentArms(fibres=blend, motion=phantom.motion).apply(time=20.0)
     >>> found["MomentArm"].shape, bool((found["MomentArmError"] < 0.5).all())
     ((8,), True)
     """
@@ -92,7 +90,6 @@ class MomentArms(Filter):
 
     fibres = InputPort(
         vtkPolyData,
-        content="fibres over time",
         doc="Polylines, the same number at each time step; or, without time steps, with the cell array "
         "``Lengths`` (n_fibres, f) [mm] and the field array ``Times`` (f,).",
     )
@@ -127,7 +124,7 @@ class MomentArms(Filter):
                 "MomentArms: fibres: they announce no time steps, and have no cell array 'Lengths'; connect "
                 "a filter over time, e.g. FibreTransport behind PBDDeformer, or a reader of a .pvd series"
             )
-        now = float(times[0]) if self.request_time is None else self.request_time
+        now = float(times[-1]) if self.request_time is None else self.request_time
         if self._steps:  # the input stands where it was asked for last
             again = input_at(self, 0, now)
             fibres = fibres if again is None else again
@@ -170,7 +167,7 @@ class MomentArms(Filter):
             among = _interpolated(times, motion.times, samples)[used]
             found = moment_arms(lengths[used], among, at=place if known else None)
         except ValueError as error:
-            raise ValueError(f"MomentArms: {str(error).removeprefix('moment arms: ')}") from error
+            raise InputError("MomentArms", *fault_of(error)) from error
         for number, name in enumerate(names):
             if not (known and found.determined[0, number]) or one_only not in (None, name):
                 continue

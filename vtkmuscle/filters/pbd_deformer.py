@@ -12,11 +12,8 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.collision.muscle_contact import Neighbour
-from vtkmuscle.core.collision.obstacles import Obstacle
-from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
-from vtkmuscle.core.pbd.coarse import COARSE_ITERATIONS, COARSE_POINTS
+from vtkmuscle.core.pbd.muscle_model import FixedMuscle, MuscleModel, MuscleShape
 from vtkmuscle.core.pbd.solver import MuscleSolver, MuscleState
-from vtkmuscle.core.pbd.two_level import LEAST_NODES, NODES
 from vtkmuscle.core.taut.via_rings import ViaRing
 from vtkmuscle.data.arrays import (
     blocks_of,
@@ -33,34 +30,14 @@ from vtkmuscle.data.pipeline_times import times_of
 from vtkmuscle.data.superficial import checked_superficial
 from vtkmuscle.filters.base.checkpoints import MEGABYTE, Checkpoints
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.base.time_path import input_at, path_to, request_time, requested_time, state_of_inputs
 from vtkmuscle.filters.bone_motion import bones_of
-from vtkmuscle.filters.deformer.convergence_report import convergence_fields, convergence_row
-from vtkmuscle.filters.deformer.convergence_table import ConvergenceTable
-from vtkmuscle.filters.deformer.kept_solver import FixedMuscle
+from vtkmuscle.filters.deformer.convergence_report import convergence_fields
 from vtkmuscle.filters.deformer.neighbours import Neighbours
-from vtkmuscle.filters.deformer.quality import with_preset
-from vtkmuscle.filters.deformer.solved_muscle import MuscleShape, SolvedMuscle
+from vtkmuscle.filters.deformer.settings import DeformerSettings, solver_parameters
 
 Ints = NDArray[np.int64]
-
-#: Parameters that say nothing unless another one has one of these values: a change of them alone changes no
-#: frame.
-_ONLY_WITH = {
-    "cell": ("collision", {"sdf"}),
-    "skin": ("collision", {"sdf"}),
-    "friction": ("collision", {"sdf"}),
-    "n_max": ("collision", {"voxel"}),
-    "n_equal": ("collision", {"voxel"}),
-    "bone_push": ("collision", {"voxel"}),
-    "tolerance": ("solver", {"anderson", "two-level"}),
-    "nodes": ("solver", {"two-level"}),
-    "guidance": ("anisotropy", {"taut"}),
-    "coarse_points": ("start", {"coarse"}),
-    "coarse_iterations": ("start", {"coarse"}),
-}
-
 
 #: Ports whose data move with time.
 BONES, NEIGHBOURS = 1, 3
@@ -79,69 +56,44 @@ class _Frame:
         return self.state.nbytes
 
 
-class PBDDeformer(Filter):
+class PBDDeformer(DeformerSettings, Filter):
     """Deform a muscle with the bones it is fixed to, by position based dynamics.
 
     Points with a ``FixedTo`` follow their bone. The others keep, as well as they can, the lengths of the
-    edges (less so along the fibres, where a muscle gives way), the angles between neighbouring triangles
-    and the volume of the muscle, and stay out of the bones.
+    edges, the angles between neighbouring triangles and the volume of the muscle, and stay out of the bones.
 
     With ``anisotropy="taut"``, the default, they also follow the muscle's fibres. Each fibre is a string from
     bone to bone, pulled taut round the bones, from which it keeps away by what of the muscle lies between at
-    rest; strings carry the surface along. What edges and angles keep is the muscle carried like that, longer
-    or shorter along its fibres, thinner or thicker across; each iteration begins there, and draws the points
-    towards it by ``guidance``. So a frame is that of its pose, within what the strings know of the pose
-    before. ``"stiffness"`` (P21) makes edges the less stiff the more they run along the fibres,
-    k = 1 - abs(u . v), keeps the muscle as it is at rest, and pulls no strings.
+    rest. The strings carry the surface; edges and angles keep the muscle as it is carried, and each iteration
+    draws the points towards it by ``guidance``. ``"stiffness"`` (Kohout and Cervenka 2021) makes edges the
+    less stiff the more they run along the fibres, k = 1 - abs(u . v), and pulls no strings.
 
-    The fibres are those on port 2; where none are connected, lines over the surface stand in for them, along
-    the harmonic function between the points fixed to different bones. Where those are fixed to one bone only,
-    there are no strings, and all edges are equally stiff. Each edge takes the direction of the nearest fibre.
-    A few fibres that somebody has seen on the surface go to port 4: how they run in comparison with the
-    harmonic function's gradient is spread smoothly over all of the surface. For the directions of the edges
-    they count more than port 2, whose fibres then are the strings.
+    The fibres are those connected as ``fibres``; where there are none, lines over the surface stand in for
+    them, along the harmonic function between the points fixed to different bones. Where those are fixed to
+    one bone only, there are no strings, and all edges are equally stiff. Fibres seen on the surface,
+    connected as ``superficial``, count more for the directions of the edges.
 
-    A frame depends on the frames before it. So the frame at time t is computed from rest through all time
-    steps that the bones announce up to t, and t itself; steps that are known from earlier requests are not
-    computed again, and the frame does not depend on what was asked for before. Bones without time steps
-    give one step, from rest to where they are.
+    A frame depends on the frames before it: the frame at time t is computed from rest through all time steps
+    that the bones announce up to t, and t itself, whatever was asked for before. Frames are kept to go back
+    to, in memory of ``checkpoint_memory``; one takes 72 bytes per point, and some 4.6 kB per string. Where it
+    is used up, every second frame is dropped, then every second of those.
 
-    Frames are kept to go back to, in memory of ``checkpoint_memory``; one takes 72 bytes per point, and some
-    4.6 kB per string. Where it is used up, every second frame is dropped, then every second of those; a frame
-    that was dropped is computed from the nearest kept one before it. Any setting gives the same frames.
-
-    Without strings each step starts from ``"blend"``, ``"coarse"`` or ``"inertial"``. From ``"blend"`` free
-    points start where the bones' motions, blended by harmonic weights, take them (they have no momentum
-    then); with ``solver="two-level"`` they also go on as they did in the last step apart from that. From
-    ``"inertial"`` they start where their velocity takes them (P21), and strings do not guide them either: the
-    muscle hangs back behind the bones. From ``"coarse"`` a muscle of ``coarse_points`` points, in which a
-    change wanders far in an iteration, makes each step first, from its own blended start, and the full muscle
-    starts where that takes it. A muscle of fewer than twice as many points starts from ``"blend"``.
-
-    ``solver="anderson"``, the default, takes the iteration of ``"gauss-seidel"`` nearer to its end in the
-    same number of iterations, and stops at ``tolerance``. Stiffnesses hold per iteration then, so that the
-    shape it goes to does not depend on their number; with ``"gauss-seidel"`` they hold per step.
-    ``"two-level"`` also corrects each iteration by what a few nodes, which carry the points with them, see of
-    all constraints together, which without strings takes it to the same shape much sooner. With strings,
-    ``start="inertial"``, ``collision="voxel"`` or in a muscle of fewer than 40 free points there is no
-    correction, and it is as ``"anderson"``.
-
-    ``quality`` in the constructor, ``"preview"``, ``"balanced"`` or ``"accurate"``, stands for a few of the
-    parameters; those that are given count more.
+    Without strings each step starts from ``"blend"``, where the bones' motions, blended by harmonic weights,
+    take the free points, or from ``"inertial"``, where their velocity takes them; strings do not draw them
+    then, and the muscle hangs back behind the bones. ``solver="anderson"``, the default, takes the iteration
+    of ``"gauss-seidel"`` nearer to its end in the same number of iterations, and stops at ``tolerance``.
 
     ``collision="sdf"`` moves points that are in a bone to its surface, along which they slide. Points that
-    are in a bone at rest stay as deep as they are. ``"voxel"`` (P21) takes them back the way they came, which
-    leaves dents and spikes where a muscle is drawn over a bone. ``bone_push="transform"`` (P21) then lets
-    points in a bone's outermost voxels stick to it and be drawn into the joint; ``"off"`` leaves them where
-    the other constraints have them.
+    are in a bone at rest stay as deep as they are. ``"voxel"`` takes them back the way they came, which
+    leaves dents and spikes where a muscle is drawn over a bone.
 
-    Muscles on port 3 stay as they are; this one is kept out of them, except as deep as it is in them at rest.
-    So muscles are put in an order, in which each yields to those before it; ``vtkGroupDataSetsFilter`` makes
-    one input of several. A point stays on the outer side of the plane that touches the neighbour at the
-    place nearest to it; one that a step takes past the middle of a neighbour comes out on the other side.
+    Muscles connected as ``neighbours`` stay as they are; this one is kept out of them, except as deep as it
+    is in them at rest: ``neighbours={"psoas": psoas, "iliacus": iliacus}``, with their deformers.
 
-    P21 itself is ``anisotropy="stiffness"``, ``start="inertial"``, ``solver="gauss-seidel"``,
-    ``order="sequential"``, ``collision="voxel"``, ``bone_push="transform"``, ``contact_velocity="keep"``.
+    ``quality`` stands for a group of the other parameters, and setting it sets them. Those that are given to
+    the constructor beside it count more, and one that is set afterwards is kept until ``quality`` is set
+    again. ``"published"`` are the settings of Kohout and Cervenka 2021; the others are points on the curve of
+    speed against accuracy.
 
     Raises
     ------
@@ -156,8 +108,7 @@ class PBDDeformer(Filter):
     Kohout, Cervenka 2021, *Muscle Deformation Using Position Based Dynamics*,
     doi:10.1007/978-3-030-72379-8_24.
 
-    Müller, Heidelberger, Hennix, Ratcliff 2007, *Position based dynamics*,
-    doi:10.1016/j.jvcir.2007.01.005.
+    Müller et al. 2007, *Position based dynamics*, doi:10.1016/j.jvcir.2007.01.005.
 
     Examples
     --------
@@ -166,273 +117,70 @@ class PBDDeformer(Filter):
     >>> phantom = spindle_over_hinge()
     >>> (name, muscle), = phantom.muscles.items()
     >>> fixed = FixedPointDetector()(muscle, phantom.bones, phantom.attachments[name])
-    >>> moving = BoneMotion(motion=phantom.motion)
-    >>> moving.connect(0, phantom.bones)
-    >>> deformed = PBDDeformer(iterations=5).apply(fixed, moving, time=phantom.motion.times[-1])
+    >>> moving = BoneMotion(bones=phantom.bones, motion=phantom.motion)
+    >>> deformed = PBDDeformer(muscle=fixed, bones=moving, iterations=5).apply(time=10.0)
     >>> bool(abs(deformed.field_data["VolumeRatio"][0] - 1.0) < 0.01)
     True
     """
 
-    iterations = Parameter(
-        int, default=30, minimum=1, maximum=1_000_000, doc="Projections of all constraints per step, at most."
-    )
-    substeps = Parameter(
-        int,
-        default=1,
-        minimum=1,
-        maximum=10_000,
-        doc="Parts that a step is cut into; bones move along their screws.",
-    )
-    dt = Parameter(float, default=1.0, above=0.0, units="s", doc="Time of a step.")
-    damping = Parameter(
-        float, default=0.99, minimum=0.0, maximum=1.0, doc="Part of the velocity that a step leaves."
-    )
-    stiffness = Parameter(
-        float,
-        default=1.0,
-        minimum=0.0,
-        maximum=1.0,
-        doc="Of edge lengths, per step (solver 'gauss-seidel') or per iteration ('anderson').",
-    )
-    shape_stiffness = Parameter(
-        float, default=0.9, minimum=0.0, maximum=1.0, doc="Of angles between triangles, likewise."
-    )
-    volume_stiffness = Parameter(
-        float, default=1.0, minimum=0.0, maximum=1.0, doc="Of the muscle's volume, likewise."
-    )
-    anisotropy = Parameter(
-        str,
-        default="taut",
-        choices=("taut", "stiffness", "off"),
-        aliases={True: "stiffness", False: "off"},
-        doc="How edges give way along the fibres: they follow the fibres, pulled taut round the bones, or "
-        "they are less stiff (P21; also True), or not at all (also False).",
-    )
-    guidance = Parameter(
-        float,
-        default=0.02,
-        minimum=0.0,
-        maximum=1.0,
-        doc="Part of its way to where the taut fibres carry it that each iteration draws a point of the "
-        "surface; for anisotropy 'taut' and a start other than 'inertial'.",
-    )
-    external_force = Parameter(
-        tuple,
-        default=(0.0, 0.0, 0.0),
-        length=3,
-        units="mm/s^2",
-        doc="Force per mass on all free points; with start 'inertial'. From the other starts the solve leads "
-        "to where the constraints are met, and leaves the less of it the further it goes.",
-    )
-    collision = Parameter(
-        str,
-        default="sdf",
-        choices=("sdf", "voxel", "none"),
-        doc="How points are kept out of the bones: by signed distances, by voxels (P21) or not at all.",
-    )
-    cell: Parameter[float | None] = Parameter(
-        float,
-        default=None,
-        above=0.0,
-        units="mm",
-        doc="Distance of the nodes of the signed distance grids; None is 1/600 of the diagonal of the bone's "
-        "box along its principal axes.",
-    )
-    skin = Parameter(
-        float,
-        default=0.0,
-        minimum=0.0,
-        units="mm",
-        doc="Distance that points keep from the bones; those nearer at rest may come as near; for collision "
-        "'sdf'.",
-    )
-    friction = Parameter(
-        float,
-        default=0.0,
-        minimum=0.0,
-        doc="Coulomb's coefficient between muscle and bones: how much of the push out of a bone may be spent "
-        "on holding a point where it is on the bone; for collision 'sdf'.",
-    )
-    n_max = Parameter(
-        int,
-        default=DEFAULT_N_MAX,
-        minimum=1,
-        doc="Number of voxels of a bone, about, shared out by the sides of its box so that they are nearly "
-        "cubes; for collision 'voxel'.",
-    )
-    n_equal: Parameter[int | None] = Parameter(
-        int,
-        default=None,
-        minimum=1,
-        doc="Number of voxels along each axis of a bone's box, instead of n_max; for collision 'voxel'.",
-    )
-    bone_push = Parameter(
-        str,
-        default="off",
-        choices=("transform", "off"),
-        doc="What a bone does to points that it moved over: take them with it, or nothing; for collision "
-        "'voxel'.",
-    )
-    contact_velocity = Parameter(
-        str,
-        default="zero",
-        choices=("zero", "keep"),
-        doc="Velocity of points that met a bone: none, as P21 proposes, or that of their displacement (P21).",
-    )
-    start = Parameter(
-        str,
-        default="blend",
-        choices=("inertial", "blend", "coarse"),
-        doc="Where free points start each step: where their velocity takes them (P21), where the bones' "
-        "blended motions do, or where a muscle of fewer points goes.",
-    )
-    coarse_points = Parameter(
-        int,
-        default=COARSE_POINTS,
-        minimum=4,
-        doc="Points of the coarse muscle, about; a muscle of fewer than twice as many starts from 'blend'.",
-    )
-    coarse_iterations = Parameter(
-        int, default=COARSE_ITERATIONS, minimum=1, doc="Iterations of the coarse muscle per step."
-    )
-    solver = Parameter(
-        str,
-        default="anderson",
-        choices=("gauss-seidel", "anderson", "two-level"),
-        doc="The iteration: as it is (P21), accelerated towards the same shape, or accelerated and corrected "
-        "on a coarse level, which takes it there soonest where no taut fibres guide it.",
-    )
-    tolerance = Parameter(
-        float,
-        default=0.5,
-        minimum=0.0,
-        units="mm",
-        doc="Stop at this distance to the converged shape (root mean square), a bound of it where points are "
-        "drawn to taut fibres, else an estimate; not with solver 'gauss-seidel'. 0 never stops.",
-    )
-    nodes = Parameter(
-        int,
-        default=NODES,
-        minimum=LEAST_NODES,
-        maximum=600,
-        doc="Nodes of the coarse correction, about, with solver 'two-level'; fewer where there are not 8 "
-        "free points for each. What they add to an iteration's cost grows with their square.",
-    )
-    order = Parameter(
-        str,
-        default="colour",
-        choices=("colour", "sequential"),
-        doc="Order of projections: edges many at once and the volume last, or all one by one "
-        "and the volume before angles and bones (P21), which keeps it less well.",
-    )
-    max_triangles: Parameter[int | None] = Parameter(
-        int,
-        default=None,
-        minimum=4,
-        doc="Solve a decimated muscle of so many triangles, about, and carry the full one with it; None "
-        "solves the full one, as where it has no more. Needs the extra 'coarse' (fast-simplification).",
-    )
-    penetration = Parameter(
-        bool,
-        default=False,
-        doc="Measure how deep points are in the bones, against their triangles, for each frame asked for.",
-    )
-    checkpoint_memory = Parameter(
-        float,
-        default=256.0,
-        minimum=0.0,
-        units="MB",
-        doc="Memory for frames kept to go back in time; the last two are kept even with 0.",
-    )
-
-    verbose = Parameter(
-        bool,
-        default=False,
-        doc="Print the convergence report of each frame, a row as it is done, on standard error.",
-    )
-    dtype = Parameter(
-        str,
-        default="float64",
-        choices=("float64", "float32"),
-        doc="Numbers that the iteration computes with; 'float32' only with solver 'gauss-seidel' and order "
-        "'colour'.",
-    )
-    threads = Parameter(
-        int,
-        default=0,
-        minimum=0,
-        doc="Threads that work on a muscle of more than 65 536 edges, 0 for as many as there are processors; "
-        "a smaller one is left to one. The result is the same bit for bit.",
-    )
-
     muscle = InputPort(
         vtkPolyData,
-        content="fixed muscle",
         doc="Closed triangles in the rest pose, with the point array ``FixedTo``: -1 for a free point, else "
         "the index of a bone's block.",
     )
     bones = InputPort(
         vtkMultiBlockDataSet,
-        content="moving bones",
         doc="Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to "
         "now. Where one has the field array ``Reach``, points (n, 3) in the rest pose, its signed distance "
         "grid covers the part between them; a muscle that leaves it gets the whole bone, with a warning.",
     )
-    fibres = InputPort(
-        vtkPolyData, content="fibres", optional=True, doc="Polylines in the rest pose, for the anisotropy."
-    )
+    fibres = InputPort(vtkPolyData, optional=True, doc="Polylines in the rest pose, for the anisotropy.")
     neighbours = InputPort(
         vtkMultiBlockDataSet,
-        content="neighbours",
         optional=True,
         doc="Other muscles at the pipeline's time, out of which this one is kept: outputs of PBDDeformer, "
         "with the point array ``Displacement``.",
     )
     superficial = InputPort(
         vtkPolyData,
-        content="superficial fibres",
         optional=True,
         doc="Polylines on the muscle's surface in the rest pose, or near it; a few suffice for the direction "
         "of the anisotropy.",
     )
     attachments = InputPort(
         vtkMultiBlockDataSet,
-        content="attachments",
         optional=True,
         doc="For the via rings among them, which the fibres pass through.",
     )
     output = OutputPort(
         vtkPolyData,
-        doc="The muscle at the time asked for, with the arrays of the input and the point arrays "
-        "``Displacement`` (3) from rest [mm] and ``Velocity`` (3) [mm/s], and the field arrays "
-        "``VolumeRatio`` (V / V0), ``EdgeStretchP50``, ``EdgeStretchP95`` and ``EdgeStretchMax`` (l / l0 of "
-        "all edges), ``AlongFibresP5``, ``AlongFibresP50`` and ``AlongFibresP95`` (within 18 degrees "
-        "of the fibres), ``AcrossFibresP5``, ``AcrossFibresP50`` and ``AcrossFibresP95`` (over 72 degrees; "
-        "both where ``anisotropy`` is not 'off'), ``DihedralErrorP50`` and ``DihedralErrorP95`` [degrees], "
-        "``DegenerateEdges`` (whose angle was lost as a triangle collapsed), ``Iterations``, "
-        "``Residual`` (root mean square of what the "
-        "last iteration moved points by) [mm], ``EstimatedDistance`` to the converged shape, with solver "
-        "'anderson' [mm] (within a factor of 2 in two cases of three where no bone is met; unknown where one "
-        "is), ``CollidingPoints``, ``Milliseconds`` (of the last step) and, within it, "
+        doc="The muscle at the time asked for, with the arrays of the input; the point arrays "
+        "``Displacement`` (3) from rest [mm] and ``Velocity`` (3) [mm/s]; the field arrays "
+        "``VolumeRatio`` (V / V0), ``EdgeStretchP50``, ``EdgeStretchP95`` and ``EdgeStretchMax`` (l / l0), "
+        "``AlongFibresP5``, ``AlongFibresP50`` and ``AlongFibresP95`` (of the edges within 18 degrees of the "
+        "fibres), ``AcrossFibresP5``, ``AcrossFibresP50`` and ``AcrossFibresP95`` (over 72 degrees), "
+        "``DihedralErrorP50`` and ``DihedralErrorP95`` [degrees], ``DegenerateEdges`` (whose angle was lost "
+        "as a triangle collapsed), ``Iterations``, ``Residual`` (root mean square of what the last one moved "
+        "points by) [mm], ``EstimatedDistance``, a bound of the distance to the converged shape, where taut "
+        "fibres draw the points [mm], ``CollidingPoints``, ``Milliseconds`` (of the last step) and of it "
         "``MillisecondsPrediction``, ``MillisecondsConstraints``, ``MillisecondsCollision``, "
-        "``MillisecondsAcceleration`` and ``MillisecondsSettling``; with ``penetration`` "
-        "``PenetrationMax`` and ``PenetrationP95`` [mm], how deep the free points are in the closed bones (0 "
-        "outside), and ``PenetratingPoints``, how many are inside. With ``anisotropy`` 'taut' the point "
-        "array ``Carried`` (3), where the taut fibres carry each point before edges, volume and bones are "
-        "heeded [mm], the field array ``FibrePoints`` (p, 3), where they carry the points of the fibres on "
-        "port 2 [mm], and ``UnsettledFibres``, how many fibres did not come to rest.",
+        "``MillisecondsAcceleration`` and ``MillisecondsSettling``. With ``measure_penetration`` also "
+        "``PenetrationMax`` and ``PenetrationP95`` [mm], how deep the free points are in the closed bones, "
+        "and ``PenetratingPoints``, how many. With ``anisotropy`` 'taut' also the point array ``Carried`` "
+        "(3), where the taut fibres carry each point before edges, volume and bones are heeded [mm], and the "
+        "field arrays ``FibrePoints`` (p, 3), where they carry the points of ``fibres`` [mm], and "
+        "``UnsettledFibres``, how many fibres did not come to rest.",
     )
 
-    def __init__(self, *, quality: str | None = None, **parameters: Any) -> None:
-        self._muscle = SolvedMuscle("PBDDeformer: muscle")
+    def __init__(self, **settings: Any) -> None:
+        self._model: MuscleModel | None = None
         self._rest_bones = RestBones("PBDDeformer: bones")
         self._neighbours: Neighbours | None = None
         self._rest_from: float | None = None
         self._frames: Checkpoints[_Frame] = Checkpoints()
         self._made_with: object = None
         self._steps: tuple[float, ...] = ()
-        self._table: ConvergenceTable | None = None
-        super().__init__(**with_preset(quality, parameters))
+        super().__init__(**settings)
 
     # ---------------------------------------------------------------- time
 
@@ -468,6 +216,14 @@ class PBDDeformer(Filter):
             raise RuntimeError(f"PBDDeformer: the {name} at time {time:g} could not be computed")
         return data
 
+    def _settings_of_frames(self) -> dict[str, Any]:
+        """Return the parameters that a frame depends on."""
+        settings = self.parameters_that_count()
+        del settings["quality"], settings["checkpoint_memory"]
+        if self.collision != "off":  # the bones at rest are known then
+            del settings["measure_penetration"]
+        return settings
+
     def _forget_if_changed(self) -> None:
         """Drop all frames when a parameter they depend on or anything upstream of the bones has changed."""
         made_with = self._settings_of_frames(), state_of_inputs(self, self._moving_ports())
@@ -475,17 +231,6 @@ class PBDDeformer(Filter):
             self._frames.clear()
             self._made_with = made_with
             self._neighbours = None
-
-    def _settings_of_frames(self) -> dict[str, Any]:
-        """Return the parameters that a frame depends on."""
-        settings = self.parameters()
-        del settings["checkpoint_memory"], settings["verbose"]
-        if self.collision != "none":  # the bones at rest are known then
-            del settings["penetration"]
-        for name, (other, values) in _ONLY_WITH.items():
-            if settings[other] not in values:
-                del settings[name]
-        return settings
 
     # ---------------------------------------------------------------- one frame
 
@@ -538,12 +283,14 @@ class PBDDeformer(Filter):
         fixed_to = self._checked_fixed_to(point_array(muscle, "FixedTo", where), bones)
         lines = seen = None
         if fibres is not None and self.anisotropy != "off":
-            lines = polylines_of(fibres, "PBDDeformer: fibres")
+            found = polylines_of(fibres, "PBDDeformer: fibres")
+            lines = found.points, found.offsets
         if superficial is not None and self.anisotropy != "off":
-            seen = checked_superficial(superficial, "PBDDeformer: superficial")
-        if self._muscle.take(
-            FixedMuscle(points, triangles, fixed_to, lines, seen, rings), self.max_triangles
-        ):
+            found = checked_superficial(superficial, "PBDDeformer: superficial")
+            seen = found.points, found.offsets
+        given = FixedMuscle(points, triangles, fixed_to, lines, seen, rings)
+        if self._model is None or not given.same_as(self._model.muscle):
+            self._model = MuscleModel(given)
             self._frames.clear()
             self._neighbours = None
 
@@ -568,17 +315,17 @@ class PBDDeformer(Filter):
     def _take_rest(self, first: float | None, bones: dict[str, vtkPolyData]) -> None:
         """Take the bones at rest from the first frame of a path, on which their last digits depend."""
         self._rest_from = first
-        if self.collision != "none" or self.penetration:
+        if self.collision != "off" or self.measure_penetration:
             transforms = transforms_of(bones, "PBDDeformer: bones")
             self._rest_bones.take(
                 bones,
                 transforms,
                 collision=self.collision,
-                cell=self.cell,
-                skin=self.skin,
+                cell=self.grid_spacing,
+                skin=self.bone_clearance,
                 friction=self.friction,
-                n_max=self.n_max,
-                n_equal=self.n_equal,
+                n_max=self.n_voxels,
+                n_equal=self.n_voxels_per_axis,
             )
 
     def _advance(
@@ -594,7 +341,7 @@ class PBDDeformer(Filter):
             self._take_rest(path[0], bones)
         transforms = transforms_of(bones, "PBDDeformer: bones")
         solver = self._made_solver()
-        if self.collision != "none" or self.penetration:
+        if self.collision != "off" or self.measure_penetration:
             self._rest_bones.check(bones, transforms)
         before = self._frames[path[known - 1]].state if known else solver.rest_state(len(bones))
         beside: Sequence[Neighbour] = ()
@@ -611,48 +358,41 @@ class PBDDeformer(Filter):
         )
         frame = _Frame(state, 1e3 * (time.perf_counter() - started))
         self._frames.keep(path[known], frame)
-        if self.verbose:
-            self._tell(path[known], frame)
         self._thin_out(path[: known + 1])
-
-    def _tell(self, at: float | None, frame: _Frame) -> None:
-        """Print a row of figures."""
-        if self._table is None:
-            self._table = ConvergenceTable()
-        self._table.add("" if at is None else f"{at:g}", convergence_row(self._convergence(frame)))
 
     def _made_solver(self) -> MuscleSolver:
         """Return the solver for the present parameters."""
-        return self._muscle.solver(self.parameters(), self._obstacles())
+        obstacles = self._rest_bones.obstacles if self.collision != "off" else ()
+        try:
+            return self._known_model.solver(solver_parameters(self.parameters()), self.anisotropy, obstacles)
+        except ValueError as error:
+            raise ValueError(f"PBDDeformer: muscle: {error}") from error
 
-    def _obstacles(self) -> tuple[Obstacle, ...]:
-        return self._rest_bones.obstacles if self.collision != "none" else ()
+    @property
+    def _known_model(self) -> MuscleModel:
+        assert self._model is not None
+        return self._model
 
     # ---------------------------------------------------------------- the result
 
     def _result(self, muscle: vtkPolyData, frame: _Frame) -> vtkPolyData:
-        shape = self._shape_of(frame)
+        shape = self._known_model.shape(frame.state)
         result: vtkPolyData = with_points(muscle, shape.points)
         set_point_array(result, "Displacement", shape.displacement)
         set_point_array(result, "Velocity", shape.velocities)
-        for name, value in self._convergence(frame).items():
+        for name, value in self._convergence(frame, shape).items():
             set_field_array(result, name, value)
-        carried = self._muscle.carried(frame.state, self.parameters(), self._obstacles())
-        if carried is not None:
-            surface, fibre_points = carried
-            set_point_array(result, "Carried", surface)
-            if fibre_points is not None:
-                set_field_array(result, "FibrePoints", fibre_points)
-            unsettled = frame.state.guided.state.unsettled if frame.state.guided is not None else 0
-            set_field_array(result, "UnsettledFibres", unsettled)
+        if shape.carried is not None and frame.state.guided is not None:
+            set_point_array(result, "Carried", shape.carried)
+            set_field_array(result, "UnsettledFibres", frame.state.guided.state.unsettled)
+        if shape.fibre_points is not None:
+            set_field_array(result, "FibrePoints", shape.fibre_points)
         return result
 
-    def _shape_of(self, frame: _Frame) -> MuscleShape:
-        return self._muscle.shape(frame.state, self.parameters(), self._obstacles())
-
-    def _convergence(self, frame: _Frame) -> dict[str, float]:
+    def _convergence(self, frame: _Frame, shape: MuscleShape) -> dict[str, float]:
         """Return the field arrays of a frame's convergence report."""
-        shape, depths = self._shape_of(frame), None
-        if self.penetration:
-            depths = self._rest_bones.depths(shape.points[self._muscle.free], frame.state.transforms)
+        depths = None
+        if self.measure_penetration:
+            free = self._known_model.muscle.fixed_to < 0
+            depths = self._rest_bones.depths(shape.points[free], frame.state.transforms)
         return convergence_fields(shape.report, frame.state, depths=depths, milliseconds=frame.milliseconds)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.morphing.isolines import morph_by_isolines
-from vtkmuscle.core.morphing.section_maps import MAPPINGS, SPREADS
+from vtkmuscle.core.morphing.section_maps import MAPPINGS
 from vtkmuscle.core.morphing.slices import Box, Morph, Slicing, morph_by_planes
 from vtkmuscle.core.morphing.twist import Found, Twisting
 from vtkmuscle.core.template.fitting import lie_opposite
@@ -23,7 +23,8 @@ from vtkmuscle.data.arrays import (
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.data.superficial import superficial_fibres
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.harmonic_field import field_of, has_field
 
 Floats = NDArray[np.float64]
@@ -59,10 +60,9 @@ class SliceMorpher(Filter):
 
     ``mapping="bijective"`` inverts a harmonic map of the section onto the rectangle, which is one to one and
     never leaves a flat section. Narrow parts of a section get next to none of the rectangle, and so next to
-    no fibres; with ``spread="even"`` points are first moved in the rectangle, in their order, such that equal
-    areas of it go to equal areas of the section. ``mapping="mean-value"`` is the papers': a fibre point's
-    mean value coordinates in the rectangle, applied to the contour; they may leave a concave section. Points
-    that do are counted, with a warning. Isolines are not flat:
+    no fibres; :class:`FibreSmoother` with the muscle connected fills them. ``mapping="mean-value"`` is the
+    papers': a fibre point's mean value coordinates in the rectangle, applied to the contour; they may leave a
+    concave section. Points that do are counted, with a warning. Isolines are not flat:
     between them the surface may be on either side of a fibre point; these points are counted too, and
     :class:`FibreSmoother` with the muscle connected puts them in.
 
@@ -117,12 +117,6 @@ class SliceMorpher(Filter):
         choices=MAPPINGS,
         doc="How a rectangle is mapped to a section of the muscle.",
     )
-    spread = Parameter(
-        str,
-        default="map",
-        choices=SPREADS,
-        doc="How the one-to-one map spreads fibres over a section: as it comes, or evenly.",
-    )
     slice_tolerance: Parameter[float | None] = Parameter(
         float,
         default=None,
@@ -150,23 +144,19 @@ class SliceMorpher(Filter):
 
     template = InputPort(
         vtkPolyData,
-        content="fitted template",
         doc="Fibres in the muscle's box, with the field array ``Transform`` (16, unit cube to box).",
     )
     muscle = InputPort(
         vtkPolyData,
-        content="muscle",
         doc="The muscle's surface: triangles, closed; optionally with the point array ``HarmonicField``.",
     )
     attachments = InputPort(
         vtkMultiBlockDataSet,
-        content="attachments",
         optional=True,
         doc="Areas of both roles; for the harmonic method only, of a muscle without ``HarmonicField``.",
     )
     superficial = InputPort(
         vtkPolyData,
-        content="superficial fibres",
         optional=True,
         doc="Polylines on the muscle's surface, or near it, from which the twist is found.",
     )
@@ -208,7 +198,6 @@ class SliceMorpher(Filter):
             slice_tolerance=tolerance,
             continuity=self.continuity,
             mapping=self.mapping,
-            spread=self.spread,
             twisting=twisting,
             report_progress=self.report_progress,
         )

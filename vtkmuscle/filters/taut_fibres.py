@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.pbd.muscle_model import FixedMuscle
 from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.taut.paths import POINTS, TautPaths, TautState
 from vtkmuscle.data.arrays import (
@@ -25,10 +26,10 @@ from vtkmuscle.data.moving_bones import RestBones, transforms_of
 from vtkmuscle.data.pipeline_times import times_of
 from vtkmuscle.filters.base.checkpoints import MEGABYTE, Checkpoints
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.base.time_path import input_at, path_to, request_time, requested_time, state_of_inputs
 from vtkmuscle.filters.bone_motion import bones_of
-from vtkmuscle.filters.deformer.kept_solver import FixedMuscle
 
 Floats = NDArray[np.float64]
 
@@ -73,10 +74,9 @@ class TautFibres(Filter):
     >>> (name, muscle), = phantom.muscles.items()
     >>> attachments = phantom.attachments[name]
     >>> fixed = FixedPointDetector()(muscle, phantom.bones, attachments)
-    >>> moving = BoneMotion(motion=phantom.motion)
-    >>> moving.connect(0, phantom.bones)
+    >>> moving = BoneMotion(bones=phantom.bones, motion=phantom.motion)
     >>> fibres = decompose(muscle, attachments, n_fibres=8)
-    >>> taut = TautFibres().apply(fibres, fixed, moving, time=phantom.motion.times[-1])
+    >>> taut = TautFibres(rest_fibres=fibres, rest_muscle=fixed, bones=moving).apply()
     >>> taut.n_cells, bool((taut["Length"] > 0).all())
     (8, True)
     """
@@ -105,22 +105,19 @@ class TautFibres(Filter):
         doc="Memory for poses kept to go back in time; the last two are kept even with 0.",
     )
 
-    rest_fibres = InputPort(vtkPolyData, content="fibres", doc="Polylines at rest, origin to insertion.")
+    rest_fibres = InputPort(vtkPolyData, doc="Polylines at rest, origin to insertion.")
     rest_muscle = InputPort(
         vtkPolyData,
-        content="fixed muscle",
         doc="The muscle at rest, closed triangles, with the point array ``FixedTo``; an end of a fibre goes "
         "with the bone of the fixed point nearest to it.",
     )
     bones = InputPort(
         vtkMultiBlockDataSet,
-        content="moving bones",
         doc="Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to "
         "now.",
     )
     attachments = InputPort(
         vtkMultiBlockDataSet,
-        content="attachments",
         optional=True,
         doc="For the via rings among them, which strings pass through.",
     )
@@ -213,7 +210,7 @@ class TautFibres(Filter):
                 "the fibres' ends have nothing to go with; detect the fixed points with these bones"
             )
         rings = rings_by_bone(attachments, names, "TautFibres: attachments")
-        given = FixedMuscle(points, triangles, fixed_to, lines, rings=rings)
+        given = FixedMuscle(points, triangles, fixed_to, (lines.points, lines.offsets), rings=rings)
         if self._paths is not None and given.same_as(self._given):
             return False
         self._given, self._paths = given, None
@@ -226,7 +223,7 @@ class TautFibres(Filter):
         assert given is not None
         assert given.fibres is not None
         self._rest_bones.take(bones, transforms_of(bones, _WHERE), collision="sdf")
-        fibres = evenly_spread(given.fibres.points, given.fibres.offsets, self.resolution + 1)
+        fibres = evenly_spread(*given.fibres, self.resolution + 1)
         try:
             self._paths = TautPaths(
                 fibres,

@@ -32,7 +32,8 @@ from vtkmuscle.data.attachments import AttachmentArea, end_areas
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.data.superficial import superficial_fibres
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
 Floats = NDArray[np.float64]
 
@@ -49,9 +50,9 @@ class TemplateFitter(Filter):
 
     The box is turned about this axis step by step, and the angle is kept at which the corners of the
     template's areas are nearest to the landmarks; ``refine=True`` goes on from there to a minimum between its
-    neighbours. Several areas of one role count as one. ``cube="any"`` also tries the cube with another of its
-    axes along the muscle, either way up: 24 turns in all, with the quarter turns of the sweep. Fibres of a
-    broad muscle may run across its long axis.
+    neighbours. Several areas of one role count as one. ``orientation="any"`` also tries the cube with another
+    of its axes along the muscle, either way up: 24 turns in all, with the quarter turns of the sweep.
+    Fibres of a broad muscle may run across its long axis.
 
     Where superficial fibres are connected, boxes are also judged by the angle between them and the template's
     fibres next to them: landmarks that are off by a tenth of the muscle's length, on the average, count as
@@ -95,7 +96,7 @@ class TemplateFitter(Filter):
         float, default=5.0, above=0.0, maximum=90.0, units="degrees", doc="Step of the turn about the axis."
     )
     refine = Parameter(bool, default=False, doc="Go on from the best step to a local optimum.")
-    cube = Parameter(
+    orientation = Parameter(
         str,
         default="upright",
         choices=("upright", "any"),
@@ -105,14 +106,12 @@ class TemplateFitter(Filter):
 
     template = InputPort(
         vtkPolyData,
-        content="template",
         doc="Fibres in the unit cube, with the field arrays ``OriginArea`` and ``InsertionArea``.",
     )
-    muscle = InputPort(vtkPolyData, content="muscle", doc="The muscle's surface, triangles.")
-    attachments = InputPort(vtkMultiBlockDataSet, content="attachments", doc="Areas of both roles.")
+    muscle = InputPort(vtkPolyData, doc="The muscle's surface, triangles.")
+    attachments = InputPort(vtkMultiBlockDataSet, doc="Areas of both roles.")
     superficial = InputPort(
         vtkPolyData,
-        content="superficial fibres",
         optional=True,
         doc="Polylines on the muscle's surface, or near it, that the template's fibres are to follow.",
     )
@@ -160,7 +159,7 @@ class TemplateFitter(Filter):
                     None if seen is None else _guide(seen, lines, turned_cube(assignment)),
                 )
                 for axis in self._axes(shape, origin, insertion)
-                for assignment in (ASSIGNMENTS if self.cube == "any" else ASSIGNMENTS[:1])
+                for assignment in (ASSIGNMENTS if self.orientation == "any" else ASSIGNMENTS[:1])
             ]
         except ValueError as error:
             raise ValueError(f"TemplateFitter: {error}") from error

@@ -1,6 +1,6 @@
 """Readers and writers of the field's formats: surfaces, landmarks, motion tables, time series.
 
-Every reader raises a ``FileNotFoundError`` or a ``ValueError`` that names the file and the mend, and
+Every reader raises a ``FileNotFoundError`` or a ``ValueError`` that names the file and the remedy, and
 keeps VTK's own messages off the terminal.
 """
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import field_array
 from vtkmuscle.io.writing import write_text
 
@@ -43,7 +44,7 @@ def fibre_summary(fibres: vtkPolyData) -> dict[str, dict[str, float]]:
     Parameters
     ----------
     fibres : vtkPolyData
-        From :class:`~vtkmuscle.filters.FibreMetrics`.
+        As of :func:`fibre_columns`.
 
     Returns
     -------
@@ -144,7 +145,9 @@ def write_fibre_table(fibres: vtkPolyData, path: str | PathLike[str]) -> Path:
     """
     columns = fibre_columns(fibres)
     if not columns:
-        raise ValueError("write_fibre_table: the fibres have no cell arrays; run FibreMetrics on them first")
+        raise InputError(
+            "write_fibre_table", "the fibres have no cell arrays", "run FibreMetrics on them first"
+        )
     rows = zip(*columns.values(), strict=True)
     lines = [",".join(columns), *(",".join(f"{value:.10g}" for value in row) for row in rows)]
     target = Path(path)

@@ -11,6 +11,7 @@ from pathlib import Path
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.io.vtp_check import check_vtp
 from vtkmuscle.isolation import isolated_python
 
@@ -115,7 +116,7 @@ def check_in_child(path: Path, reader: str) -> None:
     """
     found = _run(path, reader, "")
     if found["said"] or found["error"]:
-        raise ValueError(f"{path}: the file is damaged; write it again")
+        raise InputError(path, "the file is damaged", "write it again")
 
 
 def _run(path: Path, reader: str, out: str) -> dict[str, str]:
@@ -123,12 +124,13 @@ def _run(path: Path, reader: str, out: str) -> dict[str, str]:
     try:
         done = subprocess.run(command, capture_output=True, timeout=_LONGEST, check=False)
     except subprocess.TimeoutExpired:
-        raise ValueError(f"{path}: the file was not read within {_LONGEST:.0f} s; export it again") from None
+        raise InputError(path, f"the file was not read within {_LONGEST:.0f} s", "export it again") from None
     if done.returncode:
         name = signal.Signals(-done.returncode).name if done.returncode < 0 else "an error"
-        raise ValueError(
-            f"{path}: the file is damaged: VTK's reader ended with {name}; export it again, and check that "
-            "its suffix says what it is"
+        raise InputError(
+            path,
+            f"the file is damaged: VTK's reader ended with {name}",
+            "export it again, and check that its suffix says what it is",
         )
     found: dict[str, str] = json.loads(done.stdout.splitlines()[-1])
     return found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import warnings
 from os import PathLike
@@ -11,8 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import MOST_TEXT, check_is_file
 from vtkmuscle.data.attachments import landmarks_of
+from vtkmuscle.io.csv_rows import csv_rows
 from vtkmuscle.io.surfaces import read_polydata
 
 Floats = NDArray[np.float64]
@@ -49,14 +50,14 @@ def read_landmarks(path: str | PathLike[str]) -> tuple[Floats, bool]:
     if suffix in (".vtp", ".vtk"):
         return landmarks_of(read_polydata(path), str(path))
     if suffix not in (".csv", ".json"):
-        raise ValueError(
-            f"{path}: landmarks are read from .vtp, .vtk, .csv or .json files, not from {path.suffix!r}"
+        raise InputError(
+            path, f"landmarks are read from .vtp, .vtk, .csv or .json files, not from {path.suffix!r}"
         )
     check_is_file(path, most=MOST_TEXT)
     points = _from_csv(path) if suffix == ".csv" else _from_json(path)
     if not np.isfinite(points).all():
         row = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
-        raise ValueError(f"{path}: landmark {row} has a coordinate that is not finite; correct it")
+        raise InputError(path, f"landmark {row} has a coordinate that is not finite", "correct it")
     closed = len(points) > 3 and bool(np.array_equal(points[0], points[-1]))
     return (points[:-1] if closed else points), closed
 
@@ -65,32 +66,24 @@ def _from_csv(path: Path) -> Floats:
     rows: list[list[float]] = []
     widths: dict[int, int] = {}
     header_passed = False
-    with path.open(newline="", encoding="utf-8-sig") as lines:
+    for number, cells in csv_rows(path):
         try:
-            for number, cells in enumerate(csv.reader(lines), start=1):
-                if not any(cell.strip() for cell in cells) or cells[0].lstrip().startswith("#"):
-                    continue
-                try:
-                    rows.append([float(cell) for cell in cells[:3]])
-                except ValueError:
-                    if rows or header_passed:
-                        raise ValueError(
-                            f"{path}: line {number} does not begin with three numbers x, y, z; correct it"
-                        ) from None
-                    header_passed = True
-                    continue
-                if len(cells) < 3:
-                    raise ValueError(f"{path}: line {number} has fewer than three numbers; give x, y, z")
-                widths.setdefault(len(cells), number)
-        except UnicodeDecodeError as error:
-            raise ValueError(f"{path}: the file is not text in UTF-8; export it as CSV again") from error
-        except csv.Error as error:
-            raise ValueError(f"{path}: the file is not a CSV table: {error}; export it again") from error
+            rows.append([float(cell) for cell in cells[:3]])
+        except ValueError:
+            if rows or header_passed:
+                problem = f"line {number} does not begin with three numbers x, y, z"
+                raise InputError(path, problem, "correct it") from None
+            header_passed = True
+            continue
+        if len(cells) < 3:
+            raise InputError(path, f"line {number} has fewer than three numbers", "give x, y, z")
+        widths.setdefault(len(cells), number)
     if len(widths) > 1:
         (usual, _), (other, line) = sorted(widths.items(), key=lambda item: item[1])[:2]
-        raise ValueError(
-            f"{path}: line {line} has {other} cells, but those before it have {usual}; if numbers have a "
-            "decimal comma, write a point instead"
+        raise InputError(
+            path,
+            f"line {line} has {other} cells, but those before it have {usual}",
+            "if numbers have a decimal comma, write a point instead",
         )
     if next(iter(widths), 3) >= 6 and all(value == int(value) for row in rows for value in row):
         warnings.warn(
@@ -99,7 +92,7 @@ def _from_csv(path: Path) -> Floats:
             stacklevel=4,
         )
     if not rows:
-        raise ValueError(f"{path}: the file holds no landmarks; give a line x, y, z for each")
+        raise InputError(path, "the file holds no landmarks", "give a line x, y, z for each")
     return np.array(rows, dtype=np.float64)
 
 
@@ -108,7 +101,7 @@ def _from_json(path: Path) -> Floats:
         points = np.array(json.loads(path.read_text(encoding="utf-8-sig")), dtype=np.float64)
     except (ValueError, TypeError, OverflowError, RecursionError) as error:
         why = str(error).partition("\n")[0]
-        raise ValueError(f"{path}: the file is not a JSON list of [x, y, z]: {why}") from error
+        raise InputError(path, f"the file is not a JSON list of [x, y, z]: {why}") from error
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):
-        raise ValueError(f"{path}: the file must hold a list of [x, y, z], one per landmark")
+        raise InputError(path, "the file must hold a list of [x, y, z], one per landmark")
     return points

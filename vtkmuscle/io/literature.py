@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
@@ -12,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.files import check_is_file
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.io.csv_table import filled_rows, finite_number
 from vtkmuscle.io.writing import write_text
 
 Floats = NDArray[np.float64]
@@ -80,38 +79,30 @@ def read_literature(path: str | PathLike[str]) -> tuple[LiteratureCurve, ...]:
     array([30., 31.])
     """
     path = Path(path)
-    check_is_file(path)
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as lines:
-            rows = list(enumerate(csv.reader(lines), start=1))
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"{path}: the file is not a CSV table in UTF-8: {error}; export it again") from error
-    filled = [
-        (number, [cell.strip() for cell in cells])
-        for number, cells in rows
-        if any(cell.strip() for cell in cells) and not cells[0].lstrip().startswith("#")
-    ]
+    filled = filled_rows(path)
     header = filled[0][1] if filled else []
     missing = [name for name in LITERATURE_COLUMNS if name not in header]
     if missing or len(filled) < 2:
         problem = f"the column(s) {', '.join(missing)} are missing" if missing else "the table has no rows"
-        raise ValueError(
-            f"{path}: {problem}; published moment arms have the columns {', '.join(LITERATURE_COLUMNS)}, and "
-            "part where there are several curves of one source"
+        raise InputError(
+            path,
+            problem,
+            f"published moment arms have the columns {', '.join(LITERATURE_COLUMNS)}, and part where "
+            "there are several curves of one source",
         )
     curves: dict[tuple[str, str, str, str], list[tuple[float, float]]] = {}
     for line, cells in filled[1:]:
-        where = f"{path}: line {line}"
         if len(cells) < len(header):
-            raise ValueError(f"{where} has {len(cells)} cells, but the header has {len(header)}; correct it")
+            problem = f"line {line} has {len(cells)} cells, but the header has {len(header)}"
+            raise InputError(path, problem, "correct it")
         row = dict(zip(header, cells, strict=False))
         empty = [name for name in LITERATURE_COLUMNS if not row[name]]
         if empty:
-            raise ValueError(f"{where}: {empty[0]} is empty; fill it in, or leave the line out")
+            raise InputError(path, f"line {line}: {empty[0]} is empty", "fill it in, or leave the line out")
         key = (row["source"], row["muscle"], row["dof"], row.get("part", ""))
         point = (
-            _number(row["angle_deg"], "angle_deg", where),
-            _number(row["moment_arm_mm"], "moment_arm_mm", where),
+            finite_number(row["angle_deg"], "angle_deg", path, f"line {line}"),
+            finite_number(row["moment_arm_mm"], "moment_arm_mm", path, f"line {line}"),
         )
         curves.setdefault(key, []).append(point)
     return tuple(LiteratureCurve(*key, *np.array(sorted(points)).T) for key, points in curves.items())
@@ -164,13 +155,3 @@ def _names(name: str) -> tuple[str, ...]:
 
 def _quoted(cell: str) -> str:
     return '"' + cell.replace('"', '""') + '"' if set(cell) & set(',"\r\n#') else cell
-
-
-def _number(cell: str, column: str, where: str) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise ValueError(f"{where}: {column} is {cell!r}, but must be a finite number")
-    return value

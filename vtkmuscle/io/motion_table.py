@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import csv
-import math
 from collections.abc import Mapping, Sequence
-from itertools import islice
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vtkmuscle.core.files import check_is_file
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, is_rigid
+from vtkmuscle.io.csv_table import filled_rows, finite_number
 from vtkmuscle.io.writing import write_text
 
 Floats = NDArray[np.float64]
@@ -88,43 +86,43 @@ def read_motion_table(
     header, rows = _rows(path)
     missing = [c for c in TRANSFORM_COLUMNS if c not in header and c not in _LAST_ROW]
     if missing:
-        raise ValueError(
-            f"{path}: the column(s) {', '.join(missing)} are missing; a table of transforms has the columns "
-            "T00, T01, T02, T03, T10 ... T23, row major, rest to pose"
+        raise InputError(
+            path,
+            f"the column(s) {', '.join(missing)} are missing",
+            "a table of transforms has the columns T00, T01, T02, T03, T10 ... T23, row major, rest to pose",
         )
     if time is not None and time not in header:
-        raise ValueError(
-            f"{path}: there is no column {time!r} for the time; the other columns are: "
-            + (", ".join(name for name in header if name not in TRANSFORM_COLUMNS) or "none")
-        )
+        raise InputError(path, f"there is no column {time!r} for the time", _others(header))
     kinds = _kinds(coordinates, time)
     for name in kinds:
         if name not in header or name in TRANSFORM_COLUMNS:
-            raise ValueError(
-                f"{path}: there is no column {name!r} for a coordinate; the other columns are: "
-                + (", ".join(name for name in header if name not in TRANSFORM_COLUMNS) or "none")
-            )
+            raise InputError(path, f"there is no column {name!r} for a coordinate", _others(header))
     times, transforms = [], []
     values: dict[str, list[float]] = {name: [] for name in kinds}
     for row, (line, cells) in enumerate(rows):
-        where = f"{path}: line {line} (row {row})"
+        where = f"line {line} (row {row})"
         given = dict(zip(header, cells, strict=False))
         if len(cells) != len(header):
-            raise ValueError(f"{where} has {len(cells)} cells, but the header has {len(header)}; correct it")
-        times.append(float(row) if time is None else _number(given[time], time, where))
+            problem = f"{where} has {len(cells)} cells, but the header has {len(header)}"
+            raise InputError(path, problem, "correct it")
+        times.append(float(row) if time is None else finite_number(given[time], time, path, where))
         if row and times[-1] <= times[-2]:
-            raise ValueError(
-                f"{where}: the times ({time}) must ascend, but {times[-1]:g} comes after {times[-2]:g}; sort "
-                "the rows, or leave out the time column so that rows are numbered"
+            raise InputError(
+                path,
+                f"{where}: the times ({time}) must ascend, but {times[-1]:g} comes after {times[-2]:g}",
+                "sort the rows, or leave out the time column so that rows are numbered",
             )
         transform = np.array(
-            [_number(given[c], c, where) if c in given else _LAST_ROW[c] for c in TRANSFORM_COLUMNS]
+            [
+                finite_number(given[name], name, path, where) if name in given else _LAST_ROW[name]
+                for name in TRANSFORM_COLUMNS
+            ]
         ).reshape(4, 4)
         if not is_rigid(transform):
-            raise ValueError(f"{where}: the transform is not rigid: {_why_not_rigid(transform)}")
+            raise InputError(path, f"{where}: the transform is not rigid: {_why_not_rigid(transform)}")
         transforms.append(transform)
         for name in kinds:
-            values[name].append(_number(given[name], name, where))
+            values[name].append(finite_number(given[name], name, path, where))
     found = {name: Coordinate(np.array(values[name]), **kinds[name]) for name in kinds}
     if coordinates is None:
         found = {name: one for name, one in found.items() if not _counts_rows(one.values)}
@@ -170,7 +168,7 @@ def write_motion_table(path: str | PathLike[str], motion: RigidMotion, bone: str
         del columns["time"]
     for name in columns:
         if name in ("time", *TRANSFORM_COLUMNS) or set(name) & set(',"\r\n') or name != name.strip():
-            raise ValueError(f"{path}: a coordinate cannot be a column {name!r}; call it otherwise")
+            raise InputError(Path(path), f"a coordinate cannot be a column {name!r}", "call it otherwise")
     lines = [",".join(("time", *TRANSFORM_COLUMNS, *columns))]
     for row, transform in enumerate(tables[bone]):
         found = (motion.times[row], *transform.reshape(-1), *(values[row] for values in columns.values()))
@@ -195,37 +193,18 @@ def _counts_rows(values: Floats) -> bool:
 
 
 def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    check_is_file(path)
-    most = 2 * MOST_FRAMES  # with empty lines and comments
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as lines:
-            rows = [(number, cells) for number, cells in enumerate(islice(csv.reader(lines), most), start=1)]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"{path}: the file is not a CSV table in UTF-8: {error}; export it again") from error
-    filled = [
-        (number, [cell.strip() for cell in cells])
-        for number, cells in rows
-        if any(cell.strip() for cell in cells) and not cells[0].lstrip().startswith("#")
-    ]
-    if len(filled) - 1 > MOST_FRAMES or len(rows) == most:
-        raise ValueError(f"{path}: the table has more than {MOST_FRAMES} rows; leave some out")
+    filled = filled_rows(path, MOST_FRAMES)
     if len(filled) < 2:
-        raise ValueError(f"{path}: the table has no rows; it needs a header line and one line per time")
+        raise InputError(path, "the table has no rows", "it needs a header line and one line per time")
     header = filled[0][1]
     twice = sorted({name for name in header if header.count(name) > 1})
     if twice:
-        raise ValueError(f"{path}: the column(s) {', '.join(twice)} appear twice; rename one")
+        raise InputError(path, f"the column(s) {', '.join(twice)} appear twice", "rename one")
     return header, filled[1:]
 
 
-def _number(cell: str, column: str, where: str) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise ValueError(f"{where}: {column} is {cell!r}, but must be a finite number")
-    return value
+def _others(header: Sequence[str]) -> str:
+    return "the other columns are: " + (", ".join(c for c in header if c not in TRANSFORM_COLUMNS) or "none")
 
 
 def _why_not_rigid(transform: Floats) -> str:

@@ -13,6 +13,8 @@ from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
 from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 
+from vtkmuscle.core.errors import InputError
+
 #: Numbers in a file, by their names.
 _TYPES = {
     "char": "i1",
@@ -78,7 +80,7 @@ def read_ply(path: Path) -> vtkPolyData:
         rows = {element.name: _rows(reader, element) for element in elements}
         return _polydata(rows)
     except _FaultError as fault:
-        raise ValueError(f"{path}: the file cannot be read as .ply: {fault}; export it again") from None
+        raise InputError(path, f"the file cannot be read as .ply: {fault}", "export it again") from None
 
 
 class _FaultError(Exception):

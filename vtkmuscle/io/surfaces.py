@@ -13,6 +13,7 @@ from vtkmodules.vtkIOGeometry import vtkOBJReader, vtkSTLReader
 from vtkmodules.vtkIOLegacy import vtkGenericDataObjectReader
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import check_is_file
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.io.in_child import read_in_child
@@ -57,9 +58,10 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in _READERS:
-        raise ValueError(
-            f"{path}: the suffix {path.suffix!r} is not one of {', '.join(SURFACE_SUFFIXES)}; "
-            "convert the file, e.g. with ParaView or pyvista.read(...).save(...)"
+        raise InputError(
+            path,
+            f"the suffix {path.suffix!r} is not one of {', '.join(SURFACE_SUFFIXES)}",
+            "convert the file, e.g. with ParaView or pyvista.read(...).save(...)",
         )
     check_is_file(path)
     data: Any
@@ -77,7 +79,7 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
         complaint = first_line(messages()) or ("it is damaged" if reader.GetErrorCode() else "")
         _check_read(path, data, data.GetClassName(), complaint)
     if data.GetNumberOfPoints() == 0:
-        raise ValueError(f"{path}: the file holds no points; export it again")
+        raise InputError(path, "the file holds no points", "export it again")
     _check_point_ids(data, path)
     if data.GetNumberOfStrips():
         data = _without_strips(data)
@@ -88,14 +90,16 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
 def _check_read(path: Path, data: Any, kind: str, complaint: str) -> None:
     """Raise a ValueError where VTK's reader complained, or gave no poly data."""
     if complaint:
-        raise ValueError(
-            f"{path}: the file cannot be read as {path.suffix}: {complaint}; "
-            "export it again, and check that its suffix says what it is"
+        raise InputError(
+            path,
+            f"the file cannot be read as {path.suffix}: {complaint}",
+            "export it again, and check that its suffix says what it is",
         )
     if not isinstance(data, vtkPolyData):
-        raise ValueError(
-            f"{path}: the file holds a {kind or 'nothing'}, not a surface; "
-            "extract its surface (pyvista: mesh.extract_surface()) and save that"
+        raise InputError(
+            path,
+            f"the file holds a {kind or 'nothing'}, not a surface",
+            "extract its surface (pyvista: mesh.extract_surface()) and save that",
         )
 
 
@@ -105,7 +109,7 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
     Parameters
     ----------
     path : path
-        A .vtp, .vtk (legacy), .stl, .obj or .ply file.
+        As of :func:`read_polydata`.
 
     Returns
     -------
@@ -121,7 +125,9 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
     """
     data = read_polydata(path)
     if data.GetNumberOfPolys() == 0:
-        raise ValueError(f"{path}: the file holds no triangles; export the muscle or bone as a surface mesh")
+        raise InputError(
+            Path(path), "the file holds no triangles", "export the muscle or bone as a surface mesh"
+        )
     if data.GetNumberOfPolys() == data.GetNumberOfCells():
         return data
     surface = vtkPolyData()
@@ -136,9 +142,11 @@ def _check_point_ids(data: vtkPolyData, path: Path) -> None:
     for cells in (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()):
         ids = vtk_to_numpy(cells.GetConnectivityArray())
         if len(ids) and (ids.min() < 0 or ids.max() >= data.GetNumberOfPoints()):
-            raise ValueError(
-                f"{path}: a cell names point {ids.max() if ids.min() >= 0 else ids.min()}, but there are "
-                f"{data.GetNumberOfPoints()} points; the file is damaged, export it again"
+            raise InputError(
+                path,
+                f"a cell names point {(ids.max() if ids.min() >= 0 else ids.min())}, but there are "
+                f"{data.GetNumberOfPoints()} points",
+                "the file is damaged, export it again",
             )
 
 

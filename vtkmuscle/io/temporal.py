@@ -18,6 +18,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 from vtkmodules.vtkIOHDF import vtkHDFReader
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import check_is_file
 from vtkmuscle.data.arrays import multiblock_from
 from vtkmuscle.data.pipeline_times import announce_times, times_of
@@ -90,7 +91,7 @@ def read_series(path: str | PathLike[str]) -> TimeSeries:
     """
     path = Path(path)
     if path.suffix.lower() not in SERIES_SUFFIXES:
-        raise ValueError(f"{path}: a time series is read from {' or '.join(SERIES_SUFFIXES)}")
+        raise InputError(path, f"a time series is read from {' or '.join(SERIES_SUFFIXES)}")
     check_is_file(path)
     return _from_pvd(path) if path.suffix.lower() == ".pvd" else _from_vtkhdf(path)
 
@@ -212,9 +213,9 @@ def _from_pvd(path: Path) -> TimeSeries:
             name = entry.get("name") or entry.get("part") or str(len(parts))
             parts[name] = path.parent / entry.attrib["file"]
     except (ElementTree.ParseError, KeyError, ValueError) as error:
-        raise ValueError(f"{path}: the file is no ParaView collection: {error}; write it again") from error
+        raise InputError(path, f"the file is no ParaView collection: {error}", "write it again") from error
     if not steps:
-        raise ValueError(f"{path}: the collection lists no time step")
+        raise InputError(path, "the collection lists no time step")
     times = tuple(sorted(steps))
 
     def frame(number: int) -> Any:
@@ -229,12 +230,12 @@ def _from_pvd(path: Path) -> TimeSeries:
 def _from_vtkhdf(path: Path) -> TimeSeries:
     with path.open("rb") as file:
         if file.read(len(_HDF)) != _HDF:
-            raise ValueError(f"{path}: the file is no VTKHDF file; write it again")
+            raise InputError(path, "the file is no VTKHDF file", "write it again")
     check_in_child(path, "vtkHDFReader")
     reader = vtkHDFReader()
     reader.SetFileName(str(path))
     if not reader.CanReadFile(str(path)):
-        raise ValueError(f"{path}: the file is no VTKHDF file; write it again")
+        raise InputError(path, "the file is no VTKHDF file", "write it again")
     reader.UpdateInformation()
     times = times_of(reader.GetOutputInformation(0)) or (0.0,)
 
@@ -242,7 +243,7 @@ def _from_vtkhdf(path: Path) -> TimeSeries:
         reader.UpdateTimeStep(times[number])
         data = reader.GetOutputDataObject(0)
         if not isinstance(data, vtkPolyData | vtkMultiBlockDataSet):
-            raise ValueError(f"{path}: the file holds a {data.GetClassName()}, not poly data")
+            raise InputError(path, f"the file holds a {data.GetClassName()}, not poly data")
         copy = data.NewInstance()
         copy.DeepCopy(data)
         copy.GetFieldData().RemoveArray("Time")  # the reader's own

@@ -15,6 +15,8 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
+from vtkmuscle.core.errors import InputError
+
 _TYPES = {
     "Int8": "i1",
     "UInt8": "u1",
@@ -45,11 +47,6 @@ class _FaultError(Exception):
 def check_vtp(path: Path) -> bool:
     """Check that a .vtp file is whole: every array is as long as it must be, and cells name points there are.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-
     Returns
     -------
     bool
@@ -63,9 +60,10 @@ def check_vtp(path: Path) -> bool:
     try:
         return _check(path.read_bytes())
     except _FaultError as fault:
-        raise ValueError(
-            f"{path}: the file cannot be read as .vtp: {fault}; export it again, and check that its suffix "
-            "says what it is"
+        raise InputError(
+            path,
+            f"the file cannot be read as .vtp: {fault}",
+            "export it again, and check that its suffix says what it is",
         ) from None
 
 

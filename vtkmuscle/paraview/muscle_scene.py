@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import multiblock_from
 from vtkmuscle.data.attachments import attachments_from
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import OutputPort, Parameter
-from vtkmuscle.scene.checks import suggestion
-from vtkmuscle.scene.model import Scene
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import OutputPort
+from vtkmuscle.scenes import Scene
 
 
 class MuscleScene(Filter):

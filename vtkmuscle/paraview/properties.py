@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
 from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.filters.base.docstrings import described
 from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.scene.model import Scene
 from vtkmuscle.scene.reading import read_motion
+from vtkmuscle.scenes import Scene
 
 _VECTORS = {bool: "Int", int: "Int", float: "Double", tuple: "Double", str: "String"}
 _RANGES = {int: "IntRangeDomain", float: "DoubleRangeDomain"}
@@ -74,13 +75,18 @@ def plain(text: str) -> str:
     return re.sub(r":\w+:`~?([^`]*)`", r"\1", text).replace("``", "")
 
 
-def properties_of(parameter: Parameter[Any]) -> list[Property]:
+def properties_of(parameter: Parameter[Any], among: Iterable[Parameter[Any]] = ()) -> list[Property]:
     """Return the properties of a parameter: one, or two for a number that may be None.
+
+    They are shown where they count: with the values of other parameters that the parameter is declared for,
+    and not where another one sets it.
 
     Parameters
     ----------
     parameter : Parameter
         As declared by a filter.
+    among : iterable of Parameter, optional
+        All that the filter declares.
 
     Returns
     -------
@@ -92,6 +98,19 @@ def properties_of(parameter: Parameter[Any]) -> list[Property]:
     TypeError
         For a kind that has neither a property in ParaView nor a file to stand for it.
     """
+    properties = _properties_of(parameter)
+    for shown in properties:
+        if parameter.only_with is not None:
+            name, *values = parameter.only_with
+            _show_only_with(shown.xml, camel_case(name), values)
+        for other in among:
+            setting = [choice for choice, group in other.sets.items() if parameter.name in group]
+            if setting:
+                _show_only_with(shown.xml, camel_case(other.name), setting, inverse=True)
+    return properties
+
+
+def _properties_of(parameter: Parameter[Any]) -> list[Property]:
     name = camel_case(parameter.name)
     if parameter.kind in FILES:
         return [_file_property(name, parameter, FILES[parameter.kind])]
@@ -126,7 +145,7 @@ def _vector(name: str, parameter: Parameter[Any], default: Any, count: int) -> E
         SubElement(xml, "BooleanDomain", name="bool")
     elif parameter.choices:
         choices = SubElement(xml, "StringListDomain", name="list")
-        for choice in parameter.choices:
+        for choice in ("",) * (parameter.default is None) + parameter.choices:
             SubElement(choices, "String", value=choice)
     elif domain is not None:
         bounds = {"min": parameter.above if parameter.minimum is None else parameter.minimum}
@@ -145,10 +164,7 @@ def _optional_number(name: str, parameter: Parameter[Any]) -> list[Property]:
     """
     box = f"Automatic{name}"
     number = _vector(name, parameter, _first_number(parameter), 1)
-    hints = SubElement(number, "Hints")
-    SubElement(
-        hints, "PropertyWidgetDecorator", type="GenericDecorator", mode="visibility", property=box, value="0"
-    )
+    _show_only_with(number, box, ("0",))
     automatic = _element(box, "Int", True, 1)
     SubElement(automatic, "BooleanDomain", name="bool")
     SubElement(automatic, "Documentation").text = f"Leave {spaced(name)} to the filter (None in Python)."
@@ -165,6 +181,21 @@ def _optional_number(name: str, parameter: Parameter[Any]) -> list[Property]:
         return chosen(state)
 
     return [Property(box, automatic, take_box), Property(name, number, take_number)]
+
+
+def _show_only_with(xml: Element, other: str, values: Sequence[str], *, inverse: bool = False) -> None:
+    """Let a property be shown only where another one has one of some values, or none of them."""
+    hints = xml.find("Hints")
+    decorator = SubElement(
+        SubElement(xml, "Hints") if hints is None else hints,
+        "PropertyWidgetDecorator",
+        type="GenericDecorator",
+        mode="visibility",
+        property=other,
+        values=" ".join(values),
+    )
+    if inverse:
+        decorator.set("inverse", "1")
 
 
 def _first_number(parameter: Parameter[Any]) -> Any:
@@ -196,5 +227,4 @@ def _element(name: str, kind: str, default: Any, count: int) -> Element:
 
 
 def _document(xml: Element, parameter: Parameter[Any], more: str = "") -> None:
-    units = f" [{parameter.units}]" if parameter.units else ""
-    SubElement(xml, "Documentation").text = f"{plain(parameter.doc)}{units}{more}"
+    SubElement(xml, "Documentation").text = f"{plain(described(parameter))}{more}"

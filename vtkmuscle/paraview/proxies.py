@@ -6,7 +6,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 
 from vtkmuscle.filters.base.docstrings import split_docstring
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import InputPort
+from vtkmuscle.filters.base.ports import InputPort
 from vtkmuscle.paraview.properties import FILES, camel_case, plain, properties_of, spaced
 
 #: The menu in which all filters are found.
@@ -28,7 +28,8 @@ def proxy_parts(kind: type[Filter]) -> list[str]:
     """
     parts = [_documentation(kind)]
     parts += [_input(number, port) for number, port in enumerate(kind.input_ports)]
-    parts += [p.xml for parameter in kind.parameter_declarations.values() for p in properties_of(parameter)]
+    declared = kind.parameter_declarations.values()
+    parts += [shown.xml for parameter in declared for shown in properties_of(parameter, declared)]
     if kind.time_steps is not Filter.time_steps:
         parts.append(_times())
     if len(kind.output_ports) > 1:
@@ -40,18 +41,7 @@ def proxy_parts(kind: type[Filter]) -> list[str]:
 
 
 def proxy_hints(kind: type[Filter]) -> list[str]:
-    """Return the hints of a filter's proxy: its menu, and for a source of a file's content that it reads it.
-
-    Parameters
-    ----------
-    kind : type
-        A filter class.
-
-    Returns
-    -------
-    list of str
-        XML elements.
-    """
+    """Return XML hints of a filter's proxy: its menu; and of a source that reads a file, that it does."""
     hints = [Element("ShowInMenu", category=CATEGORY)]
     if not kind.input_ports:
         files = [FILES[p.kind] for p in kind.parameter_declarations.values() if p.kind in FILES]

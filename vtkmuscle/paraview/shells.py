@@ -15,32 +15,46 @@ from vtkmuscle.paraview.properties import Property, properties_of
 
 def all_kinds() -> list[type[Filter]]:
     """Return what is in the plugin: all public filters, in alphabetical order, and the reader of scenes."""
-    public = [getattr(filters, name) for name in sorted(filters.__all__)]
-    kinds = [kind for kind in public if isinstance(kind, type) and issubclass(kind, Filter)]
-    return [*(kind for kind in kinds if kind is not Filter), MuscleScene]
+    return [*filters.filter_classes(), MuscleScene]
 
 
 class Shell(Filter):
     """What ParaView's filters have beside their setters: errors that reach the one who looks at ParaView.
 
     ParaView drops what a setter raises and goes on with the value before. Here a value that is refused is
-    kept in mind, and makes the filter fail with the reason until it is replaced.
+    kept in mind, and makes the filter fail with the reason until it is replaced. ParaView also sets all
+    properties, hidden ones as well, in whatever order: one that another parameter sets waits until that has
+    no say in it.
     """
 
     def __init__(self, **parameters: Any) -> None:
         self._shown: dict[str, Any] = {}
         self._refused: dict[str, str] = {}
+        #: Values from ParaView, by parameter.
+        self._given: dict[str, Any] = {}
         super().__init__(**parameters)
 
     def take(self, name: str, shown: Property, values: tuple[Any, ...]) -> None:
         """Set a parameter from what ParaView sets."""
         refused = self._refused.pop(name, None)
         try:
-            setattr(self, name, shown.take(self._shown, *values))
+            declared = self.parameter_declarations[name]
+            value = declared.check(shown.take(self._shown, *values), type(self).__name__)
+            self._given[name] = value
+            if declared.sets:
+                setattr(self, name, value)
+            for each in self._given if declared.sets else (name,):
+                if each not in self._set_by_others():
+                    setattr(self, each, self._given[each])
         except (ValueError, OSError) as error:
             self._refused[name] = str(error)
         if self._refused.get(name) != refused:
             self.Modified()
+
+    def _set_by_others(self) -> set[str]:
+        """Return the parameters that another one sets."""
+        declared = self.parameter_declarations.items()
+        return {other for name, each in declared for other in each.group(getattr(self, name))}
 
     def ProcessRequest(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Answer a request, and show why where that fails."""

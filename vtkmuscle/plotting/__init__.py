@@ -9,12 +9,10 @@ from __future__ import annotations
 
 from vtkmuscle.plotting.export import export_scene
 from vtkmuscle.plotting.figures import (
-    RunResult,
     plot_lengths,
     plot_muscle,
     plot_rest_pose,
     plot_volume,
-    write_figures,
 )
 from vtkmuscle.plotting.moment_arms import plot_moment_arms
 from vtkmuscle.plotting.preflight import can_render
@@ -23,7 +21,6 @@ from vtkmuscle.plotting.times import add_time_slider, show_time
 from vtkmuscle.plotting.views import View, choose_view, framed
 
 __all__ = [
-    "RunResult",
     "View",
     "add_time_slider",
     "can_render",
@@ -37,5 +34,4 @@ __all__ = [
     "plot_rest_pose",
     "plot_volume",
     "show_time",
-    "write_figures",
 ]

@@ -11,6 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkAppendPolyData
 from vtkmodules.vtkIOExport import vtkGLTFExporter
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.io.messages import vtk_messages
 from vtkmuscle.io.writing import replacing
 from vtkmuscle.plotting.surfaces import make_plotter
@@ -47,7 +48,7 @@ def export_scene(
     """
     path = Path(path)
     if path.suffix.lower() != ".gltf":
-        raise ValueError(f"{path}: a scene is exported to a .gltf file; give it that suffix")
+        raise InputError(path, "a scene is exported to a .gltf file", "give it that suffix")
     view = choose_view(list(muscles), [bones] * len(muscles))
     plotter = make_plotter(bones, muscles, view, fibres=_appended(fibres) if fibres else None)
     try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
@@ -15,57 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.mesh.polylines import polyline_lengths
-from vtkmuscle.core.moment_arms.of_joints import JointArms
-from vtkmuscle.data.arrays import blocks_of, points_of, polylines_of
-from vtkmuscle.filters.fibre_tubes import FibreTubes
-from vtkmuscle.io.literature import LiteratureCurve
-from vtkmuscle.plotting.moment_arms import plot_moment_arms
-from vtkmuscle.plotting.preflight import can_render
+from vtkmuscle.data.arrays import blocks_of, polylines_of
 from vtkmuscle.plotting.sheets import Panel, curves, save, sheet
 from vtkmuscle.plotting.surfaces import FIBRE_MAP, MUSCLE_RED, PALETTE, fixed_bones, make_plotter
 from vtkmuscle.plotting.views import View, choose_view
 
 Floats = NDArray[np.float64]
-
-
-class RunResult(Protocol):
-    """What :func:`write_figures` needs to know of a run (:meth:`vtkmuscle.Scene.run` returns one)."""
-
-    name: str
-    units: str
-    frames: Sequence[int]
-    times: Sequence[float]
-    muscle_names: Sequence[str]
-    lengths: Mapping[str, Floats]
-    report: Mapping[str, Any]
-    literature: Mapping[str, Sequence[LiteratureCurve]]
-    time_label: str
-
-    verdicts: Mapping[str, str]
-
-    def finished(self, name: str) -> int:
-        """Return how many frames a muscle has: fewer than there are times where it failed on the way."""
-
-    def moment_arms(self) -> Mapping[str, Mapping[str, JointArms]]:
-        """Return the moment arms per muscle and coordinate; asked for where the report has some."""
-
-    def rest_bones(self) -> vtkMultiBlockDataSet:
-        """Return the bones at rest."""
-
-    def rest_muscle(self, name: str) -> vtkPolyData:
-        """Return a muscle at rest, with the point array ``FixedTo``."""
-
-    def rest_fibres(self, name: str) -> vtkPolyData | None:
-        """Return the fibres of a muscle at rest, None where it has none."""
-
-    def bones(self, i: int) -> vtkMultiBlockDataSet:
-        """Return the bones of frame i."""
-
-    def muscle(self, name: str, i: int) -> vtkPolyData:
-        """Return a muscle of frame i."""
-
-    def fibres(self, name: str, i: int) -> vtkPolyData | None:
-        """Return the fibres of a muscle in frame i, None where it has none."""
 
 
 def plot_rest_pose(
@@ -253,109 +208,6 @@ def plot_volume(
     axes.ticklabel_format(axis="y", useOffset=False)
     axes.legend(frameon=False)
     return save(figure, path)
-
-
-def write_figures(folder: str | Path, result: RunResult) -> list[Path]:
-    """Write all figures of a run: the rest pose, each muscle in three frames, its fibres, the volumes.
-
-    Parameters
-    ----------
-    folder : path-like
-        Made where it does not exist.
-    result : RunResult
-        What :meth:`vtkmuscle.Scene.run` returns.
-
-    Returns
-    -------
-    list of Path
-        ``rest_pose.png``, per muscle ``NAME_frames.png`` and (where it has fibres) ``NAME_lengths.png``,
-        ``NAME_moment_arms.png`` where the report has some, and ``volume.png``.
-
-    Raises
-    ------
-    RuntimeError
-        If no picture can be rendered here; nothing is written then. :func:`can_render` asks beforehand.
-    """
-    reason = can_render()
-    if reason is not None:
-        raise RuntimeError(f"no figures can be made: {reason}")
-    out = Path(folder)
-    out.mkdir(parents=True, exist_ok=True)
-    names, times = list(result.muscle_names), list(result.times)
-    written = [
-        plot_rest_pose(
-            out / "rest_pose.png",
-            {name: result.rest_muscle(name) for name in names},
-            result.rest_bones(),
-            title=f"{result.name}: fixed points at rest",
-            units=result.units,
-        )
-    ]
-    arms: Mapping[str, Mapping[str, JointArms]] = {}
-    paths = result.report["model"] == "paths"
-    for name in names:
-        frames = _telling_frames(result, name)
-        if not frames:
-            continue  # it failed in the first one that is kept
-        verdict = result.verdicts.get(name)
-        title = name.replace("_", " ") + (f": {verdict}" if verdict else "")
-        fibres = [result.fibres(name, i) for i in frames]
-        present = [lines for lines in fibres if lines is not None]
-        written.append(
-            plot_muscle(
-                out / f"{name}_frames.png",
-                [_tubes(lines) for lines in present] if paths else [result.muscle(name, i) for i in frames],
-                [result.bones(i) for i in frames],
-                fibres=present if len(present) == len(frames) else None,
-                rest_fibres=result.rest_fibres(name),
-                labels=[_at(result.time_label, times[i]) for i in frames],
-                title=title,
-                units=result.units,
-            )
-        )
-        if name in result.lengths:
-            path, lengths = out / f"{name}_lengths.png", result.lengths[name]
-            at = times[: len(lengths)]
-            written.append(plot_lengths(path, at, lengths, title=title, time_label=result.time_label))
-        if result.report["muscles"][name].get("moment_arms"):
-            arms = arms or result.moment_arms()
-            path, published = out / f"{name}_moment_arms.png", result.literature.get(name, ())
-            written.append(plot_moment_arms(path, arms[name], literature=published, title=title))
-    if paths:
-        return written
-    rows = {name: result.report["muscles"][name]["frames"] for name in names}
-    written.append(
-        plot_volume(
-            out / "volume.png",
-            {name: [row["time"] for row in table] for name, table in rows.items()},
-            {name: [row["volume_ratio"] for row in table] for name, table in rows.items()},
-            title=result.name,
-            time_label=result.time_label,
-        )
-    )
-    return written
-
-
-def _tubes(fibres: vtkPolyData) -> vtkPolyData:
-    """Return fibres as a surface, which stands for a muscle where none was deformed."""
-    size = float(np.linalg.norm(np.ptp(points_of(fibres), axis=0)))
-    tubes = FibreTubes(radius=0.004 * size, sides=6).apply(fibres)
-    surface: vtkPolyData = tubes.triangulate()
-    return surface
-
-
-def _telling_frames(result: RunResult, name: str) -> list[int]:
-    """Return the first frame of a muscle, its worst one or else the middle, and the last; [] without any."""
-    count = result.finished(name)
-    reasons = result.report["muscles"][name].get("verdict", {}).get("reasons", ())
-    worst = [i for i in range(count) for reason in reasons[:1] if result.frames[i] == reason["frame"]]
-    return sorted({0, *(worst or [(count - 1) // 2]), count - 1}) if count else []
-
-
-def _at(label: str, time: float) -> str:
-    """Return a time in words: ``time 3``, or ``hip flexion 30 deg``."""
-    name, _, unit = label.partition(" [")
-    return f"{name} {time:.4g} {unit.removesuffix(']')}".strip()
 
 
 def _capture(

@@ -1,7 +1,8 @@
 """Running a scene: every muscle over the motion, measured, written to a folder."""
 
 from vtkmuscle.run.moment_arms import MomentArmTable
+from vtkmuscle.run.pipeline import muscle_pipeline
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.scenes import frame_numbers, run_scene
 
-__all__ = ["MomentArmTable", "Result", "frame_numbers", "run_scene"]
+__all__ = ["MomentArmTable", "Result", "frame_numbers", "muscle_pipeline", "run_scene"]

@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import check_is_file
 from vtkmuscle.io.writing import left_behind
 
 if TYPE_CHECKING:
-    from vtkmuscle.scene.model import Scene
+    from vtkmuscle.scene.data import SceneData
 
 #: The file that a run holds while it writes to a folder.
 LOCK = ".vtkmuscle.lock"
@@ -31,14 +32,14 @@ _TABLES = ("_fibres.csv",)
 
 
 @contextmanager
-def claimed(folder: Path, scene: Scene, *, overwrite: bool) -> Iterator[None]:
+def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None]:
     """Make a folder for the results of a scene, and hold it against other runs.
 
     Parameters
     ----------
     folder : Path
         Made where it does not exist; nothing in it is changed, but what killed runs left half written goes.
-    scene : Scene
+    scene : SceneData
         What is run.
     overwrite : bool
         Whether results of another scene, and files that no run has written, may be replaced. Inputs of the
@@ -71,7 +72,7 @@ def claimed(folder: Path, scene: Scene, *, overwrite: bool) -> Iterator[None]:
         yield
 
 
-def remove_results(folder: Path, scene: Scene) -> None:
+def remove_results(folder: Path, scene: SceneData) -> None:
     """Remove what an earlier run has left, so that nothing old stands beside what is new.
 
     That is the report, the tables, and the series with the frames that they list, of the muscles of the
@@ -81,7 +82,7 @@ def remove_results(folder: Path, scene: Scene) -> None:
     ----------
     folder : Path
         Held by :func:`claimed`.
-    scene : Scene
+    scene : SceneData
         What is run.
     """
     report = read_report(folder) or {}
@@ -141,7 +142,7 @@ def _places(muscles: Mapping[str, Any], *, folder: bool) -> Iterator[str]:
             yield from (name + ending for ending in _TABLES)
 
 
-def _check_inputs(folder: Path, scene: Scene) -> None:
+def _check_inputs(folder: Path, scene: SceneData) -> None:
     """Raise a ValueError where a file that the scene is read from lies where results go."""
     root = folder.resolve()
     written = {*_places(scene.muscles, folder=True), *_places(scene.muscles, folder=False)}
@@ -150,9 +151,11 @@ def _check_inputs(folder: Path, scene: Scene) -> None:
             for base in {root, Path(os.path.abspath(folder))}:
                 inside = base in path.parents and path.relative_to(base).parts[0] in written
                 if inside:
-                    raise ValueError(
-                        f"{file}: the results in {folder} would be written over this input of the scene"
-                        f"{f' ({key})' if key else ''}; give another folder with --out"
+                    raise InputError(
+                        file,
+                        f"the results in {folder} would be written over this input of the scene"
+                        f"{f' ({key})' if key else ''}",
+                        "give another folder with --out",
                     )
 
 
@@ -165,7 +168,7 @@ def _check_is_folder(path: Path) -> None:
         raise NotADirectoryError(f"{path} is a file, where a folder of results goes; move it away")
 
 
-def _check_results(folder: Path, scene: Scene) -> None:
+def _check_results(folder: Path, scene: SceneData) -> None:
     """Raise a ValueError where there are results of another scene, or files that no run has written."""
     insist = "give another folder with --out, or --overwrite (overwrite=True) to replace them"
     report = read_report(folder)
@@ -173,12 +176,12 @@ def _check_results(folder: Path, scene: Scene) -> None:
         places = [*_places(scene.muscles, folder=False), *_places(scene.muscles, folder=True)]
         for path in map(folder.joinpath, places):
             if path.is_file() or path.is_symlink() or (path.is_dir() and _may_lose(path)):
-                raise ValueError(f"{path}: results would be written over what no run has made; {insist}")
+                raise InputError(path, "results would be written over what no run has made", insist)
         return
     before, now = report.get("scene_file"), scene_file(scene)
     if report.get("scene") != scene.name or (before and now and before != now):
         of = f" of {before}" if before else ""
-        raise ValueError(f"{folder}: it holds the results of the scene {report.get('scene')!r}{of}; {insist}")
+        raise InputError(folder, f"it holds the results of the scene {report.get('scene')!r}{of}", insist)
 
 
 def _may_lose(folder: Path) -> bool:
@@ -186,7 +189,7 @@ def _may_lose(folder: Path) -> bool:
     return any(path.is_dir() or path.suffix.lower() in (".vtp", ".png") for path in folder.iterdir())
 
 
-def scene_file(scene: Scene) -> str | None:
+def scene_file(scene: SceneData) -> str | None:
     """Return where a scene was read from, in full; None where it was made in Python."""
     return str(scene.files[""].resolve()) if "" in scene.files else None
 

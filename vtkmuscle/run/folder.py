@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle import __version__
+from vtkmuscle._version import __version__
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import blocks_of, set_field_array
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.series import Collection, Series
@@ -23,7 +24,7 @@ from vtkmuscle.run.report import fibre_rows
 if TYPE_CHECKING:
     from vtkmuscle.run.moment_arms import MomentArmTable
     from vtkmuscle.run.result import MuscleTrack, Result
-    from vtkmuscle.scene.model import Scene
+    from vtkmuscle.scene.data import SceneData
 
 
 #: How frames are written: a list of .vtp files per series, or one file per series.
@@ -56,7 +57,7 @@ class RunFolder:
 
     def __init__(self, path: Path, *, series: str = "pvd") -> None:
         if series not in FORMATS:
-            raise ValueError(f"series is {series!r}, but must be one of {', '.join(map(repr, FORMATS))}")
+            raise InputError("", f"series is {series!r}, but must be one of {', '.join(map(repr, FORMATS))}")
         if path.exists() and not path.is_dir():
             raise NotADirectoryError(f"{path} is a file; give another folder for the results")
         path.mkdir(parents=True, exist_ok=True)
@@ -64,14 +65,14 @@ class RunFolder:
         self._gather = series == "vtkhdf"
         self._series: dict[str, Series] = {}
 
-    def begin(self, report: dict[str, Any], scene: Scene) -> None:
+    def begin(self, report: dict[str, Any], scene: SceneData) -> None:
         """Write a report that says that nothing is finished, and remove the results of an earlier run."""
         remove_results(self.path, scene)
         self.write_report(report)
 
     def write_frame(
         self,
-        scene: Scene,
+        scene: SceneData,
         muscle: str,
         number: int,
         time: float,
@@ -104,7 +105,7 @@ class RunFolder:
             if not any(folder.iterdir()):
                 folder.rmdir()
 
-    def write_bones(self, scene: Scene, numbers: range, stopped: Callable[[], bool]) -> None:
+    def write_bones(self, scene: SceneData, numbers: range, stopped: Callable[[], bool]) -> None:
         """Write the bones over time, until it is stopped; those that stay where they are only once."""
         mover = BoneMotion(motion=scene.motion)
         mover.connect(0, scene.bones_data())
@@ -129,7 +130,7 @@ class RunFolder:
             self._gathered("bones")
 
     def write_tables(
-        self, report: dict[str, Any], scene: Scene, numbers: range, tracks: dict[str, MuscleTrack]
+        self, report: dict[str, Any], scene: SceneData, numbers: range, tracks: dict[str, MuscleTrack]
     ) -> None:
         """Write lengths.csv, a table of each muscle's fibres and report.json, as far as there are frames."""
         lines = ["muscle,fibre,time,length_mm"]
@@ -158,7 +159,7 @@ class RunFolder:
         """Draw the figures beside, move them to ``figures/``, and return their names."""
         import matplotlib as mpl  # noqa: PLC0415 -- only figures need it, and PyVista
 
-        from vtkmuscle.plotting import write_figures  # noqa: PLC0415
+        from vtkmuscle.run.figures import write_figures  # noqa: PLC0415
 
         folder = self.path / "figures"
         drawing = beside(folder)
@@ -184,7 +185,7 @@ class RunFolder:
         write_text(self.path / "report.json", text + "\n")
 
 
-def _stamped(data: vtkPolyData, scene: Scene) -> vtkPolyData:
+def _stamped(data: vtkPolyData, scene: SceneData) -> vtkPolyData:
     """Return a shallow copy whose field data say what it is part of."""
     copy = vtkPolyData()
     copy.ShallowCopy(data)

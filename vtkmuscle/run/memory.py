@@ -10,9 +10,11 @@ import numpy as np
 
 from vtkmuscle.core.collision.distance_blocks import SIDE
 from vtkmuscle.core.collision.obstacles import CELLS_PER_DIAGONAL
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
-from vtkmuscle.scene.model import Scene, SceneError
+from vtkmuscle.scene.data import SceneData
+from vtkmuscle.scene.faults import SceneError
 
 #: Gigabytes that a run may take, in place of half of what the machine has.
 VARIABLE = "VTKMUSCLE_MOST_MEMORY"
@@ -29,12 +31,12 @@ _NODE = 10
 _POINT = 24
 
 
-def check_memory(scene: Scene, numbers: range) -> None:
+def check_memory(scene: SceneData, numbers: range) -> None:
     """Refuse a run that would take more than half of the memory.
 
     Parameters
     ----------
-    scene : Scene
+    scene : SceneData
         What is run.
     numbers : range
         Frames that are kept.
@@ -54,14 +56,14 @@ def check_memory(scene: Scene, numbers: range) -> None:
         raise SceneError(
             f"the run would take about {total / 1e9:.3g} GB of memory, {largest / 1e9:.3g} GB of it for "
             f"this, but may take {most / 1e9:.3g} GB",
-            key=key,
-            mend="keep fewer frames or fibres, simplify surfaces, use larger cells, or set "
+            key,
+            "keep fewer frames or fibres, simplify surfaces, use larger cells, or set "
             f"{VARIABLE} to the gigabytes it may take",
-            file=scene.files.get(""),
+            scene.files.get(""),
         )
 
 
-def _estimate(scene: Scene, numbers: range) -> Iterator[tuple[str, float]]:
+def _estimate(scene: SceneData, numbers: range) -> Iterator[tuple[str, float]]:
     """Give what is needed for each part of a scene [bytes]."""
     for name, muscle in scene.muscles.items():
         surface = muscle.surface
@@ -76,7 +78,7 @@ def _estimate(scene: Scene, numbers: range) -> Iterator[tuple[str, float]]:
             frames += len(numbers) * (points * _FIBRE_POINT + count * _FIBRE)
             yield f"muscles.{name}.fibres", points * _FIBRE_POINT_AT_REST
         yield f"frames of muscles.{name}", frames
-    cells = [scene.solver_of(name).get("cell") for name in scene.muscles]
+    cells = [scene.solver_of(name).get("grid_spacing") for name in scene.muscles]
     for name, bone in scene.bones.items():
         places, triangles = points_of(bone), triangles_of(bone, name)
         size = np.ptp(places, axis=0)
@@ -97,7 +99,7 @@ def _most() -> float | None:
         try:
             return float(chosen) * 1e9
         except ValueError:
-            raise ValueError(f"{VARIABLE} is {chosen!r}, but must be a number of gigabytes") from None
+            raise InputError("", f"{VARIABLE} is {chosen!r}, but must be a number of gigabytes") from None
     try:
         found = [float(os.sysconf("SC_PAGE_SIZE")) * float(os.sysconf("SC_PHYS_PAGES"))]
     except (AttributeError, ValueError, OSError):

@@ -7,10 +7,9 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.io.writing import write_text
+from vtkmuscle.run.table import Table
 
 #: Columns of the table: a row per muscle, coordinate, fibre and value of the coordinate.
 COLUMNS = ("muscle", "coordinate", "unit", "fibre", "value", "moment_arm_mm", "error_mm", "quartic_mm")
@@ -73,29 +72,9 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
                 )
         return "\n".join(lines if len(lines) > 1 else ["MomentArmTable: empty"])
 
-    def columns(self) -> dict[str, np.ndarray[Any, Any]]:
-        """Return the columns of the whole table as arrays, see :data:`COLUMNS`; NaN where no quartic is."""
-        columns: dict[str, list[Any]] = {name: [] for name in COLUMNS}
-        for row in self._rows():
-            for name, value in zip(COLUMNS, row, strict=True):
-                columns[name].append(np.nan if value is None else value)
-        return {name: np.array(values) for name, values in columns.items()}
-
-    def to_frame(self) -> Any:
-        """Return the whole table as a pandas DataFrame.
-
-        Raises
-        ------
-        ImportError
-            If pandas is not installed; :meth:`columns` needs none.
-        """
-        try:
-            import pandas  # type: ignore[import-not-found, import-untyped, unused-ignore] # noqa: PLC0415
-        except ImportError as error:
-            raise ImportError(
-                "a DataFrame needs pandas: python -m pip install pandas; columns() gives the same as arrays"
-            ) from error
-        return pandas.DataFrame(self.columns())
+    def table(self) -> Table:
+        """Return the whole table, with the columns :data:`COLUMNS`; NaN where no quartic is."""
+        return Table(COLUMNS, self._rows())
 
     def write(self, path: str | PathLike[str]) -> Path:
         """Write the whole table as comma-separated values, and return the file."""

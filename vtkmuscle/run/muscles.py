@@ -9,14 +9,13 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
-from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.data.arrays import (
     cell_array,
     field_array,
-    multiblock_from,
     points_of,
     polylines_of,
     set_cell_array,
@@ -24,21 +23,20 @@ from vtkmuscle.data.arrays import (
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.filter import AbortedError, Filter
 from vtkmuscle.filters.deformer.convergence_report import read_convergence
-from vtkmuscle.filters.fibre_metrics import FibreMetrics
-from vtkmuscle.filters.fibre_transport import FibreTransport
-from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
-from vtkmuscle.filters.pbd_deformer import NEIGHBOURS, PBDDeformer
-from vtkmuscle.pipelines import PRUNE, TRANSPORT_SETTINGS, decompose, deform, pull_taut
+from vtkmuscle.filters.pbd_deformer import PBDDeformer
+from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.run.fixed_points import warn_of_fixed_points
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.measure import MuscleMeasure
+from vtkmuscle.run.pipeline import muscle_pipeline
 from vtkmuscle.run.report import architecture_of, fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.result import MuscleTrack
 from vtkmuscle.run.verdict import judge, slackness_of
-from vtkmuscle.scene.model import Scene
+from vtkmuscle.scene.data import SceneData
 
 Progress = Callable[[str, str, float], None]
 Observe = Callable[[str, Mapping[str, Any]], None]
+Clock = Callable[[], float]
 
 
 class MuscleRun:
@@ -46,7 +44,7 @@ class MuscleRun:
 
     Parameters
     ----------
-    scene : Scene
+    scene : SceneData
         What the muscle belongs to.
     name : str
         Which muscle.
@@ -67,11 +65,13 @@ class MuscleRun:
     others : sequence of MuscleRun, optional
         Muscles that this one may meet, whose runs are done: overlap with them is measured, and where the
         scene's ``muscle_contact`` is ``"on"`` this muscle is kept out of them.
+    clock : callable, optional
+        What times are measured by [s].
     """
 
     def __init__(
         self,
-        scene: Scene,
+        scene: SceneData,
         name: str,
         track: MuscleTrack,
         bones: dict[str, vtkPolyData],
@@ -81,8 +81,9 @@ class MuscleRun:
         progress: Progress,
         observe: Observe,
         others: Sequence[MuscleRun] = (),
+        clock: Clock = time.perf_counter,
     ) -> None:
-        self.observe = observe
+        self.observe, self.clock = observe, clock
         self.scene, self.name, self.track = scene, name, track
         self.bones, self.distances, self.folder = bones, distances, folder
         self.stop, self.progress = stop, progress
@@ -100,98 +101,72 @@ class MuscleRun:
             If it was stopped; the frames before are complete.
         """
         scene, name, track = self.scene, self.name, self.track
-        muscle, attachments = scene.muscles[name], scene.attachments_data(name)
-        detector = FixedPointDetector(**scene.fixing_of(name))
-        for port, value in enumerate((muscle.surface, scene.bones_data(), attachments)):
-            detector.connect(port, value)
+        neighbours = self._deformers() if scene.muscle_contact == "on" else None
+        pipeline = muscle_pipeline(scene, name, self.bones, neighbours=neighbours)
+        self.deformer = pipeline.deformer
         self._tell("fixed points", 0.0)
-        with self._timed("fixing", detector):
-            track.rest = detector.update().output
+        with self._timed("fixing", pipeline.fixed):
+            rest = track.rest = pipeline.fixed.update().output
         warn_of_fixed_points(name, track.rest)
         with self._timed("measuring"):
             measure = MuscleMeasure(track.rest, list(scene.bones), self.distances, scene.millimetres)
             track.report.update(measure.at_rest())
-        track.report["estimated_attachments"] = sum(area.estimated for area in muscle.attachments)
-        fibres, carried = None, {"prune": PRUNE}
-        if muscle.fibres is not None:
-            carried |= {word: muscle.fibres[word] for word in TRANSPORT_SETTINGS if word in muscle.fibres}
-            shaped = {word: value for word, value in muscle.fibres.items() if word not in TRANSPORT_SETTINGS}
-            fibres = decompose(detector, attachments, superficial=muscle.superficial_fibres, **shaped)
-        if fibres is not None:
-            self._tell("fibres", 0.0)
-            with self._timed("fibres", fibres):
-                track.rest_fibres = fibres.update().output
-            with self._timed("measuring"):
-                rested = polylines_of(track.rest_fibres, "fibres")
-                measure.take_fibres_at_rest(rested.points, rested.offsets)
-                inside = fibres_at_rest(track.rest_fibres, track.rest, scene.millimetres)
-                track.report["fibres"] = inside
-                track.report["architecture"] = architecture_of(
-                    track.rest_fibres, track.rest, attachments, scene.millimetres
-                )
-            track.report["fibre_measures"] = []
-        bones = multiblock_from(self.bones)  # of its own: threads must not share what VTK writes to
-        if scene.model == "paths":
-            self._pull(numbers, detector, bones, fibres, measure)
-            return
-        solver = scene.solver_of(name)
-        deformer = deform(
-            detector,
-            bones,
-            scene.motion,
-            fibres=fibres,
-            attachments=attachments,
-            superficial=muscle.superficial_fibres,
-            fixed=None,
-            **solver,
-        )
-        self.deformer = deformer
-        if self._whole_others() and scene.muscle_contact == "on":
-            deformer.connect(NEIGHBOURS, self._grouped_others())
-        track.report["parameters"] = {
-            "solver": deformer.parameters(),
-            "fixing": detector.parameters(),
-            "fibres": None if muscle.fibres is None else {**muscle.fibres, **carried},
-        }
+        areas = scene.muscles[name].attachments
+        track.report["estimated_attachments"] = sum(area.estimated for area in areas)
+        if pipeline.fibres is not None:
+            self._fill(rest, pipeline.fibres, measure)
+        track.report["parameters"] = self._parameters(pipeline)
         track.report["frames"] = []
-        transport, metrics = _carried(detector, fibres, deformer, carried)
-        for number in range(numbers[-1] + 1):
-            self._tell("deforming", number / (numbers[-1] + 1))
-            self._frame(number, number in numbers, deformer, transport, metrics, measure)
-            if track.failure is not None:
-                break
+        if pipeline.deformer is None:
+            self._pull(numbers, pipeline, measure)
+        else:
+            for number in range(numbers[-1] + 1):
+                self._tell("deforming", number / (numbers[-1] + 1))
+                self._frame(number, number in numbers, pipeline, measure)
+                if track.failure is not None:
+                    break
         self._judge(numbers, measure)
         if self.folder is not None:
             with self._timed("writing"):
                 self.folder.finish(self.name)
         self._tell("done", 1.0)
 
-    def _pull(
-        self,
-        numbers: range,
-        detector: FixedPointDetector,
-        bones: vtkMultiBlockDataSet,
-        fibres: Filter | None,
-        measure: MuscleMeasure,
-    ) -> None:
-        """Run model ``"paths"``: the fibres pulled taut in each frame, and nothing else."""
-        attachments = self.scene.attachments_data(self.name)
-        taut = pull_taut(detector, bones, self.scene.motion, fibres, attachments, fixed=None)
-        metrics = FibreMetrics(curvature=True)
-        metrics.connect(0, taut)
-        self.track.report["parameters"] = {
-            "solver": taut.parameters(),
-            "fixing": detector.parameters(),
-            "fibres": dict(self.scene.muscles[self.name].fibres or {}),
+    def _parameters(self, pipeline: MusclePipeline) -> dict[str, Any]:
+        mover = pipeline.taut if pipeline.deformer is None else pipeline.deformer
+        assert mover is not None
+        fibres = self.scene.muscles[self.name].fibres
+        if fibres is not None and pipeline.transport is not None:
+            fibres = {**fibres, "weight_tolerance": pipeline.transport.weight_tolerance}
+        return {
+            "solver": mover.parameters(),
+            "fixing": pipeline.fixed.parameters(),
+            "fibres": None if fibres is None else dict(fibres),
         }
-        self.track.report["frames"] = []
+
+    def _fill(self, rest: vtkPolyData, fibres: Filter, measure: MuscleMeasure) -> None:
+        """Fill the muscle with fibres, and measure them at rest."""
+        track, millimetres = self.track, self.scene.millimetres
+        self._tell("fibres", 0.0)
+        with self._timed("fibres", fibres):
+            track.rest_fibres = fibres.update().output
+        with self._timed("measuring"):
+            rested = polylines_of(track.rest_fibres, "fibres")
+            measure.take_fibres_at_rest(rested.points, rested.offsets)
+            areas = self.scene.attachments_data(self.name)
+            track.report["fibres"] = fibres_at_rest(track.rest_fibres, rest, millimetres)
+            track.report["architecture"] = architecture_of(track.rest_fibres, rest, areas, millimetres)
+        track.report["fibre_measures"] = []
+
+    def _pull(self, numbers: range, pipeline: MusclePipeline, measure: MuscleMeasure) -> None:
+        """Run model ``"paths"``: the fibres pulled taut in each frame, and nothing else."""
+        assert pipeline.metrics is not None
         for number in numbers:
             self._tell("pulling fibres", number / (numbers[-1] + 1))
             now = float(self.scene.motion.times[number])
-            before = time.perf_counter()
-            with self._timed("pulling fibres", metrics):
-                found = _copy(metrics.update(time=now).output)
-            took = time.perf_counter() - before
+            before = self.clock()
+            with self._timed("pulling fibres", pipeline.metrics):
+                found = _copy(pipeline.metrics.update(time=now).output)
+            took = self.clock() - before
             _add_penetration(found, measure, self.scene.motion.at(now))
             unsettled = field_array(found, "UnsettledFibres")
             row = {
@@ -200,56 +175,50 @@ class MuscleRun:
                 "unsettled_fibres": 0 if unsettled is None else int(unsettled[0]),
             }
             self._keep(row | {"ms": 1000.0 * took}, None, found)
-        self._judge(numbers, measure)
-        if self.folder is not None:
-            self.folder.finish(self.name)
-        self._tell("done", 1.0)
 
-    def _frame(
-        self,
-        number: int,
-        wanted: bool,
-        deformer: PBDDeformer,
-        transport: Filter | None,
-        metrics: Filter | None,
-        measure: MuscleMeasure,
-    ) -> None:
+    def _frame(self, number: int, wanted: bool, pipeline: MusclePipeline, measure: MuscleMeasure) -> None:
         now = float(self.scene.motion.times[number])
-        before = time.perf_counter()
+        assert pipeline.deformer is not None
+        before = self.clock()
         try:
-            with self._timed("deforming", deformer):
-                deformed = deformer.update(time=now).output
+            with self._timed("deforming", pipeline.deformer):
+                deformed = pipeline.deformer.update(time=now).output
             self._check_finite(points_of(deformed), number)
         except ValueError as error:
             # In the first frame it is what was given that is wrong; later the muscle has gone astray.
             if number == 0:
                 raise
-            self.track.failure = number, now, str(error)
+            self.track.failure = number, now, error
             return
-        took = time.perf_counter() - before
+        took = self.clock() - before
         if not wanted:
             return
         points = points_of(deformed)
+        transforms = self.scene.motion.at(now)
         fibres = None
-        if transport is not None and metrics is not None:
-            with self._timed("transport", transport):
-                transport.update(time=now)
-            with self._timed("metrics", metrics):
-                fibres = _copy(metrics.update(time=now).output)
-                _add_penetration(fibres, measure, self.scene.motion.at(now))
+        before = self.clock()
+        if pipeline.transport is not None and pipeline.metrics is not None:
+            with self._timed("transport", pipeline.transport):
+                pipeline.transport.update(time=now)
+            with self._timed("metrics", pipeline.metrics):
+                fibres = _copy(pipeline.metrics.update(time=now).output)
+        fibres_took = self.clock() - before
         with self._timed("measuring"):
             row = {
                 "frame": number,
                 "time": now,
                 **read_convergence(deformed, self.scene.millimetres),
-                **measure.frame(points, self.scene.motion.at(now)),
+                **measure.frame(points, transforms),
             }
             if fibres is not None:
+                _add_penetration(fibres, measure, transforms)
                 lines = polylines_of(fibres, "fibres")
-                row |= measure.fibres(lines.points, lines.offsets, points, self.scene.motion.at(now))
+                row |= measure.fibres(lines.points, lines.offsets, points, transforms)
+                row["ms_fibres"] = 1000.0 * fibres_took
         if self.scene.muscle_contact != "off":
             with self._timed("measuring overlap"):
-                row.update(measure.overlap(points, self._others_at(now)))
+                others = self._deformers().values()
+                row.update(measure.overlap(points, (other.update(time=now).output for other in others)))
         row["ms"] = 1000.0 * took
         self._keep(row, deformed, fibres)
 
@@ -293,30 +262,16 @@ class MuscleRun:
             failure=track.failure,
         )
 
-    def _grouped_others(self) -> vtkGroupDataSetsFilter:
-        group = vtkGroupDataSetsFilter()
-        group.SetOutputTypeToMultiBlockDataSet()
-        for number, other in enumerate(self._whole_others()):
-            assert other.deformer is not None
-            group.AddInputConnection(other.deformer.GetOutputPort())
-            group.SetInputName(number, other.name)
-        return group
-
-    def _whole_others(self) -> list[MuscleRun]:
-        """Return the other muscles, without those that failed on the way."""
-        return [other for other in self.others if other.track.failure is None]
-
-    def _others_at(self, now: float) -> Iterator[Any]:
-        for other in self._whole_others():
-            assert other.deformer is not None
-            yield other.deformer.update(time=now).output
+    def _deformers(self) -> dict[str, PBDDeformer]:
+        """Return the deformers of the other muscles, without those that failed on the way."""
+        whole = [other for other in self.others if other.track.failure is None]
+        return {other.name: other.deformer for other in whole if other.deformer is not None}
 
     def _check_finite(self, points: Any, number: int) -> None:
         if not np.isfinite(points).all():
-            raise ValueError(
-                f"frame {number}: the deformed muscle has coordinates that are not finite; lower the "
-                "stiffnesses, or use smaller steps of the motion"
-            )
+            problem = "the deformed muscle has coordinates that are not finite"
+            remedy = "lower the stiffnesses, or use smaller steps of the motion"
+            raise InputError(f"frame {number}", problem, remedy)
 
     def _tell(self, stage: str, fraction: float) -> None:
         if self.stop.is_set():
@@ -326,7 +281,7 @@ class MuscleRun:
     @contextmanager
     def _timed(self, stage: str, last: Filter | None = None) -> Iterator[None]:
         """Add the time to a stage, and let the stop flag abort the filters in it."""
-        before = time.perf_counter()
+        before = self.clock()
         observed = (
             []
             if last is None
@@ -337,7 +292,7 @@ class MuscleRun:
         finally:
             for algorithm, tag in observed:
                 algorithm.RemoveObserver(tag)
-            self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - before
+            self.seconds[stage] = self.seconds.get(stage, 0.0) + self.clock() - before
 
     def _on_progress(self, algorithm: Any, _event: str) -> None:
         if self.stop.is_set():
@@ -357,20 +312,6 @@ def _chain(last: Filter) -> list[Any]:
             indices = range(algorithm.GetNumberOfInputConnections(port))
             waiting.extend(algorithm.GetInputAlgorithm(port, index) for index in indices)
     return found
-
-
-def _carried(
-    rest: Filter, fibres: Filter | None, deformer: PBDDeformer, settings: dict[str, Any]
-) -> tuple[FibreTransport | None, FibreMetrics | None]:
-    """Return the filters that carry the fibres with the muscle and measure them."""
-    if fibres is None:
-        return None, None
-    transport, metrics = FibreTransport(**settings), FibreMetrics(curvature=True)
-    for port, algorithm in enumerate((fibres, rest, deformer)):
-        transport.connect(port, algorithm)
-    for port, algorithm in enumerate((transport, deformer)):
-        metrics.connect(port, algorithm)
-    return transport, metrics
 
 
 def _add_penetration(fibres: vtkPolyData, measure: MuscleMeasure, transforms: Mapping[str, Any]) -> None:

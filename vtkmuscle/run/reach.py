@@ -9,7 +9,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.data.arrays import points_of, set_field_array
-from vtkmuscle.scene.model import Scene
+from vtkmuscle.scene.data import SceneData
 
 Floats = NDArray[np.float64]
 
@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 BULGE = 1.1
 
 
-def bones_with_reach(scene: Scene) -> dict[str, vtkPolyData]:
+def bones_with_reach(scene: SceneData) -> dict[str, vtkPolyData]:
     """Return the bones of a scene, each with the field array ``Reach`` for PBDDeformer.
 
     It has the corners of the convex hull, seen from the bone, of all muscles, somewhat enlarged, where the

@@ -67,6 +67,7 @@ DEFINITIONS = {
     "ms_constraints": "part of the time of the last step spent on edges and volume, milliseconds; likewise "
     "ms_prediction, ms_collision, ms_acceleration and ms_settling",
     "ms": "wall-clock time of the deformation of the frame, milliseconds; muscles run side by side",
+    "ms_fibres": "the same of carrying its fibres along and measuring them",
     "points_inside": f"points of fibres at rest inside the muscle or within {FIBRE_TOLERANCE:g} mm of it",
     "twist_degrees": "how far sections are turned against each other along their contours, end to end",
     "superficial_angle_degrees": "angle between the superficial fibres given and those of the template "

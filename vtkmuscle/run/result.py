@@ -8,15 +8,18 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import smoothed_curve
 from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
 from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import with_points
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.run.moment_arms import MomentArmTable
+from vtkmuscle.run.table import Table
 
 Floats = NDArray[np.float64]
 
@@ -39,7 +42,7 @@ class MuscleTrack:
         Fibre lengths per finished frame [mm].
     report : dict
         What is known of the muscle, JSON-able.
-    failure : (int, float, str) or None
+    failure : (int, float, Exception) or None
         Frame and time that could not be computed, and why; the frames before are there.
     """
 
@@ -49,7 +52,7 @@ class MuscleTrack:
     fibres: list[vtkPolyData] = field(default_factory=list)
     lengths: list[Floats] = field(default_factory=list)
     report: dict[str, Any] = field(default_factory=dict)
-    failure: tuple[int, float, str] | None = None
+    failure: tuple[int, float, Exception] | None = None
 
 
 class Result:
@@ -79,7 +82,7 @@ class Result:
     name, units, report, motion, literature
         As given.
     frames : list of int
-        Numbers of the kept frames in the motion; the methods below take positions in this list.
+        Numbers of the kept frames in the motion, counted from 0.
     times : list of float
         Their pipeline times.
     time_label : str
@@ -89,7 +92,7 @@ class Result:
     verdicts : dict of str to str
         Of each muscle ``"ok"``, ``"look"`` or ``"failed"``; ``report["muscles"][NAME]["verdict"]`` says why.
     lengths : dict of str to (frames, fibres) array
-        Fibre lengths [mm] of the muscles that have fibres.
+        Fibre lengths [mm] of the muscles that have fibres, a row per finished frame.
     """
 
     def __init__(
@@ -159,8 +162,7 @@ class Result:
         -------
         MomentArmTable
             Per muscle and coordinate arms, standard errors and a quartic fit [mm], see
-            :class:`~vtkmuscle.core.moment_arms.of_joints.JointArms`; ``write``, ``columns`` and ``to_frame``
-            give a table.
+            :class:`~vtkmuscle.core.moment_arms.of_joints.JointArms`; ``table()`` and ``write`` give a table.
 
         Raises
         ------
@@ -169,7 +171,9 @@ class Result:
             have too few different values of it.
         """
         if not self.lengths:
-            raise ValueError("no muscle of the run has fibres, so there are no moment arms; give it fibres")
+            raise InputError(
+                "", "no muscle of the run has fibres, so there are no moment arms", "give it fibres"
+            )
         motion = self.motion.part(self.frames)
         arms: dict[str, dict[str, JointArms]] = {}
         refused: dict[str, str] = {}
@@ -179,47 +183,131 @@ class Result:
             arms[name], refused = joint_arms(lengths, motion, coordinates or None)
         return MomentArmTable(arms, refused)
 
-    def muscle(self, name: str, i: int) -> vtkPolyData:
+    def length_table(self) -> Table:
+        """Return the fibre lengths, a row per muscle, fibre and frame: as lengths.csv, and the frame."""
+        return Table(
+            ("muscle", "fibre", "frame", "time", "length_mm"),
+            (
+                (name, fibre, frame, time, length)
+                for name, lengths in self.lengths.items()
+                for fibre, curve in enumerate(lengths.T)
+                for frame, time, length in zip(self.frames, self.times, curve, strict=False)
+            ),
+        )
+
+    def frame_table(self) -> Table:
+        """Return the figures of the report, a row per muscle and frame; NaN where a muscle has none.
+
+        ``report["definitions"]`` says what they are. What is no number, as the measures of fibres, is left to
+        the report.
+        """
+        muscles = self.report["muscles"]
+        rows = [{"muscle": name, **row} for name in self.muscle_names for row in muscles[name]["frames"]]
+        known = {
+            key: None for row in rows for key, value in row.items() if not isinstance(value, dict | list)
+        }
+        return Table(tuple(known), ([row.get(key) for key in known] for row in rows))
+
+    def muscle(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
         """Return a muscle in a kept frame, with the arrays it has at rest (``FixedTo`` and its own).
+
+        Parameters
+        ----------
+        name : str
+            Name of the muscle.
+        frame : int, optional
+            Number of the frame in the motion, one of ``frames``.
+        time : float, optional
+            Time of the frame, one of ``times``, instead.
+
+        Returns
+        -------
+        pyvista.PolyData
+            The surface.
 
         Raises
         ------
         ValueError
-            If the scene's model is ``"paths"``, which deforms no muscle.
+            If there is no such muscle or kept frame, or the scene's model is ``"paths"``, which deforms no
+            muscle.
         """
-        track = self._tracks[name]
+        i, track = self._position(frame, time), self._track(name)
         if self.report["model"] == "paths":
-            raise ValueError(
-                f"the scene's model is 'paths', so that {name!r} was not deformed; fibres({name!r}, {i}) has "
-                "its fibres, and model 'volume' deforms it"
+            raise InputError(
+                "",
+                f"the scene's model is 'paths', so that {name!r} was not deformed",
+                f"fibres({name!r}, frame={self.frames[i]}) has its fibres, and model 'volume' deforms it",
             )
-        moved: vtkPolyData = with_points(track.rest, track.points[i])
-        return moved
+        self._check_finished(name, i)
+        return _wrapped(with_points(track.rest, track.points[i]))
 
-    def fibres(self, name: str, i: int) -> vtkPolyData | None:
-        """Return the fibres of a muscle in a kept frame, None where it has none."""
-        track = self._tracks[name]
-        return track.fibres[i] if track.fibres else None
+    def fibres(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
+        """Return the fibres of a muscle in a kept frame, None where it has none; see :meth:`muscle`."""
+        i, track = self._position(frame, time), self._track(name)
+        if not track.fibres and track.rest_fibres is None:
+            return None
+        self._check_finished(name, i)
+        return _wrapped(track.fibres[i])
 
-    def bones(self, i: int) -> vtkMultiBlockDataSet:
-        """Return the bones in a kept frame, each with the field array ``Transform``."""
+    def bones(self, *, frame: int | None = None, time: float | None = None) -> Any:
+        """Return the bones in a kept frame, a block each, with the field array ``Transform``."""
         moved = vtkMultiBlockDataSet()
-        moved.ShallowCopy(self._mover.update(time=self.times[i]).output)
-        return moved
+        moved.ShallowCopy(self._mover.update(time=self.times[self._position(frame, time)]).output)
+        return _wrapped(moved)
 
-    def rest_muscle(self, name: str) -> vtkPolyData:
+    def rest_muscle(self, name: str) -> Any:
         """Return a muscle at rest, with the point array ``FixedTo``."""
-        rest = self._tracks[name].rest
+        rest = self._track(name).rest
         assert rest is not None  # a result is made when all muscles are done
-        return rest
+        return _wrapped(rest)
 
-    def rest_fibres(self, name: str) -> vtkPolyData | None:
+    def rest_fibres(self, name: str) -> Any:
         """Return the fibres of a muscle at rest, None where it has none."""
-        return self._tracks[name].rest_fibres
+        fibres = self._track(name).rest_fibres
+        return None if fibres is None else _wrapped(fibres)
 
-    def rest_bones(self) -> vtkMultiBlockDataSet:
+    def rest_bones(self) -> Any:
         """Return the bones at rest."""
-        return self._bones
+        return _wrapped(self._bones)
+
+    def _track(self, name: str) -> MuscleTrack:
+        if name not in self._tracks:
+            raise InputError("", f"there is no muscle {name!r} in the result", suggestion(name, self._tracks))
+        return self._tracks[name]
+
+    def _position(self, frame: int | None, time: float | None) -> int:
+        """Return the place of a frame, given by its number or its time, among those that are kept."""
+        if (frame is None) == (time is None):
+            raise InputError("", "give either the number of a frame (frame=10) or its time (time=20.0)")
+        if frame is not None:
+            if frame not in self.frames:
+                raise InputError("", f"frame {frame} was not kept", f"there are {_listed(self.frames)}")
+            return self.frames.index(frame)
+        near = np.flatnonzero(np.isclose(self.times, float(time), rtol=1e-9, atol=1e-9))  # type: ignore[arg-type]
+        if not len(near):
+            raise InputError("", f"no frame of time {time:g} was kept", f"there are {_listed(self.times)}")
+        return int(near[0])
+
+    def _check_finished(self, name: str, i: int) -> None:
+        if i >= self.finished(name):
+            raise InputError(
+                "",
+                f"{name!r} failed before frame {self.frames[i]}, so that it is not there",
+                f"it has {self.finished(name)} of {len(self.frames)} frames",
+            )
+
+
+def _wrapped(data: vtkDataObject) -> Any:
+    """Return a data set as PyVista has it."""
+    import pyvista  # noqa: PLC0415 -- a run needs none
+
+    return pyvista.wrap(data)
+
+
+def _listed(values: Sequence[float]) -> str:
+    """Return the first and last of some numbers in words."""
+    words = [f"{value:g}" for value in values]
+    return ", ".join(words if len(words) <= 6 else [*words[:3], "...", *words[-2:]])
 
 
 def _time_label(motion: RigidMotion) -> str:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
@@ -22,11 +23,12 @@ from vtkmuscle.run.claim import scene_file
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.memory import check_memory
 from vtkmuscle.run.moment_arms import MomentArmTable
-from vtkmuscle.run.muscles import MuscleRun, Observe, Progress
+from vtkmuscle.run.muscles import Clock, MuscleRun, Observe, Progress
 from vtkmuscle.run.reach import bones_with_reach
 from vtkmuscle.run.report import DEFINITIONS, versions
 from vtkmuscle.run.result import MuscleTrack, Result
-from vtkmuscle.scene.model import Scene, SceneError
+from vtkmuscle.scene.data import SceneData
+from vtkmuscle.scene.faults import SceneError
 
 #: How often the main thread looks up from waiting [s]: on some systems Ctrl-C arrives only then.
 _LOOK_UP = 0.2
@@ -67,22 +69,22 @@ def frame_numbers(frames: str | slice | range | int | None, count: int) -> range
             bounds = [int(part) if part.strip() else None for part in parts]
             wanted = slice(*bounds) if len(parts) > 1 else int(parts[0])
         except (ValueError, TypeError):
-            raise ValueError(f"frames {frames!r} cannot be understood; {allowed}") from None
+            raise InputError("", f"frames {frames!r} cannot be understood", allowed) from None
     if wanted is None:
         return range(count)
     if isinstance(wanted, slice):
         if wanted.step is not None and wanted.step <= 0:
-            raise ValueError(f"frames {frames!r} must ascend; {allowed}")
+            raise InputError("", f"frames {frames!r} must ascend", allowed)
         numbers = range(*wanted.indices(count))
     else:
         numbers = wanted if isinstance(wanted, range) else range(wanted, wanted + 1)
     if not len(numbers) or numbers.step < 0 or numbers[0] < 0 or numbers[-1] >= count:
-        raise ValueError(f"frames {frames!r}: the motion has {count} frames; {allowed}")
+        raise InputError("", f"frames {frames!r}: the motion has {count} frames", allowed)
     return numbers
 
 
 def run_scene(
-    scene: Scene,
+    scene: SceneData,
     out: Path | None,
     *,
     frames: str | slice | range | int | None,
@@ -91,12 +93,13 @@ def run_scene(
     workers: int | None,
     series: str = "pvd",
     observe: Observe | None = None,
+    clock: Clock = time.perf_counter,
 ) -> Result:
-    """Run a scene; see :meth:`vtkmuscle.Scene.run`."""
+    """Run a scene; see :meth:`vtkmuscle.Scene.run`. The clock [s] times the muscles' stages."""
     began = time.perf_counter()
     numbers = frame_numbers(frames, len(scene.motion.times))
     if workers is not None and workers < 1:
-        raise ValueError(f"workers is {workers}, but must be an integer >= 1")
+        raise InputError("", f"workers is {workers}, but must be an integer >= 1")
     check_memory(scene, numbers)
     folder = None if out is None else RunFolder(out, series=series)
     bones, distances = bones_with_reach(scene), _bone_distances(scene)
@@ -116,7 +119,7 @@ def run_scene(
                 folder.begin(report, scene)
             for name, track in tracks.items():
                 others = tuple(runs) if scene.muscle_contact != "off" else ()
-                run = MuscleRun(scene, name, track, bones, distances, folder, stop, told, seen, others)
+                run = MuscleRun(scene, name, track, bones, distances, folder, stop, told, seen, others, clock)
                 runs.append(run)
                 jobs[f"muscles.{name}"] = pool.submit(run.go, numbers)
             if folder is not None:
@@ -170,7 +173,7 @@ def _moment_arms(result: Result, report: dict[str, Any]) -> MomentArmTable:
     return arms
 
 
-def _bone_distances(scene: Scene) -> dict[str, SurfaceDistance]:
+def _bone_distances(scene: SceneData) -> dict[str, SurfaceDistance]:
     """Return the exact distances of the bones that have an inside, holes closed as the collisions close them.
 
     Each is built when a muscle comes near.
@@ -189,7 +192,7 @@ def _bone_distances(scene: Scene) -> dict[str, SurfaceDistance]:
     return distances
 
 
-def _first_report(scene: Scene, numbers: range, tracks: dict[str, MuscleTrack]) -> dict[str, Any]:
+def _first_report(scene: SceneData, numbers: range, tracks: dict[str, MuscleTrack]) -> dict[str, Any]:
     return {
         "scene": scene.name,
         "model": scene.model,
@@ -248,15 +251,15 @@ def _wait_for(jobs: Sequence[Future[None]], stop: threading.Event) -> None:
             stop.set()
 
 
-def _raise_first_failure(jobs: dict[str, Future[None]], scene: Scene) -> None:
+def _raise_first_failure(jobs: dict[str, Future[None]], scene: SceneData) -> None:
     """Raise what went wrong first in the order of the scene, not what was merely stopped by it."""
     failures = {key: job.exception() for key, job in jobs.items()}
     for key, error in failures.items():
         if error is None or isinstance(error, AbortedError):
             continue
         if isinstance(error, ValueError | TypeError) and not isinstance(error, SceneError):
-            problem, _, mend = str(error).partition("; ")
-            raise SceneError(problem, key=key, mend=mend, file=scene.files.get("")) from error
+            problem, remedy = fault_of(error, placed=True)
+            raise SceneError(problem, key, remedy, scene.files.get("")) from error
         raise error
 
 

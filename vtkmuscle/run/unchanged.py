@@ -6,16 +6,18 @@ import shutil
 from filecmp import cmp
 from pathlib import Path
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.io.writing import beside
-from vtkmuscle.scene.model import Scene
+from vtkmuscle.scene.data import SceneData
+from vtkmuscle.scene.writing import write_scene
 
 
-def save_unless_changed(scene: Scene, folder: Path, *, overwrite: bool) -> Path:
+def save_unless_changed(scene: SceneData, folder: Path, *, overwrite: bool) -> Path:
     """Write a scene to a folder where nothing of the user's is lost by that.
 
     Parameters
     ----------
-    scene : Scene
+    scene : SceneData
         What to write.
     folder : Path
         Made where it does not exist.
@@ -35,16 +37,18 @@ def save_unless_changed(scene: Scene, folder: Path, *, overwrite: bool) -> Path:
     folder.parent.mkdir(parents=True, exist_ok=True)
     fresh = beside(folder)
     try:
-        scene.save(fresh)
+        write_scene(scene, fresh)
         files = [path.relative_to(fresh) for path in fresh.rglob("*") if path.is_file()]
         for file in sorted(files):
             there = folder / file
             if there.is_file() and cmp(there, fresh / file, shallow=False):
                 continue
             if (there.exists() or there.is_symlink()) and not overwrite:
-                raise ValueError(
-                    f"{there}: this has been changed since it was written; run it with 'vtkmuscle run "
-                    f"{folder / 'scene.toml'}', give another folder with --out, or --overwrite to replace it"
+                raise InputError(
+                    there,
+                    "this has been changed since it was written",
+                    f"run it with 'vtkmuscle run {folder / 'scene.toml'}', give another folder with --out, "
+                    "or --overwrite to replace it",
                 )
         for file in files:
             (folder / file).parent.mkdir(parents=True, exist_ok=True)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.moment_arms.length_jumps import even_stretches, length_jumps
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import cell_array
@@ -71,7 +72,7 @@ def judge(
     n_edges: int = 1,
     size: float = FULL_SIZE,
     tolerance: float | None = None,
-    failure: tuple[int, float, str] | None = None,
+    failure: tuple[int, float, Exception] | None = None,
 ) -> dict[str, Any]:
     """Return the verdict on a muscle, from what was measured of its frames.
 
@@ -93,7 +94,7 @@ def judge(
         Diagonal of the muscle's box at rest [mm].
     tolerance : float, optional
         Of the solver [mm]; 0 or None where it has none.
-    failure : (int, float, str), optional
+    failure : (int, float, Exception), optional
         Frame and time at which the muscle could not be computed, and why.
 
     Returns
@@ -110,9 +111,9 @@ def judge(
     ]
     if failure is not None:
         frame, time, why = failure
-        problem, _, mend = why.partition("; ")
+        problem, remedy = fault_of(why, placed=True)
         says = f"it could not be computed: {problem}"
-        do = mend or STEPS
+        do = remedy or STEPS
         reasons.append(Reason("computed", FAILED, frame, time, 0.0, 0.0, "", says, do))
     reasons.sort(key=lambda reason: -VERDICTS.index(reason.verdict))
     return {

@@ -1,5 +1,11 @@
-"""What a scene is: bones, muscles, attachments and a motion, from and to a scene.toml."""
+"""What a scene is: bones, muscles, attachments and a motion, from and to a scene.toml.
 
-from vtkmuscle.scene.model import Muscle, Scene, SceneError
+``schema`` has the keys of the file, ``validation`` what is said of them, ``reading`` and ``writing`` the
+files, ``checks`` what must hold of the surfaces and landmarks, and ``sense`` what cannot be meant.
+:class:`vtkmuscle.Scene` puts all of it together.
+"""
 
-__all__ = ["Muscle", "Scene", "SceneError"]
+from vtkmuscle.scene.data import Muscle, SceneData
+from vtkmuscle.scene.faults import SceneError
+
+__all__ = ["Muscle", "SceneData", "SceneError"]

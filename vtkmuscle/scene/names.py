@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
-from vtkmuscle.scene.model import SceneError
+from vtkmuscle.core.words import shown
+from vtkmuscle.scene.settings import fault
 
 #: Letters, digits, and a few signs that every file system takes.
 _NAME = re.compile(r"\w[\w .+-]*(?<![ .])")
@@ -20,33 +20,16 @@ _RESULTS = (".pvd", ".vtkhdf", ".vtp", ".csv", ".json", ".png", ".toml", ".html"
 _LONGEST = 150
 
 
-def check_name(name: str, key: str, file: Path | None) -> None:
-    """Raise a SceneError where a name cannot be part of the names of files.
-
-    Parameters
-    ----------
-    name : str
-        Of a scene, a bone or a muscle.
-    key : str
-        Where it stands.
-    file : Path or None
-        The scene's file.
-
-    Raises
-    ------
-    SceneError
-        If it cannot; says why.
-    """
-    mend = "use letters, digits, spaces and _ - + . only, beginning and ending with a letter or digit"
-    shown = key if key.isprintable() else ascii(key)[1:-1]
+def checked_name(name: str) -> str:
+    """Return a name of a scene, a bone or a muscle; raise a fault where no file could be called so."""
     if not _NAME.fullmatch(name):
-        raise SceneError(f"{name!r} cannot be part of a file name", key=shown, mend=mend, file=file)
+        remedy = "use letters, digits, spaces and _ - + . only, beginning and ending with a letter or digit"
+        raise fault(f"{shown(name)} cannot be part of a file name", remedy)
     if _DEVICES.fullmatch(name):
-        problem = f"{name!r} cannot be the name of a file on Windows"
-        raise SceneError(problem, key=shown, mend="call it otherwise", file=file)
+        raise fault(f"{name!r} cannot be the name of a file on Windows", "call it otherwise")
     if name.casefold().endswith(_RESULTS):
-        problem = f"{name!r} ends like a file of results, and would be in the way of one"
-        raise SceneError(problem, key=shown, mend="leave out the suffix", file=file)
+        problem = f"{shown(name)} ends like a file of results, and would be in the way of one"
+        raise fault(problem, "leave out the suffix")
     if len(name.encode()) > _LONGEST:
-        problem = f"a name of {len(name)} letters is too long for a file"
-        raise SceneError(problem, key=shown[:60], mend=f"use at most {_LONGEST}", file=file)
+        raise fault(f"a name of {len(name)} letters is too long for a file", f"use at most {_LONGEST}")
+    return name

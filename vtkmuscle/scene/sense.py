@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +16,8 @@ from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.data.arrays import checked_surface, points_of
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.surface_distance import SurfaceDistance
-from vtkmuscle.scene.model import Muscle, Scene, SceneError
+from vtkmuscle.scene.data import Muscle, SceneData
+from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense_motion import motion_findings
 
 Floats = NDArray[np.float64]
@@ -46,27 +45,11 @@ ENDS = ("origin", "insertion")
 _MOST_LANDMARKS = 150
 
 
-@dataclass(frozen=True)
-class Finding:
-    """Something that cannot be meant.
-
-    Attributes
-    ----------
-    key : str
-        Where, as of :class:`SceneError`.
-    problem, mend : str
-        What is odd, and what to do about it.
-    sure : bool
-        Whether nothing useful can come of it.
-    """
-
-    key: str
-    problem: str
-    mend: str
-    sure: bool = False
+#: Where, what is odd, what to do about it, and whether nothing useful can come of it.
+Finding = tuple[str, str, str, bool]
 
 
-def check_sense(scene: Scene) -> None:
+def check_sense(scene: SceneData) -> None:
     """Say what cannot be meant of a scene.
 
     Raises
@@ -79,17 +62,16 @@ def check_sense(scene: Scene) -> None:
     UserWarning
         For each thing that is probably wrong.
     """
-    found = [Finding(*finding) for finding in findings(scene)]
-    for finding in sorted(found, key=lambda one: not one.sure):
-        file = scene.files.get(finding.key, scene.files.get(""))
-        error = SceneError(finding.problem, key=finding.key, mend=finding.mend, file=file)
-        if finding.sure:
+    for key, problem, remedy, sure in sorted(findings(scene), key=lambda one: not one[-1]):
+        file = scene.files.get(key, scene.files.get(""))
+        error = SceneError(problem, key, remedy, file)
+        if sure:
             raise error
         warnings.warn(str(error), stacklevel=3)
 
 
-def findings(scene: Scene) -> Iterator[tuple[Any, ...]]:
-    """Give the fields of a :class:`Finding` for each thing that cannot be meant."""
+def findings(scene: SceneData) -> Iterator[Finding]:
+    """Give a finding for each thing that cannot be meant."""
     strayed = list(_strays(scene))
     yield from strayed
     if any(finding[-1] for finding in strayed):
@@ -105,7 +87,7 @@ def findings(scene: Scene) -> Iterator[tuple[Any, ...]]:
     yield from motion_findings(scene)
 
 
-def _strays(scene: Scene) -> Iterator[tuple[Any, ...]]:
+def _strays(scene: SceneData) -> Iterator[Finding]:
     """Give surfaces with a point that is nowhere near the others, or that lie nowhere near the origin."""
     surfaces = {f"bones.{name}.surface": bone for name, bone in scene.bones.items()}
     surfaces |= {f"muscles.{name}.surface": muscle.surface for name, muscle in scene.muscles.items()}
@@ -130,7 +112,7 @@ def _strays(scene: Scene) -> Iterator[tuple[Any, ...]]:
             yield key, problem, "move the scene to the origin", True
 
 
-def _sizes(scene: Scene) -> Iterator[tuple[Any, ...]]:
+def _sizes(scene: SceneData) -> Iterator[Finding]:
     surfaces = [*scene.bones.values(), *(muscle.surface for muscle in scene.muscles.values())]
     longest = max(float(np.ptp(points_of(surface), axis=0).max()) for surface in surfaces)
     length = longest * scene.millimetres
@@ -141,7 +123,7 @@ def _sizes(scene: Scene) -> Iterator[tuple[Any, ...]]:
         yield "units", problem, f'if the files are in {guess}, write units = "{guess}"', False
 
 
-def _twice(scene: Scene) -> Iterator[tuple[Any, ...]]:
+def _twice(scene: SceneData) -> Iterator[Finding]:
     """Give surfaces that stand for two things."""
     seen: dict[bytes, str] = {}
     named = [(f"bones.{name}.surface", bone) for name, bone in scene.bones.items()]
@@ -153,15 +135,15 @@ def _twice(scene: Scene) -> Iterator[tuple[Any, ...]]:
             yield key, f"it is the same surface as {other}", "name the file that belongs to it", False
 
 
-def _bones_without_inside(scene: Scene) -> Iterator[tuple[Any, ...]]:
+def _bones_without_inside(scene: SceneData) -> Iterator[Finding]:
     for name, bone in scene.bones.items():
         if not any(closed_shells(*checked_surface(bone, name)).solid):
             problem = "the bone encloses no volume: no muscle will be kept out of it"
-            mend = "export it again as a closed surface, if a muscle can meet it"
-            yield f"bones.{name}.surface", problem, mend, False
+            remedy = "export it again as a closed surface, if a muscle can meet it"
+            yield f"bones.{name}.surface", problem, remedy, False
 
 
-def _ring(key: str, area: AttachmentArea, muscle: Muscle, scene: Scene) -> Iterator[tuple[Any, ...]]:
+def _ring(key: str, area: AttachmentArea, muscle: Muscle, scene: SceneData) -> Iterator[Finding]:
     """Give what is odd about the order and place of landmarks."""
     landmarks = np.asarray(area.landmarks, dtype=np.float64)
     size = float(np.linalg.norm(np.ptp(landmarks, axis=0)))
@@ -173,23 +155,23 @@ def _ring(key: str, area: AttachmentArea, muscle: Muscle, scene: Scene) -> Itera
     landmarks = landmarks[:: -(-len(landmarks) // _MOST_LANDMARKS)]
     best = landmarks[short_ring(landmarks)]
     length, shortest = ring_length(landmarks), ring_length(best)
-    mend = "put them in order along the boundary"
+    remedy = "put them in order along the boundary"
     if length > RING * shortest:
         problem = (
             f"the ring through the landmarks is {length:.4g} {scene.units} long, {length / shortest:.3g} "
             "times as long as in another order: they are not in the order of the boundary"
         )
-        yield key, problem, mend, length > SURE_RING * shortest
+        yield key, problem, remedy, length > SURE_RING * shortest
     elif 4.0 * np.pi * ring_area(best) < FLAT_RING * shortest**2:
-        mend = "if it is a line and no area, write closed = false"
-        yield key, "the ring through the landmarks encloses hardly any area", mend, False
+        remedy = "if it is a line and no area, write closed = false"
+        yield key, "the ring through the landmarks encloses hardly any area", remedy, False
     elif ring_area(landmarks) < CROSSED_RING * ring_area(best):
-        yield key, "the ring through the landmarks crosses itself, as an 8 does", mend, False
+        yield key, "the ring through the landmarks crosses itself, as an 8 does", remedy, False
 
 
 def _on_bones(
-    scene: Scene, name: str, muscle: Muscle, distances: dict[str, SurfaceDistance]
-) -> Iterator[tuple[Any, ...]]:
+    scene: SceneData, name: str, muscle: Muscle, distances: dict[str, SurfaceDistance]
+) -> Iterator[Finding]:
     """Give landmarks that are not on the bone that they name."""
     scale = scene.millimetres
     length = float(np.linalg.norm(np.ptp(points_of(muscle.surface), axis=0))) * scale
@@ -208,8 +190,8 @@ def _on_bones(
     exchanged = {(areas[number].bone, bone) for number, bone in meant.items()}
     if len(areas) == len(meant) > 1 and exchanged == {(b, a) for a, b in exchanged}:
         problem = "origin and insertion are exchanged: each has its landmarks on the other's bone"
-        mend = "exchange their landmarks, or their bones"
-        yield f"muscles.{name}.attachments", problem, mend, True
+        remedy = "exchange their landmarks, or their bones"
+        yield f"muscles.{name}.attachments", problem, remedy, True
         return
     for number, (area, far) in enumerate(zip(areas, away, strict=True)):
         key = f"muscles.{name}.attachments[{numbered[number][0]}].landmarks"

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.data.arrays import points_of
-from vtkmuscle.scene.model import Scene
+from vtkmuscle.scene.data import SceneData
 
 Floats = NDArray[np.float64]
 
@@ -23,7 +22,7 @@ FAR, SURE_FAR = 0.5, 20.0
 TORN, SURE_TORN = 2.0, 5.0
 
 
-def motion_findings(scene: Scene) -> Iterator[tuple[Any, ...]]:
+def motion_findings(scene: SceneData) -> Iterator[tuple[str, str, str, bool]]:
     """Give the fields of a finding for each thing that cannot be meant of a motion."""
     key = "motion"
     motion = scene.motion
@@ -65,8 +64,8 @@ def motion_findings(scene: Scene) -> Iterator[tuple[Any, ...]]:
                 f"its areas come {spans[longest]:.3g} {scene.units} apart in frame {longest}, {ratio:.3g} "
                 "times as far as at rest: a muscle would tear"
             )
-            mend = "check the motion, and that its transforms are from rest to the pose"
-            yield f"muscles.{name}.attachments", problem, mend, ratio > SURE_TORN
+            remedy = "check the motion, and that its transforms are from rest to the pose"
+            yield f"muscles.{name}.attachments", problem, remedy, ratio > SURE_TORN
 
 
 def _corners(points: Floats) -> Floats:

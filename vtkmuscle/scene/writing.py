@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+import tomli_w
 
-from vtkmuscle.data.attachments import attachments_from
+from vtkmuscle.data.attachments import VIA, attachments_from
 from vtkmuscle.io import write_literature, write_motion_table, write_polydata, write_text
-from vtkmuscle.scene.model import Muscle, Scene
+from vtkmuscle.scene.data import Muscle, SceneData
 
 
-def write_scene(scene: Scene, folder: Path) -> Path:
+def write_scene(scene: SceneData, folder: Path) -> Path:
     """Write a scene and its files to a folder; see :meth:`vtkmuscle.Scene.save`."""
     for name, surface in scene.bones.items():
         write_polydata(folder / f"bones/{name}.vtp", surface)
     for name, muscle in scene.muscles.items():
         write_polydata(folder / f"muscles/{name}.vtp", muscle.surface)
         if muscle.superficial_fibres is not None:
-            write_polydata(folder / _superficial_file(name), muscle.superficial_fibres)
+            write_polydata(folder / f"superficial_fibres/{name}.vtp", muscle.superficial_fibres)
         if muscle.literature:
-            write_literature(folder / _literature_file(name), muscle.literature)
+            write_literature(folder / f"literature/{name}.csv", muscle.literature)
         areas = attachments_from(muscle.attachments)
         for number in range(len(muscle.attachments)):
             write_polydata(folder / _landmark_file(name, number, muscle), areas.GetBlock(number))
@@ -35,118 +33,82 @@ def write_scene(scene: Scene, folder: Path) -> Path:
     return path
 
 
-def to_toml(scene: Scene) -> str:
+def to_toml(scene: SceneData) -> str:
     """Return the scene.toml that goes with the files that :func:`write_scene` writes."""
-    lines = [
-        "# All lengths are in this unit. Paths are relative to this file.",
-        f"name = {_quoted(scene.name)}",
-        f"units = {_quoted(scene.units)}",
-    ]
-    optional = {
-        "quality": (scene.quality, None),
-        "muscle_contact": (scene.muscle_contact, "off"),
-        "model": (scene.model, "volume"),
+    header = "# All lengths are in this unit. Paths are relative to this file.\n"
+    return header + tomli_w.dumps(tables_of(scene), indent=2)
+
+
+def tables_of(scene: SceneData) -> dict[str, Any]:
+    """Return the tables of the scene.toml that goes with the files that :func:`write_scene` writes."""
+    tables = {
+        "name": scene.name,
+        "units": scene.units,
+        "quality": scene.quality,
+        "muscle_contact": None if scene.muscle_contact == "off" else scene.muscle_contact,
+        "model": None if scene.model == "volume" else scene.model,
+        "bones": {name: {"surface": f"bones/{name}.vtp"} for name in scene.bones},
+        "motion": _motion(scene),
+        "muscles": {name: _muscle(name, muscle) for name, muscle in scene.muscles.items()},
+        "solver": scene.solver or None,
+        "fixing": scene.fixing or None,
     }
-    lines += [f"{key} = {_quoted(str(v))}" for key, (v, default) in optional.items() if v != default]
-    for name in scene.bones:
-        lines += ["", f"[bones.{_key(name)}]", f"surface = {_quoted(f'bones/{name}.vtp')}"]
-    lines += _motion_lines(scene)
-    for name, muscle in scene.muscles.items():
-        lines += ["", f"[muscles.{_key(name)}]", f"surface = {_quoted(f'muscles/{name}.vtp')}"]
-        for word, settings in (
-            ("fibres", muscle.fibres),
-            ("solver", muscle.solver),
-            ("fixing", muscle.fixing),
-        ):
-            if settings or (word == "fibres" and settings is not None):
-                lines.append(f"{word} = {_inline(settings)}")
-        if muscle.superficial_fibres is not None:
-            lines.append(f"superficial_fibres = {_quoted(_superficial_file(name))}")
-        if muscle.literature:
-            lines.append(f"literature = {_quoted(_literature_file(name))}  # published moment arms")
-        if muscle.attachments:
-            lines.append("attachments = [")
-            for number, area in enumerate(muscle.attachments):
-                entry = {
-                    "role": area.role,
-                    "bone": area.bone,
-                    "landmarks": _landmark_file(name, number, muscle),
-                    "estimated": area.estimated or None,
-                }
-                lines.append(f"  {_inline(entry)},")
-            lines.append("]")
-    for word, settings in (("solver", scene.solver), ("fixing", scene.fixing)):
-        if settings:
-            lines += ["", f"[{word}]", *_pairs(settings)]
-    return "\n".join(lines) + "\n"
+    plain: dict[str, Any] = _plain(tables)
+    return plain
 
 
-def _motion_lines(scene: Scene) -> list[str]:
-    lines = ["", "[motion]"]
-    moving = list(scene.motion.transforms)
-    if len(moving) == 1:
-        lines += [
-            f"bone = {_quoted(moving[0])}  # every other bone stays where it is",
-            f"transforms = {_quoted(_motion_file(scene, moving[0]))}  # T00..T33: rest to pose, row major",
-        ]
-    else:
-        listed = ", ".join(f"{_key(bone)} = {_quoted(_motion_file(scene, bone))}" for bone in moving)
-        lines.append(f"transforms = {{ {listed} }}")
-    lines.append('time = "time"  # the column that is the pipeline\'s time')
-    if scene.motion.centre is not None:
-        lines.append(f"centre = {_value(scene.motion.centre)}  # joint centre at rest")
-    if scene.motion.coordinates:
-        kinds = {
+def _muscle(name: str, muscle: Muscle) -> dict[str, Any]:
+    return {
+        "surface": f"muscles/{name}.vtp",
+        "superficial_fibres": muscle.superficial_fibres and f"superficial_fibres/{name}.vtp",
+        "literature": f"literature/{name}.csv" if muscle.literature else None,
+        "attachments": [
+            {
+                "role": area.role,
+                "bone": area.bone,
+                "landmarks": _landmark_file(name, number, muscle),
+                "closed": None if area.closed or area.role != VIA else False,
+                "estimated": area.estimated or None,
+            }
+            for number, area in enumerate(muscle.attachments)
+        ],
+        "fibres": muscle.fibres,
+        "solver": muscle.solver or None,
+        "fixing": muscle.fixing or None,
+    }
+
+
+def _motion(scene: SceneData) -> dict[str, Any]:
+    motion = scene.motion
+    files = {bone: _motion_file(scene, bone) for bone in motion.transforms}
+    alone = next(iter(files)) if len(files) == 1 else None
+    return {
+        "bone": alone,
+        "transforms": files if alone is None else files[alone],
+        "time": "time",
+        "centre": motion.centre,
+        "coordinates": {
             name: {"unit": one.unit, "positive": one.positive or None}
-            for name, one in scene.motion.coordinates.items()
+            for name, one in motion.coordinates.items()
         }
-        listed = ", ".join(f"{_key(name)} = {_inline(kind)}" for name, kind in kinds.items())
-        lines.append(f"coordinates = {{ {listed} }}  # columns by which moment arms are taken")
-    return lines
+        or None,
+    }
 
 
 def _landmark_file(name: str, number: int, muscle: Muscle) -> str:
     return f"attachments/{name}_{muscle.attachments[number].role}_{number}.vtp"
 
 
-def _superficial_file(name: str) -> str:
-    return f"superficial_fibres/{name}.vtp"
-
-
-def _literature_file(name: str) -> str:
-    return f"literature/{name}.csv"
-
-
-def _motion_file(scene: Scene, bone: str) -> str:
+def _motion_file(scene: SceneData, bone: str) -> str:
     return "motion.csv" if len(scene.motion.transforms) == 1 else f"motions/{bone}.csv"
 
 
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _quoted(name)
-
-
-def _quoted(text: str) -> str:
-    # A JSON string is a TOML basic string, DEL apart, which no checked name holds.
-    return json.dumps(text, ensure_ascii=False)
-
-
-def _pairs(settings: Mapping[str, Any]) -> list[str]:
-    # TOML has no None; None is what a setting is without its key.
-    return [f"{_key(name)} = {_value(value)}" for name, value in settings.items() if value is not None]
-
-
-def _inline(settings: Mapping[str, Any]) -> str:
-    pairs = ", ".join(_pairs(settings))
-    return f"{{ {pairs} }}" if pairs else "{}"
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, str):
-        return _quoted(value)
-    if isinstance(value, bool | np.bool_):
-        return "true" if value else "false"
-    if isinstance(value, int | np.integer):
-        return str(int(value))
-    if isinstance(value, float | np.floating):
-        return repr(float(value))
-    return "[" + ", ".join(_value(component) for component in value) + "]"
+def _plain(value: Any) -> Any:
+    """Return a value in the types of TOML, which has no None: that is what a setting is without its key."""
+    if isinstance(value, Mapping):
+        return {name: _plain(one) for name, one in value.items() if one is not None}
+    if hasattr(value, "tolist"):  # NumPy's
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return value

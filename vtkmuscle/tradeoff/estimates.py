@@ -26,7 +26,7 @@ def estimates(rows: Sequence[Row], muscle: str, *, least: float = LEAST) -> Floa
     pairs = [
         (frame["rms_mm"], frame["estimated_mm"])
         for row in rows
-        if row.setting.group in GROUPS and row.setting.solver.get("max_triangles") is None
+        if row.setting.group in GROUPS
         for frame in row.figures["muscles"][muscle]["frames"]
         if frame["estimated_mm"] is not None and frame["rms_mm"] > least and frame["estimated_mm"] > 0.0
     ]

@@ -1,18 +1,15 @@
-"""What a trial costs and how wrong it is, against the trial of the reference."""
+"""What a setting costs and how wrong it is, against the reference."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vtkmuscle.tradeoff.trial import MuscleTrial, Trial
-
-Floats = NDArray[np.float64]
+from vtkmuscle.tradeoff.trial import Trial
 
 
 @dataclass(frozen=True)
@@ -27,11 +24,15 @@ class Measure:
         What it is, with its unit.
     worst : str
         How muscles are taken together: ``"sum"``, ``"rms"`` or ``"max"``.
+    figure : str
+        Key of a frame's figures in the report whose greatest value over the frames it is; empty where it is
+        worked out otherwise.
     """
 
     name: str
     words: str
     worst: str = "max"
+    figure: str = ""
 
 
 COSTS = (
@@ -44,36 +45,50 @@ ERRORS = (
     Measure("rms_mm", "distance to the reference, RMS over points, frames and muscles [mm]", "rms"),
     Measure("worst_rms_mm", "the same of the muscle where it is greatest [mm]"),
     Measure("max_mm", "greatest distance to the reference [mm]"),
-    Measure("edge_stretch_p95", "95th percentile of edge length / length at rest, worst frame"),
-    Measure("edge_stretch_max", "greatest edge length / length at rest"),
-    Measure("dihedral_p95_deg", "95th percentile of the change of dihedral angles, worst frame [degrees]"),
+    Measure(
+        "edge_stretch_p95",
+        "95th percentile of edge length / length at rest, worst frame",
+        figure="edge_stretch_p95",
+    ),
+    Measure("edge_stretch_max", "greatest edge length / length at rest", figure="edge_stretch_max"),
+    Measure(
+        "dihedral_p95_deg",
+        "95th percentile of the change of dihedral angles, worst frame [degrees]",
+        figure="dihedral_error_p95_deg",
+    ),
     Measure("volume_error_pct", "greatest |V / V0 - 1| [%]"),
-    Measure("penetration_p95_mm", "95th percentile of the depth of points in bones, worst frame [mm]"),
-    Measure("penetration_max_mm", "greatest depth of a point in a bone [mm]"),
+    Measure(
+        "penetration_p95_mm",
+        "95th percentile of the depth of points in bones, worst frame [mm]",
+        figure="penetration_p95_mm",
+    ),
+    Measure("penetration_max_mm", "greatest depth of a point in a bone [mm]", figure="penetration_max_mm"),
     Measure("fibre_length_mm", "error of the mean fibre length, RMS over frames, worst muscle [mm]"),
 )
 
 MEASURES = (*COSTS, *ERRORS)
 
 
-def measured(trial: Trial, reference: Trial) -> dict[str, Any]:
-    """Return the figures of a trial, JSON-able: ``muscles``, and ``all`` of them together.
+def measured(trials: Mapping[str, Trial | None], reference: Mapping[str, Trial]) -> dict[str, Any]:
+    """Return the figures of a setting, JSON-able: ``muscles``, and ``all`` of them together.
 
     Parameters
     ----------
-    trial, reference : Trial
-        Of the same muscles; a frame of the trial is compared with that of the reference at the same time.
+    trials : mapping of str to Trial or None
+        By muscle. The figures of one that failed are None, and so are those of all together.
+    reference : mapping of str to Trial
+        Of the same muscles; a frame is compared with that of the reference at the same time.
     """
-    muscles = {name: _of_muscle(own, reference.muscles[name]) for name, own in trial.muscles.items()}
-    figures: dict[str, Any] = {
-        measure.name: _together(measure, (muscle[measure.name] for muscle in muscles.values()))
+    muscles = {name: _of_muscle(own, reference[name]) for name, own in trials.items()}
+    failed = any(own is None for own in trials.values())
+    figures = {
+        measure.name: None if failed else _together(measure, [of[measure.name] for of in muscles.values()])
         for measure in MEASURES
     }
-    figures["memory_mb"] = trial.memory_mb
     return {"all": figures, "muscles": muscles}
 
 
-def _together(measure: Measure, values: Iterable[float | None]) -> float | None:
+def _together(measure: Measure, values: list[float | None]) -> float | None:
     known = [value for value in values if value is not None]
     if not known:
         return None
@@ -82,41 +97,42 @@ def _together(measure: Measure, values: Iterable[float | None]) -> float | None:
     return math.sqrt(np.mean(np.square(known))) if measure.worst == "rms" else max(known)
 
 
-def _of_muscle(trial: MuscleTrial, reference: MuscleTrial) -> dict[str, Any]:
+def _of_muscle(trial: Trial | None, reference: Trial) -> dict[str, Any]:
+    if trial is None:
+        return {**dict.fromkeys(measure.name for measure in MEASURES), "frames": []}
     times = [frame["time"] for frame in reference.frames]
     same = [times.index(frame["time"]) for frame in trial.frames]
     distances = np.linalg.norm(trial.points - reference.points[same], axis=2)
-    by_frame = np.sqrt((distances**2).mean(axis=1))
     rms = float(np.sqrt((distances**2).mean()))
-    estimates = [frame["estimated_mm"] for frame in trial.frames]
+    # There may be other fibres in the reference: mean lengths are compared.
+    lengths: list[float] | list[None] = [None] * len(same)
+    error = None
+    if trial.lengths.shape[1]:
+        means = trial.lengths.mean(axis=1)
+        lengths = means.tolist()
+        error = float(np.sqrt(np.mean((means - reference.lengths[same].mean(axis=1)) ** 2)))
     return {
         "ms_per_frame": trial.ms,
         "fibre_ms": trial.fibre_ms,
-        "fill_s": trial.fibres_s,
+        "fill_s": trial.fill_s,
         "rms_mm": rms,
         "worst_rms_mm": rms,
         "max_mm": float(distances.max()),
-        "edge_stretch_p95": _greatest(trial, "edge_stretch_p95"),
-        "edge_stretch_max": _greatest(trial, "edge_stretch_max"),
-        "dihedral_p95_deg": _greatest(trial, "dihedral_error_p95"),
         "volume_error_pct": 100.0 * max(abs(frame["volume_ratio"] - 1.0) for frame in trial.frames),
-        "penetration_p95_mm": _greatest(trial, "penetration_p95_mm"),
-        "penetration_max_mm": _greatest(trial, "penetration_max_mm"),
-        "fibre_length_mm": _length_error(trial.lengths, reference.lengths[same]),
+        "fibre_length_mm": error,
+        **{m.name: _greatest(trial, m.figure) for m in MEASURES if m.figure},
         "frames": [
-            {"time": times[number], "rms_mm": float(error), "estimated_mm": estimate}
-            for number, error, estimate in zip(same, by_frame, estimates, strict=True)
+            {
+                "time": frame["time"],
+                "rms_mm": float(np.sqrt((off**2).mean())),
+                "estimated_mm": frame.get("estimated_distance_mm"),
+                "length_mm": length,
+            }
+            for frame, off, length in zip(trial.frames, distances, lengths, strict=True)
         ],
     }
 
 
-def _greatest(trial: MuscleTrial, name: str) -> float | None:
-    values = [frame[name] for frame in trial.frames if frame[name] is not None]
+def _greatest(trial: Trial, name: str) -> float | None:
+    values = [frame[name] for frame in trial.frames if frame.get(name) is not None]
     return max(values) if values else None
-
-
-def _length_error(lengths: Floats, reference: Floats) -> float | None:
-    """Return the error of the mean length (frames, fibres): there may be other fibres in the reference."""
-    if not lengths.shape[1]:
-        return None
-    return float(np.sqrt(np.mean((lengths.mean(axis=1) - reference.mean(axis=1)) ** 2)))

@@ -1,4 +1,4 @@
-"""What is tried: settings of the solver, the meshes and the fibres, one changed at a time around a preset."""
+"""What is tried: settings of the solver, the grids, the fibres and the steps, one changed at a time."""
 
 from __future__ import annotations
 
@@ -10,13 +10,8 @@ from vtkmuscle.filters.deformer.quality import PRESETS
 
 #: The preset around which most settings are varied.
 CENTRE = "balanced"
-
-#: Settings of the fibres that are tried.
-_FIBRES: Mapping[str, tuple[Any, ...]] = {
-    "n_fibres": (25, 400),
-    "resolution": (5, 45),
-    "slice_tolerance": (0.1, 5.0),
-}
+#: Name and group of the setting that leaves the scene as it is.
+AS_IT_IS = "scene"
 
 
 @dataclass(frozen=True)
@@ -29,31 +24,25 @@ class Setting:
         As in the table, e.g. ``"iterations=50"``.
     group : str
         What is varied, e.g. ``"iterations"``; settings of a group are joined by a line in the plots.
-    solver : mapping
-        Parameters of PBDDeformer; they take the place of the scene's own of the same name.
+    solver : mapping or None
+        Parameters of PBDDeformer; they take the place of the scene's own that trade speed for accuracy. None
+        leaves the scene's solver as it is.
     fibres : mapping
-        Keyword arguments of :func:`~vtkmuscle.pipelines.decompose`, likewise.
-    prune : float
-        Of FibreTransport.
+        Settings of the fibres, which take the place of the scene's own of the same name.
     every : int
-        Only each so manieth frame of the motion is a step.
+        Only each frame of this number is a step of the motion.
     """
 
     name: str
     group: str
-    solver: Mapping[str, Any] = field(default_factory=dict)
+    solver: Mapping[str, Any] | None = field(default_factory=dict)
     fibres: Mapping[str, Any] = field(default_factory=dict)
-    prune: float = 0.0
     every: int = 1
 
     def plain(self) -> dict[str, Any]:
         """Return what decides the result, JSON-able; the name does not."""
-        return {
-            "solver": dict(self.solver),
-            "fibres": dict(self.fibres),
-            "prune": self.prune,
-            "every": self.every,
-        }
+        solver = None if self.solver is None else dict(self.solver)
+        return {"solver": solver, "fibres": dict(self.fibres), "every": self.every}
 
 
 def reference(iterations: int) -> Setting:
@@ -63,62 +52,36 @@ def reference(iterations: int) -> Setting:
 
 
 def grid() -> list[Setting]:
-    """Return all settings to try, the presets first.
+    """Return all settings to try: the presets, the scene as it is, and one change at a time of ``balanced``.
 
-    It is no full product, which would take years: each setting changes one thing at a preset, and a few
-    products are added where two things bear on each other (iterations with the solver and the start, and
-    with the number of triangles).
+    A full product would take years.
     """
-    presets = [Setting(name, "presets", dict(values)) for name, values in PRESETS.items()]
-    return presets + _around_centre() + _products()
-
-
-def _around_centre() -> list[Setting]:
-    settings = []
+    settings = [Setting(name, "presets", dict(values)) for name, values in PRESETS.items()]
+    settings.append(Setting(AS_IT_IS, AS_IT_IS, None))
 
     def vary(name: str, *values: Any, **also: Any) -> None:
         for value in values:
-            solver = {**PRESETS[CENTRE], **also, name: value}
-            settings.append(Setting(_words({name: value, **also}), name, solver))
+            changes = {name: value, **also}
+            settings.append(Setting(_words(changes), name, {**PRESETS[CENTRE], **changes}))
 
     vary("iterations", 2, 4, 6, 10, 20, 40, 100, tolerance=0.0)
     vary("tolerance", 1.0, 0.3, 0.1, 0.03, 0.01, iterations=400)
-    vary("solver", "anderson", "gauss-seidel", tolerance=0.0)
-    vary("nodes", 50, 100, 250)
+    vary("solver", "gauss-seidel", tolerance=0.0)
     vary("substeps", 2, 4)
-    vary("start", "inertial", "coarse")
+    vary("prediction", "inertial")
     vary("anisotropy", "stiffness", "off")
-    vary("max_triangles", 500, 1000, 2000, 4000)
-    vary("cell", 0.5, 1.0, 2.0, 4.0)
-    vary("collision", "none")
+    vary("grid_spacing", 0.5, 1.0, 2.0, 4.0)
+    vary("collision", "off")
     vary("collision", "voxel", solver="gauss-seidel")
-    for name, values in _FIBRES.items():
-        settings += [_at_centre(name, value, fibres={name: value}) for value in values]
-    settings += [_at_centre("prune", value, prune=value) for value in (0.1, 1.0)]
-    settings += [_at_centre("every", value, every=value) for value in (2, 5, 15)]
-    return settings
-
-
-def _at_centre(name: str, value: Any, **also: Any) -> Setting:
-    return Setting(_words({name: value}), name, dict(PRESETS[CENTRE]), **also)
-
-
-def _products() -> list[Setting]:
-    """Return the products of what bears on each other."""
-    settings = []
-    for iterations in (10, 50, 200):
-        for dtype in ("float64", "float32"):
-            changes = {"solver": "gauss-seidel", "dtype": dtype, "iterations": iterations, "tolerance": 0.0}
-            settings.append(
-                Setting(_words(changes), f"gauss-seidel, {dtype}", {**PRESETS[CENTRE], **changes})
-            )
-    for triangles in (1000, 2000):
-        for iterations in (4, 10, 40):
-            changes = {"max_triangles": triangles, "iterations": iterations, "tolerance": 0.0}
-            settings.append(
-                Setting(_words(changes), f"max_triangles={triangles}", {**PRESETS[CENTRE], **changes})
-            )
-    return settings
+    centre = PRESETS[CENTRE]
+    for name, values in (
+        ("n_fibres", (25, 400)),
+        ("resolution", (5, 45)),
+        ("slice_tolerance", (0.1, 5.0)),
+        ("weight_tolerance", (0.0, 0.1, 1.0)),
+    ):
+        settings += [Setting(f"{name}={value}", name, centre, {name: value}) for value in values]
+    return settings + [Setting(f"every={n}", "every", centre, every=n) for n in (2, 5, 15)]
 
 
 def _words(changes: Mapping[str, Any]) -> str:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from vtkmuscle.scene.model import Scene
+from vtkmuscle.scene.data import SceneData
+from vtkmuscle.scene.sense import check_sense
 from vtkmuscle.tradeoff.measures import measured
 from vtkmuscle.tradeoff.records import Records
 from vtkmuscle.tradeoff.settings import Setting, grid, reference
-from vtkmuscle.tradeoff.trial import Bench, Trial
+from vtkmuscle.tradeoff.trial import Trial, tried
 
 #: Iterations of the first reference; they are doubled for each muscle until it no longer moves.
 FIRST_ITERATIONS = 100
@@ -78,7 +80,7 @@ class Study:
 
 
 def trade_off(
-    scene: Scene,
+    scene: SceneData,
     out: Path,
     *,
     only: Sequence[str] = (),
@@ -93,7 +95,7 @@ def trade_off(
 
     Parameters
     ----------
-    scene : Scene
+    scene : SceneData
         What is run. The settings tried take the place of its own of the same name.
     out : Path
         Folder for the finished settings, in ``settings``.
@@ -116,26 +118,32 @@ def trade_off(
     Raises
     ------
     ValueError
-        If there is no such muscle or no such setting; the message lists what there is.
+        If there is no such muscle or no such setting; the message lists what there is. If the scene's model
+        is ``"paths"``, or a muscle fails in the reference run.
     """
+    if scene.model == "paths":
+        raise ValueError("the scene's model is 'paths', which has no settings to try; use model = \"volume\"")
+    check_sense(scene)
     names = _known("muscle", muscles, list(scene.muscles))
     settings = chosen(grid(), only)
     last = len(scene.motion.times) - 1
     frames = sorted({*range(0, last + 1, COMPARED_EVERY), last}) if compared is None else sorted(compared)
-    records = Records(out / "settings", scene, names, frames)
-    bench = Bench(scene, names, frames, tell)
-    exact, doublings = _reference(bench, records, tell)
-    against = {doubling.muscle: doubling.iterations for doubling in doublings}
-    last_row = reference(max(against.values()))
+    records = Records(out / "settings", scene, frames)
+
+    def run(setting: Setting, muscles: Sequence[str], **more: Any) -> dict[str, Trial | None]:
+        return tried(scene, setting, frames, muscles, **more)
+
+    exact, doublings = _reference(run, names, records, tell)
+    iterations = {doubling.muscle: doubling.iterations for doubling in doublings}
     rows = []
-    for number, setting in enumerate([*settings, last_row]):
-        figures = records.figures(setting, against)
-        if figures is None:
-            tell(f"{number + 1} of {len(settings) + 1}: {setting.name}")
-            trial = exact if setting is last_row else bench.run(setting)
-            figures = measured(trial, exact)
-            records.keep_figures(setting, against, figures)
-        rows.append(Row(setting, figures))
+    for number, setting in enumerate(settings):
+
+        def figures(setting: Setting = setting, number: int = number) -> dict[str, Any]:
+            tell(f"{number + 1} of {len(settings)}: {setting.name}")
+            return measured(run(setting, names), exact)
+
+        rows.append(Row(setting, records.figures([setting.plain(), names, iterations], figures)))
+    rows.append(Row(reference(max(iterations.values())), measured(exact, exact)))
     return Study(scene.name, names, doublings, rows)
 
 
@@ -161,34 +169,48 @@ def _known(kind: str, wanted: Sequence[str], known: Sequence[str]) -> list[str]:
     return [name for name in known if not wanted or name in wanted]
 
 
-def _reference(bench: Bench, records: Records, tell: Callable[[str], None]) -> tuple[Trial, list[Doubling]]:
-    """Double each muscle's iterations until it stays where it is; return the last runs, and the last step."""
+def _reference(
+    run: Callable[..., dict[str, Trial | None]],
+    names: Sequence[str],
+    records: Records,
+    tell: Callable[[str], None],
+) -> tuple[dict[str, Trial], list[Doubling]]:
+    """Double each muscle's iterations until it stays where it is; return the last runs, and the last steps.
 
-    def run(name: str, iterations: int) -> Trial:
-        setting = reference(iterations)
-        trial = records.trial(setting, name)
-        if trial is None:
-            trial = bench.run(setting, [name])
-            records.keep_trial(setting, name, trial)
-        return trial
+    All muscles that have not converged are run together; where muscles may meet, the others as they are by
+    then.
+    """
+    iterations = dict.fromkeys(names, FIRST_ITERATIONS)
 
-    trials, doublings = [], []
-    for name in bench.muscles:
-        iterations, before = FIRST_ITERATIONS, run(name, FIRST_ITERATIONS)
-        while True:
-            iterations *= 2
-            now = run(name, iterations)
-            moved = measured(before, now)["all"]
-            doubling = Doubling(name, iterations, moved["rms_mm"], moved["max_mm"])
-            tell(in_words(doubling))
-            before = now
-            if doubling.converged or iterations >= MOST_ITERATIONS:
-                break
-        trials.append(now)
-        doublings.append(doubling)
-    memory = [trial.memory_mb for trial in trials if trial.memory_mb is not None]
-    muscles = {name: muscle for trial in trials for name, muscle in trial.muscles.items()}
-    return Trial(muscles, max(memory) if memory else None), doublings
+    def trials_of(muscles: Sequence[str]) -> dict[str, Trial]:
+        setting, made = reference(max(iterations.values())), dict[str, Trial | None]()
+
+        def make(name: str) -> Trial:
+            if name not in made:
+                tell(f"reference: {', '.join(f'{other} {iterations[other]}' for other in muscles)}")
+                made.update(run(setting, muscles, iterations=iterations))
+            trial = made[name]
+            if trial is None:
+                raise ValueError(
+                    f"{name} failed in the reference run, so that nothing can be compared with it"
+                )
+            return trial
+
+        key = [setting.plain(), list(muscles), dict(iterations)]
+        return {name: records.trial([*key, name], partial(make, name)) for name in muscles}
+
+    exact, doublings, moving = trials_of(names), dict[str, Doubling](), list(names)
+    while moving:
+        iterations |= {name: 2 * iterations[name] for name in moving}
+        now = trials_of(moving)
+        for name, trial in now.items():
+            moved = measured({name: trial}, exact)["all"]
+            doublings[name] = Doubling(name, iterations[name], moved["rms_mm"], moved["max_mm"])
+            tell(in_words(doublings[name]))
+        exact |= now
+        settled = [name for name in moving if doublings[name].converged]
+        moving = [n for n in moving if n not in settled and iterations[n] < MOST_ITERATIONS]
+    return exact, [doublings[name] for name in names]
 
 
 def in_words(doubling: Doubling) -> str:

@@ -195,9 +195,9 @@ def wall(bone, low, high):
 
 
 PAPER = {
-    "start": "inertial",
+    "prediction": "inertial",
     "solver": "gauss-seidel",
-    "order": "sequential",
+    "projection_order": "sequential",
     "bone_push": "transform",
     "contact_velocity": "keep",
 }
@@ -229,7 +229,7 @@ def both(obstacles=(), *, k=1.0, k_shape=0.9, k_volume=1.0, iterations=3, force=
         k_shape=k_shape,
         k_volume=k_volume,
         dt=settings.dt,
-        damping=settings.damping,
+        damping=settings.velocity_kept,
         force=force,
     )
     return ours, paper

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from constraint_oracles import dihedral_and_gradient, dihedral_angle, distance_and_gradient
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -8,14 +9,12 @@ from spindle import spindle
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.pbd.constraints import (
+    ARCTANGENT,
     LARGEST_TURN,
-    dihedral_and_gradient,
-    dihedral_angle,
-    distance_and_gradient,
     per_iteration_stiffness,
-    project_dihedral,
-    project_distance,
     project_volume,
+    sweep_dihedrals,
+    sweep_distances,
     volume_and_gradient,
 )
 
@@ -104,7 +103,7 @@ def test_dihedral_projection_is_a_newton_step_of_the_reference(now, rest):
     turn = np.clip(value, -LARGEST_TURN, LARGEST_TURN)
     expected = points - 0.7 * turn * gradient / (gradient**2).sum()
     quads = np.arange(4)[None]
-    project_dihedral(points, np.ones(4), quads, np.cos([rest]), np.sin([rest]), 0.7)
+    sweep_dihedrals(points, np.ones(4), quads, np.cos([rest]), np.sin([rest]), 0.7)
     difference = np.linalg.norm(points - expected)
     mirrored = np.linalg.norm(points + expected - 2 * hinge(now))
     # Opposite the rest angle both ways round are as short.
@@ -115,13 +114,13 @@ def test_dihedral_projection_is_a_newton_step_of_the_reference(now, rest):
 def test_dihedral_projection_reaches_the_rest_angle(rest):
     points = hinge(0.0)
     for _ in range(200):
-        project_dihedral(points, np.ones(4), np.arange(4)[None], np.cos([rest]), np.sin([rest]), 0.9)
+        sweep_dihedrals(points, np.ones(4), np.arange(4)[None], np.cos([rest]), np.sin([rest]), 0.9)
     assert float(dihedral_angle(*points)[0]) == pytest.approx(rest, abs=1e-9)
 
 
 def test_thin_triangles_that_are_folded_over_do_not_grow_beyond_their_height():
     points = np.array([[0.0, 0, 0], [0, 10, 0], [0.1, 5, 0], [0.1, 5, 0.02]])  # folded over, flat at rest
-    project_dihedral(points, np.ones(4), np.arange(4)[None], np.ones(1), np.zeros(1), 1.0)
+    sweep_dihedrals(points, np.ones(4), np.arange(4)[None], np.ones(1), np.zeros(1), 1.0)
     heights = np.linalg.norm(points[2:, [0, 2]] - points[:2, [0, 2]].mean(axis=0), axis=1)
     assert (heights < 1.06 * 0.102).all()  # by the cosine of the turn, where a whole one would triple them
 
@@ -130,7 +129,7 @@ def test_dihedral_projection_of_a_tiny_lever_arm_beside_fixed_points_stays_small
     points = hinge(0.2)
     points[2] = points[0] + 1e-7 * (points[2] - points[0])  # only p2 is free, and it hardly turns anything
     before = points.copy()
-    project_dihedral(points, np.array([0.0, 1.0, 0.0, 0.0]), np.arange(4)[None], np.ones(1), np.zeros(1), 1.0)
+    sweep_dihedrals(points, np.array([0.0, 1.0, 0.0, 0.0]), np.arange(4)[None], np.ones(1), np.zeros(1), 1.0)
     assert np.array_equal(points[[0, 2, 3]], before[[0, 2, 3]])
     assert np.abs(points - before).max() < 1.0
 
@@ -139,20 +138,20 @@ def test_dihedral_projection_of_a_tiny_lever_arm_beside_fixed_points_stays_small
 def test_degenerate_triangles_contribute_nothing_smoothly(height):
     points = np.array([[0.0, 0, 0], [0, 2, 0], [height, 1, 0.5 * height], [-1.0, 1, 0.3]])
     before = points.copy()
-    project_dihedral(points, np.ones(4), np.arange(4)[None], np.cos([2.0]), np.sin([2.0]), 1.0)
+    sweep_dihedrals(points, np.ones(4), np.arange(4)[None], np.cos([2.0]), np.sin([2.0]), 1.0)
     assert np.abs(points - before).max() <= 4.0 * height
 
 
 def test_points_in_one_place_are_left_alone_by_the_distance():
     points = np.zeros((2, 3))
-    project_distance(points, np.ones(2), np.array([[0, 1]]), np.ones(1), np.ones(1))
+    sweep_distances(points, np.ones(2), np.array([[0, 1]]), np.ones(1), np.ones(1))
     assert (points == 0).all()
 
 
 @pytest.mark.parametrize(("w", "moved"), [((1.0, 1.0), (0.5, 0.5)), ((0.0, 1.0), (0.0, 1.0))])
 def test_distance_is_shared_by_the_free_points(w, moved):
     points = np.array([[0.0, 0, 0], [3.0, 0, 0]])
-    project_distance(points, np.array(w), np.array([[0, 1]]), np.array([1.0]), np.array([0.5]))
+    sweep_distances(points, np.array(w), np.array([[0, 1]]), np.array([1.0]), np.array([0.5]))
     assert np.allclose(points[:, 0], [moved[0], 3.0 - moved[1]], atol=1e-14)
 
 
@@ -201,8 +200,8 @@ def test_volume_projection_of_a_crushed_muscle_is_finite():
 @given(points=arrays(np.float64, (4, 3), elements=st.floats(-1e3, 1e3)), rest=st.floats(-3.1, 3.1))
 def test_projections_of_any_four_points_are_finite(points, rest):
     p, w = points.copy(), np.ones(4)
-    project_dihedral(p, w, np.arange(4)[None], np.cos([rest]), np.sin([rest]), 1.0)
-    project_distance(p, w, np.array([[0, 1], [2, 3]]), np.ones(2), np.ones(2))
+    sweep_dihedrals(p, w, np.arange(4)[None], np.cos([rest]), np.sin([rest]), 1.0)
+    sweep_distances(p, w, np.array([[0, 1], [2, 3]]), np.ones(2), np.ones(2))
     assert np.isfinite(p).all()
 
 
@@ -210,3 +209,16 @@ def test_projections_of_any_four_points_are_finite(points, rest):
 @pytest.mark.parametrize("n", [1, 10, 100])
 def test_stiffness_means_the_same_for_any_number_of_iterations(k, n):
     assert (1.0 - per_iteration_stiffness(k, n)) ** n == pytest.approx(1.0 - k, abs=1e-12)
+
+
+def test_the_polynomial_is_the_arctangent_to_the_last_digits():
+    t = np.linspace(-1.0, 1.0, 20_001)
+    assert np.abs(t * np.polynomial.polynomial.polyval(t * t, ARCTANGENT) - np.arctan(t)).max() < 1e-15
+
+
+def test_distance_projection_is_a_newton_step_of_the_reference():
+    points = np.random.default_rng(0).normal(size=(2, 3))
+    value, gradient = distance_and_gradient(*points, 0.7)
+    expected = points - 0.4 * value * gradient / (gradient**2).sum()
+    sweep_distances(points, np.ones(2), np.array([[0, 1]]), np.array([0.7]), np.array([0.4]))
+    np.testing.assert_allclose(points, expected, rtol=0, atol=1e-14)

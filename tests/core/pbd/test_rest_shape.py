@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from constraint_oracles import dihedral_angle
 from spindle import spindle
 
 from vtkmuscle.core.mesh.topology import mesh_topology
-from vtkmuscle.core.pbd.constraints import dihedral_angle
 from vtkmuscle.core.pbd.rest_shape import RestShape, dihedral_angles
 
 

@@ -7,14 +7,13 @@ from vtkmuscle.core.collision.obstacles import DistanceObstacle, VoxelObstacle, 
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, rotation_about
-from vtkmuscle.core.pbd import batches, domains
 from vtkmuscle.core.pbd.anisotropy import edge_stiffness, harmonic_directions
 from vtkmuscle.core.pbd.solver import MuscleSolver, SolverParameters
 
 
 def solver_of(mesh=None, *, obstacles=(), anisotropy=True, **settings):
-    """Return a solver that follows no fibres; two-level, as far as iterations go, unless said otherwise."""
-    settings = {"solver": "two-level", "iterations": 10, "tolerance": 0.0, **settings}
+    """Return a solver that follows no fibres and makes all its iterations, accelerated by default."""
+    settings = {"iterations": 10, "tolerance": 0.0, **settings}
     points, triangles, fixed_to = mesh or spindle(seed=0)
     topology = mesh_topology(len(points), triangles)
     directions = harmonic_directions(points, topology, fixed_to) if anisotropy else None
@@ -55,7 +54,7 @@ def test_rest_is_an_equilibrium(start, collision, bone_push):
     inside = box_bone(
         0, [-5, -40, -20], [5, -2, 20], collision
     )  # overlaps the muscle at rest, as real bones do
-    solver = solver_of(iterations=1000, start=start, bone_push=bone_push, obstacles=[inside])
+    solver = solver_of(iterations=1000, prediction=start, bone_push=bone_push, obstacles=[inside])
     state = solver.step(solver.rest_state(2), bent(0.0))
     assert np.abs(state.positions - solver.rest).max() <= 1e-9
     assert np.abs(state.velocities).max() <= 1e-9
@@ -67,7 +66,8 @@ def test_everything_moved_rigidly_gives_the_same_moved(start):
     frame = rotation_about([10, -40, 7], [1, 2, 3], 130.0)
     frame[:3, 3] += [300.0, -200.0, 50.0]
     here, there = (
-        solver_of((p, triangles, fixed_to), start=start) for p in (points, apply_transform(frame, points))
+        solver_of((p, triangles, fixed_to), prediction=start)
+        for p in (points, apply_transform(frame, points))
     )
     state, moved = here.rest_state(2), there.rest_state(2)
     for angle in (5, 10, 30, 60):
@@ -96,7 +96,7 @@ def test_collisions_do_not_depend_on_how_the_scene_is_turned(sides, collision):
 
 @pytest.mark.parametrize("start", ["inertial", "blend"])
 def test_bones_that_move_together_take_the_muscle_with_them(start):
-    solver = solver_of(start=start, iterations=400 if start == "inertial" else 10, damping=0.0)
+    solver = solver_of(prediction=start, iterations=400 if start == "inertial" else 10, velocity_kept=0.0)
     move = rotation_about([0, 300, 0], [0, 1, 1], 0.02 if start == "inertial" else 90.0)
     state = solver.step(solver.rest_state(2), np.array([move, move]))
     expected = apply_transform(move, solver.points(solver.rest_state(2)))
@@ -122,7 +122,7 @@ def test_far_from_the_origin_no_digits_are_lost():
 @pytest.mark.parametrize("start", ["inertial", "blend"])
 @pytest.mark.parametrize("iterations", [3, 10])
 def test_volume_is_kept_in_every_frame(start, iterations):
-    solver = solver_of(start=start, iterations=iterations)
+    solver = solver_of(prediction=start, iterations=iterations)
     rest = signed_volume(solver.rest, solver.topology.triangles)
     state = solver.rest_state(2)
     for angle in range(5, 91, 5):
@@ -144,7 +144,7 @@ def test_fixed_points_follow_their_bone():
 
 
 def test_a_step_does_not_change_the_state_it_starts_from():
-    solver = solver_of(start="inertial")
+    solver = solver_of(prediction="inertial")
     first = solver.step(solver.rest_state(2), bent(5))
     copies = [first.positions.copy(), first.velocities.copy(), first.transforms.copy()]
     once = solver.step(first, bent(10))
@@ -162,7 +162,12 @@ def test_a_step_does_not_change_the_state_it_starts_from():
 @pytest.mark.parametrize("k", [0.0, 0.5, 1.0])
 def test_a_quarter_turn_in_one_step_is_finite(start, dt, k):
     solver = solver_of(
-        start=start, dt=dt, stiffness=k, shape_stiffness=k, volume_stiffness=k, external_force=(0, 0, -9810.0)
+        prediction=start,
+        dt=dt,
+        stiffness=k,
+        shape_stiffness=k,
+        volume_stiffness=k,
+        external_force=(0, 0, -9810.0),
     )
     state = solver.rest_state(2)
     for angle in (90, 0, 90):
@@ -182,7 +187,7 @@ def test_a_force_beyond_all_numbers_is_an_error():
 def test_a_force_moves_a_free_body_as_newton_has_it():
     points, triangles, _ = spindle(seed=3)
     free = (points, triangles, np.full(len(points), -1))
-    solver = solver_of(free, dt=0.1, damping=1.0, external_force=(0, 0, -10.0), start="blend")
+    solver = solver_of(free, dt=0.1, velocity_kept=1.0, external_force=(0, 0, -10.0), prediction="blend")
     state = solver.rest_state(1)
     for _ in range(5):
         state = solver.step(state, np.eye(4)[None])
@@ -192,12 +197,14 @@ def test_a_force_moves_a_free_body_as_newton_has_it():
 
 def test_damping_stops_a_body():
     points, triangles, _ = spindle(seed=3)
-    solver = solver_of((points, triangles, np.full(len(points), -1)), damping=0.0, external_force=(1.0, 0, 0))
+    solver = solver_of(
+        (points, triangles, np.full(len(points), -1)), velocity_kept=0.0, external_force=(1.0, 0, 0)
+    )
     state = solver.step(solver.rest_state(1), np.eye(4)[None])
     assert np.allclose(state.positions, solver.rest)
 
 
-@pytest.mark.parametrize(("solver", "end"), [("gauss-seidel", 90), ("anderson", 90), ("two-level", 60)])
+@pytest.mark.parametrize(("solver", "end"), [("gauss-seidel", 90), ("anderson", 90)])
 def test_substeps_follow_the_bones_on_their_arc(solver, end):
     coarse, fine = solver_of(substeps=1, solver=solver), solver_of(substeps=end // 10, solver=solver)
     steps = solver_of(solver=solver)
@@ -217,7 +224,7 @@ def test_points_stay_out_of_a_bone_that_the_muscle_is_pushed_against(collision, 
         spindle(rings=24, around=16),
         obstacles=[wall],
         external_force=(0, -4.0, 0),
-        start="inertial",
+        prediction="inertial",
         solver=solver,
         bone_push=bone_push,
     )
@@ -238,7 +245,7 @@ def test_points_stay_out_of_a_bone_that_the_muscle_is_pushed_against(collision, 
 def test_points_that_met_a_bone_have_no_velocity(collision):
     """P21, section 5: it would make spikes in the next step."""
     wall = box_bone(0, [-120, -60, -120], [120, -18, 120], collision)
-    solver = solver_of(obstacles=[wall], start="inertial", external_force=(0.0, -8.0, 0.0))
+    solver = solver_of(obstacles=[wall], prediction="inertial", external_force=(0.0, -8.0, 0.0))
     state = solver.step(solver.rest_state(2), bent(0))
     free = solver.fixed_to < 0
     still = free & (state.velocities == 0.0).all(axis=1)
@@ -309,8 +316,8 @@ def test_progress_rises_to_one_and_may_stop_the_step():
 
 def test_orders_of_the_edges_agree_where_the_solve_ends():
     ends = []
-    for order in ("colour", "sequential"):
-        solver = solver_of(iterations=3000, tolerance=1e-5, order=order)
+    for order in ("batched", "sequential"):
+        solver = solver_of(iterations=3000, projection_order=order)
         ends.append(solver.step(solver.rest_state(2), bent(2)).positions)
     # The end depends a little on the order, as constraints that contradict each other are met in turn.
     moved = np.linalg.norm(ends[0] - solver.rest, axis=1).max()
@@ -319,12 +326,10 @@ def test_orders_of_the_edges_agree_where_the_solve_ends():
 
 def test_acceleration_goes_to_the_end_of_the_plain_iteration():
     plain = solver_of(iterations=20_000, solver="gauss-seidel", shape_stiffness=1.0, anisotropy=False)
-    fast = solver_of(iterations=1000, tolerance=1e-4, shape_stiffness=1.0, anisotropy=False)
+    fast = solver_of(iterations=1000, shape_stiffness=1.0, anisotropy=False)
     rest = plain.rest_state(2)
     slow, quick = plain.step(rest, bent(2)), fast.step(rest, bent(2))
-    assert quick.iterations < 1000
-    assert quick.distance is not None
-    assert quick.distance <= 1e-4
+    assert quick.distance is None  # no fibres draw the points, so that nothing bounds it
     assert np.abs(slow.positions - quick.positions).max() <= 1e-2
 
 
@@ -350,35 +355,21 @@ def test_the_axes_of_a_bone_turn_with_it(rng):
         assert np.allclose(bone_axes(apply_transform(frame, points)), axes @ inverse(frame), atol=1e-9)
 
 
-def test_single_precision_stays_near_double():
-    ends = {}
-    for dtype in ("float64", "float32"):
-        solver = solver_of(solver="gauss-seidel", iterations=50, dtype=dtype)
-        state = solver.rest_state(2)
-        for angle in (10.0, 20.0, 30.0):
-            state = solver.step(state, bent(angle))
-        ends[dtype] = state.positions
-        assert solver.report(state).volume_ratio == pytest.approx(1.0, abs=1e-9)
-    difference = np.abs(ends["float64"] - ends["float32"]).max()
-    assert 0.0 < difference < 2e-3
-
-
-@pytest.mark.parametrize("other", [{"solver": "anderson"}, {"order": "sequential"}])
-def test_single_precision_is_refused_where_it_would_not_do(other):
-    settings = {"solver": "gauss-seidel", "order": "colour", **other}
-    with pytest.raises(ValueError, match=r"dtype is 'float32', but solver is .* needs dtype 'float64'"):
-        SolverParameters(dtype="float32", **settings)
-
-
-def test_a_solve_that_meets_bones_is_the_same_on_any_number_of_threads(monkeypatch):
-    monkeypatch.setattr(domains, "LARGE", 1000)
-    monkeypatch.setattr(batches, "LARGE", 1000)
-    mesh = spindle(rings=60, around=20, seed=0)
-    bone = box_bone(0, [-30, -40, -10], [30, -8, 10])
-    ends = []
-    for threads in (1, 2, 5):
-        solver = solver_of(mesh, threads=threads, obstacles=[bone])
-        state = solver.step(solver.rest_state(2), bent(-20.0))
-        assert state.colliding > 0
-        ends.append(state.positions.tobytes() + state.velocities.tobytes())
-    assert ends[0] == ends[1] == ends[2]
+@pytest.mark.parametrize(
+    ("setting", "told"),
+    [
+        ({"solver": "gauss_seidel"}, r"SolverParameters.solver is 'gauss_seidel', but must be 'anderson' or"),
+        ({"prediction": "inertal"}, "prediction is 'inertal', but must be 'blend' or 'inertial'"),
+        ({"projection_order": "color"}, "projection_order is 'color', but must be 'batched' or 'sequential'"),
+        ({"bone_push": True}, "bone_push is True"),
+        ({"iterations": 0}, r"iterations is 0, but must be >= 1 and <= 1000000"),
+        ({"velocity_kept": 7}, r"velocity_kept is 7, but must be >= 0.0 and <= 1.0"),
+        ({"tolerance": -1.0}, r"tolerance is -1.0, but must be >= 0.0"),
+        ({"tolerance": np.nan}, "tolerance is nan"),
+        ({"dt": 0.0}, "dt is 0.0, but must be > 0.0"),
+        ({"external_force": (1.0,)}, "must have three components"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(setting, told):
+    with pytest.raises(ValueError, match=told):
+        SolverParameters(**setting)

@@ -40,5 +40,4 @@ def test_a_step_tells_what_its_time_went_to(solver):
     took = 1e3 * (time.perf_counter() - began)
     spent = state.milliseconds
     assert sum(spent.values()) <= took
-    assert (spent["acceleration"] > 0.0) == (solver == "anderson")
-    assert all(spent[stage] > 0.0 for stage in ("prediction", "constraints", "collision", "settling"))
+    assert all(spent[stage] > 0.0 for stage in STAGES)

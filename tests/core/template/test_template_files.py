@@ -28,7 +28,7 @@ def test_every_kind_can_be_written_to_a_file_and_read_again(kind, suffix, tmp_pa
         file.write_text("".join(f"[[parts]]\nsheets = {sheets}\n" for sheets in parts))
     here, there = (
         FibreTemplateSource(n_fibres=20, **source).update().output
-        for source in ({"kind": kind}, {"file": str(file)})
+        for source in ({"template": kind}, {"template_file": str(file)})
     )
     assert np.array_equal(points_of(here), points_of(there))
     for area in ("OriginArea", "InsertionArea"):
@@ -81,8 +81,8 @@ def test_errors_say_where_and_what_is_allowed(content, message):
 
 def test_files_that_are_none_are_errors_of_the_source(tmp_path):
     with pytest.raises(ValueError, match=r"FibreTemplateSource.file: .*missing.toml cannot be read"):
-        FibreTemplateSource(file=str(tmp_path / "missing.toml")).update()
+        FibreTemplateSource(template_file=str(tmp_path / "missing.toml")).update()
     for name, message in (("own.yaml", "must be a .toml or a .json"), ("own.json", "is not JSON")):
         (tmp_path / name).write_text(STRAP)
         with pytest.raises(ValueError, match=message):
-            FibreTemplateSource(file=str(tmp_path / name)).update()
+            FibreTemplateSource(template_file=str(tmp_path / name)).update()

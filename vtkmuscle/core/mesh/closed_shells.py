@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
-from vtkmuscle.core.mesh.surface import point_components, signed_volume
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.surface import numbered_edges, point_components, signed_volume
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -50,10 +51,8 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions.
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions of its points; three of their ids per triangle.
 
     Returns
     -------
@@ -69,7 +68,7 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
     triangles = _proper(np.asarray(triangles, dtype=np.int64).reshape(-1, 3))
     _check_any(triangles)
     if not np.isfinite(points[triangles]).all():
-        raise ValueError("the surface has a coordinate that is not finite")
+        raise InputError("", "the surface has a coordinate that is not finite")
     remarks = []
     if len(_excess(triangles)):
         points, triangles = _welded(points, triangles)
@@ -102,7 +101,7 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
 
 def _check_any(triangles: Ints) -> None:
     if not len(triangles):
-        raise ValueError("the surface has no triangles of three different points")
+        raise InputError("", "the surface has no triangles of three different points")
 
 
 def _proper(triangles: Ints) -> Ints:
@@ -117,14 +116,7 @@ def _numbered(shell: Ints) -> Ints:
 
 def edge_numbers(triangles: Ints) -> Ints:
     """Return a number for the edge from each corner to the next, (m, 3), the same in all its triangles."""
-    onward = np.roll(triangles, -1, axis=1)
-    low, high = np.minimum(triangles, onward), np.maximum(triangles, onward)
-    keys = (low * (int(triangles.max()) + 1) + high).reshape(-1)
-    order = np.argsort(keys, kind="stable")
-    new = np.r_[False, np.diff(keys[order]) != 0]
-    numbers = np.empty(len(keys), dtype=np.int64)
-    numbers[order] = np.cumsum(new)
-    return numbers.reshape(-1, 3)
+    return numbered_edges(triangles)[1].reshape(-1, 3)
 
 
 def _directions(triangles: Ints) -> Ints:

@@ -1,4 +1,4 @@
-"""How the rings around the points of a surface turn as it deforms."""
+"""The rotation nearest to a matrix, by its singular values."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.surface import half_edges, vertex_normals
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -19,61 +18,6 @@ _ORTHOGONAL = 1e-15
 
 #: A singular value below this part of the greatest is zero.
 _NOTHING = 1e-14
-
-
-def rings_of(triangles: Ints) -> Ints:
-    """Return the directed edges (k, 2) of all rings: (centre, neighbour), sorted by centre."""
-    directed = half_edges(triangles)
-    rings: Ints = np.unique(np.vstack([directed, directed[:, ::-1]]), axis=0)
-    return rings
-
-
-def ring_rotations(before: Floats, now: Floats, triangles: Ints, rings: Ints) -> Floats:
-    """Return how each point's ring has turned.
-
-    R minimises sum |R (x_j - x_i) - (x_j' - x_i')|^2 over the neighbours and the normal, the latter as long
-    as the neighbours are far, so that a flat ring has a definite rotation. Sorkine, Alexa 2007,
-    *As-rigid-as-possible surface modeling*, doi:10.2312/SGP/SGP07/109-116, eq. 5 and 6.
-
-    Parameters
-    ----------
-    before, now : (c, 3) arrays
-        Positions [mm].
-    triangles : (t, 3) int array
-        Point ids.
-    rings : (k, 2) int array
-        Pairs of a point and a neighbour of it, each both ways; see :func:`rings_of`.
-
-    Returns
-    -------
-    (c, 3, 3) array
-        Rotations.
-    """
-    rotations = np.zeros((len(before), 3, 3))
-    normals = vertex_normals(before, triangles), vertex_normals(now, triangles)
-    _turn(before, now, *normals, rings, rotations)
-    return rotations
-
-
-@kernel
-def _turn(
-    before: Floats, now: Floats, normals: Floats, turned: Floats, rings: Ints, rotations: Floats
-) -> None:
-    """Write the rotations (c, 3, 3), which are 0 at first."""
-    squares = np.zeros(len(before))
-    for ring in range(len(rings)):
-        i, j = rings[ring, 0], rings[ring, 1]
-        for b in range(3):
-            spoke = before[j, b] - before[i, b]
-            squares[i] += spoke * spoke
-            for a in range(3):
-                rotations[i, a, b] += (now[j, a] - now[i, a]) * spoke
-    work = np.empty((6, 3))
-    for i in range(len(before)):
-        for a in range(3):
-            for b in range(3):
-                rotations[i, a, b] += squares[i] * turned[i, a] * normals[i, b]
-        nearest_rotation(rotations[i], work)
 
 
 @kernel

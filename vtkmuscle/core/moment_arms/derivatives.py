@@ -8,6 +8,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.local_regression import distinct_places, fewest_places, local_regression
 
 Floats = NDArray[np.float64]
@@ -91,28 +92,33 @@ def moment_arms(
     """
     curves, samples = _checked_lengths(lengths), _checked_coordinates(coordinates)
     if len(curves) != len(samples):
-        raise ValueError(
-            f"moment arms: there are {len(curves)} lengths of a fibre, but {len(samples)} poses; give a row "
-            "per pose"
+        raise InputError(
+            "moment arms",
+            f"there are {len(curves)} lengths of a fibre, but {len(samples)} poses",
+            "give a row per pose",
         )
     for number, spread in enumerate(np.ptp(samples, axis=0)):
         if not spread > 0:
-            raise ValueError(
-                f"moment arms: coordinate {number} is {samples[0, number]:g} in every pose, so no slope by "
-                "it is known; leave it out"
+            raise InputError(
+                "moment arms",
+                f"coordinate {number} is {samples[0, number]:g} in every pose, so no slope by it is known",
+                "leave it out",
             )
     dimension = samples.shape[1]
     n_places, needed = len(distinct_places(samples)), fewest_places(dimension)
     if n_places < needed:
-        raise ValueError(
-            f"moment arms: the coordinates have {n_places} different value(s), but {needed} are needed for "
-            f"{dimension} coordinate(s); use more frames of the motion"
+        raise InputError(
+            "moment arms",
+            f"the coordinates have {n_places} different value(s), but {needed} are needed for {dimension} "
+            "coordinate(s)",
+            "use more frames of the motion",
         )
     fit = local_regression(samples, curves, samples if at is None else _checked_places(at, samples))
     if not fit.determined.any():
-        raise ValueError(
-            f"moment arms: the {dimension} coordinates change only together, so that no slope by one of them "
-            "is known; name one of them, or use a motion that changes them one after the other"
+        raise InputError(
+            "moment arms",
+            f"the {dimension} coordinates change only together, so that no slope by one of them is known",
+            "name one of them, or use a motion that changes them one after the other",
         )
     return MomentArmCurves(0.0 - fit.slopes, fit.slope_errors, fit.determined, fit.window)
 
@@ -148,8 +154,7 @@ def quartic_moment_arms(
 
     References
     ----------
-    Modenese, Kohout 2020, *Automated generation of three-dimensional complex muscle geometries for use in
-    personalised musculoskeletal models*, doi:10.1007/s10439-020-02490-4.
+    Modenese, Kohout 2020, doi:10.1007/s10439-020-02490-4: quartics of lengths.
 
     Examples
     --------
@@ -162,15 +167,17 @@ def quartic_moment_arms(
     """
     curves, samples = _checked_lengths(lengths), _checked_coordinates(coordinate)
     if samples.shape[1] != 1 or len(curves) != len(samples):
-        raise ValueError(
-            f"moment arms: a quartic takes one coordinate with a value per pose, but the lengths are of "
-            f"{len(curves)} poses and the coordinates of shape {samples.shape}"
+        raise InputError(
+            "moment arms",
+            f"a quartic takes one coordinate with a value per pose, but the lengths are of {len(curves)} "
+            f"poses and the coordinates of shape {samples.shape}",
         )
     n_places = len(distinct_places(samples))
     if n_places < FEWEST_FOR_QUARTIC:
-        raise ValueError(
-            f"moment arms: the coordinate has {n_places} different value(s), but a quartic needs "
-            f"{FEWEST_FOR_QUARTIC}; use more frames of the motion"
+        raise InputError(
+            "moment arms",
+            f"the coordinate has {n_places} different value(s), but a quartic needs {FEWEST_FOR_QUARTIC}",
+            "use more frames of the motion",
         )
     places = samples if at is None else _checked_places(at, samples)
     q, wanted = samples[:, 0], places[:, 0]
@@ -184,9 +191,10 @@ def _checked_lengths(lengths: ArrayLike) -> Floats:
     curves = np.asarray(lengths, dtype=np.float64)
     curves = curves[:, None] if curves.ndim == 1 else curves
     if curves.ndim != 2 or not curves.size or not np.isfinite(curves).all():
-        raise ValueError(
-            f"moment arms: the lengths are of shape {curves.shape}, but must be finite numbers, a row per "
-            "pose and a column per fibre"
+        raise InputError(
+            "moment arms",
+            f"the lengths are of shape {curves.shape}, but must be finite numbers, a row per pose and a "
+            "column per fibre",
         )
     return curves
 
@@ -195,9 +203,10 @@ def _checked_coordinates(coordinates: ArrayLike) -> Floats:
     samples = np.asarray(coordinates, dtype=np.float64)
     samples = samples[:, None] if samples.ndim == 1 else samples
     if samples.ndim != 2 or not samples.size or not np.isfinite(samples).all():
-        raise ValueError(
-            f"moment arms: the coordinates are of shape {samples.shape}, but must be finite numbers, a row "
-            "per pose and a column per coordinate"
+        raise InputError(
+            "moment arms",
+            f"the coordinates are of shape {samples.shape}, but must be finite numbers, a row per pose "
+            "and a column per coordinate",
         )
     return samples
 
@@ -206,16 +215,17 @@ def _checked_places(at: ArrayLike, samples: Floats) -> Floats:
     places = np.asarray(at, dtype=np.float64)
     places = places[:, None] if places.ndim == 1 and samples.shape[1] == 1 else np.atleast_2d(places)
     if places.shape[1] != samples.shape[1] or not np.isfinite(places).all():
-        raise ValueError(
-            f"moment arms: at is of shape {places.shape}, but must be finite numbers, {samples.shape[1]} "
-            "for each place"
+        raise InputError(
+            "moment arms",
+            f"at is of shape {places.shape}, but must be finite numbers, {samples.shape[1]} for each place",
         )
     low, high = samples.min(axis=0), samples.max(axis=0)
     slack = 1e-9 * (high - low)
     outside = np.flatnonzero(((places < low - slack) | (places > high + slack)).any(axis=1))
     if len(outside):
-        raise ValueError(
-            f"moment arms: at {places[outside[0]].tolist()} there is none, for the poses reach from "
-            f"{low.tolist()} to {high.tolist()} only"
+        raise InputError(
+            "moment arms",
+            f"at {places[outside[0]].tolist()} there is none, for the poses reach from {low.tolist()} to "
+            f"{high.tolist()} only",
         )
     return places

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.morphing.even_spread import spread_evenly
+from vtkmuscle.core.mesh.bins import sorted_into_bins
 from vtkmuscle.core.morphing.triangulation import triangulate
 
 Floats = NDArray[np.float64]
@@ -32,7 +32,7 @@ WEIGHTS = (1e-6, 1e6)
 
 
 @kernel
-def from_rectangle(contour: Floats, image: Floats, points: Floats, even: bool) -> tuple[Floats, bool]:
+def from_rectangle(contour: Floats, image: Floats, points: Floats) -> tuple[Floats, bool]:
     """Return the places in a section that a harmonic map takes to points of a convex region.
 
     Parameters
@@ -44,8 +44,6 @@ def from_rectangle(contour: Floats, image: Floats, points: Floats, even: bool) -
         Where its vertices go: on the boundary of a convex region, counterclockwise.
     points : (m, 2) array
         Points of the region.
-    even : bool
-        True to move them first, such that the map spreads them evenly; then the region must be a rectangle.
 
     Returns
     -------
@@ -66,24 +64,7 @@ def from_rectangle(contour: Floats, image: Floats, points: Floats, even: bool) -
     values = _harmonic(nodes, edges, weights, known)
     lifted = values.copy()
     lifted[:, :2] = nodes
-    if even:
-        areas = np.empty(len(triangles))
-        for t in range(len(triangles)):
-            areas[t] = _area(lifted, triangles[t, 0], triangles[t, 1], triangles[t, 2])
-        points = spread_evenly(np.ascontiguousarray(values[:, :2]), triangles, areas, points)
     return _interpolated(np.ascontiguousarray(values[:, :2]), triangles, lifted, points), True
-
-
-@kernel
-def _area(nodes: Floats, a: int, b: int, c: int) -> float:
-    """Return the area of a triangle, in the plane or in space."""
-    uu, uv, vv = 0.0, 0.0, 0.0
-    for axis in range(nodes.shape[1]):
-        u, v = nodes[b, axis] - nodes[a, axis], nodes[c, axis] - nodes[a, axis]
-        uu += u * u
-        uv += u * v
-        vv += v * v
-    return float(0.5 * np.sqrt(max(uu * vv - uv * uv, 0.0)))
 
 
 @kernel
@@ -279,18 +260,11 @@ def _interpolated(nodes: Floats, triangles: Ints, values: Floats, points: Floats
     wide = max(nodes[:, 0].max() - low_x, 1e-300) * (1.0 + 1e-9)
     high = max(nodes[:, 1].max() - low_y, 1e-300) * (1.0 + 1e-9)
     cells = np.empty(m, dtype=np.int64)
-    starts = np.zeros(side * side + 1, dtype=np.int64)
     for p in range(m):
         column = min(max(int((points[p, 0] - low_x) / wide * side), 0), side - 1)
         line = min(max(int((points[p, 1] - low_y) / high * side), 0), side - 1)
         cells[p] = line * side + column
-        starts[cells[p] + 1] += 1
-    starts = np.cumsum(starts)
-    filled = starts.copy()
-    order = np.empty(m, dtype=np.int64)
-    for p in range(m):
-        order[filled[cells[p]]] = p
-        filled[cells[p]] += 1
+    order, starts = sorted_into_bins(cells, side * side)
     best, home = np.full(m, -np.inf), np.full(m, -1, dtype=np.int64)
     for t in range(len(triangles)):
         a, b, c = triangles[t]

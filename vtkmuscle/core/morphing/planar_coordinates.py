@@ -62,26 +62,3 @@ def mean_value_weights(polygon: Floats, x: float, y: float, weights: Floats) -> 
         total += tangent / a_length + tangent / b_length
     for i in range(n):
         weights[i] /= total
-
-
-@kernel
-def mean_value_coordinates(polygon: Floats, points: Floats) -> Floats:
-    """Return the mean value coordinates of points with respect to a polygon.
-
-    Parameters
-    ----------
-    polygon : (n, 2) array
-        Vertices in order, either way round, convex or not, n >= 3.
-    points : (m, 2) array
-        Points anywhere in the plane.
-
-    Returns
-    -------
-    (m, n) array
-        Weights: each row sums to 1 and reproduces linear functions. Inside a convex polygon they are
-        positive; on an edge only those of its ends are not zero, at a vertex only its own is not.
-    """
-    weights = np.empty((len(points), len(polygon)))
-    for i in range(len(points)):
-        mean_value_weights(polygon, points[i, 0], points[i, 1], weights[i])
-    return weights

@@ -23,8 +23,6 @@ Floats = NDArray[np.float64]
 
 #: How a rectangle is mapped to a section.
 MAPPINGS = ("mean-value", "bijective")
-#: How a one-to-one map spreads points over a section: as it is, or so that they fill it evenly.
-SPREADS = ("map", "even")
 #: 1 + cos a below which a point that sees an edge under the angle a counts as close to it.
 LEAST_OPENING = 1e-3
 
@@ -48,9 +46,7 @@ class Section:
     one_to_one: bool
 
 
-def map_section(
-    loop: Floats, target: Floats, sides: Floats, points: Floats, *, mapping: str, spread: str
-) -> Section:
+def map_section(loop: Floats, target: Floats, sides: Floats, points: Floats, *, mapping: str) -> Section:
     """Map points of the template's rectangle to a section of the muscle.
 
     Parameters
@@ -69,9 +65,6 @@ def map_section(
         of f in the subdivided rectangle and p_i the vertices of the section that correspond to the
         rectangle's. ``"bijective"``: :func:`vtkmuscle.core.morphing.bijective.from_rectangle`, but the mean
         value map for a section that crosses itself.
-    spread : str
-        One of :data:`SPREADS`. With ``"even"`` a one-to-one map takes equal areas of the rectangle to about
-        equal areas of the section (:mod:`vtkmuscle.core.morphing.even_spread`).
 
     Returns
     -------
@@ -80,7 +73,7 @@ def map_section(
     """
     ring, rectangle, error = _matched(loop, target, float(sides[0]), float(sides[1]))
     if mapping == "bijective":
-        places, found = from_rectangle(ring, rectangle, points, spread == "even")
+        places, found = from_rectangle(ring, rectangle, points)
         if found:
             return Section(places, error, True)
     return Section(mean_value_map(rectangle, ring, points), error, False)

@@ -85,8 +85,6 @@ class Slicing:
         Part of the muscle's length over which neighbouring slices resist twisting; 0 is the paper's rule.
     mapping : str
         One of :data:`vtkmuscle.core.morphing.section_maps.MAPPINGS`.
-    spread : str
-        One of :data:`vtkmuscle.core.morphing.section_maps.SPREADS`.
     twisting : Twisting
         How sections are turned along their contours, from origin to insertion.
     report_progress : callable
@@ -96,7 +94,6 @@ class Slicing:
     slice_tolerance: float
     continuity: float
     mapping: str
-    spread: str = "map"
     twisting: Twisting = STRAIGHT
     report_progress: Callable[[float], None] = lambda fraction: None
 
@@ -286,9 +283,7 @@ def map_sections(
         loop, start = loops[number], starts[number]
         if views is not None:
             loop, start = loop @ views[number].T, views[number] @ start
-        section = map_section(
-            loop, start, sides, inside[points[mine], :2], mapping=slicing.mapping, spread=slicing.spread
-        )
+        section = map_section(loop, start, sides, inside[points[mine], :2], mapping=slicing.mapping)
         found = section.places if views is None else section.places @ views[number]
         places[points[mine]] += weights[mine, None] * found
         split_error = max(split_error, section.split_error)

@@ -1,4 +1,4 @@
-"""Anderson acceleration of a fixed-point iteration, with an estimate of how far it still has to go."""
+"""Anderson acceleration of a fixed-point iteration."""
 
 from __future__ import annotations
 
@@ -10,12 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel, reduction
-from vtkmuscle.core.pbd.convergence import (
-    AMPLIFICATION_GROWTH,
-    TYPICAL_AMPLIFICATION,
-    Trail,
-    root_mean_square_distance,
-)
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -42,14 +36,10 @@ class AndersonResult:
         Evaluations of g.
     residual : float
         Root mean square over the points of |g(x_k) - x_k| at the last iterate [mm].
-    distance : float
-        Estimated root mean square distance of that iterate to the fixed point [mm].
     converged : bool
-        True where the estimate fell below the tolerance.
+        True where the residual fell to the tolerance.
     residuals : (iterations,) array
         The residual of each evaluation [mm].
-    estimates : (e, 2) array
-        Iterations and the distance estimated after them [mm].
     restarts : int
         Accelerated steps taken back because their residual grew.
     """
@@ -57,10 +47,8 @@ class AndersonResult:
     x: Floats
     iterations: int
     residual: float
-    distance: float
     converged: bool
     residuals: Floats
-    estimates: Floats
     restarts: int
 
 
@@ -70,14 +58,8 @@ def anderson(
     *,
     max_iterations: int,
     tolerance: float = 0.0,
-    window: int = 10,
-    dimension: int = 3,
     points: float | None = None,
-    amplification: float | None = None,
-    corrected: bool = False,
-    bound: float | None = None,
     unsteady: Bools | None = None,
-    observe: Callable[[int, Floats, float], None] | None = None,
     workspace: Workspace | None = None,
 ) -> AndersonResult:
     """Find x = g(x), faster than by x <- g(x).
@@ -98,27 +80,14 @@ def anderson(
     max_iterations : int
         Most evaluations of g, >= 1.
     tolerance : float
-        Stop where the estimated distance to the fixed point is at most this [mm]; 0 never stops.
-    window : int
-        Differences of past steps that are combined, >= 0; 0 is the plain iteration.
-    dimension : int
-        Components of a point; points are consecutive in x.
+        Stop where the residual is at most this [mm]; 0 stops at a fixed point only.
     points : float, optional
-        Number of points to take means over; all by default. Fewer, where the rest cannot move.
-    amplification : float, optional
-        See :func:`~vtkmuscle.core.pbd.convergence.estimate_distance`. That of a typical muscle by default.
-    corrected : bool, optional
-        Whether g has a coarse correction in it: the distance then is estimated by
-        :func:`~vtkmuscle.core.pbd.convergence.estimate_corrected_distance`.
-    bound : float, optional
-        Where g is a contraction: see :class:`~vtkmuscle.core.pbd.convergence.Trail`.
+        Number of points to take means over; all n / 3 by default. Fewer, where the rest cannot move.
     unsteady : (n,) bool array, optional
         Components by whose residuals the combination is not chosen, as g is not smooth there: points on a
         bone. g may set more of them as it goes.
-    observe : callable, optional
-        Called with the number of evaluations before, the iterate and its residual [mm], at each; may raise.
     workspace : Workspace, optional
-        Memory to work in, of a call before with as many components and the same window.
+        Memory to work in, which says how many past steps are combined; a new one by default.
 
     Returns
     -------
@@ -138,14 +107,10 @@ def anderson(
     True
     """
     n = len(start)
-    points = n / dimension if points is None else points
-    if amplification is None and not corrected:
-        reference, typical = TYPICAL_AMPLIFICATION
-        amplification = typical * (points / reference) ** AMPLIFICATION_GROWTH
-    memory = Workspace(n, window) if workspace is None else workspace
+    points = n / 3 if points is None else points
+    memory = Workspace(n) if workspace is None else workspace
     memory.clear()
     unsteady = np.zeros(n, dtype=np.bool_) if unsteady is None else unsteady
-    trail = Trail(points, None if corrected else amplification, memory.spare, bound=bound)
     x, image = memory.x, np.empty(n)
     x[:] = start
     plain = True
@@ -168,14 +133,9 @@ def anderson(
             restarts += 1
             continue
         image[:] = value
-        if observe is not None:
-            observe(len(residuals), x, residual)
         residuals.append(residual)
         last = residual
-        trail.add(len(residuals), x, residual)
-        converged = trail.distance <= tolerance and tolerance > 0.0
-        if residual == 0.0:
-            converged = True
+        converged = residual <= tolerance
         weights = memory.add(x, image, unsteady)
         plain = True
         if weights is not None and not converged:
@@ -187,10 +147,8 @@ def anderson(
         x=image,
         iterations=len(residuals),
         residual=last,
-        distance=trail.finish(),
         converged=converged,
         residuals=np.array(residuals),
-        estimates=np.array(trail.estimates).reshape(-1, 2),
         restarts=restarts,
     )
 
@@ -221,8 +179,6 @@ class Workspace:
         self._count = -1
         #: The iterate.
         self.x: Floats = np.empty(n)
-        #: Of :class:`~vtkmuscle.core.pbd.convergence.Trail`.
-        self.spare: list[Floats] = []
 
     def clear(self) -> None:
         """Forget all steps."""
@@ -331,3 +287,17 @@ def _combine(image: Floats, images: Floats, weights: Floats, x: Floats) -> None:
             row = images[j, first:last]
             for i in range(last - first):
                 out[i] -= w * row[i]
+
+
+def root_mean_square_distance(a: Floats, b: Floats, points: float) -> float:
+    """Return the root mean square over so many points of the distance between two vectors (n,)."""
+    return math.sqrt(_squared_distance(a, b) / points)
+
+
+@reduction
+def _squared_distance(a: Floats, b: Floats) -> float:
+    """Return |a - b|^2."""
+    total = 0.0
+    for i in range(len(a)):
+        total += (a[i] - b[i]) ** 2
+    return total

@@ -1,26 +1,30 @@
-"""The constraints of position based dynamics on a muscle's surface: values, gradients, projections.
+"""The constraints of position based dynamics on a muscle's surface: Kohout and Cervenka 2021, section 2.
 
 A projection moves points p with inverse masses w against a constraint C(p) = 0 of stiffness k by
 
     p_i -= k C w_i g_i / sum_j w_j |g_j|^2,    g_i = dC / dp_i
 
 (Müller, Heidelberger, Hennix, Ratcliff 2007, *Position based dynamics*,
-doi:10.1016/j.jvcir.2007.01.005, eq. 6-8). Constraints of one kind are projected one after the other in the
-order given, each seeing the points that the one before it moved (Gauss-Seidel).
+doi:10.1016/j.jvcir.2007.01.005, eq. 6-8). :func:`distance` is section 2.1, :func:`project_volume` section
+2.2, :func:`dihedral` section 2.3.
+
+The formulas of a single edge are *lanes*: functions of plain numbers without a branch, which become part of
+the loop that calls them (:mod:`~vtkmuscle.core.pbd.orders`). A loop over edges that share no point is made
+into vector instructions by the compiler.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import lane, vector_kernel
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 #: A dihedral projection's denominator is at least this part of its value with all points free. Beside
 #: fixed points a point with a tiny lever arm makes the denominator vanish, and the shape would explode.
@@ -35,8 +39,31 @@ LARGEST_TURN = 0.3
 #: to nothing is blown up over several iterations rather than to infinity in one.
 VOLUME_FLOOR = 0.01
 
-#: Triangles with sine of a corner below this have no normal worth speaking of.
-DEGENERATE_SINE = 1e-9
+#: Triangles whose corner at the edge has a tangent below this have no normal worth speaking of.
+DEGENERATE_TANGENT = 1e-9
+
+#: Polynomial P of degree 17 with |t P(t^2) - atan(t)| < 1e-15 for |t| <= 1: it has the values of
+#: atan(sqrt(u)) / sqrt(u) at the 18 Chebyshev points of 0 <= u <= 1.
+ARCTANGENT = (
+    0.9999999999999988,
+    -0.33333333333253284,
+    0.19999999991319195,
+    -0.14285713910426773,
+    0.11111102499422242,
+    -0.09090787968013053,
+    0.07691170067941966,
+    -0.06659119943643073,
+    0.05845587712383866,
+    -0.051278290246137094,
+    0.04377190010711523,
+    -0.034874503444929254,
+    0.02458916421806469,
+    -0.014458808736889693,
+    0.006642618398837011,
+    -0.0021983905110338,
+    0.0004611471226395625,
+    -4.572466752859746e-05,
+)
 
 
 def per_iteration_stiffness(stiffness: Floats | float, iterations: int) -> Floats:
@@ -63,222 +90,163 @@ def per_iteration_stiffness(stiffness: Floats | float, iterations: int) -> Float
 # -------------------------------------------------------------------------------- distance
 
 
-def distance_and_gradient(p1: Floats, p2: Floats, rest: float) -> tuple[float, Floats]:
-    """Return C = |p1 - p2| - rest [mm] and its gradient by (p1, p2), (2, 3); P21 eq. 2-3."""
-    difference = p1 - p2
-    length = float(np.linalg.norm(difference))
-    unit = difference / length
-    return length - rest, np.array([unit, -unit])
+@lane
+def distance(
+    x1: float, y1: float, z1: float, w1: float,
+    x2: float, y2: float, z2: float, w2: float,
+    rest: float, stiffness: float,
+) -> tuple[float, ...]:  # fmt: skip
+    """Return both ends of an edge moved so that it keeps its length: C = |p1 - p2| - rest.
 
-
-@kernel
-def project_distance(p: Floats, w: Floats, edges: Ints, rest: Floats, stiffness: Floats) -> None:
-    """Move the end points of edges so that each edge keeps its rest length.
-
-    C = |p1 - p2| - d (Müller et al. 2007, eq. 9-11).
-
-    Parameters
-    ----------
-    p : (n, 3) array
-        Positions [mm], changed in place.
-    w : (n,) array
-        Inverse masses: 1 free, 0 fixed.
-    edges : (k, 2) int array
-        Point ids, at least one of them free.
-    rest : (k,) array
-        Rest lengths d [mm].
-    stiffness : (k,) array
-        Stiffness per iteration, in [0, 1].
+    Kohout and Cervenka 2021, eq. 2-3; Müller et al. 2007, eq. 9-11. Two points in one place have no
+    direction to part in, and stay there.
     """
-    for e in range(len(edges)):
-        i, j = edges[e, 0], edges[e, 1]
-        x = p[i, 0] - p[j, 0]
-        y = p[i, 1] - p[j, 1]
-        z = p[i, 2] - p[j, 2]
-        length = math.sqrt(x * x + y * y + z * z)
-        if length > 0.0:  # two points in one place have no direction to part in
-            s = stiffness[e] * (length - rest[e]) / (length * (w[i] + w[j]))
-            si = s * w[i]
-            sj = s * w[j]
-            p[i, 0] -= si * x
-            p[i, 1] -= si * y
-            p[i, 2] -= si * z
-            p[j, 0] += sj * x
-            p[j, 1] += sj * y
-            p[j, 2] += sj * z
+    x, y, z = x1 - x2, y1 - y2, z1 - z2
+    length = math.sqrt(x * x + y * y + z * z)
+    weight = length * (w1 + w2)
+    s = stiffness * (length - rest) / weight
+    s = s if weight > 0.0 else 0.0
+    s1, s2 = w1 * s, w2 * s
+    return x1 - s1 * x, y1 - s1 * y, z1 - s1 * z, x2 + s2 * x, y2 + s2 * y, z2 + s2 * z
 
 
 # -------------------------------------------------------------------------------- dihedral angle
 
 
-def dihedral_angle(p1: Floats, p2: Floats, p3: Floats, p4: Floats) -> tuple[Floats, Bools]:
-    """Return the signed angle between the normals of two triangles that share the edge p1 p2.
+@lane
+def arctangent(t: float) -> float:
+    """Return atan(t), |t| <= 1, by Estrin's scheme: short chains of operations rather than few."""
+    u = t * t
+    u2 = u * u
+    u4 = u2 * u2
+    u8 = u4 * u4
+    a0 = ARCTANGENT[0] + ARCTANGENT[1] * u
+    a1 = ARCTANGENT[2] + ARCTANGENT[3] * u
+    a2 = ARCTANGENT[4] + ARCTANGENT[5] * u
+    a3 = ARCTANGENT[6] + ARCTANGENT[7] * u
+    a4 = ARCTANGENT[8] + ARCTANGENT[9] * u
+    a5 = ARCTANGENT[10] + ARCTANGENT[11] * u
+    a6 = ARCTANGENT[12] + ARCTANGENT[13] * u
+    a7 = ARCTANGENT[14] + ARCTANGENT[15] * u
+    a8 = ARCTANGENT[16] + ARCTANGENT[17] * u
+    low = (a0 + a1 * u2) + (a2 + a3 * u2) * u4
+    high = (a4 + a5 * u2) + (a6 + a7 * u2) * u4
+    return t * (low + (high + a8 * u8) * u8)
 
-    phi = atan2((n1 x n2) . e / |e|, n1 . n2) with e = p2 - p1, n1 = e x (p3 - p1), n2 = (p4 - p1) x e:
-    0 where flat, positive where convex, in (-pi, pi].
 
-    Parameters
-    ----------
-    p1, p2, p3, p4 : (..., 3) arrays
-        Edge and opposite points [mm], as in :class:`~vtkmuscle.core.mesh.topology.MeshTopology`.
+@lane
+def hinge(
+    x1: float, y1: float, z1: float,
+    x2: float, y2: float, z2: float,
+    x3: float, y3: float, z3: float,
+    x4: float, y4: float, z4: float,
+) -> tuple[Any, ...]:  # fmt: skip
+    """Return the geometry of two triangles (p1, p2, p3) and (p2, p1, p4) that share the edge e = p2 - p1.
+
+    The signed angle phi between their normals n1 = e x (p3 - p1) and n2 = (p4 - p1) x e has
+    sin phi = (n1 x n2) . e / (|e| |n1| |n2|) and cos phi = n1 . n2 / (|n1| |n2|): it is 0 where flat,
+    positive where convex. As n1 is normal to e, (n1 x n2) . e = -|e|^2 n1 . (p4 - p1).
 
     Returns
     -------
-    angle : (...) array
-        Radians; 0 where the angle is not defined.
-    defined : (...) bool array
-        False where one of the triangles is degenerate.
+    proper : bool
+        Whether both triangles have a normal, of which the tangent of the corner at p1 decides.
+    sine, cosine : float
+        Both times |n1| |n2|.
+    ee, ae, be : float
+        |e|^2, (p3 - p1) . e, (p4 - p1) . e.
+    n11, n22 : float
+        |n1|^2, |n2|^2.
+    n1x, n1y, n1z, n2x, n2y, n2z : float
+        The normals.
     """
-    e = p2 - p1
-    n1 = np.cross(e, p3 - p1)
-    n2 = np.cross(p4 - p1, e)
-    length = np.linalg.norm(e, axis=-1)
-    sizes = [length * np.linalg.norm(p3 - p1, axis=-1), length * np.linalg.norm(p4 - p1, axis=-1)]
-    defined = length > 0
-    for normal, size in zip((n1, n2), sizes, strict=True):
-        defined = defined & (np.linalg.norm(normal, axis=-1) > DEGENERATE_SINE * size)
-    unit = e / np.where(length > 0, length, 1.0)[..., None]
-    sine = np.einsum("...i,...i->...", np.cross(n1, n2), unit)
-    cosine = np.einsum("...i,...i->...", n1, n2)
-    angle = np.where(defined, np.arctan2(sine, cosine), 0.0)
-    return np.where(angle == -np.pi, np.pi, angle), defined
+    ex, ey, ez = x2 - x1, y2 - y1, z2 - z1
+    ax, ay, az = x3 - x1, y3 - y1, z3 - z1
+    bx, by, bz = x4 - x1, y4 - y1, z4 - z1
+    n1x, n1y, n1z = ey * az - ez * ay, ez * ax - ex * az, ex * ay - ey * ax
+    n2x, n2y, n2z = by * ez - bz * ey, bz * ex - bx * ez, bx * ey - by * ex
+    ee = ex * ex + ey * ey + ez * ez
+    ae = ax * ex + ay * ey + az * ez
+    be = bx * ex + by * ey + bz * ez
+    n11 = n1x * n1x + n1y * n1y + n1z * n1z
+    n22 = n2x * n2x + n2y * n2y + n2z * n2z
+    least = DEGENERATE_TANGENT * DEGENERATE_TANGENT
+    proper = (n11 > least * (ae * ae)) & (n22 > least * (be * be)) & (n11 * n22 > 0.0)
+    sine = -math.sqrt(ee) * (n1x * bx + n1y * by + n1z * bz)
+    cosine = n1x * n2x + n1y * n2y + n1z * n2z
+    return proper, sine, cosine, ee, ae, be, n11, n22, n1x, n1y, n1z, n2x, n2y, n2z
 
 
-def dihedral_and_gradient(
-    p1: Floats, p2: Floats, p3: Floats, p4: Floats, rest: float
-) -> tuple[float, Floats]:
-    """Return C = phi - rest, wrapped to (-pi, pi], and its gradient by the four points, (4, 3) [1 / mm].
+@lane
+def dihedral(
+    x1: float, y1: float, z1: float, w1: float,
+    x2: float, y2: float, z2: float, w2: float,
+    x3: float, y3: float, z3: float, w3: float,
+    x4: float, y4: float, z4: float, w4: float,
+    cosine0: float, sine0: float, stiffness: float,
+) -> tuple[float, ...]:  # fmt: skip
+    """Return four points moved so that the angle between two triangles is as at rest: C = phi - phi0.
+
+    Kohout and Cervenka 2021, eq. 6-7, with the signed angle of :func:`hinge`, wrapped to (-pi, pi]. The
+    wrapped difference comes from products of sines and cosines, with one arctangent and no branch cut: with
+    sd, cd = R sin C, R cos C it is 2 atan(sd / (R + |cd|)), or its supplement where cd < 0.
 
     The gradient is that of Tamstorf, Grinspun 2013, *Discrete bending forces and their Jacobians*,
-    doi:10.1016/j.gmod.2013.07.001; it is finite at flat and at concave edges.
+    doi:10.1016/j.gmod.2013.07.001, finite at flat and at concave edges. Multiplied by |e| |n1|^2 |n2|^2,
+    which leaves two divisions, it is n1 |n2|^2 |e|^2 at p3, n2 |n1|^2 |e|^2 at p4, minus their mean by
+    (p3 - p1) . e and (p4 - p1) . e at p2, and at p1 what makes the sum zero. Its squares follow from |n1|^2,
+    |n2|^2 and n1 . n2, without the vectors. Degenerate triangles move nothing: the correction is proportional
+    to 1 / |gradient|, their height.
     """
-    angle, _ = dihedral_angle(p1, p2, p3, p4)
-    difference = float(angle) - rest
-    difference -= 2.0 * math.pi * math.ceil((difference - math.pi) / (2.0 * math.pi))
-    e = p2 - p1
-    length = np.linalg.norm(e)
-    n1, n2 = np.cross(e, p3 - p1), np.cross(p4 - p1, e)
-    m1, m2 = n1 / (n1 @ n1), n2 / (n2 @ n2)
-    gradient = np.array(
-        [
-            ((p2 - p3) @ e * m1 + (p2 - p4) @ e * m2) / length,
-            ((p3 - p1) @ e * m1 + (p4 - p1) @ e * m2) / length,
-            -length * m1,
-            -length * m2,
-        ]
+    proper, sine, cosine, ee, a2, b2, n11, n22, n1x, n1y, n1z, n2x, n2y, n2z = hinge(
+        x1, y1, z1, x2, y2, z2, x3, y3, z3, x4, y4, z4
     )
-    return difference, gradient
+    sd = sine * cosine0 - cosine * sine0
+    cd = cosine * cosine0 + sine * sine0
+    near = 2.0 * arctangent(sd / (math.sqrt(n11 * n22) + abs(cd)))
+    far = (math.pi if sd >= 0.0 else -math.pi) - near
+    c = near if cd >= 0.0 else far
+    c = c if c < LARGEST_TURN else LARGEST_TURN
+    c = c if c > -LARGEST_TURN else -LARGEST_TURN
 
-
-@kernel
-def project_dihedral(  # noqa: PLR0915 -- scalars stay in registers, small arrays do not
-    p: Floats, w: Floats, quads: Ints, cosines: Floats, sines: Floats, stiffness: float
-) -> None:
-    """Move the points of two neighbouring triangles so that the angle between them is as at rest.
-
-    C = phi - phi0 with the signed angle of :func:`dihedral_angle`, wrapped to (-pi, pi]. The wrapped
-    difference comes from products of sines and cosines, with one arctangent and no branch cut: with
-    sd, cd = R sin C, R cos C it is 2 atan(sd / (R + |cd|)), or its supplement where cd < 0.
-    Degenerate triangles move nothing: the correction is proportional to 1 / |gradient|, their height.
-
-    Parameters
-    ----------
-    p : (n, 3) array
-        Positions [mm], changed in place.
-    w : (n,) array
-        Inverse masses: 1 free, 0 fixed.
-    quads : (q, 4) int array
-        Point ids (p1, p2, p3, p4), at least one of them free.
-    cosines, sines : (q,) arrays
-        Of the rest angles phi0.
-    stiffness : float
-        Stiffness per iteration, in [0, 1].
-    """
-    for q in range(len(quads)):
-        i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
-        ex = p[j, 0] - p[i, 0]
-        ey = p[j, 1] - p[i, 1]
-        ez = p[j, 2] - p[i, 2]
-        ax = p[k, 0] - p[i, 0]
-        ay = p[k, 1] - p[i, 1]
-        az = p[k, 2] - p[i, 2]
-        bx = p[m, 0] - p[i, 0]
-        by = p[m, 1] - p[i, 1]
-        bz = p[m, 2] - p[i, 2]
-        n1x = ey * az - ez * ay
-        n1y = ez * ax - ex * az
-        n1z = ex * ay - ey * ax
-        n2x = by * ez - bz * ey
-        n2y = bz * ex - bx * ez
-        n2z = bx * ey - by * ex
-        ee = ex * ex + ey * ey + ez * ez
-        aa = ax * ax + ay * ay + az * az
-        bb = bx * bx + by * by + bz * bz
-        n11 = n1x * n1x + n1y * n1y + n1z * n1z
-        n22 = n2x * n2x + n2y * n2y + n2z * n2z
-        if not (n11 > DEGENERATE_SINE**2 * ee * aa and n22 > DEGENERATE_SINE**2 * ee * bb):
-            continue
-        length = math.sqrt(ee)
-        # (e x a) x (b x e) = -e (n1 . b), as n1 is normal to e.
-        sine = -length * (n1x * bx + n1y * by + n1z * bz)
-        cosine = n1x * n2x + n1y * n2y + n1z * n2z
-        sd = sine * cosines[q] - cosine * sines[q]
-        cd = cosine * cosines[q] + sine * sines[q]
-        c = 2.0 * math.atan(sd / (math.sqrt(n11 * n22) + abs(cd)))
-        if cd < 0.0:
-            c = math.copysign(math.pi, sd) - c
-        c = min(max(c, -LARGEST_TURN), LARGEST_TURN)
-        # Gradients: u_i n1 + v_i n2 at the edge's ends, -|e| n1 / |n1|^2 and -|e| n2 / |n2|^2 opposite.
-        ae = (ax * ex + ay * ey + az * ez) / ee
-        be = (bx * ex + by * ey + bz * ez) / ee
-        r1 = length / n11
-        r2 = length / n22
-        gix = (1.0 - ae) * r1 * n1x + (1.0 - be) * r2 * n2x
-        giy = (1.0 - ae) * r1 * n1y + (1.0 - be) * r2 * n2y
-        giz = (1.0 - ae) * r1 * n1z + (1.0 - be) * r2 * n2z
-        gjx = ae * r1 * n1x + be * r2 * n2x
-        gjy = ae * r1 * n1y + be * r2 * n2y
-        gjz = ae * r1 * n1z + be * r2 * n2z
-        gi = gix * gix + giy * giy + giz * giz
-        gj = gjx * gjx + gjy * gjy + gjz * gjz
-        gk = r1 * r1 * n11
-        gm = r2 * r2 * n22
-        weighted = w[i] * gi + w[j] * gj + w[k] * gk + w[m] * gm
-        s = stiffness * c / max(weighted, DIHEDRAL_FLOOR * (gi + gj + gk + gm))
-        si = s * w[i]
-        sj = s * w[j]
-        sk = s * w[k] * r1
-        sm = s * w[m] * r2
-        p[i, 0] -= si * gix
-        p[i, 1] -= si * giy
-        p[i, 2] -= si * giz
-        p[j, 0] -= sj * gjx
-        p[j, 1] -= sj * gjy
-        p[j, 2] -= sj * gjz
-        p[k, 0] += sk * n1x
-        p[k, 1] += sk * n1y
-        p[k, 2] += sk * n1z
-        p[m, 0] += sm * n2x
-        p[m, 1] += sm * n2y
-        p[m, 2] += sm * n2z
+    a1, b1 = ee - a2, ee - b2
+    cross = 2.0 * cosine
+    g1 = a1 * (a1 * n22 + b1 * cross) + b1 * (b1 * n11)
+    g2 = a2 * (a2 * n22 + b2 * cross) + b2 * (b2 * n11)
+    g3, g4 = ee * ee * n22, ee * ee * n11
+    weighted = w1 * g1 + w2 * g2 + w3 * g3 + w4 * g4
+    floor = DIHEDRAL_FLOOR * ((g1 + g2) + (g3 + g4))
+    s = stiffness * c * math.sqrt(ee) / (weighted if weighted > floor else floor)
+    s = s if proper else 0.0
+    s1, s2 = s * n22, s * n11
+    u1, v1 = w1 * (s1 * a1), w1 * (s2 * b1)
+    u2, v2 = w2 * (s1 * a2), w2 * (s2 * b2)
+    u3, v4 = w3 * (s1 * ee), w4 * (s2 * ee)
+    return (
+        x1 - u1 * n1x - v1 * n2x, y1 - u1 * n1y - v1 * n2y, z1 - u1 * n1z - v1 * n2z,
+        x2 - u2 * n1x - v2 * n2x, y2 - u2 * n1y - v2 * n2y, z2 - u2 * n1z - v2 * n2z,
+        x3 + u3 * n1x, y3 + u3 * n1y, z3 + u3 * n1z,
+        x4 + v4 * n2x, y4 + v4 * n2y, z4 + v4 * n2z,
+    )  # fmt: skip
 
 
 # -------------------------------------------------------------------------------- volume
 
 
-@kernel
+@vector_kernel
 def volume_and_gradient(p: Floats, triangles: Ints, gradient: Floats) -> float:
     """Return the volume inside a closed surface, and write its gradient.
 
-    V = sum p1 . (p2 x p3) / 6 and dV/dp1 = sum p2 x p3 / 6, about the mean of the points: neither depends
-    on the origin for a closed surface, and a muscle far from it loses no digits.
+    V = sum p1 . (p2 x p3) / 6 over the triangles. Of dV/dp1 = sum p2 x p3 / 6 the triangles around a point
+    leave sum (p2 - p1) x (p3 - p1) / 6, as the surface is closed: the same vector for all three corners,
+    which does not depend on the origin. V is homogeneous of degree 3, so that V = sum p . dV/dp / 3.
 
     Parameters
     ----------
     p : (n, 3) array
         Positions [mm].
     triangles : (m, 3) int array
-        Point ids.
+        Point ids of a closed surface.
     gradient : (n, 3) array
         Overwritten with dV/dp [mm^2].
 
@@ -287,54 +255,37 @@ def volume_and_gradient(p: Floats, triangles: Ints, gradient: Floats) -> float:
     float
         Volume [mm^3].
     """
-    x0 = 0.0
-    y0 = 0.0
-    z0 = 0.0
-    for i in range(len(p)):
-        x0 += p[i, 0]
-        y0 += p[i, 1]
-        z0 += p[i, 2]
-        gradient[i, 0] = 0.0
-        gradient[i, 1] = 0.0
-        gradient[i, 2] = 0.0
-    x0 /= len(p)
-    y0 /= len(p)
-    z0 /= len(p)
-    total = 0.0
+    gradient[:] = 0.0
     for t in range(len(triangles)):
         i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        ax, ay, az = p[i, 0] - x0, p[i, 1] - y0, p[i, 2] - z0
-        bx, by, bz = p[j, 0] - x0, p[j, 1] - y0, p[j, 2] - z0
-        cx, cy, cz = p[k, 0] - x0, p[k, 1] - y0, p[k, 2] - z0
-        gx = by * cz - bz * cy
-        gy = bz * cx - bx * cz
-        gz = bx * cy - by * cx
-        total += ax * gx + ay * gy + az * gz
-        gradient[i, 0] += gx / 6.0
-        gradient[i, 1] += gy / 6.0
-        gradient[i, 2] += gz / 6.0
-        gradient[j, 0] += (cy * az - cz * ay) / 6.0
-        gradient[j, 1] += (cz * ax - cx * az) / 6.0
-        gradient[j, 2] += (cx * ay - cy * ax) / 6.0
-        gradient[k, 0] += (ay * bz - az * by) / 6.0
-        gradient[k, 1] += (az * bx - ax * bz) / 6.0
-        gradient[k, 2] += (ax * by - ay * bx) / 6.0
-    return total / 6.0
+        ax, ay, az = p[i, 0], p[i, 1], p[i, 2]
+        bx, by, bz = p[j, 0] - ax, p[j, 1] - ay, p[j, 2] - az
+        cx, cy, cz = p[k, 0] - ax, p[k, 1] - ay, p[k, 2] - az
+        x, y, z = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+        gradient[i, 0] += x
+        gradient[i, 1] += y
+        gradient[i, 2] += z
+        gradient[j, 0] += x
+        gradient[j, 1] += y
+        gradient[j, 2] += z
+        gradient[k, 0] += x
+        gradient[k, 1] += y
+        gradient[k, 2] += z
+    total = 0.0
+    for i in range(len(p)):  # about a point of the muscle: one far from the origin loses no digits
+        for c in range(3):
+            gradient[i, c] /= 6.0
+            total += (p[i, c] - p[0, c]) * gradient[i, c]
+    return total / 3.0
 
 
-@kernel
+@vector_kernel
 def project_volume(
-    p: Floats,
-    w: Floats,
-    triangles: Ints,
-    rest: float,
-    floor: float,
-    stiffness: float,
-    gradient: Floats,
+    p: Floats, w: Floats, triangles: Ints, rest: float, floor: float, stiffness: float, gradient: Floats
 ) -> float:
     """Move all points along the volume's gradient so that the volume is as at rest.
 
-    C = V - V0 (P21 eq. 4-5, with the 1/6 in value and gradient alike).
+    C = V - V0 (Kohout and Cervenka 2021, eq. 4-5, with the 1/6 in value and gradient alike).
 
     Parameters
     ----------
@@ -370,3 +321,41 @@ def project_volume(
             p[i, 1] -= s * w[i] * gradient[i, 1]
             p[i, 2] -= s * w[i] * gradient[i, 2]
     return volume
+
+
+# -------------------------------------------------------------------------------- one by one
+
+
+@vector_kernel
+def sweep_distances(p: Floats, w: Floats, edges: Ints, rest: Floats, stiffness: Floats) -> None:
+    """Project the distance constraint of edges (k, 2) one by one, each seeing what the last one moved.
+
+    p : (n, 3) positions [mm], changed in place; w : (n,) inverse masses; rest : (k,) lengths [mm];
+    stiffness : (k,) per iteration.
+    """
+    for e in range(len(edges)):
+        i, j = edges[e, 0], edges[e, 1]
+        p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2] = distance(
+            p[i, 0], p[i, 1], p[i, 2], w[i], p[j, 0], p[j, 1], p[j, 2], w[j], rest[e], stiffness[e]
+        )
+
+
+@vector_kernel
+def sweep_dihedrals(
+    p: Floats, w: Floats, quads: Ints, cosines: Floats, sines: Floats, stiffness: float
+) -> None:
+    """Project the dihedral constraint of quadruples of points (q, 4) one by one.
+
+    p : (n, 3) positions [mm], changed in place; w : (n,) inverse masses; cosines, sines : (q,) of the rest
+    angles; stiffness : per iteration.
+    """
+    for q in range(len(quads)):
+        i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
+        (
+            p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2],
+            p[k, 0], p[k, 1], p[k, 2], p[m, 0], p[m, 1], p[m, 2],
+        ) = dihedral(
+            p[i, 0], p[i, 1], p[i, 2], w[i], p[j, 0], p[j, 1], p[j, 2], w[j],
+            p[k, 0], p[k, 1], p[k, 2], w[k], p[m, 0], p[m, 1], p[m, 2], w[m],
+            cosines[q], sines[q], stiffness,
+        )  # fmt: skip

@@ -2,9 +2,30 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-from vtkmuscle.core.pbd.two_level import NODES
+#: Allowed values of the settings that are a choice.
+CHOICES = {
+    "prediction": ("blend", "inertial"),
+    "solver": ("anderson", "gauss-seidel"),
+    "projection_order": ("batched", "sequential"),
+    "bone_push": ("off", "transform"),
+    "contact_velocity": ("zero", "keep"),
+}
+
+#: Least and greatest allowed values of the others.
+RANGES = {
+    "iterations": (1, 1_000_000),
+    "substeps": (1, 10_000),
+    "dt": (0.0, math.inf),
+    "velocity_kept": (0.0, 1.0),
+    "stiffness": (0.0, 1.0),
+    "shape_stiffness": (0.0, 1.0),
+    "volume_stiffness": (0.0, 1.0),
+    "guidance": (0.0, 1.0),
+    "tolerance": (0.0, math.inf),
+}
 
 
 @dataclass(frozen=True)
@@ -14,75 +35,77 @@ class SolverParameters:
     Attributes
     ----------
     iterations : int
-        Projections of all constraints per (sub)step, >= 1.
+        Projections of all constraints per (sub)step, at most, >= 1.
     substeps : int
         Parts that a step is cut into, bones moving along their screws, >= 1.
     dt : float
         Time of a step [s], > 0.
-    damping : float
+    velocity_kept : float
         Part of the velocity that is left after a (sub)step, in [0, 1].
     stiffness, shape_stiffness, volume_stiffness : float
         Of the distance, dihedral and volume constraints, in [0, 1]: per (sub)step with ``"gauss-seidel"``,
-        per iteration with the others.
+        per iteration with ``"anderson"``.
     external_force : (3,) tuple
         Force per mass on each free point [mm / s^2].
     guidance : float
         Part of its way to where the taut fibres carry it that each iteration draws a point, in [0, 1]; 0
         leaves them to their rest shape.
-    start : str
-        Where the solve of a step starts: ``"inertial"``, ``"blend"``, or ``"coarse"``, which needs a coarse
-        muscle.
+    prediction : str
+        Where the solve of a step starts: ``"inertial"`` or ``"blend"``.
     solver : str
-        ``"gauss-seidel"``, ``"anderson"`` or ``"two-level"``: the iteration as it is, accelerated, or
-        accelerated and corrected on a coarse level.
+        ``"gauss-seidel"`` or ``"anderson"``: the iteration as it is, or accelerated.
     tolerance : float
-        Stop at this estimated distance to the converged shape [mm], except with ``"gauss-seidel"``; 0 never
-        stops.
-    nodes : int
-        With ``"two-level"``: nodes of the coarse correction, about.
-    order : str
-        ``"colour"`` or ``"sequential"``: many edges at once and the volume last, or P21's order.
-    dtype : str
-        ``"float64"`` or ``"float32"``: the numbers that the iteration computes with. The latter only with
-        ``"gauss-seidel"`` and ``"colour"``: acceleration lives on differences that single precision loses.
-    threads : int
-        Threads that a large muscle is solved on, 0 for as many as there are processors. The result does not
-        depend on it.
+        With ``"anderson"``, where the taut fibres draw the points: stop where the converged shape is at most
+        so far (root mean square) [mm]; 0 stops at a fixed point only.
+    projection_order : str
+        ``"batched"`` or ``"sequential"``: many edges at once and the volume last, or the order of Kohout and
+        Cervenka 2021.
     bone_push : str
         What a bone does to points it moved over: ``"transform"`` or ``"off"``.
     contact_velocity : str
         What velocity points have that met a bone: ``"zero"`` or ``"keep"``, that of their displacement.
+
+    Raises
+    ------
+    ValueError
+        If a setting is none of its choices, or out of its range.
+
+    Examples
+    --------
+    >>> SolverParameters(solver="anderson", iterations=100).tolerance
+    0.5
     """
 
-    iterations: int = 10
+    iterations: int = 30
     substeps: int = 1
     dt: float = 1.0
-    damping: float = 0.99
+    velocity_kept: float = 0.99
     stiffness: float = 1.0
     shape_stiffness: float = 0.9
     volume_stiffness: float = 1.0
     external_force: tuple[float, ...] = (0.0, 0.0, 0.0)
     guidance: float = 0.02
-    start: str = "blend"
-    solver: str = "two-level"
-    tolerance: float = 0.0
-    nodes: int = NODES
-    order: str = "colour"
-    dtype: str = "float64"
-    threads: int = 0
+    prediction: str = "blend"
+    solver: str = "anderson"
+    tolerance: float = 0.5
+    projection_order: str = "batched"
     bone_push: str = "off"
     contact_velocity: str = "zero"
 
     def __post_init__(self) -> None:
-        """Refuse what does not go together.
-
-        Raises
-        ------
-        ValueError
-            For single precision with acceleration, or in sequential order.
-        """
-        if self.dtype == "float32" and (self.solver, self.order) != ("gauss-seidel", "colour"):
+        """Check each setting."""
+        for name, choices in CHOICES.items():
+            value = getattr(self, name)
+            if value not in choices:
+                allowed = " or ".join(map(repr, choices))
+                raise ValueError(f"SolverParameters.{name} is {value!r}, but must be {allowed}")
+        for name, (least, greatest) in RANGES.items():
+            value = getattr(self, name)
+            if not least <= value <= greatest or (name == "dt" and value == 0.0):
+                sign = ">" if name == "dt" else ">="
+                most = "" if math.isinf(greatest) else f" and <= {greatest}"
+                raise ValueError(f"SolverParameters.{name} is {value!r}, but must be {sign} {least}{most}")
+        if len(self.external_force) != 3:
             raise ValueError(
-                f"dtype is 'float32', but solver is {self.solver!r} and order is {self.order!r}; single "
-                "precision is for solver 'gauss-seidel' with order 'colour', all else needs dtype 'float64'"
+                f"SolverParameters.external_force is {self.external_force!r}, but must have three components"
             )

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import kernel, vector_kernel
 from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume
 from vtkmuscle.core.mesh.topology import MeshTopology
-from vtkmuscle.core.pbd.constraints import DEGENERATE_SINE, volume_and_gradient
-from vtkmuscle.core.pbd.percentiles import percentiles
+from vtkmuscle.core.pbd.constraints import hinge, volume_and_gradient
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -127,19 +126,21 @@ class RestShape:
             Unit direction of the fibres at each edge at rest, 0 where there is none.
         """
         stretch = _stretches(positions, self._long_edges, self._long_lengths)
-        median, high = percentiles(stretch, [50.0, 95.0])
-        changes, lost = _angle_changes(
-            positions, self._topology.quads, self._cosines, self._sines, self.angle_defined
-        )
-        errors = percentiles(changes, [50.0, 95.0], of=_degrees) if len(changes) else [0.0, 0.0]
+        median, high = _percentiles(stretch, 50.0, 95.0)
+        cosines, sines, defined = _cosines_and_sines(positions, self._topology.quads)
+        both = self.angle_defined & defined
+        # The chord tells small angles apart, which the cosine does not.
+        chords = np.hypot(cosines[both] - self._cosines[both], sines[both] - self._sines[both])
+        errors = _percentiles(chords, 50.0, 95.0) if len(chords) else np.zeros(2)
+        errors = np.degrees(2.0 * np.arcsin(np.minimum(0.5 * errors, 1.0)))
         return ShapeReport(
             volume_ratio=signed_volume(positions, self._topology.triangles) / self.volume,
-            edge_stretch_p50=median,
-            edge_stretch_p95=high,
+            edge_stretch_p50=float(median),
+            edge_stretch_p95=float(high),
             edge_stretch_max=float(stretch.max()),
-            dihedral_error_p50=errors[0],
-            dihedral_error_p95=errors[1],
-            degenerate_edges=lost,
+            dihedral_error_p50=float(errors[0]),
+            dihedral_error_p95=float(errors[1]),
+            degenerate_edges=int((self.angle_defined & ~defined).sum()),
             **self._by_direction(stretch, directions),
         )
 
@@ -158,24 +159,24 @@ class RestShape:
         return {"along": _spread(stretch[along]), "across": _spread(stretch[across])}
 
 
+def _percentiles(values: Floats, *percents: float) -> Floats:
+    """Return percentiles of values (n,), interpolated linearly, (p,)."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        found: Floats = np.percentile(values, percents)
+    return found
+
+
 def _spread(values: Floats) -> _Spread | None:
     if not len(values):
         return None
-    low, median, high = percentiles(values, [5.0, 50.0, 95.0])
+    low, median, high = _percentiles(values, 5.0, 50.0, 95.0).tolist()
     return low, median, high
 
 
-def _degrees(squared_chords: Floats) -> Floats:
-    """Return the angles [degrees] of chords of the unit circle, given squared."""
-    angles: Floats = np.degrees(2.0 * np.arcsin(np.minimum(0.5 * np.sqrt(squared_chords), 1.0)))
-    return angles
-
-
 def dihedral_angles(points: Floats, quads: Ints) -> tuple[Floats, Bools]:
-    """Return the signed angles (q,) of quadruples of points, and False where one is not defined, (q,).
+    """Return the signed angles (q,) between neighbouring triangles, and False where one is not defined, (q,).
 
-    The same as :func:`~vtkmuscle.core.pbd.constraints.dihedral_angle`, one after the other without arrays in
-    between.
+    0 where flat, positive where convex, in (-pi, pi]; see :func:`~vtkmuscle.core.pbd.constraints.hinge`.
 
     Parameters
     ----------
@@ -183,73 +184,35 @@ def dihedral_angles(points: Floats, quads: Ints) -> tuple[Floats, Bools]:
         Positions [mm].
     quads : (q, 4) int array
         As in :class:`~vtkmuscle.core.mesh.topology.MeshTopology`.
+
+    Returns
+    -------
+    angles : (q,) array
+        Radians; 0 where the angle is not defined.
+    defined : (q,) bool array
+        False where one of the triangles is degenerate.
     """
-    angles, defined = np.zeros(len(quads)), np.zeros(len(quads), dtype=np.bool_)
-    _measure_angles(points, quads, angles, defined)
-    return angles, defined
+    cosines, sines, defined = _cosines_and_sines(points, quads)
+    angles = np.arctan2(sines, cosines)
+    return np.where(angles == -np.pi, np.pi, angles), defined
 
 
-@kernel
-def _measure_angles(p: Floats, quads: Ints, angles: Floats, defined: Bools) -> None:
+@vector_kernel
+def _cosines_and_sines(p: Floats, quads: Ints) -> tuple[Floats, Floats, Bools]:
+    """Return cosines and sines of the angles of quadruples (q, 4), 1 and 0 where one is not defined."""
+    cosines, sines = np.ones(len(quads)), np.zeros(len(quads))
+    defined = np.zeros(len(quads), dtype=np.bool_)
     for q in range(len(quads)):
         i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
-        ex, ey, ez = p[j, 0] - p[i, 0], p[j, 1] - p[i, 1], p[j, 2] - p[i, 2]
-        ax, ay, az = p[k, 0] - p[i, 0], p[k, 1] - p[i, 1], p[k, 2] - p[i, 2]
-        bx, by, bz = p[m, 0] - p[i, 0], p[m, 1] - p[i, 1], p[m, 2] - p[i, 2]
-        n1x, n1y, n1z = ey * az - ez * ay, ez * ax - ex * az, ex * ay - ey * ax
-        n2x, n2y, n2z = by * ez - bz * ey, bz * ex - bx * ez, bx * ey - by * ex
-        length = math.sqrt(ex * ex + ey * ey + ez * ez)
-        n1 = math.sqrt(n1x * n1x + n1y * n1y + n1z * n1z)
-        n2 = math.sqrt(n2x * n2x + n2y * n2y + n2z * n2z)
-        least = DEGENERATE_SINE * length
-        if (
-            length > 0.0
-            and n1 > least * math.sqrt(ax * ax + ay * ay + az * az)
-            and n2 > least * math.sqrt(bx * bx + by * by + bz * bz)
-        ):
-            # (n1 x n2) . e = -|e|^2 n1 . b, without the cancellation of the cross product.
-            sine = -length * (n1x * bx + n1y * by + n1z * bz)
-            angle = math.atan2(sine, n1x * n2x + n1y * n2y + n1z * n2z)
-            angles[q] = math.pi if angle == -math.pi else angle
-            defined[q] = True
-
-
-@kernel
-def _angle_changes(
-    p: Floats, quads: Ints, cosines: Floats, sines: Floats, defined: Bools
-) -> tuple[Floats, int]:
-    """Return by how much angles have changed, and how many are not defined any more.
-
-    A change is given as the square of its chord, 2 - 2 cos: that takes no arc tangent, and unlike the cosine
-    it tells small angles apart.
-    """
-    changes = np.empty(len(quads))
-    count, lost = 0, 0
-    for q in range(len(quads)):
-        if not defined[q]:
-            continue
-        i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
-        ex, ey, ez = p[j, 0] - p[i, 0], p[j, 1] - p[i, 1], p[j, 2] - p[i, 2]
-        ax, ay, az = p[k, 0] - p[i, 0], p[k, 1] - p[i, 1], p[k, 2] - p[i, 2]
-        bx, by, bz = p[m, 0] - p[i, 0], p[m, 1] - p[i, 1], p[m, 2] - p[i, 2]
-        n1x, n1y, n1z = ey * az - ez * ay, ez * ax - ex * az, ex * ay - ey * ax
-        n2x, n2y, n2z = by * ez - bz * ey, bz * ex - bx * ez, bx * ey - by * ex
-        length = ex * ex + ey * ey + ez * ez
-        n1, n2 = n1x * n1x + n1y * n1y + n1z * n1z, n2x * n2x + n2y * n2y + n2z * n2z
-        least = DEGENERATE_SINE * DEGENERATE_SINE * length
-        if (
-            length > 0.0
-            and n1 > least * (ax * ax + ay * ay + az * az)
-            and n2 > least * (bx * bx + by * by + bz * bz)
-        ):
-            sine = -math.sqrt(length) * (n1x * bx + n1y * by + n1z * bz)
-            cosine = n1x * n2x + n1y * n2y + n1z * n2z
-            size = 1.0 / math.sqrt(sine * sine + cosine * cosine)
-            changes[count] = (cosine * size - cosines[q]) ** 2 + (sine * size - sines[q]) ** 2
-            count += 1
-        else:
-            lost += 1
-    return changes[:count], lost
+        found = hinge(
+            p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2],
+            p[k, 0], p[k, 1], p[k, 2], p[m, 0], p[m, 1], p[m, 2],
+        )  # fmt: skip
+        proper, sine, cosine = found[0], found[1], found[2]
+        if proper:
+            size = math.sqrt(sine * sine + cosine * cosine)
+            cosines[q], sines[q], defined[q] = cosine / size, sine / size, True
+    return cosines, sines, defined
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
@@ -13,24 +13,19 @@ from numpy.typing import NDArray
 from vtkmuscle.core.collision.contact import Barrier, Contact
 from vtkmuscle.core.collision.muscle_contact import MuscleContact, Neighbour
 from vtkmuscle.core.collision.obstacles import Obstacle
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.surface import edge_lengths
 from vtkmuscle.core.mesh.topology import MeshTopology, mesh_topology
 from vtkmuscle.core.motion.blending import blend_motions, screw_between
 from vtkmuscle.core.motion.rigid import apply_transform, centred, inverse
-from vtkmuscle.core.pbd.accelerated import AcceleratedSolve
-from vtkmuscle.core.pbd.anderson import Workspace
-from vtkmuscle.core.pbd.batches import pack
-from vtkmuscle.core.pbd.coarse import Prolongation
-from vtkmuscle.core.pbd.constraints import VOLUME_FLOOR, per_iteration_stiffness, project_volume
-from vtkmuscle.core.pbd.convergence import root_mean_square_distance
+from vtkmuscle.core.pbd.anderson import Workspace, anderson
+from vtkmuscle.core.pbd.constraints import per_iteration_stiffness
+from vtkmuscle.core.pbd.orders import ColourOrder, Iteration, Order, SequentialOrder, Stiffness, Volume
 from vtkmuscle.core.pbd.parameters import SolverParameters
-from vtkmuscle.core.pbd.projection import ColourOrder, Projection, SequentialOrder
 from vtkmuscle.core.pbd.rest_shape import RestShape, ShapeReport, dihedral_angles
 from vtkmuscle.core.pbd.stages import StageClock, add_stages
-from vtkmuscle.core.pbd.state import MuscleState, Trend
-from vtkmuscle.core.pbd.two_level import CoarseCorrection, CoarseModel, has_coarse_model
+from vtkmuscle.core.pbd.state import MuscleState
 from vtkmuscle.core.taut.guidance import Guidance, Guided
 
 __all__ = ["MuscleSolver", "MuscleState", "SolverParameters"]
@@ -39,20 +34,15 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-#: Positions, points that met a bone, and (iterations, residual, distance) as of :class:`MuscleState`.
-_Solved = tuple[Floats, Bools, tuple[int, float, float | None]]
-_KeepOut = Callable[[Floats], Bools]
-
 #: After the iterations, volume and bones are attended to alternately, this often at most.
 SETTLING_PASSES = 6
 
 #: What is said of a state that is not finite.
 OUT_OF_RANGE = (
-    "the muscle left the range of floating point numbers; use a smaller external_force or another dt"
+    "",
+    "the muscle left the range of floating point numbers",
+    "use a smaller external_force or dt",
 )
-
-#: A step's trend is taken into the next at most so many times, where the bones go on or turn back.
-GOING_ON = (-1.0, 2.0)
 
 #: Relative error of the volume that is as good as none.
 VOLUME_TOLERANCE = 1e-6
@@ -61,9 +51,9 @@ VOLUME_TOLERANCE = 1e-6
 class MuscleSolver:
     """Deforms a muscle's surface with the bones it is fixed to.
 
-    P21 Algorithm 2. The solver holds what does not change (rest shape, constraints); :meth:`step` takes a
-    state and gives the next, so that states can be kept and gone back to. It works about the muscle's rest
-    centre, so that a scene far from the origin loses no digits.
+    Kohout and Cervenka 2021, algorithm 2, which :meth:`step` is. The solver holds what does not change (rest
+    shape, constraints); :meth:`step` takes a state and gives the next, so that states can be kept and gone
+    back to. It works about the muscle's rest centre, so that a scene far from the origin loses no digits.
 
     Parameters
     ----------
@@ -82,17 +72,11 @@ class MuscleSolver:
         default there are none.
     obstacles : sequence of Obstacle, optional
         Bones that free points are kept out of.
-    coarse : MuscleSolver, optional
-        Of the same muscle with fewer points (:func:`~vtkmuscle.core.pbd.coarse.coarse_muscle`), for the start
-        ``"coarse"``: it makes each step first, and the full muscle starts where that takes it.
-    warns : bool
-        Whether to warn of bones that meet the muscle in a way that cannot come out well.
 
     Raises
     ------
     ValueError
-        If the surface is open or encloses no volume, or if a step is to start from a coarse muscle and there
-        is none.
+        If the surface is open or encloses no volume.
     """
 
     def __init__(
@@ -105,8 +89,6 @@ class MuscleSolver:
         edge_stiffness: Floats | None = None,
         guidance: Guidance | None = None,
         obstacles: Sequence[Obstacle] = (),
-        coarse: MuscleSolver | None = None,
-        warns: bool = True,
     ) -> None:
         self.topology: MeshTopology = mesh_topology(len(points), triangles)
         self.fixed_to = fixed_to
@@ -119,13 +101,10 @@ class MuscleSolver:
             (int(bone), np.flatnonzero(fixed_to == bone)) for bone in np.unique(fixed_to[fixed_to >= 0])
         ]
         self._shape = RestShape(self.rest, self.topology)
-        self._warns = warns
+        self._volume = Volume(self.topology.triangles, self._shape, self._inverse_mass)
         self._barrier = Barrier((), self.rest, self.centre, self._free, bone_push=False)
-        self._target: Floats | None = None
-        self._projection_made_from: tuple[tuple[object, ...], Floats] | None = None
-        self._coarse: MuscleSolver | None = None
-        self._prolongation: Prolongation | None = None
-        self._prepare(parameters, edge_stiffness, guidance, obstacles, coarse)
+        self._order_made_from: tuple[tuple[object, ...], Floats] | None = None
+        self._prepare(parameters, edge_stiffness, guidance, obstacles)
 
     def adjusted(
         self,
@@ -134,7 +113,6 @@ class MuscleSolver:
         edge_stiffness: Floats | None = None,
         guidance: Guidance | None = None,
         obstacles: Sequence[Obstacle] = (),
-        coarse: MuscleSolver | None = None,
     ) -> MuscleSolver:
         """Return a solver of the same muscle with other settings, as if it were made anew.
 
@@ -143,11 +121,11 @@ class MuscleSolver:
 
         Parameters
         ----------
-        parameters, edge_stiffness, guidance, obstacles, coarse
+        parameters, edge_stiffness, guidance, obstacles
             As of the class.
         """
         other = copy(self)
-        other._prepare(parameters, edge_stiffness, guidance, obstacles, coarse)
+        other._prepare(parameters, edge_stiffness, guidance, obstacles)
         return other
 
     def _prepare(
@@ -156,81 +134,31 @@ class MuscleSolver:
         edge_stiffness: Floats | None,
         guidance: Guidance | None,
         obstacles: Sequence[Obstacle],
-        coarse: MuscleSolver | None,
     ) -> None:
         """Make what depends on the settings."""
         self.parameters = parameters
-        self._prepare_coarse(coarse)
         push = parameters.bone_push == "transform"
         if push != self._barrier.bone_push or tuple(obstacles) != self._barrier.obstacles:
-            self._barrier = Barrier(
-                obstacles, self.rest, self.centre, self._free, bone_push=push, warns=self._warns
-            )
-        self._prepare_volume()
+            self._barrier = Barrier(obstacles, self.rest, self.centre, self._free, bone_push=push)
         self._guidance = guidance
-        self._prepare_projection(edge_stiffness)
+        self._prepare_order(edge_stiffness)
 
-    def _prepare_coarse(self, coarse: MuscleSolver | None) -> None:
-        if self.parameters.start != "coarse":
-            coarse = None
-        elif coarse is None:
-            raise ValueError(
-                "start is 'coarse', but no coarse muscle is given; give one, or use start 'blend'"
-            )
-        before, self._coarse = self._coarse, coarse
-        if coarse is None:
-            self._prolongation = None
-        elif before is None or before.topology is not coarse.topology:
-            about_centre = coarse.rest + (coarse.centre - self.centre)
-            self._prolongation = Prolongation(about_centre, coarse.topology.triangles, self.rest)
-
-    def _prepare_volume(self) -> None:
-        squares = np.einsum("ij,ij->i", self._shape.volume_gradient, self._shape.volume_gradient)
-        self._volume_floor = VOLUME_FLOOR * float((self._inverse_mass * squares).sum())
-        self._volume_stiffness = float(self._per_iteration(self.parameters.volume_stiffness))
-        self._gradient = np.empty_like(self.rest)
-
-    def _prepare_projection(self, edge_stiffness: Floats | None) -> None:
+    def _prepare_order(self, edge_stiffness: Floats | None) -> None:
         settings = self.parameters
-        stiffness = np.ones(len(self.topology.edges)) if edge_stiffness is None else edge_stiffness
-        stiffness = self._per_iteration(settings.stiffness * stiffness)
-        shape_stiffness = float(self._per_iteration(settings.shape_stiffness))
-        self._stiffness = stiffness, shape_stiffness
-        made_from = (
-            self._guidance,
-            settings.order,
-            settings.dtype,
-            settings.threads,
-            settings.nodes,
-            shape_stiffness,
-            self._volume_stiffness,
+        edges = np.ones(len(self.topology.edges)) if edge_stiffness is None else edge_stiffness
+        stiffness = Stiffness(
+            self._per_iteration(settings.stiffness * edges),
+            float(self._per_iteration(settings.shape_stiffness)),
+            float(self._per_iteration(settings.volume_stiffness)),
         )
-        before = self._projection_made_from
-        if before is not None and before[0] == made_from and np.array_equal(before[1], stiffness):
+        # The order keeps the rest lengths that the guidance gave it last.
+        made_from = self._guidance, settings.projection_order, stiffness.shape, stiffness.volume
+        before = self._order_made_from
+        if before is not None and before[0] == made_from and np.array_equal(before[1], stiffness.edges):
             return
-        self._projection_made_from = made_from, stiffness
-        self._coarse_model: CoarseModel | None = None
-        if settings.order == "colour":
-            packed = pack(
-                self.topology,
-                self.rest,
-                self._inverse_mass,
-                edge_stiffness=stiffness,
-                shape_stiffness=shape_stiffness,
-                volume_stiffness=self._volume_stiffness,
-                dtype=settings.dtype,
-            )
-            self._projection: Projection = ColourOrder(packed, threads=settings.threads)
-            return
-        self._projection = SequentialOrder(
-            self.topology,
-            self._shape,
-            self._inverse_mass,
-            edge_stiffness=stiffness,
-            shape_stiffness=shape_stiffness,
-            volume_stiffness=self._volume_stiffness,
-            volume_floor=self._volume_floor,
-        )
+        self._order_made_from = made_from, stiffness.edges
+        make = ColourOrder if settings.projection_order == "batched" else SequentialOrder
+        self._order: Order = make(self.topology, self._shape, self._inverse_mass, stiffness)
 
     def _follow_fibres(self, before: Guided | None, transforms: Floats) -> Guided | None:
         """Take the edge lengths and angles of the muscle as its fibres carry it for those at rest.
@@ -246,7 +174,7 @@ class MuscleSolver:
         cosines, sines = np.ones(len(topology.edges)), np.zeros(len(topology.edges))
         bent = topology.quad_edges[defined]
         cosines[bent], sines[bent] = np.cos(angles[defined]), np.sin(angles[defined])
-        self._projection.set_rest(edge_lengths(surface, topology.edges), cosines, sines)
+        self._order.set_rest(edge_lengths(surface, topology.edges), cosines, sines)
         return guided
 
     def _per_iteration(self, stiffness: Floats | float) -> Floats:
@@ -260,8 +188,9 @@ class MuscleSolver:
         return per_iteration_stiffness(stiffness, self.parameters.iterations)
 
     @cached_property
-    def _workspace(self) -> Workspace:
-        return Workspace(self.rest.size)
+    def _workspaces(self) -> dict[str, Workspace]:
+        n = self.rest.size
+        return {"anderson": Workspace(n), "gauss-seidel": Workspace(n, window=0)}
 
     @cached_property
     def _blend_weights(self) -> tuple[Ints, Floats]:
@@ -272,8 +201,7 @@ class MuscleSolver:
     def rest_state(self, n_bones: int) -> MuscleState:
         """Return the muscle at rest, with all of n bones in their rest pose."""
         transforms = np.broadcast_to(np.eye(4), (n_bones, 4, 4))
-        coarse = None if self._coarse is None else self._coarse.rest_state(n_bones)
-        return MuscleState(self.rest, np.zeros_like(self.rest), transforms, coarse=coarse)
+        return MuscleState(self.rest, np.zeros_like(self.rest), transforms)
 
     def points(self, state: MuscleState) -> Floats:
         """Return the positions of a state in the scene's coordinates, (n, 3) [mm]."""
@@ -302,7 +230,7 @@ class MuscleSolver:
         neighbours: Sequence[Neighbour] = (),
         progress: Callable[[float], None] | None = None,
     ) -> MuscleState:
-        """Return the state after the bones have moved on.
+        """Return the state after the bones have moved on: algorithm 2, once for each substep.
 
         Parameters
         ----------
@@ -325,222 +253,135 @@ class MuscleSolver:
         ValueError
             If a position left the range of floating point numbers.
         """
-        substeps = self.parameters.substeps
-        transforms = np.array(transforms, dtype=np.float64)
-        before = state.transforms
-        iterations = 0
-        milliseconds: Mapping[str, float] = {}
-        for number in range(1, substeps + 1):
-            now = transforms
-            if number < substeps:
-                now = np.array(
-                    [screw_between(a, b, number / substeps) for a, b in zip(before, transforms, strict=True)]
+        settings = self.parameters
+        # A muscle that momentum throws at a bone may touch it with all its points.
+        smooth = settings.solver == "anderson" and settings.prediction != "inertial"
+
+        def tell(part: float) -> None:
+            if progress is not None:
+                progress((len(steps) + part) / settings.substeps)
+
+        steps: list[MuscleState] = []
+        for now in self._poses(state.transforms, np.array(transforms, dtype=np.float64)):
+            clock = StageClock("prediction")
+            guided = self._follow_fibres(state.guided, now)
+            target = self._target(guided)
+            with np.errstate(over="ignore", invalid="ignore"):  # refused below, in our words
+                # Lines 6 to 15: where the points would go.
+                p = self._predict(state, now, target)
+                _check_finite(p)
+                # Lines 16 to 31: what the constraints and the bones make of that.
+                iteration = Iteration(
+                    self._order,
+                    self._contact(state, now, neighbours),
+                    len(p),
+                    most=settings.iterations,
+                    clock=clock,
+                    progress=tell,
+                    drawn=None if target is None else (target, settings.guidance, self._free),
+                    smooth=self.topology.edges if smooth else None,
                 )
-            done = (number - 1) / substeps
-
-            def report(part: float, done: float = done) -> None:
-                if progress is not None:
-                    progress(done + part / substeps)
-
-            state = self._substep(state, now, neighbours, report)
-            iterations += state.iterations
-            milliseconds = add_stages(milliseconds, state.milliseconds)
-        return replace(state, iterations=iterations, milliseconds=milliseconds)
-
-    def _substep(
-        self,
-        state: MuscleState,
-        transforms: Floats,
-        neighbours: Sequence[Neighbour],
-        progress: Callable[[float], None],
-    ) -> MuscleState:
-        """P21 Algorithm 2, lines 6 to 37."""
-        clock = StageClock("prediction")
-        guided = self._follow_fibres(state.guided, transforms)
-        self._target = self._target_of(guided)
-        now, before = centred(transforms, self.centre), centred(state.transforms, self.centre)
-        dt = self.parameters.dt / self.parameters.substeps
-        x = state.positions
-        muscles = MuscleContact(neighbours, self._free, self.centre) if neighbours else None
-        contact = Contact(self._barrier, now, before, x, muscles)
-
-        def keep_out(p: Floats) -> Bools:
-            stage = clock.switch("collision")
-            hit = contact.keep_out(p)
-            clock.switch(stage)
-            return hit
-
-        with np.errstate(over="ignore", invalid="ignore"):  # told below, in our words
-            coarse = None
-            if self._coarse is not None and state.coarse is not None:
-                coarse = self._coarse._substep(state.coarse, transforms, neighbours, lambda _: progress(0.0))
-            p = self._predict(state, now, before, dt, coarse)
-            _check_finite(p)
-            solve = self._plain if self.parameters.solver == "gauss-seidel" else self._accelerated
-            clock.switch("constraints")
-            try:
-                p, collided, convergence = solve(p, keep_out, clock, progress)
-            except FloatingPointError as error:
-                raise ValueError(OUT_OF_RANGE) from error
-            clock.switch("settling")
-            if self._projection.settles:
-                collided |= self._settle(p, keep_out)
-            velocities = (p - x) / dt
-        _check_finite(p, velocities)
-        if self.parameters.contact_velocity == "zero":
-            # P21 section 5: a colliding point's velocity would make spikes.
-            velocities[collided] = 0.0
-        return MuscleState(
-            p,
-            velocities,
-            transforms,
-            int(collided.sum()),
-            *convergence,
-            clock.stop(),
-            coarse=coarse,
-            trend=self._trend(state, before, now, p),
-            guided=guided,
+                try:
+                    solved = anderson(
+                        iteration,
+                        p.reshape(-1),
+                        max_iterations=settings.iterations,
+                        tolerance=self._tolerance if target is not None else 0.0,
+                        points=max(1, int(self._free.sum())),
+                        unsteady=iteration.unsteady,
+                        workspace=self._workspaces[settings.solver],
+                    )
+                except FloatingPointError as error:
+                    raise InputError(*OUT_OF_RANGE) from error
+                p, collided = solved.x.reshape(-1, 3), iteration.collided
+                if self._order.settles:
+                    clock.switch("settling")
+                    collided |= self._settle(p, iteration.keep_out)
+                # Lines 32 to 37: the velocities.
+                velocities = (p - state.positions) / self._dt
+            _check_finite(p, velocities)
+            if settings.contact_velocity == "zero":
+                # Section 5: a colliding point's velocity would make spikes.
+                velocities[collided] = 0.0
+            if solved.iterations < settings.iterations:
+                tell(1.0)
+            state = MuscleState(
+                p,
+                velocities,
+                now,
+                int(collided.sum()),
+                solved.iterations,
+                solved.residual,
+                solved.residual / settings.guidance if target is not None else None,
+                clock.stop(),
+                guided,
+            )
+            steps.append(state)
+        return replace(
+            state,
+            iterations=sum(step.iterations for step in steps),
+            milliseconds=add_stages(*(step.milliseconds for step in steps)),
         )
 
-    def _target_of(self, guided: Guided | None) -> Floats | None:
+    @property
+    def _tolerance(self) -> float:
+        """Residual to stop at where points are drawn to the fibres [mm].
+
+        An iteration leaves at most 1 - guidance of an error then, so that the end is at most
+        residual / guidance away.
+        """
+        settings = self.parameters
+        return settings.tolerance * settings.guidance if settings.solver == "anderson" else 0.0
+
+    @property
+    def _dt(self) -> float:
+        """Time of a substep [s]."""
+        return self.parameters.dt / self.parameters.substeps
+
+    def _poses(self, before: Floats, now: Floats) -> list[Floats]:
+        """Return the bones' transforms at the end of each substep, on their screws from before to now."""
+        n = self.parameters.substeps
+        between = [
+            np.array([screw_between(a, b, number / n) for a, b in zip(before, now, strict=True)])
+            for number in range(1, n)
+        ]
+        return [*between, now]
+
+    def _contact(self, state: MuscleState, transforms: Floats, neighbours: Sequence[Neighbour]) -> Contact:
+        """Return what keeps points out of bones and muscles while a state goes on to where the bones are."""
+        now, before = centred(transforms, self.centre), centred(state.transforms, self.centre)
+        muscles = MuscleContact(neighbours, self._free, self.centre) if neighbours else None
+        return Contact(self._barrier, now, before, state.positions, muscles)
+
+    def _target(self, guided: Guided | None) -> Floats | None:
         """Return where the points are drawn to, about the centre; None where they keep their momentum."""
-        if guided is None or self.parameters.start == "inertial" or self.parameters.guidance == 0.0:
+        if guided is None or self.parameters.prediction == "inertial" or self.parameters.guidance == 0.0:
             return None
         target: Floats = guided.carried.surface - self.centre
         return target
 
-    def _draw(self, p: Floats) -> None:
-        """Draw the free points towards where the fibres carry them, in place."""
-        if self._target is not None:
-            _draw_to(p, self._target, self._free, self.parameters.guidance)
-
-    def _plain(
-        self, p: Floats, keep_out: _KeepOut, clock: StageClock, progress: Callable[[float], None]
-    ) -> _Solved:
-        """Project all constraints as often as asked for."""
-        n = self.parameters.iterations
-        collided = np.zeros(len(p), dtype=np.bool_)
-        before = p
-        for iteration in range(n):
-            if iteration == n - 1:
-                before = p.copy()
-            self._draw(p)
-            collided |= self._projection.iterate(p, keep_out)
-            progress((iteration + 1) / n)
-        moved = root_mean_square_distance(p.reshape(-1), before.reshape(-1), len(p))
-        bounded = self._target is not None and self.parameters.guidance > 0.0
-        return p, collided, (n, moved, moved / self.parameters.guidance if bounded else None)
-
-    def _accelerated(
-        self, p: Floats, keep_out: _KeepOut, clock: StageClock, progress: Callable[[float], None]
-    ) -> _Solved:
-        """Project all constraints, the iteration accelerated, until the shape is near its end."""
-        guidance = self.parameters.guidance if self._target is not None else 0.0
-        solve = AcceleratedSolve(
-            self._projection if self._target is None else _Drawn(self._draw, self._projection),
-            keep_out,
-            self.topology.edges,
-            self._correction,
-            # A muscle that momentum throws at a bone may touch it with all its points.
-            bones_last=self.parameters.start != "inertial",
-            bound=1.0 / guidance if guidance > 0.0 else None,
-            clock=clock,
-            progress=progress,
-        )
-        return solve.run(
-            p,
-            iterations=self.parameters.iterations,
-            tolerance=self.parameters.tolerance,
-            movable=max(1, int(self._free.sum())),
-            workspace=self._workspace,
-        )
-
-    @property
-    def _has_correction(self) -> bool:
-        """Whether iterations are corrected on a coarse level.
-
-        They are not where the muscle keeps its momentum: what that and forces do to it is what is left of
-        them after the iterations, and the end of the solve knows of neither. And not where a bone of voxels
-        takes points back the way they came: a map with such jumps has no use for it.
-        """
-        settings = self.parameters
-        return (
-            settings.solver == "two-level"
-            and self._target is None
-            and settings.start != "inertial"
-            and all(obstacle.slides for obstacle in self._barrier.obstacles)
-            and has_coarse_model(self._free)
-        )
-
-    def _correction(self, p: Floats) -> CoarseCorrection | None:
-        """Return the coarse correction of iterations from p on, if there is one."""
-        if not self._has_correction:
-            return None
-        if self._coarse_model is None:
-            made = CoarseModel(self.rest, self.topology, self._free, *self._stiffness, self.parameters.nodes)
-            self._coarse_model = made
-        return CoarseCorrection(self._coarse_model, p, keeps_volume=self._volume_stiffness > 0.0)
-
-    def _predict(
-        self, state: MuscleState, now: Floats, before: Floats, dt: float, coarse: MuscleState | None
-    ) -> Floats:
-        """P21 Algorithm 2, lines 6 to 15."""
-        settings = self.parameters
+    def _predict(self, state: MuscleState, transforms: Floats, target: Floats | None) -> Floats:
+        """Return where a step starts: algorithm 2, lines 6 to 15."""
+        settings, dt = self.parameters, self._dt
+        now, before = centred(transforms, self.centre), centred(state.transforms, self.centre)
         push = dt * np.asarray(settings.external_force, dtype=np.float64)
-        if self._target is not None:
-            p = self._target + dt * (settings.damping * push)
-        elif coarse is not None and state.coarse is not None:
-            p = self._prolonged(state.coarse, coarse, state.positions)
-        elif self._follows_bones:
+        if target is not None:
+            p = target + dt * (settings.velocity_kept * push)
+        elif settings.prediction == "blend" and not self._free.all():
             # The muscle follows the bones: it keeps no momentum of its own.
-            p = self._blended(before, now, state.positions + self._expected(state.trend, before, now))
+            bones, weights = self._blend_weights
+            p = blend_motions(
+                np.array([now[bone] @ inverse(before[bone]) for bone in bones]), weights, state.positions
+            )
             if push.any():
-                p += dt * (settings.damping * push)
+                p += dt * (settings.velocity_kept * push)
         else:
-            p = state.positions + dt * (settings.damping * (state.velocities + push))
+            p = state.positions + dt * (settings.velocity_kept * (state.velocities + push))
         for bone, fixed in self._fixed:
             p[fixed] = apply_transform(now[bone], self.rest[fixed])
         return p
 
-    @property
-    def _follows_bones(self) -> bool:
-        return self.parameters.start == "blend" and not self._free.all()
-
-    def _blended(self, before: Floats, now: Floats, x: Floats) -> Floats:
-        """Return points moved as the bones have moved."""
-        bones, weights = self._blend_weights
-        return blend_motions(np.array([now[bone] @ inverse(before[bone]) for bone in bones]), weights, x)
-
-    def _expected(self, trend: Trend | None, before: Floats, now: Floats) -> Floats | float:
-        """Return what the muscle will do apart from following its bones, if it goes on as in the last step.
-
-        As much of the last step's as its fixed points go on in the same direction.
-        """
-        if trend is None:
-            return 0.0
-        last, further = 0.0, 0.0
-        for bone, fixed in self._fixed:
-            a, b, c = (apply_transform(t[bone], self.rest[fixed]) for t in (trend.transforms, before, now))
-            last += float(np.sum((b - a) ** 2))
-            further += float(np.sum((b - a) * (c - b)))
-        if last == 0.0:
-            return 0.0
-        return float(np.clip(further / last, *GOING_ON)) * trend.displacements
-
-    def _trend(self, state: MuscleState, before: Floats, now: Floats, p: Floats) -> Trend | None:
-        """Return how the muscle has moved apart from following its bones."""
-        if self._target is not None or not (self._has_correction and self._follows_bones):
-            return None
-        return Trend(p - self._blended(before, now, state.positions), before)
-
-    def _prolonged(self, before: MuscleState, now: MuscleState, x: Floats) -> Floats:
-        """Return the full muscle moved as the coarse one has moved."""
-        assert self._coarse is not None
-        assert self._prolongation is not None
-        shift = self._coarse.centre - self.centre
-        return self._prolongation.prolong(before.positions + shift, now.positions + shift, x)
-
-    def _settle(self, p: Floats, keep_out: _KeepOut) -> Bools:
+    def _settle(self, p: Floats, keep_out: Callable[[Floats], Bools]) -> Bools:
         """Take out of the bones what the last projection of the volume pushed in; return which points.
 
         A point left inside would be taken for one that the bone has moved over in the next step. What this
@@ -551,46 +392,13 @@ class MuscleSolver:
         for _ in range(SETTLING_PASSES):
             new = keep_out(p) & ~hit
             hit |= new
-            volume = self._keep_volume(p, hit, 1.0 if exact else 0.0)
-            off = abs(volume - self._shape.volume) > VOLUME_TOLERANCE * abs(self._shape.volume)
+            volume = self._volume.project(p, 1.0 if exact else 0.0, hit)
+            off = abs(volume - self._volume.rest) > VOLUME_TOLERANCE * abs(self._volume.rest)
             if not (new.any() or (exact and off)):
                 break
         return hit
 
-    def _keep_volume(self, p: Floats, hit: Bools, stiffness: float) -> float:
-        return project_volume(
-            p,
-            np.where(hit, 0.0, self._inverse_mass),
-            self.topology.triangles,
-            self._shape.volume,
-            self._volume_floor,
-            stiffness,
-            self._gradient,
-        )
-
-
-class _Drawn:
-    """A projection before which points are drawn to where the fibres carry them."""
-
-    def __init__(self, draw: Callable[[Floats], None], projection: Projection) -> None:
-        self._draw, self._projection = draw, projection
-        self.settles, self.set_rest = projection.settles, projection.set_rest
-
-    def iterate(self, p: Floats, keep_out: _KeepOut, *, bones_last: bool = False) -> Bools:
-        """See :meth:`Projection.iterate`."""
-        self._draw(p)
-        return self._projection.iterate(p, keep_out, bones_last=bones_last)
-
-
-@kernel
-def _draw_to(p: Floats, target: Floats, free: Bools, part: float) -> None:
-    """Move the free points (n, 3) a part of their way to a target, in place."""
-    for i in range(len(p)):
-        if free[i]:
-            for k in range(3):
-                p[i, k] += part * (target[i, k] - p[i, k])
-
 
 def _check_finite(*arrays: Floats) -> None:
     if not all(np.isfinite(array).all() for array in arrays):
-        raise ValueError(OUT_OF_RANGE)
+        raise InputError(*OUT_OF_RANGE)

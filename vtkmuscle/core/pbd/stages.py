@@ -47,6 +47,6 @@ class StageClock:
         return MappingProxyType({stage: 1e3 * spent for stage, spent in self._spent.items()})
 
 
-def add_stages(one: Mapping[str, float], other: Mapping[str, float]) -> Mapping[str, float]:
-    """Return the sum of two measurements [ms]."""
-    return MappingProxyType({stage: one.get(stage, 0.0) + other.get(stage, 0.0) for stage in STAGES})
+def add_stages(*measured: Mapping[str, float]) -> Mapping[str, float]:
+    """Return the sum of measurements [ms]."""
+    return MappingProxyType({stage: sum(one.get(stage, 0.0) for one in measured) for stage in STAGES})

@@ -14,27 +14,6 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Trend:
-    """How a muscle moved in a step apart from following its bones; it will do much the same in the next.
-
-    Attributes
-    ----------
-    displacements : (n, 3) array
-        From where the bones alone would have taken the points, to where the solve did [mm].
-    transforms : (b, 4, 4) array
-        Of the bones before that step, rest to then, of points about the solver's ``centre``.
-    """
-
-    displacements: Floats
-    transforms: Floats
-
-    @property
-    def nbytes(self) -> int:
-        """Memory that it takes [bytes]."""
-        return self.displacements.nbytes + self.transforms.nbytes
-
-
-@dataclass(frozen=True, eq=False)
 class MuscleState:
     """A muscle at one time.
 
@@ -56,10 +35,6 @@ class MuscleState:
         Estimated root mean square distance to the converged shape [mm], where the solver knows it.
     milliseconds : mapping of str to float
         Time of each of :data:`~vtkmuscle.core.pbd.stages.STAGES` in that step [ms].
-    coarse : MuscleState or None
-        The coarse muscle at that time, where steps start from one.
-    trend : Trend or None
-        What the next step may expect, where steps start from it.
     guided : Guided or None
         The taut strings and what they say of the muscle, where it follows some.
     """
@@ -72,13 +47,10 @@ class MuscleState:
     residual: float = 0.0
     distance: float | None = None
     milliseconds: Mapping[str, float] = field(default_factory=dict)
-    coarse: MuscleState | None = None
-    trend: Trend | None = None
     guided: Guided | None = None
 
     @property
     def nbytes(self) -> int:
         """Memory that it takes [bytes]."""
         own = self.positions.nbytes + self.velocities.nbytes + self.transforms.nbytes
-        parts = (self.coarse, self.trend, self.guided)
-        return own + sum(part.nbytes for part in parts if part is not None)
+        return own + (0 if self.guided is None else self.guided.nbytes)

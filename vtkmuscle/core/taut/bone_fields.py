@@ -198,16 +198,29 @@ def slope_at(layout: Floats, table: Table, values: Floats, x: float, y: float, z
     int
         A block that is missing, as of :func:`field_at`; -1 where there is none.
     """
-    h = 0.5 * layout[3]
-    for axis in range(3):
-        dx, dy, dz = h * (axis == 0), h * (axis == 1), h * (axis == 2)
-        above, lacking = field_at(layout, table, values, x + dx, y + dy, z + dz)
-        if lacking >= 0:
-            return lacking
-        below, lacking = field_at(layout, table, values, x - dx, y - dy, z - dz)
-        if lacking >= 0:
-            return lacking
-        out[axis] = above - below
+    cell = layout[3]
+    u, v, w = (x - layout[0]) / cell, (y - layout[1]) / cell, (z - layout[2]) / cell
+    ny, nz = np.int64(layout[5]), np.int64(layout[6])
+    i, j, k = int(u - 0.5), int(v - 0.5), int(w - 0.5)
+    a, b, c = i % SIDE, j % SIDE, k % SIDE
+    inside = min(u, v, w) >= 0.5 and max(a, b, c) < SIDE - 1 and u < SIDE * np.int64(layout[4])
+    if inside and v < SIDE * ny and w < SIDE * nz:
+        place = np.int64(layout[7]) + ((i // SIDE) * ny + j // SIDE) * nz + k // SIDE
+        block = table[place]
+        if block == UNKNOWN:
+            return int(place)
+        _slope_within(values[block], a, b, c, u - i, v - j, w - k, out)
+    else:
+        h = 0.5 * cell
+        for axis in range(3):
+            dx, dy, dz = h * (axis == 0), h * (axis == 1), h * (axis == 2)
+            above, lacking = field_at(layout, table, values, x + dx, y + dy, z + dz)
+            if lacking >= 0:
+                return lacking
+            below, lacking = field_at(layout, table, values, x - dx, y - dy, z - dz)
+            if lacking >= 0:
+                return lacking
+            out[axis] = above - below
     length = np.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
     if length > 0.0 and length < FAR:
         for axis in range(3):
@@ -215,3 +228,36 @@ def slope_at(layout: Floats, table: Table, values: Floats, x: float, y: float, z
     else:
         out[:] = 0.0
     return -1
+
+
+@kernel
+def _slope_within(values: Floats, i: int, j: int, k: int, u: float, v: float, w: float, out: Floats) -> None:
+    """Write a block's trilinear distance's differences over a cell, at u, v, w in [0.5, 1.5) from a node.
+
+    The 27 nodes from (i, j, k) on are those of all six places that are compared.
+    """
+    x, y, z = 0.0, 0.0, 0.0
+    for a in range(3):
+        at_u, by_u = _weight(u, a), _gain(u, a)
+        for b in range(3):
+            at_v, by_v = _weight(v, b), _gain(v, b)
+            p, q, r = values[i + a, j + b, k], values[i + a, j + b, k + 1], values[i + a, j + b, k + 2]
+            here = _weight(w, 0) * p + _weight(w, 1) * q + _weight(w, 2) * r
+            x += by_u * at_v * here
+            y += at_u * by_v * here
+            z += at_u * at_v * (_gain(w, 0) * p + _gain(w, 1) * q + _gain(w, 2) * r)
+    out[0], out[1], out[2] = x, y, z
+
+
+@kernel
+def _weight(t: float, node: int) -> float:
+    """Return the weight of node 0, 1 or 2 in the value at t."""
+    return max(1.0 - abs(t - node), 0.0)
+
+
+@kernel
+def _gain(t: float, node: int) -> float:
+    """Return how much that weight grows from half a cell before t to half a cell after."""
+    if node == 1:
+        return 2.0 - 2.0 * t
+    return t - 1.5 if node == 0 else t - 0.5

@@ -22,9 +22,13 @@ PUSH = 1e4
 #: Stiffness of the guide that keeps a point on its track over a bone, likewise.
 HOLD = 100.0
 
-#: An iteration that would move points more than this part of what the one before would have gone to and fro:
-#: the next ones go slower by a factor, and faster again when they come nearer.
-STALLED, SLOWER, FASTER, LEAST_PACE = 0.98, 0.7, 1.3, 0.1
+#: An iteration that turns back on the one before lowers the greatest pace of a string by a factor, and halves
+#: its pace, which rises again with those that go on: what goes to and fro between two sets of contacts comes
+#: to rest between them, and a string that slides off a bone does not wait.
+CALMER, SLOWER, FASTER = 0.7, 0.5, 1.5
+
+#: Part of its gap over which a point may go before a bone is asked again: tissue gets thicker on the way.
+SURE = 0.5
 
 #: Greatest part of the springs' stiffness that the curvature of a bone takes away.
 LARGEST_BEND = 0.5
@@ -178,14 +182,15 @@ def pull_taut(  # noqa: PLR0912, PLR0915 - one loop, whose parts share all that 
     used = np.zeros((n_bones, n), dtype=np.bool_)
     matrices, right, y = np.empty((n, 6)), np.empty((n, 3)), np.zeros((n, 3))
     held = np.zeros((len(rings.frames), 5))
-    work = np.empty((4, 3))
+    work, last = np.empty((4, 3)), np.empty((n, 3))
     n_missing = 0
     for f in range(len(x)):
         if not unfinished[f]:
             continue
         p = x[f]
         gap[:], away[:], pressure[:], held[:] = np.inf, 0.0, 0.0, 0.0
-        pace, before, lacking, rests = 1.0, np.inf, False, False
+        pace, most, lacking, rests = 1.0, 1.0, False, False
+        last[:] = 0.0
         for count in range(iterations):
             done[f] = count + 1
             for i in range(1, n - 1):
@@ -213,7 +218,7 @@ def pull_taut(  # noqa: PLR0912, PLR0915 - one loop, whose parts share all that 
             _solve(p, matrices, right, y)
             for ring in range(len(rings.frames)):
                 _let_go(held[ring], y)
-            wanted = 0.0
+            wanted, onward = 0.0, 0.0
             for i in range(1, n - 1):
                 dx, dy, dz = y[i, 0] - p[i, 0], y[i, 1] - p[i, 1], y[i, 2] - p[i, 2]
                 room = np.inf
@@ -229,17 +234,19 @@ def pull_taut(  # noqa: PLR0912, PLR0915 - one loop, whose parts share all that 
                 length = np.sqrt(dx * dx + dy * dy + dz * dz)
                 part = min(1.0, (stride + room) / length) if length > 0.0 else 1.0
                 wanted = max(wanted, part * length)
+                onward += part * (dx * last[i, 0] + dy * last[i, 1] + dz * last[i, 2])
+                last[i, 0], last[i, 1], last[i, 2] = part * dx, part * dy, part * dz
                 part *= pace
                 p[i, 0], p[i, 1], p[i, 2] = p[i, 0] + part * dx, p[i, 1] + part * dy, p[i, 2] + part * dz
                 for k in range(n_bones):
                     away[k, i] -= part * length
                     gap[k, i] -= part * length
-            if wanted <= tolerance:
+            if pace * wanted <= tolerance:
                 rests = True
                 break
-            stalls = wanted > STALLED * before
-            pace = max(LEAST_PACE, SLOWER * pace) if stalls else min(1.0, FASTER * pace)
-            before = wanted
+            if onward < 0.0:
+                most *= CALMER
+            pace = min(most, SLOWER * pace if onward < 0.0 else FASTER * pace)
         if not (lacking or rests):
             done[f] = iterations + 1
         unfinished[f] = lacking
@@ -271,10 +278,7 @@ def _push(
     layout = fields.layout[k]
     distance, lack = field_at(layout, fields.table, fields.values, v[0], v[1], v[2])
     gap[k, i] = away[k, i] = distance - tissue.within[k, f]
-    if lack >= 0 or not gap[k, i] < 0.0:
-        return lack
-    lack = slope_at(layout, fields.table, fields.values, v[0], v[1], v[2], slope)
-    if lack >= 0 or distance == FAR:
+    if lack >= 0 or not gap[k, i] < 0.0 or distance == FAR:
         return lack
     track = tissue.track[f]
     j = memory.place[k, f, i] = _nearest_segment(track, u, memory.place[k, f, i])
@@ -288,6 +292,9 @@ def _push(
     rise = 0.0 if beyond else rise / length2
     gap[k, i] = distance - keep
     if memory.pushed[k, f, i] or gap[k, i] < 0.0:
+        lack = slope_at(layout, fields.table, fields.values, v[0], v[1], v[2], slope)
+        if lack >= 0:
+            return lack
         used[k, i] = True
         m = fields.to_axes[k]
         for q in range(3):
@@ -295,6 +302,8 @@ def _push(
         n = normal[k, i]
         _turn_back(to_rest[k], side, n)
         _add_spring(n, PUSH, n[0] * at[0] + n[1] * at[1] + n[2] * at[2] - gap[k, i], matrix, right)
+    else:
+        away[k, i] = SURE * (gap[k, i] - (tissue.hold if tissue.guided[k, f] else 0.0))
     near = max(gap[k, i], 0.0) / tissue.hold
     if tissue.guided[k, f] and near < 1.0:
         hold = HOLD * (1.0 - near * near) ** 2 * _along(tissue.guide[k, f], j + part)[0]

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.inside import points_inside
 from vtkmuscle.core.mesh.surface import unique_edges
@@ -80,19 +81,20 @@ def via_ring(landmarks: Floats) -> ViaRing:
     """
     given = np.asarray(landmarks, dtype=np.float64)
     if given.ndim != 2 or given.shape[1] != 3 or not np.isfinite(given).all():
-        raise ValueError("the landmarks of a via ring must be finite points x, y, z")
+        raise InputError("", "the landmarks of a via ring must be finite points x, y, z")
     given = given[(given != np.roll(given, 1, axis=0)).any(axis=1)]
     if len(given) < 3:
-        raise ValueError(f"a via ring needs 3 landmarks or more, each once, but there are {len(given)}")
+        raise InputError("", f"a via ring needs 3 landmarks or more, each once, but there are {len(given)}")
     middle = given.mean(axis=0)
     away = given - middle
     following = np.roll(away, -1, axis=0)
     area = np.cross(away, following).sum(axis=0) / 2.0
     size = float(np.linalg.norm(area))
     if size < _LEAST_AREA * float(np.linalg.norm(following - away, axis=1).sum()) ** 2:
-        raise ValueError(
-            "the landmarks of a via ring lie on a line, or the ring crosses itself; give them in order, "
-            "once round"
+        raise InputError(
+            "",
+            "the landmarks of a via ring lie on a line, or the ring crosses itself",
+            "give them in order, once round",
         )
     normal = area / size
     axes = _axes_across(normal, away)
@@ -103,16 +105,19 @@ def via_ring(landmarks: Floats) -> ViaRing:
     radius = float(np.linalg.norm(corners, axis=1).mean())
     worst = int(heights.argmax())
     if heights[worst] > _LARGEST_BEND * radius:
-        raise ValueError(
-            f"landmark {worst} of a via ring is {heights[worst]:.4g} off the ring's plane, whose mean radius "
-            f"is {radius:.4g}; a ring is about flat"
+        raise InputError(
+            "",
+            f"landmark {worst} of a via ring is {heights[worst]:.4g} off the ring's plane, whose mean "
+            f"radius is {radius:.4g}",
+            "a ring is about flat",
         )
     turns = _cross(corners, np.roll(corners, -1, axis=0))
     if not (turns > 0.0).all():
         side = int(np.flatnonzero(turns <= 0.0)[0])
-        raise ValueError(
-            f"a via ring turns back after landmark {side}; give the landmarks in order, once round, so that "
-            "all sides are seen from the centre"
+        raise InputError(
+            "",
+            f"a via ring turns back after landmark {side}",
+            "give the landmarks in order, once round, so that all sides are seen from the centre",
         )
     return ViaRing(middle + centroid @ axes, normal, axes, np.ascontiguousarray(corners))
 

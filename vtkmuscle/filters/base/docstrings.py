@@ -6,7 +6,8 @@ import inspect
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
 
 def documented(
@@ -15,22 +16,27 @@ def documented(
     inputs: Sequence[InputPort],
     outputs: Sequence[OutputPort],
 ) -> str:
-    """Return the docstring with Parameters and ports written out from the declarations."""
+    """Return the docstring with parameters and ports written out from the declarations."""
     head, sections = split_docstring(inspect.cleandoc(doc))
     lines = [head]
-    if parameters:
+    if parameters or inputs:
         lines += ["", "Parameters", "----------"]
-        for name, parameter in parameters.items():
-            units = f" [{parameter.units}]" if parameter.units else ""
-            lines += [f"{name} : {parameter.allowed}, default: {parameter.default!r}"]
-            lines += [f"    {parameter.doc}{units}"]
-    lines += ["", "Notes", "-----"]
     for number, port in enumerate(inputs):
         optional = ", optional" if port.optional else ""
-        lines += [f"Input port {number}, ``{port.name}`` ({port.type_name}{optional}): {port.doc}", ""]
+        lines += [f"{port.name} : {port.type_name}, input port {number}{optional}", f"    {port.doc}"]
+    for name, parameter in parameters.items():
+        lines += [f"{name} : {parameter.allowed}, default: {parameter.default!r}"]
+        lines += [f"    {described(parameter)}"]
+    lines += ["", "Notes", "-----"]
     for number, result in enumerate(outputs):
         lines += [f"Output port {number}, ``{result.name}`` ({result.type_name}): {result.doc}", ""]
     return "\n".join([*lines, sections])
+
+
+def described(parameter: Parameter[Any]) -> str:
+    """Return what a parameter does, its unit, and with what it counts."""
+    units = f" [{parameter.units}]" if parameter.units else ""
+    return f"{parameter.doc}{units}{parameter.condition}"
 
 
 def split_docstring(doc: str) -> tuple[str, str]:

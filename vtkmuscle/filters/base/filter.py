@@ -8,54 +8,50 @@ is here, once.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, ClassVar
 
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonDataModel import vtkDataObject
-from vtkmodules.vtkCommonExecutionModel import (
-    vtkAlgorithm,
-    vtkDemandDrivenPipeline,
-    vtkStreamingDemandDrivenPipeline,
-    vtkTrivialProducer,
-)
+from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkDemandDrivenPipeline
 
+from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.pipeline_times import announce_times
 from vtkmuscle.data.provenance import add_provenance, provenance_entry
+from vtkmuscle.filters.base.chain import chain_everywhere
 from vtkmuscle.filters.base.docstrings import documented
-from vtkmuscle.filters.base.failure_messages import failure_messages_off, silence_after_failure
+from vtkmuscle.filters.base.failure_messages import silence_after_failure
 from vtkmuscle.filters.base.interrupts import interrupts_deferred
-from vtkmuscle.filters.base.parameters import InputPort, OutputPort, Parameter
-from vtkmuscle.filters.base.pyvista_operator import mend_pyvista_operator
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
+from vtkmuscle.filters.base.running import Output, ask_for, one_or_all, run_on, time_asked, update, wrapped
+from vtkmuscle.filters.base.time_path import requested_time
 
-_RESERVED = frozenset(dir(vtkAlgorithm)) | {"update", "apply", "execute", "parameters"}
+_RESERVED = frozenset(dir(vtkAlgorithm)) | {
+    "apply",
+    "connect",
+    "execute",
+    "parameters",
+    "request_time",
+    "time",
+    "time_steps",
+    "update",
+}
+
+chain_everywhere()
 
 
 class AbortedError(Exception):
     """The filter was asked to stop (``AbortExecute``) and did, leaving its output empty."""
 
 
-class Output:
-    """What ``update()`` returns: the outputs of an algorithm, as ``vtkAlgorithm.update()`` does."""
-
-    def __init__(self, algorithm: Filter) -> None:
-        self.algorithm = algorithm
-
-    @property
-    def output(self) -> Any:
-        """The data object, or a tuple of them where there are several outputs."""
-        count = self.algorithm.GetNumberOfOutputPorts()
-        outputs = tuple(self.algorithm.GetOutputDataObject(port) for port in range(count))
-        return outputs[0] if count == 1 else outputs
-
-
 class Filter(VTKPythonAlgorithmBase):
     """A VTK algorithm with declared parameters and ports.
 
     A subclass declares :class:`~vtkmuscle.filters.base.parameters.Parameter`,
-    :class:`~vtkmuscle.filters.base.parameters.InputPort` and
-    :class:`~vtkmuscle.filters.base.parameters.OutputPort` attributes and defines :meth:`execute`. Constructor
-    arguments are keyword-only and equal to the parameters.
+    :class:`~vtkmuscle.filters.base.ports.InputPort` and
+    :class:`~vtkmuscle.filters.base.ports.OutputPort` attributes and defines :meth:`execute`. All parameters
+    and input ports are keywords of the constructor and attributes of the filter, by one set of names.
 
     Errors raised in :meth:`execute` are re-raised by :meth:`update` and :meth:`apply`, also where the
     failing filter is further upstream; VTK's own ``Update()`` returns ``False`` for them, every time.
@@ -63,14 +59,21 @@ class Filter(VTKPythonAlgorithmBase):
     Raises
     ------
     TypeError
-        For a keyword that is no parameter.
+        For a keyword that is neither a parameter nor an input port, or an input of another kind.
     ValueError
         For a value that is not allowed; the message says what is.
+    AttributeError
+        When a name that the filter does not have is assigned to.
     """
 
     parameter_declarations: ClassVar[dict[str, Parameter[Any]]] = {}
     input_ports: ClassVar[tuple[InputPort, ...]] = ()
     output_ports: ClassVar[tuple[OutputPort, ...]] = ()
+
+    #: Pipeline time of the request being executed; None where the pipeline has no time.
+    request_time: float | None = None
+    #: What VTKPythonAlgorithmBase writes.
+    InputType = OutputType = "vtkDataObject"
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -80,40 +83,53 @@ class Filter(VTKPythonAlgorithmBase):
         cls.parameter_declarations = {n: d for n, d in declared.items() if isinstance(d, Parameter)}
         cls.input_ports = tuple(d for d in declared.values() if isinstance(d, InputPort))
         cls.output_ports = tuple(d for d in declared.values() if isinstance(d, OutputPort))
-        taken = sorted(set(cls.parameter_declarations) & _RESERVED)
+        names = [*cls.parameter_declarations, *(port.name for port in (*cls.input_ports, *cls.output_ports))]
+        taken = sorted(set(names) & _RESERVED)
         if taken:
-            raise TypeError(f"{cls.__name__}: VTK owns the name(s) {', '.join(taken)}")
-        keywords = [
-            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=parameter.default)
-            for name, parameter in cls.parameter_declarations.items()
-        ]
-        cls.__signature__ = inspect.Signature(keywords)
+            raise TypeError(f"{cls.__name__}: VTK or Filter owns the name(s) {', '.join(taken)}")
+        for parameter in cls.parameter_declarations.values():
+            parameter.check_references(cls.parameter_declarations, cls.__name__)
+        keyword = inspect.Parameter.KEYWORD_ONLY
+        defaults = {port.name: None for port in cls.input_ports}
+        defaults |= {name: parameter.default for name, parameter in cls.parameter_declarations.items()}
+        cls.__signature__ = inspect.Signature(
+            [inspect.Parameter(name, keyword, default=value) for name, value in defaults.items()]
+        )
         own = cls.__dict__.get("__doc__") or ""
         cls.__doc__ = documented(own, cls.parameter_declarations, cls.input_ports, cls.output_ports)
 
-    def __init__(self, **parameters: Any) -> None:
+    def __init__(self, **settings: Any) -> None:
         self._parameter_values: dict[str, Any] = {}
         self._failure: BaseException | None = None
         self._provenance: tuple[int, str] | None = None
         self._progress_reached = 0.0
         self._producers: list[Any] = []
-        #: Pipeline time of the request being executed; None where the pipeline has no time.
-        self.request_time: float | None = None
-        super().__init__(
-            nInputPorts=len(self.input_ports),
-            inputType="vtkDataObject",
-            nOutputPorts=len(self.output_ports),
-            outputType="vtkDataObject",
-        )
-        mend_pyvista_operator()
-        unknown = sorted(set(parameters) - set(self.parameter_declarations))
-        if unknown:
-            known = ", ".join(self.parameter_declarations) or "none"
-            raise TypeError(
-                f"{type(self).__name__} has no parameter {', '.join(unknown)}; its parameters are: {known}"
-            )
-        for name, declaration in self.parameter_declarations.items():
-            setattr(self, name, parameters.get(name, declaration.default))
+        super().__init__(nInputPorts=len(self.input_ports), nOutputPorts=len(self.output_ports))
+        self._check_names(settings, TypeError)
+        values = {name: declared.default for name, declared in self.parameter_declarations.items()}
+        values |= {name: value for name, value in settings.items() if name in values}
+        for name, declared in self.parameter_declarations.items():
+            self._parameter_values[name] = declared.check(values[name], type(self).__name__)
+        for name, declared in self.parameter_declarations.items():
+            for other, value in declared.group(self._parameter_values[name]).items():
+                if other not in settings:
+                    self._parameter_values[other] = value
+        for port in self.input_ports:
+            if settings.get(port.name) is not None:
+                self.connect(port.name, settings[port.name])
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not name.startswith("_") and not hasattr(type(self), name):
+            self._check_names([name], AttributeError)
+        super().__setattr__(name, value)
+
+    def _check_names(self, names: Iterable[str], error: type[Exception]) -> None:
+        """Check that names are those of parameters or input ports."""
+        known = [*(port.name for port in self.input_ports), *self.parameter_declarations]
+        for name in names:
+            if name not in known:
+                what = f"{type(self).__name__} has no parameter or input port {name!r}"
+                raise error(f"{what}; {suggestion(name, known)}")
 
     # ---------------------------------------------------------------- to be defined by subclasses
 
@@ -134,6 +150,12 @@ class Filter(VTKPythonAlgorithmBase):
         """Return the parameters as a dict, from which ``type(self)(**parameters)`` rebuilds the filter."""
         return dict(self._parameter_values)
 
+    def parameters_that_count(self) -> dict[str, Any]:
+        """Return the parameters without those that say nothing beside the others' values."""
+        values = self._parameter_values
+        declared = self.parameter_declarations
+        return {name: value for name, value in values.items() if declared[name].counts_with(values)}
+
     def __reduce__(self) -> tuple[Any, ...]:
         return _rebuild, (type(self), self.parameters())
 
@@ -145,13 +167,22 @@ class Filter(VTKPythonAlgorithmBase):
 
     # ---------------------------------------------------------------- running
 
+    @property
+    def time(self) -> float | None:
+        """Pipeline time that the output is asked for, until another one is; None is the last time step."""
+        return time_asked(self)
+
+    @time.setter
+    def time(self, value: float | None) -> None:
+        ask_for(self, value)
+
     def update(self, time: float | None = None) -> Output:
         """Bring the output up to date, and raise the original error where that fails.
 
         Parameters
         ----------
         time : float, optional
-            Pipeline time to ask for.
+            Pipeline time to ask for; by default :attr:`time`.
 
         Returns
         -------
@@ -163,36 +194,17 @@ class Filter(VTKPythonAlgorithmBase):
         Exception
             Whatever this filter or a filter upstream of it raised.
         """
-        chain = list(_upstream(self))
-        for algorithm in reversed(chain):
-            if isinstance(algorithm, Filter):
-                algorithm._check_connections()
-        with failure_messages_off():
-            if time is not None:
-                self.UpdateInformation()
-                key = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
-                self.GetOutputInformation(0).Set(key, float(time))
-            done = self.GetExecutive().Update()  # vtkAlgorithm.Update() says nothing before VTK 9.7
-        for algorithm in reversed(chain):
-            failure = algorithm._failure if isinstance(algorithm, Filter) else None
-            if failure is not None:
-                algorithm._failure = None
-                raise failure
-        if not done:
-            raise RuntimeError(
-                f"{type(self).__name__}: an algorithm upstream failed; VTK's message above says which"
-            )
-        return Output(self)
+        return update(self, time)
 
     def apply(self, *inputs: Any, time: float | None = None) -> Any:
         """Run the filter on data, and return the result wrapped for PyVista.
 
         Parameters
         ----------
-        *inputs : vtkDataObject, vtkAlgorithm, vtkAlgorithmOutput or None
+        *inputs : vtkDataObject, vtkAlgorithm, chain, vtkAlgorithmOutput or None
             One per input port, in order; missing ones keep their connection.
         time : float, optional
-            Pipeline time to ask for.
+            Pipeline time to ask for; by default :attr:`time`.
 
         Returns
         -------
@@ -202,76 +214,79 @@ class Filter(VTKPythonAlgorithmBase):
         Raises
         ------
         TypeError
-            For more inputs than ports, or an input that is neither data nor an algorithm.
+            For more inputs than ports, or an input that is not of the port's kind.
         Exception
             Whatever this filter or a filter upstream of it raised.
         """
-        import pyvista  # noqa: PLC0415 -- filters work without PyVista
+        return wrapped(run_on(self, self, inputs, time))
 
-        results = tuple(pyvista.wrap(data) for data in self._run_on(inputs, time))
-        return results[0] if len(results) == 1 else results
+    def __call__(self, *inputs: Any, time: float | None = None) -> Any:
+        """Run the filter as :meth:`apply` does, and return the result as a bare VTK data object (a copy)."""
+        return one_or_all(run_on(self, self, inputs, time))
 
-    def __call__(self, *inputs: Any) -> Any:
-        """Run the filter on data, and return the result as a bare VTK data object (a copy).
+    # ---------------------------------------------------------------- connections
 
-        VTK's own call operator fails on PyVista data sets; otherwise this is the same.
-        """
-        results = self._run_on(inputs, None)
-        return results[0] if len(results) == 1 else results
-
-    def _run_on(self, inputs: Sequence[Any], time: float | None) -> tuple[Any, ...]:
-        if len(inputs) > len(self.input_ports):
-            raise TypeError(
-                f"{type(self).__name__} has {len(self.input_ports)} input port(s), {len(inputs)} given"
-            )
-        before = [self.GetInputConnection(p, 0) if self._connected(p) else None for p in range(len(inputs))]
-        # A vtkAlgorithmOutput does not keep its producer alive: hold on to it while it is disconnected.
-        producers = [connection.GetProducer() for connection in before if connection is not None]
-        try:
-            for port, value in enumerate(inputs):
-                self.connect(port, value)
-            outputs = self.update(time).output
-            return tuple(_shallow(data) for data in (outputs if isinstance(outputs, tuple) else (outputs,)))
-        finally:
-            for port, connection in enumerate(before):
-                self.SetInputConnection(port, connection)
-            producers.clear()
-
-    def connect(self, port: int, value: Any) -> None:
-        """Connect a data object, an algorithm, an algorithm's output port or None to an input port.
+    def connect(self, port: str | int, value: Any) -> None:
+        """Connect an input port; ``filter.connect("muscle", mesh)`` is ``filter.muscle = mesh``.
 
         Parameters
         ----------
-        port : int
-            Number of the input port.
-        value : vtkDataObject, vtkAlgorithm, vtkAlgorithmOutput or None
+        port : str or int
+            Name or number of the input port.
+        value : vtkDataObject, vtkAlgorithm, chain, vtkAlgorithmOutput or None
             What to connect; None leaves the port open.
 
         Raises
         ------
+        AttributeError, IndexError
+            If there is no such port.
         TypeError
-            For anything else.
+            If the value is nothing that can be connected, or gives data of another class.
         """
-        if value is None:
-            self.SetInputConnection(port, None)
-        elif isinstance(value, vtkDataObject):
-            producer = vtkTrivialProducer()
-            producer.SetOutput(value)
-            self.SetInputConnection(port, producer.GetOutputPort())
-        elif hasattr(value, "GetOutputPort"):
-            self.SetInputConnection(port, value.GetOutputPort())
-        elif hasattr(value, "GetProducer"):
-            self.SetInputConnection(port, value)
-        else:
-            name = self.input_ports[port].name
-            raise TypeError(
-                f"{type(self).__name__}: port {port} ({name}) takes a data object or an algorithm, "
-                f"got {type(value).__name__}"
+        number, source = self._number_of(port), self.source_for(port, value)
+        self.SetInputConnection(number, None if source is None else source[0].GetOutputPort(source[1]))
+
+    def source_for(self, port: str | int, value: Any) -> tuple[Any, int] | None:
+        """Return the algorithm, and the number of its output, that stand for a value on a port.
+
+        Raises
+        ------
+        AttributeError, IndexError, TypeError
+            As of :meth:`connect`.
+        """
+        declared = self.input_ports[self._number_of(port)]
+        return declared.checked(value, f"{type(self).__name__}.{declared.name}")
+
+    def _number_of(self, port: str | int) -> int:
+        names = [declared.name for declared in self.input_ports]
+        if isinstance(port, str):
+            if port not in names:
+                raise AttributeError(
+                    f"{type(self).__name__} has no input port {port!r}; {suggestion(port, names)}"
+                )
+            return names.index(port)
+        if not 0 <= port < len(names):
+            numbered = ", ".join(f"{number} ({name})" for number, name in enumerate(names)) or "none"
+            raise IndexError(
+                f"{type(self).__name__} has no input port {port}; its input ports are {numbered}"
             )
+        return port
+
+    def SetInputData(self, *arguments: Any) -> None:
+        """Connect a data set to a port, as VTK does: ``SetInputData(mesh)`` or ``SetInputData(1, mesh)``."""
+        self.connect(*(arguments if len(arguments) == 2 else (0, *arguments)))
+
+    SetInputDataObject = SetInputData
+
+    def GetOutput(self, port: int = 0) -> Any:
+        """Return the data object of an output port, as VTK does; :meth:`update` brings it up to date."""
+        return self.GetOutputDataObject(port)
 
     def SetInputConnection(self, *arguments: Any) -> None:
-        """Connect an input, as VTK does, and hold on to the Python side of its producer."""
-        super().SetInputConnection(*arguments)
+        """Connect an output to a port, as VTK does, having checked that there is such a port and its kind."""
+        port, value = arguments if len(arguments) == 2 else (0, *arguments)
+        self.source_for(port, value)
+        super().SetInputConnection(port, value)
         self._hold_producers()
 
     def AddInputConnection(self, *arguments: Any) -> None:
@@ -374,18 +389,15 @@ class Filter(VTKPythonAlgorithmBase):
         self._failure = None
         self._progress_reached = 0.0
         info = outInfo.GetInformationObject(0)
-        key = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
-        self.request_time = info.Get(key) if info.Has(key) else None
+        self.request_time = requested_time(info)
 
     def _inputs(self, inInfo: Any) -> list[Any]:
         inputs: list[Any] = []
-        for number, (port, infos) in enumerate(zip(self.input_ports, _items(inInfo), strict=True)):
+        for port, infos in zip(self.input_ports, _items(inInfo), strict=True):
             connected = infos.GetNumberOfInformationObjects() > 0
             data = infos.GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT()) if connected else None
             if data is not None and data.GetNumberOfElements(vtkDataObject.POINT) == 0:
-                raise ValueError(
-                    f"{type(self).__name__}: the input on port {number} ({port.name}) has no points"
-                )
+                raise ValueError(f"{type(self).__name__}.{port.name}: the input has no points")
             inputs.append(data)
         return inputs
 
@@ -404,25 +416,25 @@ class Filter(VTKPythonAlgorithmBase):
             self._provenance = modified, provenance_entry(type(self).__name__, self._parameter_values)
         return self._provenance[1]
 
-    def _connected(self, port: int) -> bool:
-        return bool(self.GetNumberOfInputConnections(port))
+    def take_failure(self) -> BaseException | None:
+        """Return what :meth:`execute` raised at the last update, once; None where nothing went wrong."""
+        failure, self._failure = self._failure, None
+        return failure
 
-    def _check_connections(self) -> None:
+    def check_connections(self) -> None:
+        """Check that all ports are connected that must be, to data of their kind."""
         for number, port in enumerate(self.input_ports):
-            if not self._connected(number):
+            if not self.GetNumberOfInputConnections(number):
                 if not port.optional:
                     raise ValueError(
-                        f"{type(self).__name__}: nothing is connected to port {number} ({port.name}), "
-                        f"which takes a {port.type_name}"
+                        f"{type(self).__name__}.{port.name} is not connected; it must be {port.allowed}"
                     )
                 continue
             connection = self.GetInputConnection(number, 0)
-            producer, index = connection.GetProducer(), connection.GetIndex()
-            data = producer.GetOutputDataObject(index)
+            data = connection.GetProducer().GetOutputDataObject(connection.GetIndex())
             if data is not None and not data.IsA(port.type_name):
                 raise TypeError(
-                    f"{type(self).__name__}: port {number} ({port.name}) takes a {port.type_name}, "
-                    f"got a {data.GetClassName()}"
+                    f"{type(self).__name__}.{port.name} takes a {port.type_name}, got a {data.GetClassName()}"
                 )
 
 
@@ -433,24 +445,3 @@ def _rebuild(kind: type[Filter], parameters: dict[str, Any]) -> Filter:
 def _items(vector: Any) -> list[Any]:
     # Sources are given an empty tuple (or None), filters a tuple of information vectors.
     return list(vector or ())
-
-
-def _shallow(data: Any) -> Any:
-    copy = data.NewInstance()
-    copy.ShallowCopy(data)
-    return copy
-
-
-def _upstream(algorithm: Any) -> Iterator[Any]:
-    """Yield the algorithm and all that it depends on, nearest first, each once."""
-    seen: list[Any] = []
-    waiting = [algorithm]
-    while waiting:
-        current = waiting.pop(0)
-        if any(current is other for other in seen):
-            continue
-        seen.append(current)
-        yield current
-        for port in range(current.GetNumberOfInputPorts()):
-            indices = range(current.GetNumberOfInputConnections(port))
-            waiting.extend(current.GetInputAlgorithm(port, index) for index in indices)

@@ -1,4 +1,4 @@
-"""Declared parameters and ports: one declaration gives validation, change guards, pickling and docs."""
+"""Declared parameters: one declaration gives validation, change guards, pickling and docs."""
 
 from __future__ import annotations
 
@@ -30,23 +30,28 @@ class Parameter(Generic[T]):
         A bound that the number must exceed.
     choices : sequence of str, optional
         The allowed strings.
-    aliases : mapping of bool to str, optional
-        Which of them True and False stand for.
     length : int, optional
         Number of components of a vector.
     units : str, optional
         Unit of the value, for the documentation.
+    only_with : tuple of str, optional
+        Name of another parameter, and the values of it with which this one counts; with others it says
+        nothing, and ParaView hides it.
+    sets : mapping, optional
+        For each of the choices the values of other parameters that it stands for. Setting the choice sets
+        them; a constructor's keywords count more. One that is set later is kept until the choice is set
+        again.
     doc : str
         One sentence on what the parameter does.
 
     Examples
     --------
     >>> from vtkmuscle.filters import FibreSmoother
-    >>> smoother = FibreSmoother(iterations=3)
-    >>> smoother.iterations = -1
+    >>> smoother = FibreSmoother(smoothing_passes=3)
+    >>> smoother.smoothing_passes = -1
     Traceback (most recent call last):
         ...
-    ValueError: FibreSmoother.iterations is -1, but must be an integer >= 0 and <= 10000
+    ValueError: FibreSmoother.smoothing_passes is -1, but must be an integer >= 0 and <= 10000
     """
 
     def __init__(
@@ -58,9 +63,10 @@ class Parameter(Generic[T]):
         maximum: float | None = None,
         above: float | None = None,
         choices: Sequence[str] = (),
-        aliases: Mapping[bool, str] | None = None,
         length: int | None = None,
         units: str = "",
+        only_with: tuple[str, *tuple[str, ...]] | None = None,
+        sets: Mapping[str, Mapping[str, Any]] | None = None,
         doc: str,
     ) -> None:
         self.kind = kind
@@ -69,9 +75,10 @@ class Parameter(Generic[T]):
         self.maximum = maximum
         self.above = above
         self.choices = tuple(choices)
-        self.aliases = dict(aliases or {})
         self.length = length
         self.units = units
+        self.only_with = only_with
+        self.sets = dict(sets or {})
         self.doc = doc
         self.name = ""
 
@@ -93,10 +100,36 @@ class Parameter(Generic[T]):
     def __set__(self, instance: Filter, value: T) -> None:
         checked = self.check(value, type(instance).__name__)
         values = instance._parameter_values
-        if self.name in values and self._same(values[self.name], checked):
-            return
-        values[self.name] = checked
-        instance.Modified()
+        if not self._same(values[self.name], checked):
+            values[self.name] = checked
+            instance.Modified()
+        for other, given in self.group(checked).items():
+            setattr(instance, other, given)
+
+    def group(self, value: Any) -> Mapping[str, Any]:
+        """Return the values of other parameters that a value stands for."""
+        return self.sets.get(value, {}) if self.sets else {}
+
+    def counts_with(self, values: Mapping[str, Any]) -> bool:
+        """Return whether the parameter says anything beside the values of the others."""
+        return self.only_with is None or values[self.only_with[0]] in self.only_with[1:]
+
+    @property
+    def condition(self) -> str:
+        """With what the parameter counts, as the end of a sentence; empty where it always does."""
+        if self.only_with is None:
+            return ""
+        other, *values = self.only_with
+        return f" Counts only with {other} {' or '.join(map(repr, values))}."
+
+    def check_references(self, declarations: Mapping[str, Parameter[Any]], owner: str) -> None:
+        """Check that the other parameters that are named exist, and allow the values that are named."""
+        named = [] if self.only_with is None else [(self.only_with[0], v) for v in self.only_with[1:]]
+        named += [item for group in self.sets.values() for item in group.items()]
+        for other, value in named:
+            if other not in declarations:
+                raise TypeError(f"{owner}.{self.name} refers to {other!r}, which is not declared")
+            declarations[other].check(value, owner)
 
     @staticmethod
     def _same(old: Any, new: Any) -> bool:
@@ -139,8 +172,6 @@ class Parameter(Generic[T]):
     def _converted(self, value: Any) -> Any:
         if value is None:
             return None if self.default is None else _REFUSED
-        if isinstance(value, bool):
-            value = self.aliases.get(value, value)
         convert = _CONVERTERS.get(self.kind)
         if convert is None:
             return value if isinstance(value, self.kind) else _REFUSED
@@ -207,59 +238,3 @@ _CONVERTERS: dict[type[Any], Callable[[Any], Any]] = {
     str: _to_str,
     tuple: _to_vector,
 }
-
-
-class InputPort:
-    """An input of a filter.
-
-    Parameters
-    ----------
-    kind : type
-        The VTK class that the port takes.
-    content : str
-        What the data set is, e.g. ``"muscle"``: the contract suite finds its example input by it.
-    optional : bool, optional
-        May the port stay unconnected? The filter is then given ``None``.
-    doc : str
-        What the port expects, arrays included.
-    """
-
-    def __init__(self, kind: type[Any], *, content: str, optional: bool = False, doc: str) -> None:
-        self.kind = kind
-        self.content = content
-        self.optional = optional
-        self.doc = doc
-        self.name = ""
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-
-    @property
-    def type_name(self) -> str:
-        """Name of the VTK class, as the executive wants it."""
-        return self.kind.__name__
-
-
-class OutputPort:
-    """An output of a filter.
-
-    Parameters
-    ----------
-    kind : type
-        The VTK class that the port gives.
-    doc : str
-        What is on the port, arrays included.
-    """
-
-    def __init__(self, kind: type[Any], *, doc: str) -> None:
-        self.kind = kind
-        self.doc = doc
-        self.name = ""
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-
-    @property
-    def type_name(self) -> str:
-        """Name of the VTK class, as the executive wants it."""
-        return self.kind.__name__

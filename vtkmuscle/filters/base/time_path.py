@@ -8,12 +8,20 @@ from typing import Any
 from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
+from vtkmuscle.data.pipeline_times import times_of
+
 _TIME = vtkStreamingDemandDrivenPipeline.UPDATE_TIME_STEP()
 
 
 def requested_time(info: Any) -> float | None:
-    """Return the time that is asked for in a port's information, None where there is none."""
-    return float(info.Get(_TIME)) if info.Has(_TIME) else None
+    """Return the time that is asked for in a port's information: the last time step where none is.
+
+    None where the pipeline has no time.
+    """
+    if info.Has(_TIME):
+        return float(info.Get(_TIME))
+    steps = times_of(info)
+    return steps[-1] if steps else None
 
 
 def request_time(info: Any, time: float | None) -> None:
@@ -27,14 +35,11 @@ def path_to(time: float | None, steps: Sequence[float]) -> list[float | None]:
     Parameters
     ----------
     time : float or None
-        None for the first step.
+        None where there are no steps.
     steps : sequence of float
         All time steps, ascending; where there are none, the path is the time itself.
     """
-    if not steps:
-        return [time]
-    last = steps[0] if time is None else time
-    return [*[step for step in steps if step < last], last]
+    return [time] if time is None else [*[step for step in steps if step < time], time]
 
 
 def input_at(algorithm: Any, port: int, time: float | None) -> Any:

@@ -1,0 +1,244 @@
+"""The command line: ``vtkmuscle run``, ``demo``, ``tradeoff``, ``info``, ``export`` and ``paraview-path``.
+
+Nothing heavy is imported before a command needs it, so that ``vtkmuscle --help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import signal
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vtkmuscle._version import __version__
+from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, TerminatedError, one_clear_error, say
+from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, with_run_options
+from vtkmuscle.cli.running import run_and_tell
+from vtkmuscle.isolation import leave_out_working_folder
+
+__all__ = ["BAD_INPUT", "FAILED", "INTERRUPTED", "app", "main"]
+
+app = typer.Typer(
+    name="vtkmuscle",
+    help="Deform muscles with moving bones, fill them with fibres, and measure them.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+def main() -> None:
+    """Run the command line; the console entry point."""
+    leave_out_working_folder()
+    for name in ("SIGTERM", "SIGHUP"):  # the latter is not known to Windows
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, _terminate)
+    app()
+
+
+def _terminate(number: int, _frame: object) -> None:
+    """Stop as on Ctrl-C: finished frames are measured and listed."""
+    raise TerminatedError(number)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"vtkmuscle {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+@with_run_options
+def run(
+    scene: Annotated[Path, typer.Argument(help="A scene.toml.", show_default=False)],
+    out: OutOption = None,
+    *,
+    options: RunOptions,
+) -> None:
+    """Run a scene: deform its muscles, carry their fibres along, measure, and write all of it.
+
+    Without --out it writes to NAME_out, in the folder you are in.
+    """
+    with one_clear_error(None):
+        from vtkmuscle.scenes import Scene
+
+        loaded = Scene.load(scene)
+    run_and_tell(loaded, out or Path(f"{loaded.name}_out"), options)
+
+
+@app.command()
+@with_run_options
+def demo(
+    out: OutOption = None,
+    *,
+    options: RunOptions,
+) -> None:
+    """Run a phantom hip, and write its scene too, as a model for your own.
+
+    Without --out it writes to vtkmuscle_demo.
+    """
+    folder = out or Path("vtkmuscle_demo")
+    with one_clear_error(folder):
+        from vtkmuscle import phantoms
+        from vtkmuscle.run.unchanged import save_unless_changed
+        from vtkmuscle.scenes import Scene
+
+        scene = Scene.from_phantom(phantoms.hip())
+        loaded = Scene.load(path := save_unless_changed(scene, folder / "scene", overwrite=options.overwrite))
+    say(options.quiet, f"The scene is {path}: edit it, or put your own surfaces there, and run it with")
+    say(options.quiet, f"  vtkmuscle run {path}")
+    run_and_tell(loaded, folder, options)
+
+
+@app.command()
+def info(
+    files: Annotated[
+        list[Path],
+        typer.Argument(help="Meshes, or folders of results.", show_default=False),
+    ],
+) -> None:
+    """Say what meshes are: size, closed or not, manifold or not, pieces, volume, a guess of the unit.
+
+    Of a folder of results it says which frames are there.
+    """
+    with one_clear_error(None):
+        from vtkmuscle.cli.facts import facts_of
+
+        for file in files:
+            typer.echo(f"{file}")
+            for word, value in facts_of(file).items():
+                typer.echo(f"  {word:<12}{value}")
+
+
+@app.command()
+def export(
+    source: Annotated[
+        Path, typer.Argument(help="Folder of a run's results, or a .pvd file.", show_default=False)
+    ],
+    out: Annotated[Path, typer.Argument(help=".gltf for a web page, or .vtkhdf.", show_default=False)],
+    time: Annotated[
+        float | None, typer.Option("--time", help="Which pose. Default: the last.", show_default=False)
+    ] = None,
+) -> None:
+    """Export a pose of a run's results for a web page (glTF), or a .pvd series as one .vtkhdf file."""
+    with one_clear_error(None):
+        if out.suffix.lower() == ".vtkhdf":
+            from vtkmuscle.io import read_series, write_vtkhdf
+            from vtkmuscle.run.poses import merged
+
+            series = read_series(source)
+            write_vtkhdf(out, series.times, lambda number: merged(series.frame(number)))
+        else:
+            from vtkmuscle.plotting import export_scene
+            from vtkmuscle.run.poses import read_pose
+
+            pose = read_pose(source, time)
+            export_scene(out, pose.bones, pose.muscles, fibres=pose.fibres)
+
+
+@app.command()
+def tradeoff(
+    scene: Annotated[
+        str,
+        typer.Argument(metavar="SCENE", help="A scene.toml, or 'demo': the phantom hip.", show_default=False),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", "-o", metavar="PATH", parser=named, help="Folder to write to.", show_default=False
+        ),
+    ],
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--only",
+            metavar="NAME",
+            help="Group or beginning of names of settings; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    muscle: Annotated[
+        list[str] | None,
+        typer.Option("--muscle", metavar="NAME", help="Muscle; may be repeated.", show_default=False),
+    ] = None,
+    frames: Annotated[
+        str | None,
+        typer.Option(
+            "--frames", metavar="A:B:STEP", help="Frames to compare. Default: each fifth.", show_default=False
+        ),
+    ] = None,
+    every: Annotated[
+        int,
+        typer.Option("--every", metavar="N", min=1, help="Leave all but each Nth frame of the motion out."),
+    ] = 1,
+    quiet: QuietOption = False,
+) -> None:
+    """Measure what speed costs in accuracy: run a scene with many settings, each against a converged run.
+
+    Finished settings are kept in OUT and not run again; stop and start it as you like.
+    """
+    with one_clear_error(None):
+        from vtkmuscle.run import frame_numbers
+        from vtkmuscle.scenes import Scene
+        from vtkmuscle.tradeoff import thinned, trade_off, write_plots, write_tables
+
+        if scene == "demo":
+            from vtkmuscle import phantoms
+
+            loaded = Scene.from_phantom(phantoms.hip())
+        else:
+            loaded = Scene.load(scene)
+        motion = thinned(loaded.motion, every, len(loaded.motion.times) - 1)
+        loaded = replace(loaded, motion=motion)
+        compared = None if frames is None else frame_numbers(frames, len(motion.times))
+        study = trade_off(
+            loaded,
+            out,
+            only=only or (),
+            muscles=muscle or (),
+            compared=compared,
+            tell=lambda words: say(quiet, words),
+        )
+        for path in [*write_tables(out, study), *write_plots(out, study)]:
+            say(quiet, f"wrote {path}")
+
+
+@app.command("paraview-path")
+def paraview_path(
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--folder",
+            metavar="PATH",
+            parser=named,
+            help="Folder for the links; by default one in your cache.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Print what to set for ParaView, pvpython and pvbatch to find the filters.
+
+    It fills a folder with links to vtkmuscle and what it needs there, for a ParaView whose Python is of the
+    same version as this one, and prints commands for your shell:
+
+      eval "$(vtkmuscle paraview-path)"; paraview
+    """
+    with one_clear_error(None):
+        from vtkmuscle.paraview import environment
+
+        links = (folder or environment.default_folder()).absolute()
+        environment.link_packages(links)
+    for command in environment.shell_commands(links):
+        typer.echo(command)

@@ -1,0 +1,101 @@
+"""The options that commands share."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Annotated, Any, get_type_hints
+
+import typer
+
+
+def named(text: str) -> Path:
+    """Return a path; an empty text, as of a shell variable that is not set, is not the working folder."""
+    if not text:
+        raise typer.BadParameter("it is empty; give the name of a folder")
+    return Path(text)
+
+
+OutOption = Annotated[
+    Path | None,
+    typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to.", show_default=False),
+]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and warnings only.")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """The options of commands that run a scene."""
+
+    frames: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A:B",
+            help="Frames to write, counted from 0; B is not included. Default: all.",
+            show_default=False,
+        ),
+    ] = None
+    quiet: QuietOption = False
+    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")] = True
+    series: Annotated[
+        str,
+        typer.Option(
+            "--format", metavar="pvd|vtkhdf", help="Time series: a .vtp file per frame, or one file for all."
+        ),
+    ] = "pvd"
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=1,
+            help="Muscles that are deformed side by side; the results are the same. "
+            "Default: one per processor.",
+            show_default=False,
+        ),
+    ] = None
+    verbose: Annotated[
+        bool,
+        typer.Option(
+            "--verbose",
+            help="Print figures of each frame as it is done: how far the solve got, how the shape was kept.",
+        ),
+    ] = False
+    overwrite: Annotated[
+        bool,
+        typer.Option(
+            "--overwrite",
+            help="Replace results of another scene, and files that no run has written; never the inputs.",
+        ),
+    ] = False
+    quality: Annotated[
+        str | None,
+        typer.Option(
+            metavar="preview|balanced|accurate",
+            help="Preset of the solver, in place of the scene's; what the scene's solver table sets stays.",
+            show_default=False,
+        ),
+    ] = None
+
+
+def with_run_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Spell out a command's last parameter, ``options``, for typer, which reads the signature."""
+    own = inspect.signature(command, eval_str=True)
+    *before, _ = own.parameters.values()
+    hints = get_type_hints(RunOptions, include_extras=True)
+    spelt = [
+        inspect.Parameter(
+            option.name, inspect.Parameter.KEYWORD_ONLY, default=option.default, annotation=hints[option.name]
+        )
+        for option in fields(RunOptions)
+    ]
+
+    def spelt_out(*arguments: Any, **keywords: Any) -> None:
+        options = RunOptions(**{option.name: keywords.pop(option.name) for option in fields(RunOptions)})
+        command(*arguments, **keywords, options=options)
+
+    spelt_out.__name__, spelt_out.__doc__ = command.__name__, command.__doc__
+    spelt_out.__signature__ = own.replace(parameters=[*before, *spelt])  # type: ignore[attr-defined]
+    spelt_out.__annotations__ = {one.name: one.annotation for one in (*before, *spelt)}
+    return spelt_out

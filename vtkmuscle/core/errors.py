@@ -1,0 +1,97 @@
+"""Input that cannot be used: an error with fields, for whoever passes it on or shows it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class InputError(ValueError):
+    """Input that cannot be used: where the fault is, what it is, and how to remedy it.
+
+    Parameters
+    ----------
+    where : str or Path
+        The file, the port or the argument at fault; "" where the caller knows it and says it.
+    problem : str
+        What is wrong.
+    remedy : str, optional
+        What to do about it.
+
+    Attributes
+    ----------
+    where, problem, remedy : str
+        As given.
+
+    Examples
+    --------
+    >>> from vtkmuscle.core.errors import InputError
+    >>> print(InputError("bone.stl", "the file holds no points", "export it again"))
+    bone.stl: the file holds no points; export it again
+    """
+
+    def __init__(self, where: str | Path, problem: str, remedy: str = "") -> None:
+        self.where, self.problem, self.remedy = str(where), problem, remedy
+        super().__init__(self.where, problem, remedy)
+
+    def __str__(self) -> str:
+        return in_words(self.where, self.problem, self.remedy)
+
+
+class MissingFileError(FileNotFoundError):
+    """A file that is to be read and is none.
+
+    Parameters
+    ----------
+    where : str or Path
+        Its path.
+    problem : str
+        Why it cannot be read.
+    remedy : str, optional
+        What to do about it.
+
+    Attributes
+    ----------
+    where, problem, remedy : str
+        As given.
+    """
+
+    def __init__(self, where: str | Path, problem: str, remedy: str = "") -> None:
+        # Not FileNotFoundError's own initialisation, which takes its arguments for an error number.
+        self.args = (str(where), problem, remedy)
+        self.where, self.problem, self.remedy = self.args
+
+    def __str__(self) -> str:
+        return in_words(self.where, self.problem, self.remedy)
+
+
+def in_words(where: str, problem: str, remedy: str) -> str:
+    """Return an error's message, ``where: problem; remedy``, of those that are not empty."""
+    return "; ".join(part for part in (": ".join(part for part in (where, problem) if part), remedy) if part)
+
+
+def fault_of(error: Exception, *, placed: bool = False) -> tuple[str, str]:
+    """Return the problem and the remedy that an error names, each in one line.
+
+    Parameters
+    ----------
+    error : Exception
+        Of one without these fields the problem is the message, and the remedy "".
+    placed : bool, optional
+        Whether the place stands before the problem.
+
+    Examples
+    --------
+    >>> from vtkmuscle.core.errors import InputError, fault_of
+    >>> fault_of(InputError("bone.stl", "the file holds no points", "export it again"))
+    ('the file holds no points', 'export it again')
+    >>> fault_of(OSError(28, "No space left on device", "bone.stl"))
+    ('No space left on device', '')
+    """
+    if isinstance(error, InputError | MissingFileError):
+        problem = in_words(error.where, error.problem, "") if placed else error.problem
+        remedy = error.remedy
+    elif isinstance(error, OSError) and error.strerror:
+        problem, remedy = error.strerror, ""
+    else:
+        problem, remedy = str(error), ""
+    return " ".join(problem.split()), " ".join(remedy.split())

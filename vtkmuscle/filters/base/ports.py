@@ -1,0 +1,227 @@
+"""Declared ports: one declaration gives an attribute, a keyword, a check of what is connected, and docs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, TypeVar, overload
+
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataObjectTypes, vtkMultiBlockDataSet
+from vtkmodules.vtkCommonExecutionModel import vtkAlgorithmOutput, vtkTrivialProducer
+from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
+
+from vtkmuscle.core.words import shown
+from vtkmuscle.data.arrays import multiblock_from
+from vtkmuscle.data.attachments import attachments_from, is_areas
+
+if TYPE_CHECKING:
+    from vtkmuscle.filters.base.filter import Filter
+
+PortT = TypeVar("PortT", bound="Port")
+
+
+class Port:
+    """What input and output ports have in common.
+
+    Parameters
+    ----------
+    kind : type
+        The VTK class of the data on the port.
+    doc : str
+        What is on the port, arrays included.
+    """
+
+    def __init__(self, kind: type[Any], *, doc: str) -> None:
+        self.kind = kind
+        self.doc = doc
+        self.name = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    @property
+    def type_name(self) -> str:
+        """Name of the VTK class, as the executive wants it."""
+        return self.kind.__name__
+
+
+class OutputPort(Port):
+    """An output of a filter; read as an attribute, it is the data, brought up to date.
+
+    Examples
+    --------
+    >>> from vtkmuscle.filters import FibreTemplateSource
+    >>> FibreTemplateSource(n_fibres=3).output.GetNumberOfCells()
+    3
+    """
+
+    @overload
+    def __get__(self: PortT, instance: None, owner: type) -> PortT: ...
+
+    @overload
+    def __get__(self, instance: Filter, owner: type) -> Any: ...
+
+    def __get__(self, instance: Filter | None, owner: type) -> Any:
+        if instance is None:
+            return self
+        instance.update()
+        return instance.GetOutputDataObject(instance.output_ports.index(self))
+
+    def __set__(self, instance: Filter, value: Any) -> None:
+        raise AttributeError(f"{type(instance).__name__}.{self.name} is an output, which cannot be set")
+
+
+class InputPort(Port):
+    """An input of a filter: an attribute, and a keyword of the constructor, that takes what is connected.
+
+    It takes a data set, an algorithm, a chain (``a >> b``), an algorithm's output port, or None to leave the
+    port open. A port of a ``vtkMultiBlockDataSet`` also takes a mapping from names to any of these, and a
+    sequence of :class:`~vtkmuscle.data.attachments.AttachmentArea`. Read, it is the data set or the algorithm
+    that is connected, None where it is open.
+
+    Parameters
+    ----------
+    kind : type
+        The VTK class that the port takes.
+    optional : bool, optional
+        May the port stay unconnected? The filter is then given ``None``.
+    doc : str
+        What the port expects, arrays included.
+
+    Raises
+    ------
+    TypeError
+        When something else is connected, or data of another class.
+
+    Examples
+    --------
+    >>> from vtkmuscle.filters import FibreSmoother, FibreTemplateSource
+    >>> smoother = FibreSmoother(fibres=FibreTemplateSource(n_fibres=3))
+    >>> smoother.muscle = 3
+    Traceback (most recent call last):
+        ...
+    TypeError: FibreSmoother.muscle is 3, but must be a vtkPolyData, an algorithm or a chain of them or None
+    """
+
+    def __init__(self, kind: type[Any], *, optional: bool = False, doc: str) -> None:
+        super().__init__(kind, doc=doc)
+        self.optional = optional
+
+    @overload
+    def __get__(self: PortT, instance: None, owner: type) -> PortT: ...
+
+    @overload
+    def __get__(self, instance: Filter, owner: type) -> Any: ...
+
+    def __get__(self, instance: Filter | None, owner: type) -> Any:
+        if instance is None:
+            return self
+        number = instance.input_ports.index(self)
+        if not instance.GetNumberOfInputConnections(number):
+            return None
+        connection = instance.GetInputConnection(number, 0)
+        producer = connection.GetProducer()
+        if isinstance(producer, vtkTrivialProducer):
+            return producer.GetOutputDataObject(0)
+        return producer if producer.GetNumberOfOutputPorts() == 1 else connection
+
+    def __set__(self, instance: Filter, value: Any) -> None:
+        instance.connect(self.name, value)
+
+    def checked(self, value: Any, where: str) -> tuple[Any, int] | None:
+        """Return the algorithm and the number of its output that a value stands for; None for None.
+
+        The caller must hold on to the algorithm: a vtkAlgorithmOutput does not.
+
+        Parameters
+        ----------
+        value : object
+            As given to the port.
+        where : str
+            Named in the error, e.g. ``"PBDDeformer.muscle"``.
+
+        Raises
+        ------
+        TypeError
+            If it is nothing that can be connected, or gives data of another class.
+        """
+        if value is None:
+            return None
+        source = source_of(self._as_data(value))
+        if source is None:
+            raise TypeError(f"{where} is {shown(value)}, but must be {self.allowed}")
+        given = _class_given(*source)
+        if not (_is_a(given, self.type_name) or _is_a(self.type_name, given)):
+            raise TypeError(f"{where} is a {given}, but must be {self.allowed}")
+        return source
+
+    @property
+    def allowed(self) -> str:
+        """What can be connected, in words."""
+        more = ", a dict of named ones" if self.kind is vtkMultiBlockDataSet else ""
+        return f"a {self.type_name}{more}, an algorithm or a chain of them" + (
+            " or None" if self.optional else ""
+        )
+
+    def _as_data(self, value: Any) -> Any:
+        """Return a mapping or areas as the data set that the port takes."""
+        if self.kind is not vtkMultiBlockDataSet or isinstance(value, vtkDataObject):
+            return value
+        if is_areas(value):
+            return attachments_from(value)
+        if not isinstance(value, Mapping):
+            return value
+        if all(isinstance(block, vtkDataObject) for block in value.values()):
+            return multiblock_from(dict(value))
+        return _grouped(value)
+
+
+def source_of(value: Any) -> tuple[Any, int] | None:
+    """Return the algorithm and the number of its output that stand for what somebody connects.
+
+    Parameters
+    ----------
+    value : vtkDataObject, vtkAlgorithm, chain, vtkAlgorithmOutput or select_ports
+        What somebody connects.
+
+    Returns
+    -------
+    tuple of vtkAlgorithm and int, or None
+        None for anything else.
+    """
+    if isinstance(value, vtkDataObject):
+        producer = vtkTrivialProducer()
+        producer.SetOutput(value)
+        return producer, 0
+    if isinstance(value, vtkAlgorithmOutput):
+        return value.GetProducer(), value.GetIndex()
+    last = getattr(value, "last", value)  # of a chain
+    if isinstance(last, type) or not hasattr(last, "GetOutputPort"):
+        return None
+    port = last.GetOutputPort()
+    return port.GetProducer(), port.GetIndex()
+
+
+def _grouped(blocks: Mapping[str, Any]) -> vtkGroupDataSetsFilter | None:
+    """Return an algorithm that gives the outputs of several as named blocks; None where one is none."""
+    group = vtkGroupDataSetsFilter()
+    group.SetOutputTypeToMultiBlockDataSet()
+    group.inputs = list(blocks.values())  # VTK holds on to their C++ side only
+    for number, (name, block) in enumerate(blocks.items()):
+        source = source_of(block)
+        if source is None:
+            return None
+        group.AddInputConnection(source[0].GetOutputPort(source[1]))
+        group.SetInputName(number, name)
+    return group
+
+
+def _class_given(producer: Any, index: int) -> str:
+    """Return the name of the class of data that an output gives, or is declared to give."""
+    if isinstance(producer, vtkTrivialProducer):
+        return str(producer.GetOutputDataObject(index).GetClassName())
+    return str(producer.GetOutputPortInformation(index).Get(vtkDataObject.DATA_TYPE_NAME()))
+
+
+def _is_a(kind: str, other: str) -> bool:
+    number = vtkDataObjectTypes.GetTypeIdFromClassName
+    return kind == other or vtkDataObjectTypes.TypeIdIsA(number(kind), number(other))

@@ -1,0 +1,199 @@
+"""What can be set of PBDDeformer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
+from vtkmuscle.core.pbd.parameters import CHOICES, SolverParameters
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.deformer.quality import PRESETS
+
+_DEFAULT = SolverParameters()
+
+
+class DeformerSettings:
+    """The parameters of PBDDeformer."""
+
+    quality: Parameter[str | None] = Parameter(
+        str,
+        default=None,
+        choices=tuple(PRESETS),
+        sets=PRESETS,
+        doc="A name for a group of the parameters below, which are set with it: the settings of Kohout and "
+        "Cervenka 2021 ('published'), or three on the curve of speed against accuracy; None sets nothing.",
+    )
+    iterations = Parameter(
+        int,
+        default=_DEFAULT.iterations,
+        minimum=1,
+        maximum=1_000_000,
+        doc="Projections of all constraints per step, at most.",
+    )
+    substeps = Parameter(
+        int,
+        default=_DEFAULT.substeps,
+        minimum=1,
+        maximum=10_000,
+        doc="Parts that a step is cut into; bones move along their screws.",
+    )
+    dt = Parameter(float, default=_DEFAULT.dt, above=0.0, units="s", doc="Time of a step.")
+    velocity_kept = Parameter(
+        float,
+        default=_DEFAULT.velocity_kept,
+        minimum=0.0,
+        maximum=1.0,
+        doc="Part of its velocity that a point keeps from step to step.",
+    )
+    stiffness = Parameter(
+        float,
+        default=_DEFAULT.stiffness,
+        minimum=0.0,
+        maximum=1.0,
+        doc="Stiffness of edge lengths, per step (solver 'gauss-seidel') or per iteration ('anderson').",
+    )
+    shape_stiffness = Parameter(
+        float,
+        default=_DEFAULT.shape_stiffness,
+        minimum=0.0,
+        maximum=1.0,
+        doc="Stiffness of the angles between triangles, per step or per iteration as that of the edges.",
+    )
+    volume_stiffness = Parameter(
+        float,
+        default=_DEFAULT.volume_stiffness,
+        minimum=0.0,
+        maximum=1.0,
+        doc="Stiffness of the muscle's volume, per step or per iteration as that of the edges.",
+    )
+    anisotropy = Parameter(
+        str,
+        default="taut",
+        choices=("taut", "stiffness", "off"),
+        doc="How edges give way along the fibres: they follow the fibres, pulled taut round the bones, or "
+        "they are less stiff (Kohout and Cervenka 2021), or not at all.",
+    )
+    guidance = Parameter(
+        float,
+        default=_DEFAULT.guidance,
+        minimum=0.0,
+        maximum=1.0,
+        only_with=("anisotropy", "taut"),
+        doc="Part of its way to where the taut fibres carry it that each iteration draws a point of the "
+        "surface; not with prediction 'inertial'.",
+    )
+    external_force = Parameter(
+        tuple,
+        default=_DEFAULT.external_force,
+        length=3,
+        units="mm/s^2",
+        doc="Force per mass on all free points; for prediction 'inertial'. With another one the solve leads "
+        "to where the constraints are met, and leaves the less of the force the further it goes.",
+    )
+    collision = Parameter(
+        str,
+        default="sdf",
+        choices=("sdf", "voxel", "off"),
+        doc="How points are kept out of the bones: by signed distances, by voxels (published) or not at all.",
+    )
+    grid_spacing: Parameter[float | None] = Parameter(
+        float,
+        default=None,
+        above=0.0,
+        units="mm",
+        only_with=("collision", "sdf"),
+        doc="Distance of the nodes of the signed distance grids; None is 1/600 of the diagonal of the bone's "
+        "box along its principal axes.",
+    )
+    bone_clearance = Parameter(
+        float,
+        default=0.0,
+        minimum=0.0,
+        units="mm",
+        only_with=("collision", "sdf"),
+        doc="Distance that points keep from the bones; those nearer at rest may come as near.",
+    )
+    friction = Parameter(
+        float,
+        default=0.0,
+        minimum=0.0,
+        only_with=("collision", "sdf"),
+        doc="Coulomb's coefficient between muscle and bones: how much of the push out of a bone may be spent "
+        "on holding a point where it is on the bone.",
+    )
+    n_voxels = Parameter(
+        int,
+        default=DEFAULT_N_MAX,
+        minimum=1,
+        only_with=("collision", "voxel"),
+        doc="Number of voxels of a bone, about, shared out by the sides of its box so that they are nearly "
+        "cubes.",
+    )
+    n_voxels_per_axis: Parameter[int | None] = Parameter(
+        int,
+        default=None,
+        minimum=1,
+        only_with=("collision", "voxel"),
+        doc="Number of voxels along each axis of a bone's box, instead of n_voxels.",
+    )
+    bone_push = Parameter(
+        str,
+        default=_DEFAULT.bone_push,
+        choices=CHOICES["bone_push"],
+        only_with=("collision", "voxel"),
+        doc="What a bone does to points that it moved over: take them with it, or nothing.",
+    )
+    contact_velocity = Parameter(
+        str,
+        default=_DEFAULT.contact_velocity,
+        choices=CHOICES["contact_velocity"],
+        doc="Velocity of points that met a bone: none, as Kohout and Cervenka 2021 propose, or that of "
+        "their displacement, as they compute it.",
+    )
+    prediction = Parameter(
+        str,
+        default=_DEFAULT.prediction,
+        choices=CHOICES["prediction"],
+        doc="Where free points start each step: where their velocity takes them (published), or where the "
+        "bones' blended motions do.",
+    )
+    solver = Parameter(
+        str,
+        default=_DEFAULT.solver,
+        choices=CHOICES["solver"],
+        doc="The iteration: as it is (published), or accelerated towards the same shape.",
+    )
+    tolerance = Parameter(
+        float,
+        default=_DEFAULT.tolerance,
+        minimum=0.0,
+        units="mm",
+        only_with=("solver", "anderson"),
+        doc="Stop where the converged shape is at most this far (root mean square): known where the taut "
+        "fibres draw the points; all iterations are made elsewhere, and with 0.",
+    )
+    projection_order = Parameter(
+        str,
+        default=_DEFAULT.projection_order,
+        choices=CHOICES["projection_order"],
+        doc="Order of projections: edges many at once and the volume last, or all one by one "
+        "and the volume before angles and bones (published), which keeps it less well.",
+    )
+    measure_penetration = Parameter(
+        bool,
+        default=False,
+        doc="Measure how deep points are in the bones, against their triangles, for each frame asked for.",
+    )
+    checkpoint_memory = Parameter(
+        float,
+        default=256.0,
+        minimum=0.0,
+        units="MB",
+        doc="Memory for frames kept to go back in time; the last two are kept even with 0.",
+    )
+
+
+def solver_parameters(settings: Mapping[str, Any]) -> SolverParameters:
+    """Return those of the parameters of PBDDeformer that are the solver's."""
+    return SolverParameters(**{name: settings[name] for name in SolverParameters.__dataclass_fields__})

@@ -1,0 +1,281 @@
+"""All stages of one muscle, connected: fixed points, fibres, deformation, transport and metrics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.bone_motion import BoneMotion
+from vtkmuscle.filters.fibre_metrics import FibreMetrics
+from vtkmuscle.filters.fibre_transport import FibreTransport
+from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+from vtkmuscle.filters.pbd_deformer import PBDDeformer
+from vtkmuscle.filters.taut_fibres import TautFibres
+from vtkmuscle.pipelines.fibres import decompose
+
+#: Settings of fibres that are none of :func:`decompose`: how they are carried with the muscle.
+TRANSPORT_SETTINGS: dict[str, tuple[type[Filter], str]] = {
+    "weight_tolerance": (FibreTransport, "weight_tolerance")
+}
+#: What ``weight_tolerance`` is in scenes: of 1600 fibre points in 9878 vertices it keeps 5 MB of weights
+#: instead of 126, and a frame takes 0.7 ms instead of 48; a muscle bent by a radian has fibre points
+#: 0.007 mm off, 0.036 mm at most (``benchmarks/bench_fibres.py --transport``).
+WEIGHT_TOLERANCE = 0.3
+
+
+class MusclePipeline:
+    """One muscle's filters, from its surface at rest to the measures of its fibres in motion.
+
+    Nothing is computed before a stage is asked for its output: ``pipeline.deformer.update(time=30.0).output``
+    is the muscle, ``pipeline.metrics.update(time=30.0).output`` its fibres with their measures.
+
+    Parameters
+    ----------
+    surface : vtkPolyData or algorithm
+        Closed surface of triangles, in the rest pose.
+    bones : vtkMultiBlockDataSet or algorithm
+        Named blocks, in the rest pose.
+    motion : RigidMotion
+        How the bones move.
+    attachments : vtkMultiBlockDataSet or algorithm, optional
+        Where the muscle is attached, and the via rings that it passes through.
+    superficial : vtkPolyData or algorithm, optional
+        Fibres that are seen on the surface at rest, a few polylines: they orient the template and the
+        anisotropy.
+    neighbours : mapping of str to algorithm, optional
+        Deformers of other muscles, out of which this one is kept.
+    model : str, optional
+        ``"volume"``, which deforms the muscle and carries its fibres with it; or ``"paths"``, which pulls the
+        fibres alone taut round the bones.
+    fixing : mapping or None, optional
+        Parameters of FixedPointDetector; None for a surface that has the point array ``FixedTo`` already.
+    fibres : mapping, vtkPolyData, algorithm or None, optional
+        Keyword arguments of :func:`decompose` and parameters of FibreTransport (``weight_tolerance``, by
+        default :data:`WEIGHT_TOLERANCE`); or fibres at rest that are there already; or None for a
+        muscle without fibres.
+    solver : mapping, optional
+        Parameters of PBDDeformer, or of TautFibres with the model ``"paths"``.
+
+    Attributes
+    ----------
+    fixed : FixedPointDetector, vtkPolyData or algorithm
+        The muscle at rest with the point array ``FixedTo``: the surface itself where ``fixing`` is None.
+    fibres : vtkPolyData, algorithm or None
+        Fibres at rest.
+    moving : BoneMotion
+        The bones in motion.
+    deformer : PBDDeformer or None
+        The muscle in motion; None with the model ``"paths"``.
+    taut : TautFibres or None
+        The fibres in motion with the model ``"paths"``, else None.
+    transport : FibreTransport or None
+        The fibres in motion with the model ``"volume"``; None without fibres.
+    metrics : FibreMetrics or None
+        The fibres in motion with their measures; None without fibres.
+
+    Raises
+    ------
+    TypeError
+        For a setting that no filter has.
+    ValueError
+        If a setting is not allowed; the message says what is.
+
+    Examples
+    --------
+    >>> from vtkmuscle.phantoms import spindle_over_hinge
+    >>> from vtkmuscle.pipelines import MusclePipeline
+    >>> phantom = spindle_over_hinge()
+    >>> (name, muscle), = phantom.muscles.items()
+    >>> attachments = phantom.attachments[name]
+    >>> pipeline = MusclePipeline(
+    ...     muscle, phantom.bones, phantom.motion, attachments, fixing={}, fibres={"n_fibres": 8}
+    ... )
+    >>> pipeline.metrics.update(time=phantom.motion.times[1]).output.GetNumberOfCells()
+    8
+    """
+
+    def __init__(
+        self,
+        surface: Any,
+        bones: Any,
+        motion: RigidMotion,
+        attachments: Any = None,
+        *,
+        superficial: Any = None,
+        neighbours: Mapping[str, Any] | None = None,
+        model: str = "volume",
+        fixing: Mapping[str, Any] | None = None,
+        fibres: Any = None,
+        solver: Mapping[str, Any] | None = None,
+    ) -> None:
+        if model not in ("volume", "paths"):
+            raise ValueError(f"MusclePipeline: model is {model!r}, but must be 'volume' or 'paths'")
+        self.fixed = surface
+        if fixing is not None:
+            self.fixed = FixedPointDetector(muscle=surface, bones=bones, attachments=attachments, **fixing)
+        carrying = {"weight_tolerance": WEIGHT_TOLERANCE}
+        self.fibres = fibres
+        if isinstance(fibres, Mapping):
+            carrying |= {name: fibres[name] for name in TRANSPORT_SETTINGS if name in fibres}
+            shaping = {name: value for name, value in fibres.items() if name not in TRANSPORT_SETTINGS}
+            self.fibres = decompose(self.fixed, attachments, superficial, **shaping)
+        self.moving = BoneMotion(bones=bones, motion=motion)
+        self.deformer: PBDDeformer | None = None
+        self.taut: TautFibres | None = None
+        self.transport: FibreTransport | None = None
+        self.metrics: FibreMetrics | None = None
+        if model == "paths":
+            self.taut = TautFibres(
+                rest_fibres=self.fibres,
+                rest_muscle=self.fixed,
+                bones=self.moving,
+                attachments=attachments,
+                **(solver or {}),
+            )
+        else:
+            self.deformer = PBDDeformer(
+                muscle=self.fixed,
+                bones=self.moving,
+                fibres=self.fibres,
+                neighbours=neighbours or None,
+                superficial=superficial,
+                attachments=attachments,
+                **(solver or {}),
+            )
+        if self.fibres is not None:
+            if self.deformer is not None:
+                self.transport = FibreTransport(
+                    rest_fibres=self.fibres,
+                    rest_muscle=self.fixed,
+                    deformed_muscle=self.deformer,
+                    **carrying,
+                )
+            moved = self.taut if self.transport is None else self.transport
+            self.metrics = FibreMetrics(fibres=moved, muscle=self.deformer, curvature=True)
+
+
+def deform(
+    muscle: Any,
+    bones: Any,
+    motion: RigidMotion,
+    attachments: Any = None,
+    *,
+    fibres: Any = None,
+    superficial: Any = None,
+    fixing: Mapping[str, Any] | None = MappingProxyType({}),
+    **solver: Any,
+) -> PBDDeformer:
+    """Return the chain of filters that deforms a muscle with moving bones.
+
+    The chain is FixedPointDetector and BoneMotion, then PBDDeformer; ask the last one for its output at
+    a time of the motion: ``deform(...).update(time=30.0).output``.
+
+    Parameters
+    ----------
+    muscle, bones, motion, superficial
+        As of :class:`MusclePipeline`.
+    attachments : vtkMultiBlockDataSet or algorithm, optional
+        Where the muscle is attached; needed by the method ``"attachment"`` of FixedPointDetector.
+    fibres : vtkPolyData or algorithm, optional
+        Fibres at rest, for the anisotropy.
+    fixing : mapping or None, optional
+        Parameters of FixedPointDetector, as ``{"method": "proximity", "distance": 3.0}``; None for a muscle
+        that has the point array ``FixedTo`` already.
+    **solver
+        Parameters of PBDDeformer.
+
+    Returns
+    -------
+    PBDDeformer
+        The end of the chain, which keeps all of it.
+
+    Raises
+    ------
+    TypeError
+        For a keyword that is no parameter of PBDDeformer.
+    ValueError
+        If a setting is not allowed; the message says what is.
+
+    Examples
+    --------
+    >>> from vtkmuscle.phantoms import spindle_over_hinge
+    >>> from vtkmuscle.pipelines import deform
+    >>> phantom = spindle_over_hinge()
+    >>> (name, muscle), = phantom.muscles.items()
+    >>> chain = deform(muscle, phantom.bones, phantom.motion, phantom.attachments[name], iterations=3)
+    >>> deformed = chain.update(time=phantom.motion.times[1]).output
+    >>> deformed.GetNumberOfPoints() == muscle.GetNumberOfPoints()
+    True
+    """
+    pipeline = MusclePipeline(
+        muscle,
+        bones,
+        motion,
+        attachments,
+        superficial=superficial,
+        fixing=fixing,
+        fibres=fibres,
+        solver=solver,
+    )
+    assert pipeline.deformer is not None
+    return pipeline.deformer
+
+
+def pull_taut(
+    muscle: Any,
+    bones: Any,
+    motion: RigidMotion,
+    fibres: Any,
+    attachments: Any = None,
+    *,
+    fixing: Mapping[str, Any] | None = MappingProxyType({}),
+    **settings: Any,
+) -> TautFibres:
+    """Return the chain of filters that pulls fibres taut round moving bones, without deforming a muscle.
+
+    The chain is FixedPointDetector and BoneMotion, then TautFibres; ask the last one for its output at a time
+    of the motion: ``pull_taut(...).update(time=30.0).output``.
+
+    Parameters
+    ----------
+    muscle, bones, motion, fixing
+        As of :func:`deform`.
+    fibres : vtkPolyData or algorithm
+        Fibres at rest, as of :func:`decompose`.
+    attachments : vtkMultiBlockDataSet or algorithm, optional
+        Where the muscle is attached, and via rings.
+    **settings
+        Parameters of TautFibres.
+
+    Returns
+    -------
+    TautFibres
+        The end of the chain, which keeps all of it.
+
+    Raises
+    ------
+    TypeError
+        For a keyword that is no parameter of TautFibres.
+    ValueError
+        If a setting is not allowed; the message says what is.
+
+    Examples
+    --------
+    >>> from vtkmuscle.phantoms import spindle_over_hinge
+    >>> from vtkmuscle.pipelines import decompose, pull_taut
+    >>> phantom = spindle_over_hinge()
+    >>> (name, muscle), = phantom.muscles.items()
+    >>> attachments = phantom.attachments[name]
+    >>> fibres = decompose(muscle, attachments, n_fibres=8)
+    >>> taut = pull_taut(muscle, phantom.bones, phantom.motion, fibres, attachments)
+    >>> taut.update(time=phantom.motion.times[1]).output.GetNumberOfCells()
+    8
+    """
+    pipeline = MusclePipeline(
+        muscle, bones, motion, attachments, model="paths", fixing=fixing, fibres=fibres, solver=settings
+    )
+    assert pipeline.taut is not None
+    return pipeline.taut

@@ -1,0 +1,69 @@
+"""What ``pyvista.read`` opens with vtkmuscle installed, through the entry point group ``pyvista.readers``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pyvista
+
+from vtkmuscle.data.arrays import multiblock_from
+from vtkmuscle.data.attachments import AttachmentArea, attachments_from
+from vtkmuscle.io.landmarks import read_landmarks
+from vtkmuscle.scenes import Scene
+
+
+def read_scene_file(path: str, **_: Any) -> Any:
+    """Return the bones, muscles and attachments of a scene.toml, at rest.
+
+    Parameters
+    ----------
+    path : str
+        The scene.
+
+    Returns
+    -------
+    pyvista.MultiBlock
+        The blocks ``bones``, ``muscles`` and ``attachments``: each a block per name; the last a block per
+        muscle, with a block per area.
+
+    Raises
+    ------
+    SceneError
+        If it cannot be read; the message names the key.
+    """
+    scene = Scene.load(path)
+    return pyvista.wrap(
+        multiblock_from(
+            {
+                "bones": scene.bones_data(),
+                "muscles": multiblock_from({name: muscle.surface for name, muscle in scene.muscles.items()}),
+                "attachments": multiblock_from(
+                    {name: scene.attachments_data(name) for name in scene.muscles}
+                ),
+            }
+        )
+    )
+
+
+def read_landmark_file(path: str, **_: Any) -> Any:
+    """Return the landmarks of a .csv or .json file as one polyline.
+
+    Parameters
+    ----------
+    path : str
+        See :func:`vtkmuscle.io.read_landmarks`.
+
+    Returns
+    -------
+    pyvista.PolyData
+        A polyline through the landmarks; a ring ends at the point it began with.
+
+    Raises
+    ------
+    ValueError
+        If the file holds no landmarks.
+    """
+    points, closed = read_landmarks(path)
+    block = attachments_from([AttachmentArea("origin", "", points, closed)]).GetBlock(0)
+    block.GetFieldData().Initialize()  # the file says neither role nor bone
+    return pyvista.wrap(block)

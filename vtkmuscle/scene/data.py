@@ -1,0 +1,96 @@
+"""What a scene is: bones, muscles with their attachments, a motion, and the settings of the solver."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.arrays import multiblock_from
+from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of
+from vtkmuscle.io.literature import LiteratureCurve
+
+#: Allowed units of length, and how many millimetres they are.
+MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+
+
+@dataclass(frozen=True, eq=False)
+class Muscle:
+    """A muscle of a scene.
+
+    Attributes
+    ----------
+    surface : vtkPolyData
+        Closed surface of triangles that face outward, in the rest pose.
+    attachments : sequence of AttachmentArea, or vtkMultiBlockDataSet
+        Where it is attached, and the via rings that it passes through.
+    fibres : mapping, optional
+        Keyword arguments of :func:`vtkmuscle.pipelines.decompose`, and ``weight_tolerance`` of
+        FibreTransport, 0.3 where it is not given, 0 for exact transport; None for a muscle without fibres.
+    solver : mapping
+        Parameters of PBDDeformer that differ from the scene's.
+    fixing : mapping
+        Parameters of FixedPointDetector that differ from the scene's.
+    superficial_fibres : vtkPolyData, optional
+        Polylines: fibres that somebody has seen on the surface, in the rest pose. They orient the template
+        and the anisotropy.
+    literature : sequence of LiteratureCurve
+        Published moment arms of the muscle, drawn beside those of a run.
+    """
+
+    surface: vtkPolyData
+    attachments: tuple[AttachmentArea, ...] = ()
+    fibres: Mapping[str, Any] | None = None
+    solver: Mapping[str, Any] = field(default_factory=dict)
+    fixing: Mapping[str, Any] = field(default_factory=dict)
+    superficial_fibres: vtkPolyData | None = None
+    literature: tuple[LiteratureCurve, ...] = ()
+
+    def __post_init__(self) -> None:
+        given: Any = self.attachments
+        areas = attachments_of(given, "attachments") if isinstance(given, vtkMultiBlockDataSet) else given
+        object.__setattr__(self, "attachments", tuple(areas))
+
+
+@dataclass(frozen=True, eq=False)
+class SceneData:
+    """The fields of a :class:`vtkmuscle.Scene`, which says what they are and checks them."""
+
+    name: str
+    bones: Mapping[str, vtkPolyData]
+    muscles: Mapping[str, Muscle]
+    motion: RigidMotion
+    units: str = "mm"
+    solver: Mapping[str, Any] = field(default_factory=dict)
+    fixing: Mapping[str, Any] = field(default_factory=dict)
+    muscle_contact: str = "off"
+    model: str = "volume"
+    quality: str | None = None
+    files: Mapping[str, Path] = field(default_factory=dict)
+
+    @property
+    def millimetres(self) -> float:
+        """Millimetres per unit of length."""
+        return MILLIMETRES[self.units]
+
+    def solver_of(self, muscle: str) -> dict[str, Any]:
+        """Return the parameters of a muscle's PBDDeformer: the scene's, then its own."""
+        given = {**self.solver, **self.muscles[muscle].solver}
+        return given if self.quality is None else {"quality": self.quality, **given}
+
+    def fixing_of(self, muscle: str) -> dict[str, Any]:
+        """Return the parameters of a muscle's FixedPointDetector: the scene's, then its own."""
+        return {**self.fixing, **self.muscles[muscle].fixing}
+
+    def bones_data(self) -> vtkMultiBlockDataSet:
+        """Return the bones at rest as the data set that filters take."""
+        return multiblock_from(dict(self.bones))
+
+    def attachments_data(self, muscle: str) -> vtkMultiBlockDataSet | None:
+        """Return a muscle's attachments as the data set that filters take, None where it has none."""
+        areas = self.muscles[muscle].attachments
+        return attachments_from(areas) if areas else None

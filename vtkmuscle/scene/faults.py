@@ -1,0 +1,95 @@
+"""What is wrong with a scene: one error for all faults of a kind, each with its key, reason and remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from vtkmuscle.core.errors import InputError, in_words
+
+
+class SceneError(InputError):
+    """A scene that cannot be run: where the fault is, what it is, and how to remedy it.
+
+    One error is raised for all faults that were found together; its own fields are those of the first.
+
+    Parameters
+    ----------
+    problem : str
+        What is wrong.
+    key : str
+        The dotted key, e.g. ``muscles.iliacus.attachments[1].bone``.
+    remedy : str, optional
+        What to do about it.
+    file : Path, optional
+        The file at fault.
+    more : iterable of SceneError, optional
+        Faults that were found beside this one.
+
+    Attributes
+    ----------
+    problem, key, remedy, file
+        As given.
+    where : str
+        The file and the key.
+    faults : tuple of SceneError
+        All faults, this one first. The message has a line for each.
+
+    Examples
+    --------
+    >>> from vtkmuscle import SceneError
+    >>> print(SceneError("there is no unit 'inch'", "units", "allowed: mm, cm, m"))
+    scene: units: there is no unit 'inch'; allowed: mm, cm, m
+    """
+
+    def __init__(
+        self,
+        problem: str,
+        key: str = "",
+        remedy: str = "",
+        file: Path | None = None,
+        more: Iterable[SceneError] = (),
+    ) -> None:
+        where = ": ".join(part for part in (str(file) if file else "scene", key) if part)
+        super().__init__(where, problem, remedy)
+        self.key, self.file, self.faults = key, file, (self, *more)
+        self.args = (problem, key, remedy, file, self.faults[1:])
+
+    def __str__(self) -> str:
+        return "\n".join(in_words(fault.where, fault.problem, fault.remedy) for fault in self.faults)
+
+
+class Faults:
+    """Gathers the faults of several checks, so that all are said at once.
+
+    Examples
+    --------
+    >>> from vtkmuscle.scene.faults import Faults, SceneError
+    >>> faults = Faults()
+    >>> for key in ("a", "b"):
+    ...     with faults.gathered():
+    ...         raise SceneError("this is wrong", key)
+    >>> faults.raise_any()
+    Traceback (most recent call last):
+        ...
+    vtkmuscle.scene.faults.SceneError: scene: a: this is wrong
+    scene: b: this is wrong
+    """
+
+    def __init__(self, found: Iterable[SceneError] = ()) -> None:
+        self.found = list(found)
+
+    @contextmanager
+    def gathered(self) -> Iterator[None]:
+        """Keep the faults of a SceneError that is raised inside, and go on."""
+        try:
+            yield
+        except SceneError as error:
+            self.found += error.faults
+
+    def raise_any(self) -> None:
+        """Raise one SceneError for all faults, where there are any."""
+        if self.found:
+            first, *more = self.found
+            raise SceneError(first.problem, first.key, first.remedy, first.file, more)

@@ -1,0 +1,71 @@
+"""The files of a scene: its own, and those that it names."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from vtkmuscle.core.errors import fault_of
+from vtkmuscle.core.files import MOST_TEXT, check_is_file
+from vtkmuscle.scene.faults import SceneError
+
+T = TypeVar("T")
+
+
+def parsed(path: Path) -> dict[str, Any]:
+    """Return what is in a scene.toml; raise a SceneError where it cannot be read."""
+    if path.is_dir():
+        remedy = f"give its scene file, e.g. {path / 'scene.toml'}"
+        raise SceneError("this is a folder, not a scene file", "", remedy, path)
+    try:
+        check_is_file(path, most=MOST_TEXT)
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError as error:
+        problem = "there is no such file" if not path.exists() else "is a pipe or a device, not a file"
+        raise SceneError(problem, "", "check the path", path) from error
+    except OSError as error:
+        raise SceneError(f"cannot be read: {error.strerror}", "", "", path) from error
+    except UnicodeDecodeError as error:
+        raise SceneError("is not text in UTF-8", "", "save it as UTF-8", path) from error
+    except tomllib.TOMLDecodeError as error:
+        remedy = "correct that line; texts stand in double quotes"
+        raise SceneError(f"is not valid TOML: {error}", "", remedy, path) from error
+    except (ValueError, RecursionError) as error:  # too large, an endless number, or too many brackets
+        raise SceneError(f"cannot be read: {fault_of(error)[0]}", "", "correct it", path) from error
+
+
+class SceneFiles:
+    """The files that a scene names, which are noted by the keys that name them.
+
+    Parameters
+    ----------
+    path : Path
+        The scene's own file; the others are relative to its folder.
+
+    Attributes
+    ----------
+    paths : dict of str to Path
+        By dotted key; the scene's own by ``""``.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.paths = {"": path}
+
+    def read(self, key: str, text: str, reader: Callable[[Path], T]) -> T:
+        """Return what a reader makes of the file that a key names.
+
+        Raises
+        ------
+        SceneError
+            If it cannot be read.
+        """
+        path = self.paths[""].parent / text
+        self.paths[key] = path
+        try:
+            return reader(path)
+        except (OSError, ValueError) as error:
+            problem, remedy = fault_of(error)
+            remedy = remedy or f"check {key.rpartition('.')[2]} = {text!r} and the file it names"
+            raise SceneError(problem, key, remedy, path) from error

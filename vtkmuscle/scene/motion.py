@@ -1,0 +1,92 @@
+"""The motion of a scene, from its table and the files that it names."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vtkmuscle.core.motion.coordinates import Coordinate
+from vtkmuscle.core.motion.rigid import RigidMotion, hinge
+from vtkmuscle.core.words import suggestion
+from vtkmuscle.io import motion_columns, read_motion_table
+from vtkmuscle.scene.faults import Faults, SceneError
+from vtkmuscle.scene.files import SceneFiles
+from vtkmuscle.scene.schema import ALONE, Hinge, Motion
+
+
+def motion_from(table: Motion, files: SceneFiles) -> RigidMotion:
+    """Return the motion that a scene's table is of.
+
+    Raises
+    ------
+    SceneError
+        If a file cannot be read, or tables do not agree.
+    """
+    if table.hinge is not None:
+        return _turned(table.hinge)
+    coordinates = table.coordinates
+    options: dict[str, Any] = {
+        "time": table.time,
+        "centre": table.centre,
+        "coordinates": None
+        if coordinates is None
+        else {name: one.model_dump(exclude_unset=True) for name, one in coordinates.items()},
+    }
+    transforms = table.transforms or {}
+    if ALONE not in transforms:
+        return _of_several(transforms, files, options)
+    read = partial(read_motion_table, bone=str(table.bone), **options)
+    return files.read("motion.transforms", transforms[ALONE], read)
+
+
+def _turned(table: Hinge) -> RigidMotion:
+    start, stop, step = table.angles
+    # A stop that is a whole number of steps away, up to rounding, is reached by the last step.
+    count = (stop - start) / step
+    whole = int(np.floor(count + 1e-9))
+    angles = start + step * np.arange(whole + 1)
+    if count - whole > 1e-9:
+        angles = np.append(angles, stop)
+    else:
+        angles[-1] = stop
+    return hinge(table.bone, table.centre, table.axis, angles, coordinate=table.coordinate)
+
+
+def _of_several(tables: dict[str, str], files: SceneFiles, options: dict[str, Any]) -> RigidMotion:
+    """Return the motion of several bones, each with a table, which takes those coordinates that it has."""
+    motions: list[RigidMotion] = []
+    seen: set[str] = set()
+    wanted, scene = options["coordinates"], files.paths[""]
+
+    def read(path: Path, bone: str) -> RigidMotion:
+        columns = motion_columns(path)
+        seen.update(columns)
+        own = wanted and {name: kind for name, kind in wanted.items() if name in columns}
+        return read_motion_table(path, bone, **{**options, "coordinates": own})
+
+    faults = Faults()
+    for bone, text in tables.items():
+        with faults.gathered():
+            key = f"motion.transforms.{bone}"
+            motion = files.read(key, text, partial(read, bone=bone))
+            if motions and not np.array_equal(motion.times, motions[0].times):
+                problem = "its times differ from those of the first table"
+                raise SceneError(problem, key, "give all tables the same times", scene)
+            motions.append(motion)
+    faults.raise_any()
+    transforms = {bone: table for motion in motions for bone, table in motion.transforms.items()}
+    coordinates: dict[str, Coordinate] = {}
+    for motion in motions:
+        for name, coordinate in motion.coordinates.items():
+            known = coordinates.setdefault(name, coordinate)
+            if not np.array_equal(known.values, coordinate.values):
+                remedy = "give it the same values in all tables, or another name in one"
+                raise SceneError(f"{name!r} differs from table to table", "motion.coordinates", remedy, scene)
+    missing = sorted(set(wanted or ()) - seen)
+    if missing:
+        problem = f"no table has the column {missing[0]!r}"
+        raise SceneError(problem, "motion.coordinates", suggestion(missing[0], sorted(seen)), scene)
+    return RigidMotion(motions[0].times, transforms, motions[0].centre, coordinates)

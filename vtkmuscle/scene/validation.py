@@ -1,0 +1,202 @@
+"""Check the tables of a scene: each key by the schema, then what keys say of each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, get_args, get_origin
+
+import tomli_w
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from vtkmuscle.core.words import shown, suggestion
+from vtkmuscle.data.attachments import ROLES, VIA
+from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+from vtkmuscle.scene.faults import Faults, SceneError
+from vtkmuscle.scene.schema import ALONE, ESTIMATE, Motion, MuscleTable, SceneTable
+from vtkmuscle.scene.settings import Settings
+
+#: Names that the run writes itself, beside those of the muscles.
+_RESERVED = ("bones", "figures", "scene")
+
+#: What is missing where a key that is a table is missing.
+_TABLES = {
+    "bones": "a table [bones.NAME]",
+    "muscles": "a table [muscles.NAME]",
+    "motion": "a table [motion] with bone and transforms, or [motion.hinge]",
+}
+_KINDS = {"string_type": "a text", "string_too_short": "a text", "bool_type": "true or false"}
+
+#: Where a fault is, what it is, and its remedy.
+_Fault = tuple[str, str, str]
+
+
+def validated(values: Mapping[str, Any], file: Path | None) -> SceneTable:
+    """Return the tables of a scene, checked.
+
+    Parameters
+    ----------
+    values : mapping
+        As they are in the file.
+    file : Path or None
+        The scene's file.
+
+    Raises
+    ------
+    SceneError
+        With a fault for each key that is unknown, missing or not allowed, or does not agree with others.
+    """
+    try:
+        table = SceneTable.model_validate(values)
+    except ValidationError as error:
+        found = _in_words(error.errors(include_url=False))
+    else:
+        found = _disagreements(table)
+    Faults(SceneError(problem, key, remedy, file) for key, problem, remedy in found).raise_any()
+    return table
+
+
+def _in_words(errors: list[ErrorDetails]) -> Iterator[_Fault]:
+    """Give the faults that the schema has found: unknown keys first, which what is missing may be."""
+    unknown = {error["loc"] for error in errors if error["type"] == "extra_forbidden"}
+    for error in sorted(errors, key=lambda one: len(one["loc"]) if one["loc"] in unknown else 99):
+        *path, name = error["loc"] if error["loc"][-1] != "[key]" else error["loc"][:-1]
+        known = _model_at(tuple(path))
+        if error["type"] == "missing" and any(
+            suggestion(str(loc[-1]), known.model_fields).startswith(f"did you mean {name!r}")
+            for loc in unknown
+            if list(loc[:-1]) == path
+        ):
+            continue
+        yield (_key((*path, name)), *_fault(error, str(name), known))
+
+
+def _fault(error: ErrorDetails, name: str, known: type[BaseModel]) -> tuple[str, str]:
+    """Return what is wrong with a key of a table, and what to do about it."""
+    kind, value = error["type"], error["input"]
+    field = known.model_fields.get(name)
+    example = "" if field is None or not field.examples else tomli_w.dumps({name: field.examples[0]})
+    example = " ".join(example.split()).replace("[ ", "[").replace(", ]", "]")
+    if kind == "fault":
+        context = error["ctx"]
+        return context["problem"], context["remedy"] or f"write {example}"
+    if kind == "missing":
+        return "the key is missing", f"add {_TABLES.get(name) or example}"
+    if kind == "extra_forbidden":
+        what = f"there is no setting {name!r}" if issubclass(known, Settings) else "there is no such key"
+        return what, suggestion(name, known.model_fields)
+    if kind in _KINDS:
+        remedy = f"write {example}"
+        if kind == "bool_type" and field is not None and field.description:
+            first = field.description.partition(". ")[0]
+            remedy = first[0].lower() + first[1:].rstrip(".")
+        return f"must be {_KINDS[kind]}, not {shown(value)}", remedy
+    return f"must be a table, not {shown(value)}", "see the format of a scene.toml"
+
+
+def _model_at(path: tuple[int | str, ...]) -> type[BaseModel]:
+    """Return the model of the table at a place."""
+    model: type[BaseModel] = SceneTable
+    parts = iter(path)
+    for part in parts:
+        kinds = list(_kinds(model.model_fields[str(part)].annotation))
+        model = next((one for one in kinds if isinstance(one, type) and issubclass(one, BaseModel)), model)
+        if dict in kinds or list in kinds:
+            next(parts, None)  # the name of a table, or its number
+    return model
+
+
+def _kinds(annotation: Any) -> Iterator[Any]:
+    """Give the plain types in an annotation."""
+    yield get_origin(annotation) or annotation
+    for part in get_args(annotation):
+        yield from _kinds(part)
+
+
+def _key(path: tuple[int | str, ...]) -> str:
+    """Return a dotted key, without what a terminal would take for more than text."""
+    key = ""
+    for part in path:
+        text = str(part) if str(part).isprintable() else ascii(part)[1:-1]
+        key += f"[{part}]" if isinstance(part, int) else f".{text[:60]}"
+    return key.removeprefix(".")
+
+
+def _disagreements(scene: SceneTable) -> Iterator[_Fault]:
+    """Give what keys say of each other that cannot be."""
+    for kind, names in (("bones", list(scene.bones)), ("muscles", list(scene.muscles))):
+        if not names:
+            yield kind, f"the scene has no {kind}", f"add a table [{kind}.NAME] with its surface"
+        seen: dict[str, str] = {}
+        for name in names:
+            other = seen.setdefault(name.casefold(), name)
+            if other != name:
+                problem = f"{name!r} and {other!r} are the same file name on some systems"
+                yield f"{kind}.{name}", problem, "call one of them otherwise"
+    yield from _of_motion(scene.motion, list(scene.bones))
+    if scene.model == "paths" and scene.muscle_contact != "off":
+        problem = f"model is 'paths', in which no muscle has a surface, but this is {scene.muscle_contact!r}"
+        yield "muscle_contact", problem, "leave it out, or use model 'volume'"
+    known = {name.casefold() for name in scene.muscles}
+    for name, muscle in scene.muscles.items():
+        plain = name.casefold().removesuffix("_fibres")
+        if name.casefold() in _RESERVED or (plain != name.casefold() and plain in known):
+            problem = f"the results of a muscle called {name!r} would overwrite other results"
+            yield f"muscles.{name}", problem, "call it otherwise"
+        if scene.model == "paths" and muscle.fibres is None:
+            problem = "model is 'paths', which moves fibres, but this muscle has none"
+            yield f"muscles.{name}.fibres", problem, "add a table fibres, or use model 'volume'"
+        yield from _of_attachments(f"muscles.{name}.attachments", muscle, scene)
+
+
+def _of_motion(motion: Motion, bones: list[str]) -> Iterator[_Fault]:
+    given = [name for name in Motion.model_fields if getattr(motion, name) is not None and name != "hinge"]
+    if motion.hinge is not None:
+        if given:
+            remedy = "leave out one of them; a hinge has its keys in [motion.hinge]"
+            yield f"motion.{given[0]}", "stands beside motion.hinge", remedy
+        moving = {"motion.hinge.bone": motion.hinge.bone}
+    elif motion.transforms is None:
+        remedy = 'add transforms = "FILE.csv", or a table [motion.hinge]'
+        yield "motion.transforms", "the key is missing", remedy
+        return
+    elif ALONE not in motion.transforms:
+        if motion.bone is not None:
+            remedy = "leave out bone where transforms is a table of files by bone"
+            yield "motion.bone", "stands beside a table of transforms", remedy
+        if not motion.transforms:
+            yield "motion.transforms", "is empty", 'write transforms = "FILE.csv"'
+        moving = {f"motion.transforms.{bone}": bone for bone in motion.transforms}
+    elif motion.bone is None:
+        yield "motion.bone", "the key is missing", 'add bone = "NAME"'
+        return
+    else:
+        moving = {"motion.bone": motion.bone}
+    for key, bone in moving.items():
+        if bone not in bones:
+            yield key, f"there is no bone {shown(bone)}", suggestion(bone, bones)
+
+
+def _of_attachments(key: str, muscle: MuscleTable, scene: SceneTable) -> Iterator[_Fault]:
+    if muscle.attachments is None:
+        return
+    for number, area in enumerate(muscle.attachments):
+        if area.bone not in scene.bones:
+            problem = f"there is no bone {shown(area.bone)}"
+            yield f"{key}[{number}].bone", problem, suggestion(area.bone, scene.bones)
+        if area.role == VIA and area.closed is False:
+            remedy = "leave closed out, or write closed = true"
+            yield f"{key}[{number}].closed", "a via ring is closed", remedy
+    roles = {area.role for area in muscle.attachments} - {VIA}
+    default = FixedPointDetector.parameter_declarations["method"].default
+    method = {"method": default, **scene.fixing.given(), **muscle.fixing.given()}["method"]
+    alone = ROLES[:1] if not roles and method == "attachment" else ()
+    for role in alone if muscle.fibres is None else ROLES:
+        if role not in roles:
+            remedy = f'add {{ role = "{role}", bone = "...", landmarks = "..." }}'
+            if not roles:
+                remedy += f', or write attachments = "{ESTIMATE}" (from where it touches the bones)'
+            if muscle.fibres is not None:
+                remedy += ", or leave out fibres"
+            yield key, f"there is no attachment with role {role!r}", remedy

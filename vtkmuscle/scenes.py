@@ -1,0 +1,249 @@
+"""Scenes: read, checked, saved and run."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+from typing import Any, Self
+
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
+
+from vtkmuscle.data.arrays import blocks_of
+from vtkmuscle.filters.deformer.quality import PRESETS
+from vtkmuscle.phantoms.phantom import Phantom
+from vtkmuscle.run.claim import claimed
+from vtkmuscle.run.result import Result
+from vtkmuscle.run.scenes import run_scene
+from vtkmuscle.scene.checks import checked
+from vtkmuscle.scene.data import Muscle, SceneData
+from vtkmuscle.scene.reading import read_fields
+from vtkmuscle.scene.sense import check_sense
+from vtkmuscle.scene.writing import write_scene
+
+
+@dataclass(frozen=True, eq=False)
+class Scene(SceneData):
+    """Bones, muscles and a motion, checked and ready to run.
+
+    All lengths are in the scene's unit: coordinates, translations, and settings such as a tolerance.
+    What a run reports is in millimetres where its name says so.
+
+    Attributes
+    ----------
+    name : str
+        Name of the scene.
+    bones : mapping of str to vtkPolyData, or vtkMultiBlockDataSet
+        Surfaces of triangles in the rest pose.
+    muscles : mapping of str to Muscle
+        What is to be deformed.
+    motion : RigidMotion
+        How the bones move; bones that it does not name stay where they are.
+    units : str
+        ``"mm"``, ``"cm"`` or ``"m"``.
+    solver : mapping
+        Parameters of PBDDeformer for all muscles.
+    fixing : mapping
+        Parameters of FixedPointDetector for all muscles.
+    muscle_contact : str
+        ``"off"``; ``"on"``, to keep each muscle out of those before it in the scene; or ``"measure"``, to
+        report how deep it is in them.
+    model : str
+        ``"volume"``, each muscle deformed by PBDDeformer; or ``"paths"``, the fibres alone, pulled taut by
+        TautFibres: lengths, moment arms and pictures in a small part of the time, and no volume.
+    quality : str or None
+        A preset of PBDDeformer for all muscles, ``"preview"``, ``"balanced"`` or ``"accurate"``, on top of
+        which come the settings of ``solver`` and of the muscles.
+    files : mapping of str to Path
+        The file that the value of a dotted key was read from; ``""`` is the scene's own file.
+
+    Raises
+    ------
+    SceneError
+        If anything in it cannot be run; the message names the file, the key and the remedy of each fault.
+
+    Examples
+    --------
+    >>> import vtkmuscle
+    >>> scene = vtkmuscle.Scene.from_phantom(vtkmuscle.phantoms.spindle_over_hinge())
+    >>> result = scene.run(frames="0:2")
+    >>> len(result.times)
+    2
+    """
+
+    def __post_init__(self) -> None:
+        if isinstance(self.bones, vtkMultiBlockDataSet):
+            object.__setattr__(self, "bones", dict(blocks_of(self.bones)))
+        bones, muscles = checked(self)
+        object.__setattr__(self, "bones", bones)
+        object.__setattr__(self, "muscles", muscles)
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> Self:
+        """Read a scene.toml and all that it names, and check every key.
+
+        Parameters
+        ----------
+        path : path
+            The scene file; the paths in it are relative to its folder.
+
+        Returns
+        -------
+        Scene
+            Ready to run.
+
+        Raises
+        ------
+        SceneError
+            For all that is wrong in the file; else for all files that cannot be read; else for all surfaces
+            and landmarks that cannot be used. Each fault has the file, the key, the reason and the remedy.
+        """
+        return cls(**read_fields(Path(path)))
+
+    @classmethod
+    def from_phantom(cls, phantom: Phantom, *, n_fibres: int = 100, resolution: int = 15) -> Self:
+        """Return the scene of a phantom, with fibres in every muscle.
+
+        Parameters
+        ----------
+        phantom : Phantom
+            From :mod:`vtkmuscle.phantoms`.
+        n_fibres, resolution : int, optional
+            Fibres per muscle and segments per fibre.
+
+        Returns
+        -------
+        Scene
+            In millimetres.
+        """
+        muscles = {}
+        for name, surface in phantom.muscles.items():
+            template = phantom.templates.get(name, "parallel")
+            fibres = {"template": template, "n_fibres": n_fibres, "resolution": resolution}
+            seen = phantom.superficial.get(name)
+            muscles[name] = Muscle(surface, phantom.attachments[name], fibres, superficial_fibres=seen)
+        return cls(phantom.name, phantom.bones, muscles, phantom.motion)
+
+    def save(self, folder: str | PathLike[str]) -> Path:
+        """Write the scene to a folder: scene.toml, surfaces, landmarks and the motion.
+
+        Parameters
+        ----------
+        folder : path
+            Made where it does not exist; files of the same names are replaced.
+
+        Returns
+        -------
+        Path
+            The scene.toml, from which :meth:`load` gives the same scene.
+        """
+        return write_scene(self, Path(folder))
+
+    def run(
+        self,
+        out: str | PathLike[str] | None = None,
+        *,
+        frames: str | slice | range | int | None = None,
+        figures: bool = True,
+        progress: Callable[[str, str, float], None] | None = None,
+        workers: int | None = None,
+        series: str = "pvd",
+        observe: Callable[[str, Mapping[str, Any]], None] | None = None,
+        overwrite: bool = False,
+    ) -> Result:
+        """Deform all muscles over the motion, carry their fibres along, and measure.
+
+        Parameters
+        ----------
+        out : path, optional
+            Folder to write to: a .pvd per muscle, its fibres and the bones, lengths.csv, moment_arms.csv,
+            report.json and figures. An earlier run of the same scene in it is replaced, other files are left
+            alone. Without it nothing is written.
+        frames : str, slice, range or int, optional
+            Which frames to keep and write, e.g. ``"0:10"`` for the first ten (the end is not
+            included, as in Python); default all. Frames before them are computed, for the deformation
+            depends on its past; frames after them are not.
+        figures : bool, optional
+            Draw figures; where there is no OpenGL, a warning says so and all else is written.
+        progress : callable, optional
+            Called with the muscle's name, what is being done, and the part that is done, 0 to 1; from
+            several threads.
+        workers : int, optional
+            Muscles that run at the same time; default the number of processors. The result does not
+            depend on it.
+        series : str, optional
+            How frames are written: ``"pvd"`` (a .vtp file per frame) or ``"vtkhdf"`` (one file per muscle,
+            for its fibres and for the bones).
+        observe : callable, optional
+            Called with the muscle's name and the figures of each frame that is done, as they are in the
+            report; from several threads.
+        overwrite : bool, optional
+            Whether results of another scene in that folder, or files that no run has written, may be
+            replaced. The scene's own files never are.
+
+        Returns
+        -------
+        Result
+            With ``report`` (a plain dict), ``verdicts``, ``lengths``, ``moment_arms()``, and the muscles,
+            fibres and bones per frame. A muscle that went astray is ``"failed"`` and has the frames before.
+
+        Raises
+        ------
+        SceneError
+            If a stage cannot be done, or something in the scene is surely not meant; the message names the
+            muscle and the remedy.
+        ValueError
+            If no such frames exist, or something in the folder would be lost.
+        OSError
+            If the folder cannot be written to, or another run writes to it.
+        KeyboardInterrupt
+            On Ctrl-C; all finished frames are written, and the report says what they are.
+        """
+        if out is not None and not str(out):
+            raise ValueError("out is empty; give the name of a folder")
+        check_sense(self)
+        target = None if out is None else Path(out)
+        hold = nullcontext() if target is None else claimed(target, self, overwrite=overwrite)
+        with hold:
+            return run_scene(
+                self,
+                target,
+                frames=frames,
+                figures=figures,
+                progress=progress,
+                workers=workers,
+                series=series,
+                observe=observe,
+            )
+
+    def with_quality(self, quality: str) -> Self:
+        """Return the scene with another preset.
+
+        Settings that the scene makes itself stay; a warning names those that the preset has as well.
+
+        Parameters
+        ----------
+        quality : str
+            ``"preview"``, ``"balanced"`` or ``"accurate"``.
+
+        Raises
+        ------
+        SceneError
+            If there is no such preset.
+        """
+        changed: Self = replace(self, quality=quality)
+        own = {"solver": self.solver}
+        own |= {f"muscles.{name}.solver": muscle.solver for name, muscle in self.muscles.items()}
+        kept = [
+            f"{key}.{name} = {value!r}"
+            for key, table in own.items()
+            for name, value in table.items()
+            if name in PRESETS[quality] and value != PRESETS[quality][name]
+        ]
+        if kept:
+            message = f"the scene's own settings stay, whatever {quality!r} has for them: {', '.join(kept)}"
+            warnings.warn(message, stacklevel=2)
+        return changed
