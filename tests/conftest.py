@@ -16,11 +16,14 @@ def _cache_of_its_own(tmp_path_factory):
 
     What they compile is kept where it always is: nothing is compiled twice.
     """
+    import numba
+
     from vtkmuscle.core.kernel_cache import kernel_folder
 
     with pytest.MonkeyPatch.context() as patch:
         if (kernels := kernel_folder()) is not None:
-            patch.setenv("NUMBA_CACHE_DIR", str(kernels))
+            patch.setenv("NUMBA_CACHE_DIR", str(kernels))  # of child processes
+            patch.setattr(numba.config, "CACHE_DIR", str(kernels))
         patch.setenv("VTKMUSCLE_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield
 

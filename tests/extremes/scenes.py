@@ -23,14 +23,14 @@ CHOICES = {
     for name in ("collision", "anisotropy", "solver", "prediction")
 }
 
-#: Every mode of the solver, and some of them in which every two choices meet.
+#: Every mode of the solver, and some of them in which every two choices meet; the first is the default.
 ALL_MODES = [dict(zip(CHOICES, values, strict=True)) for values in itertools.product(*CHOICES.values())]
 SOME_MODES = [
     {
         "collision": collision,
         "anisotropy": anisotropy,
         "solver": CHOICES["solver"][(i + j) % 2],
-        "prediction": CHOICES["prediction"][(i + 2 * j) % len(CHOICES["prediction"])],
+        "prediction": CHOICES["prediction"][(i + 2 * j) // 2 % 2],
     }
     for i, collision in enumerate(CHOICES["collision"])
     for j, anisotropy in enumerate(CHOICES["anisotropy"])

@@ -1,5 +1,7 @@
 """Extremes of what the deformer is given: meshes, steps, settings, bones, units, places."""
 
+import itertools
+
 import numpy as np
 import pytest
 import scenes
@@ -18,6 +20,14 @@ STRETCH = "longest edge, l/l0"
 
 def volume_error(out):
     return abs(figure(out, "VolumeRatio") - 1.0)
+
+
+def test_the_short_form_begins_with_the_defaults_and_every_two_choices_meet():
+    default = PBDDeformer().parameters()
+    assert scenes.SOME_MODES[0] == {name: default[name] for name in scenes.CHOICES}
+    for one, other in itertools.combinations(scenes.CHOICES, 2):
+        met = {(mode[one], mode[other]) for mode in scenes.SOME_MODES}
+        assert met == set(itertools.product(scenes.CHOICES[one], scenes.CHOICES[other]))
 
 
 @pytest.mark.parametrize("angle", [2, 10, 45, 90, 180])

@@ -51,7 +51,7 @@ class Parameter(Generic[T]):
     >>> smoother.smoothing_passes = -1
     Traceback (most recent call last):
         ...
-    ValueError: FibreSmoother.smoothing_passes is -1, but must be an integer >= 0
+    ValueError: FibreSmoother.smoothing_passes is -1, but must be an integer >= 0 and <= 10000
     """
 
     def __init__(
