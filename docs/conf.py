@@ -34,8 +34,7 @@ extensions = [
 ]
 
 templates_path = ["_templates"]
-# The tables of docs/tradeoff are included in a page.
-exclude_patterns = ["_build", "**.ipynb", "gallery/*.md5", "tradeoff/*/*.rst"]
+exclude_patterns = ["_build", "**.ipynb", "gallery/*.md5"]
 html_theme = "pydata_sphinx_theme"
 html_title = "vtkmuscle"
 html_theme_options = {"show_prev_next": False, "show_toc_level": 2}

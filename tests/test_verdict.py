@@ -11,6 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle import Scene, hinge
 from vtkmuscle.cli import app
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 from vtkmuscle.core.moment_arms.length_jumps import even_stretches, length_jumps
 from vtkmuscle.core.motion.rigid import RigidMotion
@@ -167,7 +168,7 @@ def test_what_has_no_figure_is_not_judged_and_told():
 def test_what_could_not_be_computed_failed_also_in_the_first_frame_kept():
     for count in (5, 0):
         whole = {"lengths": lengths()[:count], "slackness": np.ones((count, 10))}
-        failure = (5, 10.0, "out of range; use less force")
+        failure = (5, 10.0, InputError("", "out of range", "use less force"))
         found = judge(rows()[:count], **whole, rest_lengths=lengths()[0], n_edges=1000, failure=failure)
         (reason,) = reasons_of(found)
         assert (found["verdict"], reason.frame, reason.do) == ("failed", 5, "use less force")

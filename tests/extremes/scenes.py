@@ -19,7 +19,8 @@ from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 
 CHOICES = {
-    name: PBDDeformer.__dict__[name].choices for name in ("collision", "anisotropy", "solver", "prediction")
+    name: PBDDeformer.parameter_declarations[name].choices
+    for name in ("collision", "anisotropy", "solver", "prediction")
 }
 
 #: Every mode of the solver, and some of them in which every two choices meet.

@@ -18,9 +18,11 @@ def run(*arguments):
 
 def test_the_folder_gives_what_the_filters_need_and_no_vtk(tmp_path):
     link_packages(tmp_path)
-    assert {"vtkmuscle", "numpy", "scipy", "numba", "llvmlite"} <= {path.name for path in tmp_path.iterdir()}
+    assert {"vtkmuscle", "numpy", "scipy", "numba", "llvmlite", "pydantic", "tomli_w"} <= {
+        path.name for path in tmp_path.iterdir()
+    }
     script = (
-        "import numba, numpy, scipy.spatial, vtkmuscle\n"
+        "import numba, numpy, scipy.spatial, vtkmuscle, pydantic, tomli_w\n"
         "from importlib.util import find_spec\n"
         "print(find_spec('vtk'), find_spec('vtkmodules'))"
     )

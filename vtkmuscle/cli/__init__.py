@@ -230,7 +230,7 @@ def paraview_path(
 ) -> None:
     """Print what to set for ParaView, pvpython and pvbatch to find the filters.
 
-    It fills a folder with links to vtkmuscle, numpy, scipy and numba, for a ParaView whose Python is of the
+    It fills a folder with links to vtkmuscle and what it needs there, for a ParaView whose Python is of the
     same version as this one, and prints commands for your shell:
 
       eval "$(vtkmuscle paraview-path)"; paraview

@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.attachments.discs import discs_over
+from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.muscle_geometry import MuscleGeometry
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def inner_areas(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> tuple[Floats, Ints]:

@@ -15,9 +15,10 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.attachments.patches import attachment_patch
 from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.sampling import samples_inside
-from vtkmuscle.core.mesh.surface import half_edges
+from vtkmuscle.core.mesh.surface import edge_uses, half_edges
+from vtkmuscle.core.mesh.topology import opposite_half_edges
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
-from vtkmuscle.core.morphing.sections import ClosedSurface, opposite_half_edges
+from vtkmuscle.core.morphing.sections import ClosedSurface
 from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.surface_distance import SurfaceDistance
@@ -40,27 +41,22 @@ class SurfaceTopology:
 
     Parameters
     ----------
-    n_points : int
-        Number of points.
     triangles : (m, 3) int array
         Point ids.
     """
 
-    def __init__(self, n_points: int, triangles: Ints) -> None:
-        self.n_points, self.triangles = n_points, triangles
+    def __init__(self, triangles: Ints) -> None:
+        self.triangles = triangles
 
     @cached_property
     def n_open_edges(self) -> int:
         """Number of edges that only one triangle has."""
-        edges = half_edges(self.triangles)
-        keys = np.sort(edges.min(axis=1) * self.n_points + edges.max(axis=1))
-        new = np.r_[True, keys[1:] != keys[:-1], True]
-        return int((new[1:] & new[:-1]).sum())
+        return int((edge_uses(self.triangles) == 1).sum())
 
     @cached_property
     def opposite(self) -> Ints:
         """Of each half-edge the opposite one; ValueError where the surface is open."""
-        return opposite_half_edges(self.triangles, self.n_points)
+        return opposite_half_edges(self.triangles)
 
 
 class MuscleGeometry:
@@ -182,7 +178,7 @@ def muscle_geometry(surface: vtkPolyData, where: str) -> MuscleGeometry:
             size = np.array(len(points))
             topology = _recalled(_topologies, (size, *faces))
             if topology is None:
-                topology = SurfaceTopology(len(points), triangles)
+                topology = SurfaceTopology(triangles)
                 _remember(_topologies, (size, *faces), topology)
             found = MuscleGeometry(surface, points, topology)
             _remember(_known, (*positions, *faces), found)

@@ -13,7 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.collision.voxels import VoxelGrid, build_voxel_grid
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.surface import half_edges, point_components, signed_volume
+from vtkmuscle.core.mesh.surface import edge_uses, half_edges, point_components, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.data.arrays import checked_surface
 
@@ -60,10 +60,10 @@ class SurfaceDistance:
     def __init__(self, surface: vtkPolyData) -> None:
         points, triangles = checked_surface(surface, "SurfaceDistance")
         #: Whether no edge is that of one triangle alone.
-        self.closed = _is_closed(triangles, len(points))
+        self.closed = _is_closed(triangles)
         if not self.closed:
             points, triangles = _merged(points, triangles)
-            self.closed = _is_closed(triangles, len(points))
+            self.closed = _is_closed(triangles)
         self._points, self._triangles = points, triangles
         #: Lowest and highest corner of the surface's box.
         self.box: tuple[Floats, Floats] = points.min(axis=0), points.max(axis=0)
@@ -140,7 +140,7 @@ class SurfaceDistance:
         for number in numbers:
             triangles = self._triangles[labels == number]
             volume = signed_volume(self._points, triangles)
-            if volume != 0.0 and _is_closed(triangles, len(self._points)):
+            if volume != 0.0 and _is_closed(triangles):
                 shared = volume > 0.0 and len(numbers) == 1
                 outward = triangles if volume > 0.0 else triangles[:, ::-1]
                 shells.append(_Shell(self._whole if shared else triangle_tree(self._points, outward)))
@@ -177,11 +177,8 @@ def _merged(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
     return distinct, merged[whole].astype(np.int64)
 
 
-def _is_closed(triangles: Ints, n_points: int) -> bool:
-    edges = half_edges(triangles)
-    keys = np.sort(edges.min(axis=1) * n_points + edges.max(axis=1))
-    new = np.r_[True, keys[1:] != keys[:-1], True]
-    return not (new[1:] & new[:-1]).any()  # no key is alone
+def _is_closed(triangles: Ints) -> bool:
+    return not (edge_uses(triangles) == 1).any()
 
 
 def _checked(points: ArrayLike) -> Floats:

@@ -44,7 +44,7 @@ def fibre_summary(fibres: vtkPolyData) -> dict[str, dict[str, float]]:
     Parameters
     ----------
     fibres : vtkPolyData
-        From :class:`~vtkmuscle.filters.FibreMetrics`.
+        As of :func:`fibre_columns`.
 
     Returns
     -------

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.io.csv_rows import csv_rows, number_in
+from vtkmuscle.io.csv_table import filled_rows, finite_number
 from vtkmuscle.io.writing import write_text
 
 Floats = NDArray[np.float64]
@@ -79,7 +79,7 @@ def read_literature(path: str | PathLike[str]) -> tuple[LiteratureCurve, ...]:
     array([30., 31.])
     """
     path = Path(path)
-    filled = list(csv_rows(path))
+    filled = filled_rows(path)
     header = filled[0][1] if filled else []
     missing = [name for name in LITERATURE_COLUMNS if name not in header]
     if missing or len(filled) < 2:
@@ -101,8 +101,8 @@ def read_literature(path: str | PathLike[str]) -> tuple[LiteratureCurve, ...]:
             raise InputError(path, f"line {line}: {empty[0]} is empty", "fill it in, or leave the line out")
         key = (row["source"], row["muscle"], row["dof"], row.get("part", ""))
         point = (
-            number_in(row["angle_deg"], "angle_deg", path, f"line {line}"),
-            number_in(row["moment_arm_mm"], "moment_arm_mm", path, f"line {line}"),
+            finite_number(row["angle_deg"], "angle_deg", path, f"line {line}"),
+            finite_number(row["moment_arm_mm"], "moment_arm_mm", path, f"line {line}"),
         )
         curves.setdefault(key, []).append(point)
     return tuple(LiteratureCurve(*key, *np.array(sorted(points)).T) for key, points in curves.items())

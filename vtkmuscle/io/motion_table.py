@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import islice
 from os import PathLike
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, is_rigid
-from vtkmuscle.io.csv_rows import csv_rows, number_in
+from vtkmuscle.io.csv_table import filled_rows, finite_number
 from vtkmuscle.io.writing import write_text
 
 Floats = NDArray[np.float64]
@@ -106,7 +105,7 @@ def read_motion_table(
         if len(cells) != len(header):
             problem = f"{where} has {len(cells)} cells, but the header has {len(header)}"
             raise InputError(path, problem, "correct it")
-        times.append(float(row) if time is None else number_in(given[time], time, path, where))
+        times.append(float(row) if time is None else finite_number(given[time], time, path, where))
         if row and times[-1] <= times[-2]:
             raise InputError(
                 path,
@@ -114,13 +113,16 @@ def read_motion_table(
                 "sort the rows, or leave out the time column so that rows are numbered",
             )
         transform = np.array(
-            [number_in(given[c], c, path, where) if c in given else _LAST_ROW[c] for c in TRANSFORM_COLUMNS]
+            [
+                finite_number(given[name], name, path, where) if name in given else _LAST_ROW[name]
+                for name in TRANSFORM_COLUMNS
+            ]
         ).reshape(4, 4)
         if not is_rigid(transform):
             raise InputError(path, f"{where}: the transform is not rigid: {_why_not_rigid(transform)}")
         transforms.append(transform)
         for name in kinds:
-            values[name].append(number_in(given[name], name, path, where))
+            values[name].append(finite_number(given[name], name, path, where))
     found = {name: Coordinate(np.array(values[name]), **kinds[name]) for name in kinds}
     if coordinates is None:
         found = {name: one for name, one in found.items() if not _counts_rows(one.values)}
@@ -191,9 +193,7 @@ def _counts_rows(values: Floats) -> bool:
 
 
 def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    filled = list(islice(csv_rows(path), MOST_FRAMES + 2))
-    if len(filled) - 1 > MOST_FRAMES:
-        raise InputError(path, f"the table has more than {MOST_FRAMES} rows", "leave some out")
+    filled = filled_rows(path, MOST_FRAMES)
     if len(filled) < 2:
         raise InputError(path, "the table has no rows", "it needs a header line and one line per time")
     header = filled[0][1]

@@ -109,7 +109,7 @@ def read_surface(path: str | PathLike[str]) -> vtkPolyData:
     Parameters
     ----------
     path : path
-        A .vtp, .vtk (legacy), .stl, .obj or .ply file.
+        As of :func:`read_polydata`.
 
     Returns
     -------

@@ -47,11 +47,6 @@ class _FaultError(Exception):
 def check_vtp(path: Path) -> bool:
     """Check that a .vtp file is whole: every array is as long as it must be, and cells name points there are.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-
     Returns
     -------
     bool

@@ -20,6 +20,15 @@ PLUGINS = _HERE / "plugins"
 MEND = _HERE / "mend_5_11"
 #: What the filters need beside vtkmuscle; where one is not installed its filters say so.
 DISTRIBUTIONS = ("numpy", "scipy", "numba", "llvmlite")
+#: What scenes need.
+OF_SCENES = (
+    "pydantic",
+    "pydantic-core",
+    "annotated-types",
+    "typing-extensions",
+    "typing-inspection",
+    "tomli-w",
+)
 #: The file that says which links in a folder are ours.
 _RECORD = ".made_by_vtkmuscle.json"
 
@@ -58,7 +67,7 @@ def link_packages(folder: Path) -> None:
         If a link cannot be made.
     """
     package = Path(vtkmuscle.__file__).resolve().parent
-    targets = {package, *(target for name in DISTRIBUTIONS for target in _top_level(name))}
+    targets = {package, *(target for name in (*DISTRIBUTIONS, *OF_SCENES) for target in _top_level(name))}
     wanted = {target.name: str(target) for target in targets}
     folder.mkdir(parents=True, exist_ok=True)
     ours = _our_links(folder)
@@ -120,7 +129,7 @@ def shell_commands(folder: Path) -> list[str]:
     Parameters
     ----------
     folder : path
-        With the packages.
+        As of :func:`settings`.
 
     Returns
     -------

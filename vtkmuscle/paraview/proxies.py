@@ -41,18 +41,7 @@ def proxy_parts(kind: type[Filter]) -> list[str]:
 
 
 def proxy_hints(kind: type[Filter]) -> list[str]:
-    """Return the hints of a filter's proxy: its menu, and for a source of a file's content that it reads it.
-
-    Parameters
-    ----------
-    kind : type
-        A filter class.
-
-    Returns
-    -------
-    list of str
-        XML elements.
-    """
+    """Return XML hints of a filter's proxy: its menu; and of a source that reads a file, that it does."""
     hints = [Element("ShowInMenu", category=CATEGORY)]
     if not kind.input_ports:
         files = [FILES[p.kind] for p in kind.parameter_declarations.values() if p.kind in FILES]

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, rotation_about
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.coordinates import checked_poses
-from vtkmuscle.phantoms.hinge_spindle import END_RADIUS, SIDES, bone_with_arm, spindle_profile
-from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution
-from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
-
-Floats = NDArray[np.float64]
+from vtkmuscle.phantoms.hinge_spindle import END_RADIUS, surfaces
+from vtkmuscle.phantoms.phantom import Phantom, phantom_from
 
 #: Centres of the muscle's flat ends [mm]: in front of the joint, which is at the origin, and to its left.
 ORIGIN = np.array([12.0, -32.0, 80.0])
@@ -63,7 +59,7 @@ def spindle_over_ball(*, coordinates: ArrayLike | None = None) -> Phantom:
     """
     given = _net() if coordinates is None else coordinates
     poses = checked_poses(given, LIMITS, "spindle_over_ball")
-    bones, muscle = _surfaces()
+    bones, muscle = surfaces((float(ORIGIN[0]), float(ORIGIN[1])))
     angles = 2.0 * np.pi * np.arange(12) / 12
     circle = 0.8 * END_RADIUS * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(12)])
     return phantom_from(
@@ -125,13 +121,3 @@ def _net() -> Floats:
     rows = [[(f, a) for a in ABDUCTIONS[:: 1 if i % 2 == 0 else -1]] for i, f in enumerate(FLEXIONS)]
     start = [(0.0, a) for a in ABDUCTIONS[ABDUCTIONS <= 0.0][:0:-1]]
     return np.array([*start, *(pose for row in rows for pose in row)])
-
-
-@cache
-def _surfaces() -> tuple[dict[str, Surface], Surface]:
-    bones = {
-        "proximal": mesh_of(bone_with_arm(ORIGIN, 1.0), 3.0, 3000),
-        "distal": mesh_of(bone_with_arm(INSERTION, -1.0), 3.0, 3000),
-    }
-    points, triangles = solid_of_revolution(*spindle_profile(), SIDES)
-    return bones, (points + np.array([*ORIGIN[:2], 0.0]), triangles)

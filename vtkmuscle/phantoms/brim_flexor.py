@@ -5,17 +5,15 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.motion.rigid import hinge
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.implicit import Solid, ball, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
 from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
 from vtkmuscle.phantoms.planar import String, flexed, in_space, lever
 from vtkmuscle.phantoms.straps import cord, round_ring
-
-Floats = NDArray[np.float64]
 
 #: Centres of the muscle's ends (y, z) [mm]; the hinge is at the origin, its axis -x.
 ORIGIN = np.array([45.0, 100.0])

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from vtkmuscle.core.types import Floats
 
 
 def checked_poses(coordinates: ArrayLike, limits: Mapping[str, tuple[float, float]], phantom: str) -> Floats:

@@ -5,15 +5,14 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from vtkmuscle.core.motion.rigid import hinge
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.implicit import thick_sheet
 from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution
 from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
-
-Floats = NDArray[np.float64]
 
 #: Radius of the cylinder, thickness and width of the strap, length of its straight part [mm].
 RADIUS = 25.0

@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import quad
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, polylines_from
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.meshing import box
 from vtkmuscle.phantoms.phantom import Phantom, phantom_from
 
-Floats = NDArray[np.float64]
 #: From a coordinate's control points, as functions of r or s, to the kind's fibres.
 Controls = tuple[Callable[[float], float], ...]
 

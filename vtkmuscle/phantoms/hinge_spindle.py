@@ -5,15 +5,13 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution, volume_of_revolution
 from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
-
-Floats = NDArray[np.float64]
 
 #: Centres of the muscle's flat ends [mm]; the hinge is at the origin, its axis -x.
 ORIGIN = np.array([0.0, -32.0, 80.0])
@@ -48,7 +46,7 @@ def spindle_over_hinge() -> Phantom:
     >>> float(round(phantom.known["length"](0.0), 6)), float(round(phantom.known["moment_arm"](0.0), 6))
     (140.0, 32.0)
     """
-    bones, muscle = _surfaces()
+    bones, muscle = surfaces((float(ORIGIN[0]), float(ORIGIN[1])))
     angles = 2.0 * np.pi * np.arange(12) / 12
     circle = 0.8 * END_RADIUS * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(12)])
     areas = [
@@ -95,13 +93,15 @@ def spindle_profile() -> tuple[Floats, Floats]:
 
 
 @cache
-def _surfaces() -> tuple[dict[str, Surface], Surface]:
+def surfaces(middle: tuple[float, float]) -> tuple[dict[str, Surface], Surface]:
+    """Return the bones, and the muscle about the vertical line through (x, y) [mm]."""
+    origin, insertion = (np.array([*middle, end[2]]) for end in (ORIGIN, INSERTION))
     bones = {
-        "proximal": mesh_of(bone_with_arm(ORIGIN, 1.0), 3.0, 3000),
-        "distal": mesh_of(bone_with_arm(INSERTION, -1.0), 3.0, 3000),
+        "proximal": mesh_of(bone_with_arm(origin, 1.0), 3.0, 3000),
+        "distal": mesh_of(bone_with_arm(insertion, -1.0), 3.0, 3000),
     }
     points, triangles = solid_of_revolution(*spindle_profile(), SIDES)
-    return bones, (points + np.array([0.0, ORIGIN[1], 0.0]), triangles)
+    return bones, (points + np.array([*middle, 0.0]), triangles)
 
 
 def bone_with_arm(attachment: Floats, up: float) -> Solid:

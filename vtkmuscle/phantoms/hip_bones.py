@@ -9,11 +9,8 @@ with the shaft and is turned forward by 12 degrees.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.phantoms.implicit import Solid, ball, thick_curve, thick_sheet, union
-
-Floats = NDArray[np.float64]
 
 #: Radii of the femoral head and of the acetabulum [mm]: cartilage fills what is between them.
 HEAD_RADIUS = 23.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.data.attachments import AttachmentArea
@@ -14,8 +14,6 @@ from vtkmuscle.phantoms.hip_muscles import Sheet, gluteus_maximus, gluteus_mediu
 from vtkmuscle.phantoms.implicit import Solid
 from vtkmuscle.phantoms.meshing import mesh_of
 from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
-
-Floats = NDArray[np.float64]
 
 #: Width over which the rims are rounded where a muscle is cut at a bone [mm].
 CUT = 3.0

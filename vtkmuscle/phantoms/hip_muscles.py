@@ -8,12 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from vtkmuscle.core.types import Floats
 from vtkmuscle.phantoms.hip_bones import WING
 from vtkmuscle.phantoms.implicit import Solid, spline_net, thick_sheet
-
-Floats = NDArray[np.float64]
 
 #: Half thickness across a muscle, as a part of that in its middle.
 ACROSS = (0.72, 0.95, 1.0, 0.95, 0.72)

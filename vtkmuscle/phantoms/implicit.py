@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 from scipy.spatial import cKDTree
 
-Floats = NDArray[np.float64]
+from vtkmuscle.core.types import Floats
 
 #: Farther than this from the box of a curve or sheet [mm], the distance to the box stands for its field.
 REACH = 16.0

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
 from vtkmuscle.data.attachments import AttachmentArea
@@ -14,8 +13,6 @@ from vtkmuscle.phantoms.meshing import mesh_of
 from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
 from vtkmuscle.phantoms.planar import String, flexed, lever
 from vtkmuscle.phantoms.straps import end_ring, strap
-
-Floats = NDArray[np.float64]
 
 #: Radius of the bone's roller about the hinge, thickness and width of the strap [mm].
 RADIUS, THICKNESS, WIDTH = 20.0, 10.0, 30.0

@@ -9,11 +9,9 @@ from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkQuadricDecimation
 
 from vtkmuscle.core.mesh.surface import unique_edges, vertex_normals
+from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import points_of, set_point_array, surface_from, triangles_of
 from vtkmuscle.phantoms.implicit import Solid
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def mesh_of(solid: Solid, spacing: float, n_triangles: int, *, passes: int = 8) -> tuple[Floats, Ints]:
@@ -121,10 +119,8 @@ def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tup
 
     Returns
     -------
-    points : (n, 3) array
-        Positions [mm].
-    triangles : (m, 3) int array
-        Point ids, facing outward.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions [mm]; point ids, facing outward.
     """
     z, r = np.asarray(heights, dtype=np.float64), np.asarray(radii, dtype=np.float64)
     angles = 2.0 * np.pi * np.arange(sides) / sides
@@ -192,10 +188,8 @@ def box(lower: ArrayLike, upper: ArrayLike, spacing: float) -> tuple[Floats, Int
 
     Returns
     -------
-    points : (n, 3) array
-        Positions [mm].
-    triangles : (m, 3) int array
-        Point ids, facing outward.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions [mm]; point ids, facing outward.
     """
     low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
     counts = np.ceil((high - low) / spacing - 1e-9).astype(int)

@@ -5,17 +5,15 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.motion.rigid import hinge
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import VIA, AttachmentArea
 from vtkmuscle.phantoms.hinge_spindle import bone_with_arm
 from vtkmuscle.phantoms.meshing import mesh_of
 from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
 from vtkmuscle.phantoms.planar import flexed, in_space, lever
 from vtkmuscle.phantoms.straps import cord, round_ring
-
-Floats = NDArray[np.float64]
 
 #: Centres of the muscle's flat ends (y, z) [mm]; the hinge is at the origin, its axis -x.
 ORIGIN, INSERTION = np.array([-32.0, 80.0]), np.array([-32.0, -60.0])

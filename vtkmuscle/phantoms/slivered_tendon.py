@@ -5,17 +5,16 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.implicit import thick_sheet
 from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution, volume_of_revolution
 from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
 from vtkmuscle.phantoms.planar import flexed, in_space
 from vtkmuscle.phantoms.straps import round_ring
-
-Floats = NDArray[np.float64]
 
 #: Radii of the wedge's edge, which is round about the x axis, of the tendon and of the belly [mm].
 EDGE, TENDON, BELLY = 15.0, 3.0, 16.0

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from vtkmuscle.core.types import Floats
 from vtkmuscle.phantoms.implicit import Solid, thick_curve, thick_sheet
 from vtkmuscle.phantoms.planar import evenly, in_space
-
-Floats = NDArray[np.float64]
 
 #: Distance of the points on the middle line that a strap is made from [mm].
 SPACING = 2.5

@@ -6,9 +6,10 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, rotation_about
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.coordinates import checked_poses
 from vtkmuscle.phantoms.implicit import block, rod, thick_curve
@@ -16,8 +17,6 @@ from vtkmuscle.phantoms.meshing import mesh_of
 from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
 from vtkmuscle.phantoms.planar import flexed
 from vtkmuscle.phantoms.straps import end_ring, strap
-
-Floats = NDArray[np.float64]
 
 #: Radii of the rollers about the upper and the lower joint, thickness and width of the strap [mm].
 RADII, THICKNESS, WIDTH = (22.0, 14.0), 8.0, 26.0

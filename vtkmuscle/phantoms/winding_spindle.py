@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, polylines_from
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.meshing import box, solid_of_revolution, volume_of_revolution
 from vtkmuscle.phantoms.phantom import Phantom, phantom_from
-
-Floats = NDArray[np.float64]
 
 #: Length along z, radii of the flat ends and of the middle [mm].
 LENGTH, END_RADIUS, BELLY_RADIUS = 120.0, 10.0, 18.0

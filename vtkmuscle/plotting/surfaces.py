@@ -8,15 +8,12 @@ from typing import Any
 
 import numpy as np
 import pyvista
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkLogger
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import blocks_of, point_array, points_of, polylines_from, polylines_of
 from vtkmuscle.plotting.views import View, axes_of
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 IVORY = "#efe6d0"
 MUSCLE_RED = "#8b1a1a"

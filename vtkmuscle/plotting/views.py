@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import blocks_of, points_of, triangles_of
-
-Floats = NDArray[np.float64]
 
 PANEL_AREA = 520_000  # pixels
 

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.collision.muscle_contact import depth_in
@@ -16,12 +15,10 @@ from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.pbd.rest_shape import dihedral_angles
+from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, triangles_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.deformer.neighbours import outward_tree
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 #: An edge is folded back where its triangles are within 30 degrees of lying on each other; it counts where it
 #: was at least 60 degrees off that at rest [degrees between their normals].

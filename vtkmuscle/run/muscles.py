@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.data.arrays import (
     cell_array,
@@ -268,10 +269,9 @@ class MuscleRun:
 
     def _check_finite(self, points: Any, number: int) -> None:
         if not np.isfinite(points).all():
-            raise ValueError(
-                f"frame {number}: the deformed muscle has coordinates that are not finite; lower the "
-                "stiffnesses, or use smaller steps of the motion"
-            )
+            problem = "the deformed muscle has coordinates that are not finite"
+            remedy = "lower the stiffnesses, or use smaller steps of the motion"
+            raise InputError(f"frame {number}", problem, remedy)
 
     def _tell(self, stage: str, fraction: float) -> None:
         if self.stop.is_set():

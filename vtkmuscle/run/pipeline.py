@@ -24,10 +24,8 @@ def muscle_pipeline(
 
     Parameters
     ----------
-    scene : SceneData
-        What the muscle belongs to.
-    name : str
-        Which muscle.
+    scene, name : SceneData, str
+        Which muscle, of which scene.
     bones : mapping of str to vtkPolyData, optional
         The scene's bones as :func:`~vtkmuscle.run.reach.bones_with_reach` gives them, where they are there
         already.

@@ -7,14 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.io.writing import replacing
 from vtkmuscle.tradeoff.estimates import estimates
 from vtkmuscle.tradeoff.measures import ERRORS, Measure
 from vtkmuscle.tradeoff.study import Study
-
-Floats = NDArray[np.float64]
 
 FORMATS = ("png", "svg")
 

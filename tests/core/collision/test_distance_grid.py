@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from shapes import ball, box, distance_to_box, ring, sphere, union
 
+from vtkmuscle.core.collision.distance_blocks import SIDE
 from vtkmuscle.core.collision.distance_grid import build_distance_grid
 from vtkmuscle.core.collision.distance_lookup import signed_distance
 
 
 def around(grid, rng, count=4000):
-    return grid.origin + rng.random((count, 3)) * np.array(grid.dims) * grid.cell
+    return grid.origin + rng.random((count, 3)) * SIDE * np.array(grid.table.shape) * grid.cell
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from vtkmuscle.core.mesh.surface import (
     edge_lengths,
+    edge_uses,
     half_edges,
     numbered_edges,
     point_components,
@@ -40,6 +41,11 @@ def test_unique_edges_of_a_tetrahedron_are_all_pairs():
     np.testing.assert_array_equal(
         unique_edges(TETRAHEDRON[1]), [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]
     )
+
+
+def test_edges_of_a_closed_surface_are_used_twice_and_those_of_a_hole_once():
+    assert edge_uses(TETRAHEDRON[1]).tolist() == [2] * 6
+    assert edge_uses(TETRAHEDRON[1][1:]).tolist() == [1, 1, 2, 1, 2, 2]
 
 
 def test_unique_edges_agree_with_igl(vase):

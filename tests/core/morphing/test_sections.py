@@ -12,7 +12,8 @@ from vtkmodules.vtkFiltersCore import vtkPolyDataPlaneCutter, vtkStripper
 from vtkmodules.vtkFiltersSources import vtkParametricFunctionSource, vtkSphereSource
 
 from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.core.morphing.sections import closed_surface, cut_surface, opposite_half_edges, united
+from vtkmuscle.core.mesh.topology import opposite_half_edges
+from vtkmuscle.core.morphing.sections import closed_surface, cut_surface, united
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 
 TETRAHEDRON = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
@@ -75,7 +76,7 @@ def test_a_surface_that_faces_inward_is_turned_with_its_opposite_half_edges(surf
     points, triangles = surface()
     turned = closed_surface(points, triangles[:, ::-1]).outward()
     assert np.array_equal(turned.triangles, triangles)
-    assert np.array_equal(turned.opposite, opposite_half_edges(triangles, len(points)))
+    assert np.array_equal(turned.opposite, opposite_half_edges(triangles))
     assert closed_surface(points, triangles).outward().triangles is not turned.triangles
 
 
@@ -94,8 +95,8 @@ def test_parts_on_either_side_of_loops_are_those_of_a_surface_cut_less_often():
 
 
 def test_opposite_half_edges_join_the_same_points_the_other_way_round():
-    points, triangles = sphere()
-    opposite = opposite_half_edges(triangles, len(points))
+    _, triangles = sphere()
+    opposite = opposite_half_edges(triangles)
     start, end = triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)
     assert np.array_equal(opposite[opposite], np.arange(len(start)))
     assert np.array_equal(start[opposite], end)
@@ -104,7 +105,7 @@ def test_opposite_half_edges_join_the_same_points_the_other_way_round():
 @pytest.mark.parametrize("triangles", [FACES[:3], np.vstack([FACES[:3], FACES[3:, ::-1]])])
 def test_an_open_or_inconsistent_surface_is_refused(triangles):
     with pytest.raises(ValueError, match="closed and its triangles must agree"):
-        opposite_half_edges(triangles, 4)
+        opposite_half_edges(triangles)
 
 
 @settings(deadline=None, max_examples=25)

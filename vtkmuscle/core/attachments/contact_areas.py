@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -18,10 +17,7 @@ from vtkmuscle.core.mesh.surface import (
     triangle_normals,
     unique_edges,
 )
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: A contact smaller than this part of the largest one on the same bone is noise.
 LEAST_SHARE = 0.05
@@ -59,10 +55,8 @@ def contact_areas(points: Floats, triangles: Ints, touching: Sequence[Bools]) ->
 
     Parameters
     ----------
-    points : (n, 3) array
-        The muscle [mm].
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        The muscle [mm]; point ids.
     touching : sequence of (n,) bool arrays
         For each bone, the points that touch it.
 
@@ -96,10 +90,8 @@ def attached_contacts(
 
     Parameters
     ----------
-    points : (n, 3) array
-        The muscle [mm].
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        The muscle [mm]; point ids.
     contacts : sequence of ContactArea
         From :func:`contact_areas`.
 
@@ -145,10 +137,8 @@ def outline(points: Floats, triangles: Ints, patch: Ints) -> tuple[Floats, bool]
 
     Parameters
     ----------
-    points : (n, 3) array
-        The muscle [mm].
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        The muscle [mm]; point ids.
     patch : (k,) int array
         Point ids.
 

@@ -17,6 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.attachments.geodesics import geodesic_curve
+from vtkmuscle.core.mesh.segments import segment_distances
 from vtkmuscle.core.mesh.surface import (
     edge_lengths,
     numbered_edges,
@@ -64,10 +65,8 @@ def attachment_patch(
 
     Parameters
     ----------
-    points : (n, 3) array
-        Points of the muscle [mm].
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        The muscle's [mm]; point ids.
     landmarks : (k, 3) array
         In boundary order [mm]; they may lie off the muscle.
     closed : bool
@@ -269,7 +268,5 @@ def _distances_to_polyline(points: Floats, line: Floats) -> Floats:
     """Return the distance of each point to the nearest segment (or the only point) of a polyline, (n,)."""
     distances: Floats = np.linalg.norm(points - line[0], axis=1)
     for start, end in pairwise(line):
-        along = end - start
-        t = np.clip((points - start) @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
-        np.minimum(distances, np.linalg.norm(points - start - t[:, None] * along, axis=1), out=distances)
+        np.minimum(distances, segment_distances(points, start, end), out=distances)
     return distances

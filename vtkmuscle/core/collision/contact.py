@@ -6,18 +6,13 @@ import warnings
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.collision.distance_collision import Clearance
 from vtkmuscle.core.collision.muscle_contact import MuscleContact
 from vtkmuscle.core.collision.obstacles import Obstacle
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
-
+from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: A bone that does not move.
 _STILL = np.eye(4)

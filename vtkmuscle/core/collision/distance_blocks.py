@@ -7,11 +7,8 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.triangle_distance import nearest_on_triangle
+from vtkmuscle.core.types import Bools, Floats, Ints, Singles
 
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 Members = NDArray[np.int32]
 
 #: Cells along the side of a block.

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.collision.distance_grid import DistanceGrid
 from vtkmuscle.core.collision.distance_lookup import distance_at, normal_at
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.motion.rigid import inverse
-
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
-Table = NDArray[np.int32]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.types import Bools, Floats, Singles, Table
 
 #: Cells of the band of a grid that a skin must leave free.
 SKIN_CELLS = 1.5
@@ -46,7 +41,6 @@ def resolve_distance_collisions(
     skin: float = 0.0,
     friction: float = 0.0,
     allowance: Floats | None = None,
-    exempt: Bools | None = None,
     clearance: Clearance | None = None,
 ) -> Bools:
     """Move the predicted positions that are in a bone, or came through it, out of it.
@@ -79,8 +73,6 @@ def resolve_distance_collisions(
     allowance : (n,) array, optional
         How much deeper than the skin each point may be [mm], >= 0: for points that are in the bone at
         rest, :func:`~vtkmuscle.core.collision.distance_lookup.rest_allowance`.
-    exempt : (n,) bool array, optional
-        Points that the bone does not concern.
     clearance : Clearance, optional
         Points that it knows to be away from the bone are passed over, and it learns from those that are not.
         The bone must stand still from one call to the next.
@@ -107,7 +99,6 @@ def resolve_distance_collisions(
             f"skin must be 0 to {widest:g} mm (the band of the distance grid less 1.5 cells) and friction "
             f">= 0, got skin={skin:g} mm, friction={friction:g}; build the grid with a wider band"
         )
-    movable = free if exempt is None else free & ~exempt
     known = Clearance(len(p)) if clearance is None else clearance
     moved = np.zeros(len(p), dtype=np.bool_)
     to_rest = known.to_rest(now)
@@ -122,7 +113,7 @@ def resolve_distance_collisions(
         to_rest @ step,
         x,
         p,
-        movable,
+        free,
         float(skin),
         np.zeros(len(p)) if allowance is None else allowance,
         float(friction),

@@ -14,16 +14,12 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from vtkmuscle.core.collision.distance_blocks import SIDE, with_far_faces
 from vtkmuscle.core.collision.distance_shell import Lattice, ShellDistance, shell_distance
 from vtkmuscle.core.mesh.closed_shells import closed_shells
-
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
-Ints = NDArray[np.int64]
-Table = NDArray[np.int32]
+from vtkmuscle.core.types import Floats, Ints, Singles, Table
 
 #: Half width of the band in cells, where none is given: a cell of the surface, and room for the gradient.
 BAND_CELLS = 2.5
@@ -61,12 +57,6 @@ class DistanceGrid:
     remarks: tuple[str, ...] = ()
 
     @property
-    def dims(self) -> tuple[int, int, int]:
-        """Number of cells along each axis."""
-        nx, ny, nz = (SIDE * n for n in self.table.shape)
-        return nx, ny, nz
-
-    @property
     def nbytes(self) -> int:
         """Memory of the grid [bytes]."""
         return self.table.nbytes + self.values.nbytes
@@ -92,10 +82,8 @@ def build_distance_grid(
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions in the rest pose [mm].
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions in the rest pose [mm]; point ids.
     cell : float
         Distance of neighbouring nodes [mm].
     band : float, optional

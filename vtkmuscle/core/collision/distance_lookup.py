@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from vtkmuscle.core.collision.distance_grid import DistanceGrid
 from vtkmuscle.core.jit import kernel
-
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
-Table = NDArray[np.int32]
+from vtkmuscle.core.types import Floats, Singles, Table
 
 #: A gradient shorter than this part of its due length 1 is that of a ridge: look farther.
 _FLAT = 0.2

@@ -6,17 +6,11 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import label
 
 from vtkmuscle.core.collision.distance_blocks import SIDE, fill_band, fill_inside, triangles_of_blocks
 from vtkmuscle.core.mesh.triangle_distance import pseudonormals, winding_number
-
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
-Table = NDArray[np.int32]
+from vtkmuscle.core.types import Bools, Floats, Ints, Singles, Table
 
 #: Blocks that a thread works on at a time.
 _BLOCKS_PER_TASK = 256

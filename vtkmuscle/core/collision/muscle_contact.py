@@ -6,12 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.types import Bools, Floats
 
 #: A point that is known to be farther from a neighbour is not looked at before it has moved this part of it.
 _SURELY_CLEAR = 0.9

@@ -11,18 +11,15 @@ from threading import Lock
 from weakref import WeakValueDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.collision.distance_collision import SKIN_CELLS, Clearance, resolve_distance_collisions
 from vtkmuscle.core.collision.distance_grid import BAND_CELLS, DistanceGrid
 from vtkmuscle.core.collision.distance_lookup import rest_allowance
 from vtkmuscle.core.collision.grid_cache import cached_distance_grid
 from vtkmuscle.core.collision.voxels import VoxelGrid, build_voxel_grid, resolve_collisions
+from vtkmuscle.core.mesh.sampling import uneven_weights
 from vtkmuscle.core.motion.rigid import apply_transform
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: By how much the weights of a bone's points differ.
 UNEVENNESS = 1e-3
@@ -478,8 +475,7 @@ def bone_axes(points: Floats) -> Floats:
     """
     centre = points.mean(axis=0)
     arms = points - centre
-    golden_ratio = 0.5 * (1.0 + 5.0**0.5)
-    weights = 1.0 + UNEVENNESS * np.modf(golden_ratio * np.arange(len(points)))[0]
+    weights = 1.0 + UNEVENNESS * uneven_weights(len(points))
     axes = np.linalg.eigh((arms * weights[:, None]).T @ arms)[1].T
     # An eigenvector's sign is anybody's guess; the order of the points decides here, too.
     axes[(weights - weights.mean()) @ (arms @ axes.T) < 0.0] *= -1.0

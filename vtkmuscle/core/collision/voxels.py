@@ -17,10 +17,8 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.closed_shells import ClosedShells, closed_shells
 from vtkmuscle.core.mesh.triangle_distance import winding_number
 from vtkmuscle.core.motion.rigid import inverse
+from vtkmuscle.core.types import Bools, Floats, Ints
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 Cells = NDArray[np.uint8]
 
 #: What a cell is.
@@ -98,10 +96,8 @@ def build_voxel_grid(
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions in the rest pose [mm].
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions in the rest pose [mm]; point ids.
     n_max : int, optional
         Number of cells, about, shared out by the sides of the box so that cells are nearly cubes.
     n_equal : int, optional
@@ -298,14 +294,10 @@ def resolve_collisions(
     ----------
     grid : VoxelGrid
         The bone at rest.
-    now : (4, 4) array
-        Rigid transform of the bone from rest to now.
-    step : (4, 4) array
-        Rigid transform of the bone from the previous frame to now.
-    x : (n, 3) array
-        Positions of the previous frame [mm].
-    p : (n, 3) array
-        Predicted positions [mm], changed in place.
+    now, step : (4, 4) arrays
+        Rigid transforms of the bone to now: from rest, and from the previous frame.
+    x, p : (n, 3) arrays
+        Positions of the previous frame, and those predicted, which are changed in place [mm].
     free : (n,) bool array
         Points that may be moved.
     bone_push : bool

@@ -9,12 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.motion.rigid import apply_transform
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Values of a that are looked at: beyond them weights leave [0, 1].
 LARGEST_A = 1.0

@@ -9,13 +9,11 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.surface import half_edges
+from vtkmuscle.core.mesh.surface import numbered_edges
+from vtkmuscle.core.types import Floats, Ints
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 T = TypeVar("T")
 
 #: A query point nearer than this to a vertex, an edge or a triangle lies on it; share of the mesh's diagonal.
@@ -93,9 +91,8 @@ def coordinate_mesh(points: Floats, triangles: Ints) -> CoordinateMesh:
     proper = double_areas > np.finfo(np.float64).eps * longest
     triangles, edge_vectors, double_areas = triangles[proper], edge_vectors[proper], double_areas[proper]
     normals = normals[proper] / double_areas[:, None]
-    edges, edge_of = np.unique(np.sort(half_edges(triangles), axis=1), axis=0, return_inverse=True)
-    # half_edges gives the edges opposite to the corners 2, 0, 1.
-    opposite = edge_of.reshape(-1, 3)[:, [1, 2, 0]].astype(np.int64)
+    edges, edge_of = numbered_edges(triangles)
+    opposite = edge_of.reshape(-1, 3)[:, [1, 2, 0]]  # half-edges are opposite to the corners 2, 0, 1
     used = vertices[np.unique(triangles)]
     if not len(used):
         raise ValueError("mean value coordinates: the mesh has no triangle with an area")

@@ -5,13 +5,10 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.polylines import resample_polyline
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 
 @kernel
@@ -20,10 +17,8 @@ def polyline_curvatures(points: Floats, offsets: Ints) -> tuple[Floats, Floats, 
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions [mm].
-    offsets : (k + 1,) int array
-        First point of each line, and n.
+    points, offsets : (n, 3) array, (k + 1,) int array
+        Positions [mm]; first point of each line, and n.
 
     Returns
     -------
@@ -57,10 +52,8 @@ def centroid_path(points: Floats, offsets: Ints, count: int) -> Floats:
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions [mm].
-    offsets : (k + 1,) int array
-        First point of each line, and n.
+    points, offsets : (n, 3) array, (k + 1,) int array
+        Positions [mm]; first point of each line, and n.
     count : int
         Points of the path, >= 2.
     """
@@ -114,10 +107,8 @@ def section_areas(points: Floats, triangles: Ints, places: Floats, normals: Floa
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions [mm].
-    triangles : (m, 3) int array
-        Point ids, closed, facing outward.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions [mm]; point ids, closed, facing outward.
     places, normals : (s, 3) arrays
         A point in each plane [mm] and its unit normal.
     """

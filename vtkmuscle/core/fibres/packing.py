@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.mesh.segments import segment_distances
+from vtkmuscle.core.types import Floats, Ints
 
 #: Neighbours that are looked at first, of which a fibre's own points are some.
 _FIRST_NEIGHBOURS = 12
@@ -30,19 +29,8 @@ def room_between(points: Floats, offsets: Ints) -> Floats:
     """Return the distance of each point of polylines from the nearest other polyline.
 
     Of the other lines' points the nearest one is found, and the distance is that to the segments on its two
-    sides; infinite where there is one line only.
-
-    Parameters
-    ----------
-    points : (n, 3) array
-        Positions [mm].
-    offsets : (k + 1,) int array
-        First point of each line, and n.
-
-    Returns
-    -------
-    (n,) array
-        Distances [mm].
+    sides; infinite where there is one line only. Points are (n, 3), offsets the first point of each line, and
+    n; the distances (n,), in the unit of the points.
     """
     line_of = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
     nearest = np.full(len(points), -1, dtype=np.int64)
@@ -63,15 +51,6 @@ def room_between(points: Floats, offsets: Ints) -> Floats:
     for step in (-1, 1):
         other = np.clip(nearest[known] + step, 0, len(points) - 1)
         other = np.where(line_of[other] == line_of[nearest[known]], other, nearest[known])
-        distances = _to_segments(points[known], points[nearest[known]], points[other])
+        distances = segment_distances(points[known], points[nearest[known]], points[other])
         room[known] = np.minimum(room[known], distances)
     return room
-
-
-def _to_segments(points: Floats, a: Floats, b: Floats) -> Floats:
-    along = b - a
-    squares = (along**2).sum(axis=1)
-    dots = ((points - a) * along).sum(axis=1)
-    t = np.clip(np.divide(dots, squares, out=np.zeros_like(dots), where=squares > 0), 0.0, 1.0)
-    distances: Floats = np.linalg.norm(points - a - t[:, None] * along, axis=1)
-    return distances

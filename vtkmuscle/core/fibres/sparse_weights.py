@@ -14,9 +14,7 @@ from vtkmuscle.core.fibres.mean_value import coordinate_mesh, in_chunks
 from vtkmuscle.core.fibres.vertex_groups import VertexGroups, vertex_groups
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.surface import mean_point
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Added to the diagonal of the equations for the making up, where that is 1: means in one plane.
 _RIDGE = 1e-12

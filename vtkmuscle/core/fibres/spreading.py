@@ -13,13 +13,11 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.bins import sorted_into_bins
 from vtkmuscle.core.mesh.polylines import resample_polyline
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Places along a fibre that are moved; what is between them follows.
 STATIONS = 16
@@ -159,7 +157,6 @@ def _sorted_pieces(
     """Return places along fibres, their numbers, and which of them are in each cell of a grid (offsets)."""
     n_lines, n = len(lines), (lines.shape[1] - 1) * pieces + 1
     cells, unsorted = np.empty(n_lines * n, dtype=np.int64), np.empty((n_lines * n, 3))
-    offsets = np.zeros(shape[0] * shape[1] * shape[2] + 1, dtype=np.int64)
     for number in range(n_lines * n):
         line, piece = number // n, number % n
         station = min(piece // pieces, lines.shape[1] - 2)
@@ -170,15 +167,8 @@ def _sorted_pieces(
             unsorted[number, axis] = x
             cell = cell * shape[axis] + min(int((x - low[axis]) / size), shape[axis] - 1)
         cells[number] = cell
-        offsets[cell + 1] += 1
-    offsets = np.cumsum(offsets)
-    free = offsets[:-1].copy()
-    places, owners = np.empty((n_lines * n, 3)), np.empty(n_lines * n, dtype=np.int64)
-    for number in range(n_lines * n):
-        at = free[cells[number]]
-        free[cells[number]] += 1
-        places[at], owners[at] = unsorted[number], number
-    return places, owners, offsets
+    owners, offsets = sorted_into_bins(cells, shape[0] * shape[1] * shape[2])
+    return unsorted[owners], owners, offsets
 
 
 @kernel

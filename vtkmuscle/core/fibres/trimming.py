@@ -20,9 +20,7 @@ from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.polylines import evenly_spaced, polyline_lengths, resample_polyline
 from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.mesh.surface import unit_vectors
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Largest turn from a fibre into its new end segment [degrees].
 LARGEST_TURN = 60.0
@@ -329,10 +327,8 @@ def beyond_plane(points: Floats, offsets: Ints, heights: Floats) -> Floats:
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions [mm].
-    offsets : (k + 1,) int array
-        First point of each line, and n.
+    points, offsets : (n, 3) array, (k + 1,) int array
+        Positions [mm]; first point of each line, and n.
     heights : (n,) array
         Signed distances from the plane, positive beyond it [mm].
 

@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.surface import mean_point
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Squares of distances that differ by less than this part of the greatest from the mean are equal: in a
 #: symmetric mesh rounding would choose between them.

@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.surface import point_components, signed_volume
+from vtkmuscle.core.mesh.surface import numbered_edges, point_components, signed_volume
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -51,10 +51,8 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions.
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions of its points; three of their ids per triangle.
 
     Returns
     -------
@@ -118,14 +116,7 @@ def _numbered(shell: Ints) -> Ints:
 
 def edge_numbers(triangles: Ints) -> Ints:
     """Return a number for the edge from each corner to the next, (m, 3), the same in all its triangles."""
-    onward = np.roll(triangles, -1, axis=1)
-    low, high = np.minimum(triangles, onward), np.maximum(triangles, onward)
-    keys = (low * (int(triangles.max()) + 1) + high).reshape(-1)
-    order = np.argsort(keys, kind="stable")
-    new = np.r_[False, np.diff(keys[order]) != 0]
-    numbers = np.empty(len(keys), dtype=np.int64)
-    numbers[order] = np.cumsum(new)
-    return numbers.reshape(-1, 3)
+    return numbered_edges(triangles)[1].reshape(-1, 3)
 
 
 def _directions(triangles: Ints) -> Ints:

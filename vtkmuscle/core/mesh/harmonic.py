@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, csr_matrix
 from scipy.sparse.linalg import splu
 
 from vtkmuscle.core.mesh.surface import half_edges, point_components, triangle_normals
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Bounds of an edge's cotangent weight; an edge between equilateral triangles has 0.58. The lower one
 #: keeps the matrix an M-matrix where triangles are obtuse, so that a harmonic function stays between its
@@ -31,10 +28,8 @@ def cotangent_laplacian(points: Floats, triangles: Ints) -> csr_array:
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions.
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions; point ids.
 
     Returns
     -------
@@ -69,10 +64,8 @@ def harmonic_extension(points: Floats, triangles: Ints, known: Ints, values: Flo
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions.
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions; point ids.
     known : (k,) int array
         Points with a value, k >= 1, each once.
     values : (k, c) array
@@ -120,11 +113,9 @@ def _solved(matrix: csr_array, right: Floats) -> Floats:
 
 
 def _solved_by_multigrid(matrix: csr_array, right: Floats) -> Floats | None:
-    """Return the same by multigrid, None where it does not get there or PyAMG is not installed."""
-    try:
-        from pyamg import ruge_stuben_solver  # noqa: PLC0415 -- for large meshes only, and optional there
-    except ImportError:
-        return None
+    """Return the same by multigrid, None where it does not get there."""
+    from pyamg import ruge_stuben_solver  # noqa: PLC0415 -- slow to import, and for large meshes only
+
     matrix = matrix.tocsr()
     small = csr_matrix(
         (matrix.data, matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)), shape=matrix.shape
@@ -147,10 +138,8 @@ def harmonic_weights(points: Floats, triangles: Ints, fixed_to: Ints) -> tuple[I
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions.
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions; point ids.
     fixed_to : (n,) int array
         Index of the bone each point is fixed to, -1 for free points; at least one is fixed.
 
@@ -175,10 +164,8 @@ def harmonic_field(points: Floats, triangles: Ints, fixed_to: Ints) -> Floats | 
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions.
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions; point ids.
     fixed_to : (n,) int array
         Index of the bone each point is fixed to, -1 for free points.
 
@@ -210,10 +197,8 @@ def triangle_gradients(points: Floats, triangles: Ints, field: Floats) -> Floats
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions.
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions; point ids.
     field : (n,) array
         Values at the points.
 

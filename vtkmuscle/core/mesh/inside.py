@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.mesh.bins import sorted_into_bins
+from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Triangles per cell of the grid, about as many.
 PER_CELL = 4.0
@@ -44,18 +41,11 @@ def points_inside(queries: Floats, points: Floats, triangles: Ints) -> Bools:
     low_x, low_y = queries[:, 0].min(), queries[:, 1].min()
     wide = max(queries[:, 0].max() - low_x, 1e-300) * (1.0 + 1e-9)
     deep = max(queries[:, 1].max() - low_y, 1e-300) * (1.0 + 1e-9)
-    starts = np.zeros(side * side + 1, dtype=np.int64)
     cells = np.empty(n, dtype=np.int64)
     for q in range(n):
         column = min(int((queries[q, 0] - low_x) / wide * side), side - 1)
         cells[q] = min(int((queries[q, 1] - low_y) / deep * side), side - 1) * side + column
-        starts[cells[q] + 1] += 1
-    starts = np.cumsum(starts)
-    filled = starts.copy()
-    order = np.empty(n, dtype=np.int64)
-    for q in range(n):
-        order[filled[cells[q]]] = q
-        filled[cells[q]] += 1
+    order, starts = sorted_into_bins(cells, side * side)
     for t in range(len(triangles)):
         a, b, c = points[triangles[t, 0]], points[triangles[t, 1]], points[triangles[t, 2]]
         first = (min(a[0], b[0], c[0]) - low_x) / wide * side

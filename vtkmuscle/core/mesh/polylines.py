@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Cosine of the least turn between segments that is a corner and not part of a curve.
 CORNER = 0.5 * 3.0**0.5
@@ -23,10 +20,8 @@ def smooth_polylines(points: Floats, offsets: Ints, k: float, iterations: int) -
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions [mm].
-    offsets : (m + 1,) int array
-        First point of each line, and n.
+    points, offsets : (n, 3) array, (m + 1,) int array
+        Positions [mm]; first point of each line, and n.
     k : float
         Weight of the middle point, >= 0.
     iterations : int
@@ -127,10 +122,8 @@ def end_directions(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions.
-    offsets : (m + 1,) int array
-        First point of each line, and n.
+    points, offsets : (n, 3) array, (m + 1,) int array
+        Positions; first point of each line, and n.
 
     Returns
     -------

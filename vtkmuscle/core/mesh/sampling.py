@@ -7,15 +7,12 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.stats import qmc
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.surface import triangle_normals, unique_edges
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Blocks of eight times as many positions as wanted that are looked through: bodies fill most of a tenth of
 #: their boxes.
@@ -193,6 +190,17 @@ def _sobol(exponent: int, seed: int) -> Floats:
     numbers: Floats = sequence.random(2**exponent)
     numbers.setflags(write=False)
     return numbers
+
+
+def uneven_weights(count: int) -> Floats:
+    """Return arbitrary but fixed numbers (count,), spread evenly over [0, 1).
+
+    Points that are weighted by them decide by their order where a body's symmetry leaves a choice, such as
+    the sign of an axis: rounding would choose otherwise once the body has moved. They are multiples of the
+    golden ratio, without the integer part.
+    """
+    fractions: Floats = np.modf(0.5 * (1.0 + 5.0**0.5) * np.arange(count))[0]
+    return fractions
 
 
 def samples_inside(depth: Callable[[Floats], Floats], points: Floats, count: int) -> Floats:

@@ -5,48 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from vtkmuscle.core.jit import kernel
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.mesh.bins import sorted_into_bins
+from vtkmuscle.core.types import Floats, Ints
 
 #: Edges of a point, above this many, are sorted by a better way than insertion.
 MOST_TO_INSERT = 32
 
 
 def half_edges(triangles: Ints) -> Ints:
-    """Return the directed edges of all triangles.
-
-    Parameters
-    ----------
-    triangles : (m, 3) int array
-        Point ids.
-
-    Returns
-    -------
-    (3 m, 2) int array
-        Edges (a, b), (b, c), (c, a) of triangle 0, then of triangle 1, and so on.
-    """
+    """Return the directed edges (3 m, 2) of triangles (m, 3): (a, b), (b, c), (c, a) of each in turn."""
     return triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
 
 
 def unique_edges(triangles: Ints) -> Ints:
-    """Return each undirected edge once, sorted, the smaller point id first.
-
-    Parameters
-    ----------
-    triangles : (m, 3) int array
-        Point ids.
-
-    Returns
-    -------
-    (k, 2) int array
-        Point ids.
-    """
+    """Return each undirected edge of triangles (m, 3) once, (k, 2), sorted, the smaller point id first."""
     return numbered_edges(triangles)[0]
 
 
@@ -68,19 +44,16 @@ def numbered_edges(triangles: Ints) -> tuple[Ints, Ints]:
     return _numbered_edges(np.ascontiguousarray(half_edges(triangles)), int(triangles.max(initial=-1)) + 1)
 
 
+def edge_uses(triangles: Ints) -> Ints:
+    """Return how many triangles run along each edge of :func:`unique_edges`, (k,): 2 in a closed surface."""
+    return np.bincount(numbered_edges(triangles)[1])
+
+
 @kernel
 def _numbered_edges(directed: Ints, n_points: int) -> tuple[Ints, Ints]:
     """Sort half-edges into a bucket for each lower end, and each bucket, of few, by the upper end."""
-    starts = np.zeros(n_points + 1, dtype=np.int64)
-    for i in range(len(directed)):
-        starts[min(directed[i, 0], directed[i, 1]) + 1] += 1
-    starts = np.cumsum(starts)
-    filled = starts.copy()
-    bucket, upper = np.empty(len(directed), dtype=np.int64), np.empty(len(directed), dtype=np.int64)
-    for i in range(len(directed)):
-        low = min(directed[i, 0], directed[i, 1])
-        bucket[filled[low]], upper[filled[low]] = i, max(directed[i, 0], directed[i, 1])
-        filled[low] += 1
+    bucket, starts = sorted_into_bins(np.minimum(directed[:, 0], directed[:, 1]), n_points)
+    upper = np.maximum(directed[:, 0], directed[:, 1])[bucket]
     edges, edge_of = np.empty_like(directed), np.empty(len(directed), dtype=np.int64)
     n_edges = 0
     for low in range(n_points):
@@ -111,20 +84,8 @@ def edge_lengths(points: Floats, edges: Ints) -> Floats:
 def signed_volume(points: Floats, triangles: Ints) -> float:
     """Return the volume inside a closed surface, positive where its triangles face outward.
 
-    V = sum over triangles of a . (b x c) / 6, taken about the centre of the points, so that a mesh far
-    from the origin loses no digits.
-
-    Parameters
-    ----------
-    points : (n, 3) array
-        Positions.
-    triangles : (m, 3) int array
-        Point ids.
-
-    Returns
-    -------
-    float
-        Volume in the cube of the points' unit.
+    V = sum over triangles (m, 3) of a . (b x c) / 6, taken about the centre of the points (n, 3), so that a
+    mesh far from the origin loses no digits; in the cube of the points' unit.
     """
     return float(_sixfold_volume(points, triangles, mean_point(points)) / 6.0)
 
@@ -254,10 +215,8 @@ def survey(points: Floats, triangles: Ints) -> SurfaceReport:
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions.
-    triangles : (m, 3) int array
-        Point ids, m >= 1.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions; point ids, m >= 1.
 
     Returns
     -------
@@ -265,12 +224,9 @@ def survey(points: Floats, triangles: Ints) -> SurfaceReport:
         Counts, area and volume.
     """
     directed = half_edges(triangles)
-    edges, edge_of, uses = np.unique(
-        np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
-    )
-    forward = directed[:, 0] < directed[:, 1]
-    balance = np.zeros(len(edges), dtype=np.int64)
-    np.add.at(balance, edge_of.reshape(-1), np.where(forward, 1, -1))
+    edges, edge_of = numbered_edges(triangles)
+    uses = np.bincount(edge_of)
+    balance = np.bincount(edge_of, weights=np.where(directed[:, 0] < directed[:, 1], 1, -1))
     double_areas = np.linalg.norm(triangle_normals(points, triangles), axis=1)
     used = np.unique(triangles)
     labels = point_components(len(points), edges)

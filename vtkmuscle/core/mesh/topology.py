@@ -1,16 +1,15 @@
-"""What is next to what on a triangle mesh: edges, the triangles beside them, and dihedral quadruples."""
+"""What is next to what on a triangle mesh: triangles beside an edge, half-edges, and dihedral quadruples."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vtkmuscle.core.mesh.surface import half_edges
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.bins import sorted_into_bins
+from vtkmuscle.core.mesh.surface import half_edges, numbered_edges
+from vtkmuscle.core.types import Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +69,9 @@ def mesh_topology(n_points: int, triangles: Ints) -> MeshTopology:
     directed = half_edges(triangles[proper])
     opposite = triangles[proper][:, [2, 0, 1]].reshape(-1)
     triangle_of = np.repeat(proper, 3)
-
-    keys = directed.min(axis=1) * np.int64(n_points) + directed.max(axis=1)
-    order = np.argsort(keys, kind="stable")
-    first = np.flatnonzero(np.diff(keys[order], prepend=-1))
-    uses = np.diff(first, append=len(keys))
-    edges = np.column_stack(np.divmod(keys[order[first]], max(n_points, 1)))
+    edges, edge_of = numbered_edges(triangles[proper])
+    order, starts = sorted_into_bins(edge_of, len(edges))
+    first, uses = starts[:-1], np.diff(starts)
 
     edge_triangles = np.full((len(edges), 2), -1, dtype=np.int64)
     edge_triangles[:, 0] = triangle_of[order[first]]
@@ -86,3 +82,47 @@ def mesh_topology(n_points: int, triangles: Ints) -> MeshTopology:
     one, other = order[first[quad_edges]], order[first[quad_edges] + 1]
     quads = np.column_stack([directed[one], opposite[one], opposite[other]])
     return MeshTopology(n_points, triangles, edges, edge_triangles, quads, quad_edges)
+
+
+def opposite_half_edges(triangles: Ints) -> Ints:
+    """Return for each half-edge of a closed surface the one that runs along it in the other triangle.
+
+    Parameters
+    ----------
+    triangles : (m, 3) int array
+        Point ids; half-edge 3 i + j runs from corner j of triangle i to the next corner.
+
+    Returns
+    -------
+    (3 m,) int array
+        Half-edges.
+
+    Raises
+    ------
+    ValueError
+        If the surface is open, or neighbouring triangles face different sides.
+    """
+    edges, edge_of = numbered_edges(triangles)
+    opposite = _paired(half_edges(triangles), *sorted_into_bins(edge_of, len(edges)))
+    alone = int((opposite < 0).sum())
+    if alone:
+        raise ValueError(
+            f"the surface must be closed and its triangles must agree on the outside, but {alone} triangle "
+            "edge(s) have no counterpart; fill its holes and run vtkPolyDataNormals with ConsistencyOn"
+        )
+    return opposite
+
+
+@kernel
+def _paired(directed: Ints, order: Ints, starts: Ints) -> Ints:
+    """Pair half-edges of one edge that run in opposite directions; -1 where there is no partner."""
+    opposite = np.full(len(directed), -1, dtype=np.int64)
+    for edge in range(len(starts) - 1):
+        for i in range(starts[edge], starts[edge + 1]):
+            own = order[i]
+            for j in range(starts[edge], i):
+                other = order[j]
+                if opposite[other] < 0 and directed[other, 0] == directed[own, 1]:
+                    opposite[own], opposite[other] = other, own
+                    break
+    return opposite

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.closed_shells import edge_numbers
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Where on a triangle a point is: in its face, on the edge from corner k to the next, or at corner k.
 FACE, EDGE, CORNER = 0, 1, 4
@@ -65,10 +62,8 @@ def pseudonormals(points: Floats, triangles: Ints) -> Floats:
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions.
-    triangles : (m, 3) int array
-        Point ids, outward oriented.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions; point ids, outward oriented.
 
     Returns
     -------

@@ -6,13 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.triangle_distance import FACE, nearest_on_triangle, pseudonormals
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Triangles in a box of the lowest level, on average at most.
 PER_LEAF = 4
@@ -34,10 +31,8 @@ class TriangleTree:
 
     Attributes
     ----------
-    points : (n, 3) array
-        Positions.
-    triangles : (m, 3) int array
-        Point ids, m >= 1.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions; point ids, m >= 1.
     order : (m,) int array
         Which triangle is at which place of the order.
     corners : (m, 3, 3) array
@@ -131,10 +126,8 @@ def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions, finite.
-    triangles : (m, 3) int array
-        Point ids, m >= 1.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions, finite; point ids, m >= 1.
 
     Returns
     -------

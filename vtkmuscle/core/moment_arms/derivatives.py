@@ -154,8 +154,7 @@ def quartic_moment_arms(
 
     References
     ----------
-    Modenese, Kohout 2020, *Automated generation of three-dimensional complex muscle geometries for use in
-    personalised musculoskeletal models*, doi:10.1007/s10439-020-02490-4.
+    Modenese, Kohout 2020, doi:10.1007/s10439-020-02490-4: quartics of lengths.
 
     Examples
     --------

@@ -6,11 +6,8 @@ from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Samples that differ by less than this part of the range of each coordinate are at one place.
 SAME_PLACE = 1e-6
@@ -36,8 +33,9 @@ class LocalFit:
         Of each curve at each place.
     slopes : (m, k, d) array
         By each coordinate; 0 where it is not determined.
-    value_errors, slope_errors : arrays of the same shapes
-        Standard errors, for noise that is independent from sample to sample; without the bias of the fit.
+    slope_errors : (m, k, d) array
+        Standard errors of the slopes, for noise that is independent from sample to sample; without the bias
+        of the fit.
     determined : (m, d) bool array
         Whether the samples near a place tell the slope by a coordinate apart from those by the others.
     window : int
@@ -46,7 +44,6 @@ class LocalFit:
 
     values: Floats
     slopes: Floats
-    value_errors: Floats
     slope_errors: Floats
     determined: Bools
     window: int
@@ -112,7 +109,6 @@ def local_regression(samples: Floats, curves: Floats, at: Floats) -> LocalFit:
     return LocalFit(
         rows[:, 0] @ curves,
         slopes,
-        gains[:, :1] * noise,
         gains[:, None, 1:] / scale * noise[:, None],
         determined,
         chosen.size,

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from vtkmuscle.core.moment_arms.derivatives import moment_arms, quartic_moment_arms
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.motion.sweeps import frames_of_sweep
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.types import Bools, Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,16 +177,3 @@ def _quartic(curves: Floats, samples: Floats, number: int) -> tuple[Floats | Non
         return quartic_moment_arms(curves, samples[:, number])
     except ValueError:  # too few values for it
         return None, None
-
-
-def mean_and_range(curves: Mapping[str, JointArms]) -> dict[str, dict[str, float]]:
-    """Return per coordinate the mean, least and largest moment arm over fibres and frames, JSON-able."""
-    return {
-        name: {
-            "mean": float(found.arms.mean()),
-            "min": float(found.arms.min()),
-            "max": float(found.arms.max()),
-            "error_mean": float(found.errors.mean()),
-        }
-        for name, found in curves.items()
-    }

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.bins import sorted_into_bins
 from vtkmuscle.core.morphing.triangulation import triangulate
 
 Floats = NDArray[np.float64]
@@ -259,18 +260,11 @@ def _interpolated(nodes: Floats, triangles: Ints, values: Floats, points: Floats
     wide = max(nodes[:, 0].max() - low_x, 1e-300) * (1.0 + 1e-9)
     high = max(nodes[:, 1].max() - low_y, 1e-300) * (1.0 + 1e-9)
     cells = np.empty(m, dtype=np.int64)
-    starts = np.zeros(side * side + 1, dtype=np.int64)
     for p in range(m):
         column = min(max(int((points[p, 0] - low_x) / wide * side), 0), side - 1)
         line = min(max(int((points[p, 1] - low_y) / high * side), 0), side - 1)
         cells[p] = line * side + column
-        starts[cells[p] + 1] += 1
-    starts = np.cumsum(starts)
-    filled = starts.copy()
-    order = np.empty(m, dtype=np.int64)
-    for p in range(m):
-        order[filled[cells[p]]] = p
-        filled[cells[p]] += 1
+    order, starts = sorted_into_bins(cells, side * side)
     best, home = np.full(m, -np.inf), np.full(m, -1, dtype=np.int64)
     for t in range(len(triangles)):
         a, b, c = triangles[t]

@@ -13,12 +13,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Places around a loop at which its correspondence may start, and the least number of its segments.
 N_PLACES = 128
@@ -210,13 +207,19 @@ def sampled_loop(loop: Floats, corner: Floats, count: int) -> Floats:
     That point need not be a vertex: where neighbouring loops hardly differ their samples hardly do either.
     """
     lengths = loop_lengths(loop)
-    n, first = len(loop), nearest_place(loop, lengths, corner)
-    result = np.empty((count, loop.shape[1]))
-    for j in range(count):
-        length = (first + lengths[-1] * j / count) % lengths[-1]
-        i = min(np.searchsorted(lengths, length, side="right") - 1, n - 1)
+    first = nearest_place(loop, lengths, corner)
+    return _points_at(loop, lengths, (first + lengths[-1] * np.arange(count) / count) % lengths[-1])
+
+
+@kernel
+def _points_at(loop: Floats, lengths: Floats, places: Floats) -> Floats:
+    """Return the points of a loop (n, k) at some lengths (m,) along it, (m, k)."""
+    n = len(loop)
+    result = np.empty((len(places), loop.shape[1]))
+    for j in range(len(places)):
+        i = min(np.searchsorted(lengths, places[j], side="right") - 1, n - 1)
         after = i + 1 if i + 1 < n else 0
-        share = (length - lengths[i]) / (lengths[i + 1] - lengths[i])
+        share = (places[j] - lengths[i]) / (lengths[i + 1] - lengths[i])
         for axis in range(loop.shape[1]):
             result[j, axis] = (1.0 - share) * loop[i, axis] + share * loop[after, axis]
     return result
@@ -293,16 +296,7 @@ def cornered_loop(loop: Floats, target: Floats, width: float, depth: float) -> F
         if free:
             places[count] = place
             count += 1
-    places = np.sort(places[:count])
-    result = np.empty((count, loop.shape[1]))
-    for j in range(count):
-        length = (first + places[j]) % perimeter
-        i = min(np.searchsorted(lengths, length, side="right") - 1, n - 1)
-        after = i + 1 if i + 1 < n else 0
-        share = (length - lengths[i]) / (lengths[i + 1] - lengths[i])
-        for axis in range(loop.shape[1]):
-            result[j, axis] = (1.0 - share) * loop[i, axis] + share * loop[after, axis]
-    return result
+    return _points_at(loop, lengths, (first + np.sort(places[:count])) % perimeter)
 
 
 @kernel

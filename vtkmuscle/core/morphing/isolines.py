@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.jit import kernel
@@ -35,9 +34,7 @@ from vtkmuscle.core.morphing.slices import (
     shared_levels,
 )
 from vtkmuscle.core.morphing.twist import guide_levels, turned_starts
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Classes of the function's values in which its gradient is averaged.
 N_CLASSES = 256
@@ -59,10 +56,8 @@ def attachment_field(points: Floats, triangles: Ints, origin: Ints, insertion: I
 
     Parameters
     ----------
-    points : (n, 3) array
-        Points of the muscle [mm].
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        The muscle's [mm]; point ids.
     origin, insertion : (k,) int arrays
         Ids of the points in the areas of each role.
 
@@ -205,10 +200,8 @@ def way_of_values(points: Floats, triangles: Ints, field: Floats) -> tuple[Float
 
     Parameters
     ----------
-    points : (n, 3) array
-        Positions [mm].
-    triangles : (m, 3) int array
-        Point ids.
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions [mm]; point ids.
     field : (n,) array
         Values in [0, 1], linear on each triangle.
 

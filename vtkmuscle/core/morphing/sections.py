@@ -10,13 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.surface import signed_volume
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.mesh.topology import opposite_half_edges
+from vtkmuscle.core.types import Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,37 +83,7 @@ class ClosedSurface:
 def closed_surface(points: Floats, triangles: Ints) -> ClosedSurface:
     """Return a surface that has no holes, or a ValueError as :func:`opposite_half_edges`."""
     triangles = np.ascontiguousarray(triangles)
-    return ClosedSurface(points, triangles, opposite_half_edges(triangles, len(points)))
-
-
-def opposite_half_edges(triangles: Ints, n_points: int) -> Ints:
-    """Return for each half-edge of a closed surface the one that runs along it in the other triangle.
-
-    Parameters
-    ----------
-    triangles : (m, 3) int array
-        Point ids; half-edge 3 i + j runs from corner j of triangle i to the next corner.
-    n_points : int
-        Number of points of the surface.
-
-    Returns
-    -------
-    (3 m,) int array
-        Half-edges.
-
-    Raises
-    ------
-    ValueError
-        If the surface is open, or neighbouring triangles face different sides.
-    """
-    opposite = _opposites(triangles, n_points)
-    alone = int((opposite < 0).sum())
-    if alone:
-        raise ValueError(
-            f"the surface must be closed and its triangles must agree on the outside, but {alone} triangle "
-            "edge(s) have no counterpart; fill its holes and run vtkPolyDataNormals with ConsistencyOn"
-        )
-    return opposite
+    return ClosedSurface(points, triangles, opposite_half_edges(triangles))
 
 
 def cut_surface(surface: ClosedSurface, values: Floats, levels: Floats) -> Sections:
@@ -162,32 +130,6 @@ def _turned(triangles: Ints, opposite: Ints) -> tuple[Ints, Ints]:
     halves = opposite.reshape(-1, 3)[:, [1, 0, 2]].reshape(-1)
     side = halves % 3
     return np.ascontiguousarray(triangles[:, ::-1]), halves - side + np.array([1, 0, 2])[side]
-
-
-@kernel
-def _opposites(triangles: Ints, n_points: int) -> Ints:
-    """Pair half-edges that join the same two points in opposite directions; -1 where there is no partner."""
-    count = np.zeros(n_points + 1, dtype=np.int64)
-    corners = triangles.reshape(-1)
-    ends = np.empty(len(corners), dtype=np.int64)
-    for half_edge in range(len(corners)):
-        ends[half_edge] = corners[half_edge - 2 if half_edge % 3 == 2 else half_edge + 1]
-        count[min(corners[half_edge], ends[half_edge]) + 1] += 1
-    first = np.cumsum(count)
-    filled = first.copy()
-    bucket = np.empty(len(corners), dtype=np.int64)
-    opposite = np.full(len(corners), -1, dtype=np.int64)
-    for half_edge in range(len(corners)):
-        a, b = corners[half_edge], ends[half_edge]
-        low = min(a, b)
-        for i in range(first[low], filled[low]):
-            other = bucket[i]
-            if opposite[other] < 0 and corners[other] == b and ends[other] == a:
-                opposite[half_edge], opposite[other] = other, half_edge
-                break
-        bucket[filled[low]] = half_edge
-        filled[low] += 1
-    return opposite
 
 
 @kernel

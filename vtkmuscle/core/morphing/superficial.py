@@ -20,12 +20,12 @@ from vtkmuscle.core.mesh.harmonic import (
     harmonic_field,
     triangle_gradients,
 )
+from vtkmuscle.core.mesh.segments import segments
 from vtkmuscle.core.mesh.surface import extent, triangle_normals, unit_vectors, vertex_normals
 from vtkmuscle.core.mesh.topology import MeshTopology
 from vtkmuscle.core.pbd.anisotropy import fibre_directions_at
+from vtkmuscle.core.types import Floats, Ints
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Turns = NDArray[np.complex128]
 
 #: Segments are cut in pieces of no more than this part of the extent of the muscle that they belong to.
@@ -65,10 +65,8 @@ def seen_fibres(points: Floats, offsets: Ints, muscle: Floats) -> SeenFibres:
 
     Parameters
     ----------
-    points : (n, 3) array
-        Points of all fibres, one after the other [mm].
-    offsets : (k + 1,) int array
-        First point of each fibre, and n.
+    points, offsets : (n, 3) array, (k + 1,) int array
+        Points of all fibres, one after the other [mm]; first point of each fibre, and n.
     muscle : (m, 3) array
         Points of the muscle; no piece is longer than :data:`LONGEST_PIECE` of its extent [mm].
 
@@ -95,12 +93,6 @@ def seen_fibres(points: Floats, offsets: Ints, muscle: Floats) -> SeenFibres:
     )
 
 
-def segments(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
-    """Return both ends (s, 3) of all segments of polylines, points (n, 3) with offsets (k + 1,)."""
-    starts = np.setdiff1d(np.arange(len(points) - 1), offsets[1:-1] - 1)
-    return points[starts], points[starts + 1]
-
-
 def angle_to_nearest(seen: SeenFibres, points: Floats, offsets: Ints) -> float:
     """Return the angle between given fibres and the segments of others nearest to them [rad].
 
@@ -108,10 +100,8 @@ def angle_to_nearest(seen: SeenFibres, points: Floats, offsets: Ints) -> float:
     ----------
     seen : SeenFibres
         The given ones.
-    points : (n, 3) array
-        Points of the others, one after the other [mm].
-    offsets : (k + 1,) int array
-        First point of each of them, and n.
+    points, offsets : (n, 3) array, (k + 1,) int array
+        Points of the others, one after the other [mm]; first point of each of them, and n.
 
     Returns
     -------

@@ -10,13 +10,10 @@ a number of flips that grows with their square, most of which the first points w
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.mesh.bins import sorted_into_bins
+from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Twice an area below this part of the polygon's squared size is zero but for rounding.
 FLAT = 1e-14
@@ -192,18 +189,11 @@ def _sorted_into_cells(polygon: Floats) -> tuple[Floats, Floats, int, Ints, Ints
     for axis in range(2):
         low[axis] = polygon[:, axis].min()
         cell[axis] = max((polygon[:, axis].max() - low[axis]) / side, 1e-300)
-    starts = np.zeros(side * side + 1, dtype=np.int64)
-    cells, order = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    cells = np.empty(n, dtype=np.int64)
     for i in range(n):
         column = min(int((polygon[i, 0] - low[0]) / cell[0]), side - 1)
         cells[i] = min(int((polygon[i, 1] - low[1]) / cell[1]), side - 1) * side + column
-        starts[cells[i] + 1] += 1
-    for i in range(side * side):
-        starts[i + 1] += starts[i]
-    filled = starts.copy()
-    for i in range(n):
-        order[filled[cells[i]]] = i
-        filled[cells[i]] += 1
+    order, starts = sorted_into_bins(cells, side * side)
     return low, cell, side, order, starts
 
 

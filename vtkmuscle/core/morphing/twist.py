@@ -14,16 +14,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.spatial import cKDTree
 
+from vtkmuscle.core.mesh.segments import segments
 from vtkmuscle.core.mesh.surface import unit_vectors
 from vtkmuscle.core.morphing.correspondence import N_PLACES, loop_lengths, nearest_place, sampled_loop
-from vtkmuscle.core.morphing.superficial import SeenFibres, angle_between, root_mean_square, segments
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.morphing.superficial import SeenFibres, angle_between, root_mean_square
+from vtkmuscle.core.types import Floats, Ints
 
 #: Heights of the sections by which a twist is found, and how far the first and the last are from the ends.
 N_LEVELS, MARGIN = 33, 0.02
@@ -222,10 +220,8 @@ class BoundaryDrift:
 
     Parameters
     ----------
-    points : (n, 3) array
-        Points of the template's fibres along the sides of its box [mm].
-    offsets : (k + 1,) int array
-        First point of each fibre, and n.
+    points, offsets : (n, 3) array, (k + 1,) int array
+        Points of the template's fibres along the sides of its box [mm]; first point of each fibre, and n.
     sides : (3,) array
         Of the box [mm].
     """

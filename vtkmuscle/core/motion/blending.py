@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.ring_rotations import nearest_rotation
 from vtkmuscle.core.motion.rigid import inverse
-
-Floats = NDArray[np.float64]
+from vtkmuscle.core.types import Floats
 
 #: Least norm that a blended quaternion is divided by.
 EPSILON = float(np.finfo(np.float64).eps)

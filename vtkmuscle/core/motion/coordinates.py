@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from vtkmuscle.core.types import Floats
 
 #: Units of angles, and how many radians they are.
 ANGLES = {"deg": math.pi / 180.0, "rad": 1.0}

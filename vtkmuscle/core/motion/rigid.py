@@ -6,13 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation, Slerp
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.motion.coordinates import Coordinate
-
-Floats = NDArray[np.float64]
+from vtkmuscle.core.types import Floats
 
 #: Largest departure of R^T R from the identity that still counts as rigid: tables with 6 digits pass.
 ORTHOGONALITY_TOLERANCE = 1e-5

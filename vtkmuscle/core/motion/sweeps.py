@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from vtkmuscle.core.motion.rigid import RigidMotion
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.types import Bools, Floats
 
 #: Two poses of the same value are the same pose up to this rotation of a bone [degrees], and up to this part
 #: of the rotation from one frame to the next, for between frames poses are interpolated.

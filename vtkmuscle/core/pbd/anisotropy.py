@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.harmonic import harmonic_field, triangle_gradients
+from vtkmuscle.core.mesh.segments import segment_distances, segments
 from vtkmuscle.core.mesh.surface import unit_vectors
 from vtkmuscle.core.mesh.topology import MeshTopology
 
@@ -101,8 +102,7 @@ def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) ->
     ValueError
         If no fibre has a length.
     """
-    starts = np.setdiff1d(np.arange(len(fibre_points) - 1), offsets[1:-1] - 1)
-    a, b = fibre_points[starts], fibre_points[starts + 1]
+    a, b = segments(fibre_points, offsets)
     lengths = np.linalg.norm(b - a, axis=1)
     long = lengths > 0
     if not long.any():
@@ -144,7 +144,7 @@ def nearest_segments(queries: Floats, a: Floats, b: Floats) -> Ints:
     while len(open_):
         count = min(count, len(a))
         far, candidates = tree.query(queries[open_], k=[*range(1, count + 1)])
-        distances = _segment_distances(queries[open_][:, None], a[candidates], b[candidates])
+        distances = segment_distances(queries[open_][:, None], a[candidates], b[candidates])
         bound = distances.min(axis=1) + EQUALLY_NEAR * reach
         nearest[open_] = np.where(distances <= bound[:, None], candidates, len(a)).min(axis=1)
         if count == len(a):
@@ -152,15 +152,6 @@ def nearest_segments(queries: Floats, a: Floats, b: Floats) -> Ints:
         open_ = open_[far[:, -1] - reach <= bound]
         count *= 2
     return nearest
-
-
-def _segment_distances(points: Floats, a: Floats, b: Floats) -> Floats:
-    along = b - a
-    squares = np.einsum("...i,...i->...", along, along)
-    dots = np.einsum("...i,...i->...", points - a, along)
-    t = np.clip(np.divide(dots, squares, out=np.zeros_like(dots), where=squares > 0), 0.0, 1.0)
-    distances: Floats = np.linalg.norm(points - a - t[..., None] * along, axis=-1)
-    return distances
 
 
 def harmonic_directions(points: Floats, topology: MeshTopology, fixed_to: Ints) -> Floats | None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.collision.obstacles import Obstacle
+from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.topology import MeshTopology, mesh_topology
 from vtkmuscle.core.morphing.superficial import directions_over_muscle, seen_fibres
 from vtkmuscle.core.pbd.anisotropy import (
@@ -20,7 +21,7 @@ from vtkmuscle.core.pbd.anisotropy import (
     harmonic_directions,
 )
 from vtkmuscle.core.pbd.parameters import SolverParameters
-from vtkmuscle.core.pbd.rest_shape import ShapeReport
+from vtkmuscle.core.pbd.rest_shape import ShapeReport, check_volume
 from vtkmuscle.core.pbd.solver import MuscleSolver
 from vtkmuscle.core.pbd.state import MuscleState
 from vtkmuscle.core.taut.carrying import Passengers
@@ -171,6 +172,8 @@ class MuscleModel:
         obstacles : tuple of Obstacle
             Bones that the muscle is kept out of, and taut fibres away from.
         """
+        if self._solver is None:  # before fibres, of which a muscle without extent cannot have any either
+            check_volume(self.muscle.points, signed_volume(self.muscle.points, self.muscle.triangles))
         elasticity = self._elasticity_of(anisotropy, obstacles)
         made_from = parameters, obstacles, elasticity
         if self._solver is None or made_from != self._made_from:

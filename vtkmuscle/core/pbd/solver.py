@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from vtkmuscle.core.collision.contact import Barrier, Contact
 from vtkmuscle.core.collision.muscle_contact import MuscleContact, Neighbour
 from vtkmuscle.core.collision.obstacles import Obstacle
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.surface import edge_lengths
 from vtkmuscle.core.mesh.topology import MeshTopology, mesh_topology
@@ -37,7 +38,11 @@ Bools = NDArray[np.bool_]
 SETTLING_PASSES = 6
 
 #: What is said of a state that is not finite.
-OUT_OF_RANGE = "the muscle left the range of floating point numbers; use a smaller external_force or dt"
+OUT_OF_RANGE = (
+    "",
+    "the muscle left the range of floating point numbers",
+    "use a smaller external_force or dt",
+)
 
 #: Relative error of the volume that is as good as none.
 VOLUME_TOLERANCE = 1e-6
@@ -287,7 +292,7 @@ class MuscleSolver:
                         workspace=self._workspaces[settings.solver],
                     )
                 except FloatingPointError as error:
-                    raise ValueError(OUT_OF_RANGE) from error
+                    raise InputError(*OUT_OF_RANGE) from error
                 p, collided = solved.x.reshape(-1, 3), iteration.collided
                 if self._order.settles:
                     clock.switch("settling")
@@ -396,4 +401,4 @@ class MuscleSolver:
 
 def _check_finite(*arrays: Floats) -> None:
     if not all(np.isfinite(array).all() for array in arrays):
-        raise ValueError(OUT_OF_RANGE)
+        raise InputError(*OUT_OF_RANGE)

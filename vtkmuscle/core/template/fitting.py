@@ -11,14 +11,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.spatial import ConvexHull
 from scipy.spatial.distance import cdist
 
+from vtkmuscle.core.mesh.sampling import uneven_weights
 from vtkmuscle.core.mesh.surface import extent
-
-Floats = NDArray[np.float64]
+from vtkmuscle.core.types import Floats
 
 #: Of costs that differ by less than this the first counts: a template's symmetries give ties.
 TIE = 1e-9
@@ -293,11 +292,9 @@ def _has_area(seen: Floats) -> bool:
 def _marker(seen: Floats) -> Floats:
     """Return a direction that goes with the muscle when it moves, whatever symmetries it has.
 
-    The points are weighted by arbitrary but fixed numbers: multiples of the golden ratio, without the
-    integer part, which are spread evenly over (-1/2, 1/2).
+    The points are weighted by arbitrary but fixed numbers.
     """
-    weights = np.arange(len(seen)) * 0.6180339887498949 % 1.0 - 0.5
-    direction: Floats = weights @ (seen - seen.mean(axis=0))
+    direction: Floats = (uneven_weights(len(seen)) - 0.5) @ (seen - seen.mean(axis=0))
     return direction
 
 

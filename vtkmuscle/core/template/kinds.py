@@ -35,10 +35,11 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
-Floats = NDArray[np.float64]
+from vtkmuscle.core.types import Floats
+
 #: A range of coordinates, taken at parameter 0 and at parameter 1.
 Range = tuple[float, float]
 
