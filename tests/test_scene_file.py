@@ -112,10 +112,10 @@ def test_settings_of_a_muscle_go_before_those_of_the_scene(scene_file):
     edit(
         scene_file,
         "[solver]",
-        "solver = { iterations = 7, stiffness = 1 }\nfixing = { distance = 2.5 }\n[solver]\ndamping = 1",
+        "solver = { iterations = 7, dt = 1 }\nfixing = { distance = 2.5 }\n[solver]\nvelocity_kept = 1",
     )
     scene = Scene.load(scene_file)
-    assert scene.solver_of("spindle") == {"iterations": 7, "stiffness": 1, "velocity_kept": 1}
+    assert scene.solver_of("spindle") == {"iterations": 7, "dt": 1, "velocity_kept": 1}
     assert scene.fixing_of("spindle") == {"distance": 2.5}
 
 
