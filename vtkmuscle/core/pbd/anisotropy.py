@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.mesh.harmonic import harmonic_field, triangle_gradients
 from vtkmuscle.core.mesh.surface import unit_vectors
 from vtkmuscle.core.mesh.topology import MeshTopology
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: An edge is across the fibres below this |u . v|. The stiffness per iteration has an infinite slope at 1,
 #: so that rounding of a cosine that should be 0 would be seen in the result.
