@@ -10,18 +10,16 @@ from typing import Any
 
 import numpy as np
 import pyvista
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData
 
 from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, blocks_of, polylines_from
 from vtkmuscle.data.attachments import AttachmentArea, landmarks_of
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.fibre_tubes import FibreTubes
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.pipelines import decompose, deform
-
-Floats = NDArray[np.float64]
 
 #: Landmarks of one area, or those of several by the name of the bone that each is on.
 Landmarks = Any

@@ -20,10 +20,11 @@ from common import P21, STEP, Case, Floats, Table, angles_up_to, main, value
 from published_loop import run
 
 from vtkmuscle import RigidMotion
+from vtkmuscle.core.mesh.segments import fibre_directions_at
 from vtkmuscle.core.mesh.surface import edge_lengths
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.pbd import orders, solver
-from vtkmuscle.core.pbd.anisotropy import edge_stiffness, fibre_directions_at
+from vtkmuscle.core.pbd.anisotropy import edge_stiffness
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, polylines_of
 from vtkmuscle.pipelines import deform
 from vtkmuscle.plotting.sheets import curves

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
@@ -11,10 +10,9 @@ from vtkmuscle.core.collision.obstacles import DistanceObstacle, Obstacle, Voxel
 from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, is_rigid
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import checked_surface, field_array, surface_from
 from vtkmuscle.data.surface_distance import SurfaceDistance
-
-Floats = NDArray[np.float64]
 
 #: How far a bone's points may be off its transform, as a part of its size and distance from the origin
 #: (coordinates may be float32).

@@ -19,12 +19,11 @@ from vtkmuscle.core.mesh.surface import edge_uses, half_edges
 from vtkmuscle.core.mesh.topology import opposite_half_edges
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.morphing.sections import ClosedSurface
+from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.surface_distance import SurfaceDistance
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 T = TypeVar("T")
 
 #: Surfaces that are remembered: the muscles of a limb. One of 20 000 triangles takes about 10 MB.

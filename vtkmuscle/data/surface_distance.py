@@ -8,17 +8,15 @@ from functools import cached_property
 from threading import Lock
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.collision.voxels import VoxelGrid, build_voxel_grid
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import edge_uses, half_edges, point_components, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
+from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 #: Cells of the grid that sorts out points which cannot be inside.
 _SIEVE_CELLS = 64**3

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.fibres.measures import (
@@ -18,6 +17,7 @@ from vtkmuscle.core.fibres.measures import (
 from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume, triangle_normals
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     Polylines,
     blocks_of,
@@ -35,8 +35,6 @@ from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
-
-Floats = NDArray[np.float64]
 
 #: Points of the centroid path.
 PATH_POINTS = 21

@@ -5,21 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.fibres.spreading import move_ends, steps_to_centres
 from vtkmuscle.core.mesh.polylines import polyline_lengths, smooth_polylines
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, field_string, polylines_of, set_cell_array, with_polylines
 from vtkmuscle.data.attachments import end_areas
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
-
-Floats = NDArray[np.float64]
-
 
 #: Positions in the muscle by which fibres are spread: for each fibre, and at least.
 SAMPLES, LEAST_SAMPLES = 64, 2048

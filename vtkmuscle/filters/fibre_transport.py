@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.fibres.mean_value import mean_value_coordinates, transport
@@ -21,6 +20,7 @@ from vtkmuscle.core.fibres.vertex_groups import vertex_groups
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
+from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import (
     Polylines,
     checked_surface,
@@ -36,9 +36,6 @@ from vtkmuscle.data.pipeline_times import times_of
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 #: Fibre points whose weights are computed together: bounds the steps of progress and the time to abort.
 _BLOCK = 256

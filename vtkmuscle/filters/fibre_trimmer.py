@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.attachments.discs import discs_over
 from vtkmuscle.core.fibres.trimming import EndArea, trim_fibres
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
+from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import Polylines, field_array, polylines_of, with_polylines
 from vtkmuscle.data.attachments import AttachmentArea, end_areas
 from vtkmuscle.data.inner_areas import inner_areas
@@ -18,9 +18,6 @@ from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 #: How far a fibre's end may be from an area or leave the muscle, as a part of the mean length of its edges.
 TOLERANCE = 0.25

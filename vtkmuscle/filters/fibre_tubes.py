@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkDataSetAttributes, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
@@ -12,6 +11,7 @@ from vtkmodules.vtkFiltersCore import vtkTubeFilter
 from vtkmuscle.core.fibres.packing import filling_radius, room_between
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     Polylines,
     checked_surface,
@@ -24,8 +24,6 @@ from vtkmuscle.data.arrays import (
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
-
-Floats = NDArray[np.float64]
 
 #: Name of the point array of radii.
 RADIUS = "TubeRadius"

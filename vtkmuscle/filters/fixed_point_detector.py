@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.attachments.patches import attachment_patch
 from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX, build_voxel_grid
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
+from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, set_point_array
 from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
@@ -17,9 +17,6 @@ from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.bone_motion import bones_of
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 class FixedPointDetector(Filter):

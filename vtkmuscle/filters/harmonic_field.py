@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.morphing.isolines import attachment_field
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import point_array, set_point_array
 from vtkmuscle.data.attachments import end_areas
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
-
-Floats = NDArray[np.float64]
 
 #: The point array's name.
 FIELD = "HarmonicField"

@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.fibres.linear_blend import blend_fibres, fitted_a
 from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     Polylines,
     blocks_of,
@@ -26,8 +26,6 @@ from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
-
-Floats = NDArray[np.float64]
 
 
 class LinearBlendFibres(Filter):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError, fault_of
@@ -14,6 +13,7 @@ from vtkmuscle.core.moment_arms.derivatives import moment_arms
 from vtkmuscle.core.moment_arms.of_joints import checked_coordinates, coordinate_samples
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS, Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     cell_array,
     field_array,
@@ -27,8 +27,6 @@ from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.base.time_path import input_at, requested_time, state_of_inputs
-
-Floats = NDArray[np.float64]
 
 #: Arrays of fibres that have their lengths of all times with them.
 LENGTHS, TIMES = "Lengths", "Times"

@@ -15,6 +15,7 @@ from vtkmuscle.core.collision.muscle_contact import Neighbour
 from vtkmuscle.core.pbd.muscle_model import FixedMuscle, MuscleModel, MuscleShape
 from vtkmuscle.core.pbd.solver import MuscleSolver, MuscleState
 from vtkmuscle.core.taut.via_rings import ViaRing
+from vtkmuscle.core.types import Ints
 from vtkmuscle.data.arrays import (
     blocks_of,
     checked_surface,
@@ -36,8 +37,6 @@ from vtkmuscle.filters.bone_motion import bones_of
 from vtkmuscle.filters.deformer.convergence_report import convergence_fields
 from vtkmuscle.filters.deformer.neighbours import Neighbours
 from vtkmuscle.filters.deformer.settings import DeformerSettings, solver_parameters
-
-Ints = NDArray[np.int64]
 
 #: Ports whose data move with time.
 BONES, NEIGHBOURS = 1, 3

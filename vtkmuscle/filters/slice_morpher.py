@@ -13,6 +13,7 @@ from vtkmuscle.core.morphing.section_maps import MAPPINGS
 from vtkmuscle.core.morphing.slices import Box, Morph, Slicing, morph_by_planes
 from vtkmuscle.core.morphing.twist import Found, Twisting
 from vtkmuscle.core.template.fitting import lie_opposite
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     Polylines,
     field_array,
@@ -26,9 +27,6 @@ from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.harmonic_field import field_of, has_field
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 #: Deviations of superficial fibres that are told, root mean square [degrees].
 NOTICED = 10.0

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.pbd.muscle_model import FixedMuscle
@@ -30,8 +29,6 @@ from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.base.time_path import input_at, path_to, request_time, requested_time, state_of_inputs
 from vtkmuscle.filters.bone_motion import bones_of
-
-Floats = NDArray[np.float64]
 
 BONES = 2
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.morphing.superficial import SeenFibres, angle_to_nearest
@@ -21,6 +20,7 @@ from vtkmuscle.core.template.fitting import (
     principal_axis,
     turned_cube,
 )
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     Polylines,
     field_array,
@@ -34,8 +34,6 @@ from vtkmuscle.data.superficial import superficial_fibres
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
-
-Floats = NDArray[np.float64]
 
 
 class TemplateFitter(Filter):

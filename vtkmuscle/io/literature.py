@@ -8,13 +8,11 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.types import Floats
 from vtkmuscle.io.csv_table import filled_rows, finite_number
 from vtkmuscle.io.writing import write_text
-
-Floats = NDArray[np.float64]
 
 #: Columns that a table must have; ``part`` may be there too, others are passed over.
 LITERATURE_COLUMNS = ("source", "muscle", "dof", "angle_deg", "moment_arm_mm")

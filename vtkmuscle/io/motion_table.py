@@ -7,15 +7,14 @@ from os import PathLike
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, is_rigid
+from vtkmuscle.core.types import Floats
 from vtkmuscle.io.csv_table import filled_rows, finite_number
 from vtkmuscle.io.writing import write_text
-
-Floats = NDArray[np.float64]
 
 #: Column names, row major. The last four may be missing: a rigid transform ends with 0 0 0 1.
 TRANSFORM_COLUMNS = tuple(f"T{row}{column}" for row in range(4) for column in range(4))

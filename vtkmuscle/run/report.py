@@ -8,16 +8,12 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.data.arrays import field_array, points_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.io.fibre_table import fibre_columns, fibre_summary, muscle_summary
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 #: A fibre point counts as inside its muscle up to this far outside [mm].
 FIBRE_TOLERANCE = 0.5

@@ -8,15 +8,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.run import run_scene
 from vtkmuscle.scene.data import Muscle, SceneData
 from vtkmuscle.tradeoff.settings import Setting
-
-Floats = NDArray[np.float64]
 
 #: Parameters of PBDDeformer that trade speed for accuracy. The scene's own values of these do not count, so
 #: that the reference is the reference; all others, such as stiffnesses, are the scene's.

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from bent_muscle import bent_tube, half_circle
 
+from vtkmuscle.core.mesh.segments import fibre_directions_at
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.morphing.superficial import (
     SeenFibres,
@@ -13,7 +14,6 @@ from vtkmuscle.core.morphing.superficial import (
     root_mean_square,
     seen_fibres,
 )
-from vtkmuscle.core.pbd.anisotropy import fibre_directions_at
 from vtkmuscle.data.arrays import checked_surface, polylines_of
 from vtkmuscle.phantoms import winding_spindle
 from vtkmuscle.phantoms.meshing import box

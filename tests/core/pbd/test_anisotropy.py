@@ -4,14 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from spindle import spindle
 
+from vtkmuscle.core.mesh.segments import fibre_directions_at, nearest_segments
 from vtkmuscle.core.mesh.topology import mesh_topology
-from vtkmuscle.core.pbd.anisotropy import (
-    edge_stiffness,
-    fibre_directions_at,
-    following_stiffness,
-    harmonic_directions,
-    nearest_segments,
-)
+from vtkmuscle.core.pbd.anisotropy import edge_stiffness, following_stiffness, harmonic_directions
 
 
 def test_stiffness_is_zero_along_and_one_across_whatever_the_sign():

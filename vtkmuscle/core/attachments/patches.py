@@ -11,7 +11,6 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -26,10 +25,7 @@ from vtkmuscle.core.mesh.surface import (
     unique_edges,
     vertex_normals,
 )
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Landmarks farther from the muscle than this part of its box's diagonal belong to something else.
 FARTHEST_LANDMARK = 0.2

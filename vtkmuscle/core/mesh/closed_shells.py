@@ -5,19 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.surface import numbered_edges, point_components, signed_volume
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
-
-#: A shell of less volume than this part of its box's diagonal cubed has no inside.
-LEAST_VOLUME = 1e-9
+from vtkmuscle.core.mesh.surface import LEAST_VOLUME, numbered_edges, point_components, signed_volume
+from vtkmuscle.core.types import Bools, Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,9 @@ from vtkmuscle.core.types import Floats, Ints
 #: Edges of a point, above this many, are sorted by a better way than insertion.
 MOST_TO_INSERT = 32
 
+#: A surface of less volume than this part of its box's diagonal cubed encloses nothing.
+LEAST_VOLUME = 1e-9
+
 
 def half_edges(triangles: Ints) -> Ints:
     """Return the directed edges (3 m, 2) of triangles (m, 3): (a, b), (b, c), (c, a) of each in turn."""
@@ -242,3 +245,13 @@ def survey(points: Floats, triangles: Ints) -> SurfaceReport:
         area=float(double_areas.sum() / 2.0),
         volume=signed_volume(points, triangles),
     )
+
+
+def check_volume(points: Floats, volume: float) -> None:
+    """Raise a ValueError where a surface of points (n, 3) [mm] encloses no volume [mm^3]."""
+    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if abs(volume) <= LEAST_VOLUME * diagonal**3:
+        raise ValueError(
+            f"the surface encloses no volume ({volume:.3g} within a box of diagonal {diagonal:.3g}); it must "
+            "be a closed surface with all triangles facing outward"
+        )

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.local_regression import distinct_places, fewest_places, local_regression
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from vtkmuscle.core.types import Bools, Floats
 
 #: Degree of the polynomial that the field fits to lengths (Modenese, Kohout 2020), and how many different
 #: values it needs: one more than coefficients, or it goes through every sample, noise and all.

@@ -14,14 +14,11 @@ triangle, and its place in the section is in that triangle's original.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.bins import sorted_into_bins
 from vtkmuscle.core.morphing.triangulation import triangulate
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: Points inside of a section, about as many.
 N_INNER = 200

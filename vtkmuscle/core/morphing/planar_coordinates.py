@@ -7,11 +7,9 @@ doi:10.1145/1183287.1183295.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
-
-Floats = NDArray[np.float64]
+from vtkmuscle.core.types import Floats
 
 
 @kernel

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.morphing.bijective import from_rectangle
@@ -18,8 +17,7 @@ from vtkmuscle.core.morphing.correspondence import (
     subdivided_rectangle,
 )
 from vtkmuscle.core.morphing.planar_coordinates import mean_value_weights
-
-Floats = NDArray[np.float64]
+from vtkmuscle.core.types import Floats
 
 #: How a rectangle is mapped to a section.
 MAPPINGS = ("mean-value", "bijective")

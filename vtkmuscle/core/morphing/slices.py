@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.morphing.correspondence import boundary_centroid, followed_starts, starting_points
 from vtkmuscle.core.morphing.loop_chains import loop_areas, main_loops
@@ -18,9 +17,7 @@ from vtkmuscle.core.morphing.section_maps import count_outside, map_section
 from vtkmuscle.core.morphing.sections import ClosedSurface, Sections, cut_surface
 from vtkmuscle.core.morphing.superficial import SeenFibres
 from vtkmuscle.core.morphing.twist import STRAIGHT, Found, Twisting, guide_levels, turned_starts
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from vtkmuscle.core.types import Floats, Ints
 
 #: How far inside of the muscle's ends the first and the last slice are, as a part of its length: far enough
 #: to cut a flat end that is not quite level, too near to be seen.

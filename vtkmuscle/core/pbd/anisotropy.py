@@ -3,27 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from vtkmuscle.core.mesh.harmonic import harmonic_field, triangle_gradients
-from vtkmuscle.core.mesh.segments import segment_distances, segments
 from vtkmuscle.core.mesh.surface import unit_vectors
 from vtkmuscle.core.mesh.topology import MeshTopology
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
-#: Distances that differ by less than this part of half the longest segment are equal.
-EQUALLY_NEAR = 1e-7
-
-#: Segments that the search for the nearest one looks at first, around each point.
-FIRST_CANDIDATES = 8
+from vtkmuscle.core.types import Floats, Ints
 
 #: An edge is across the fibres below this |u . v|. The stiffness per iteration has an infinite slope at 1,
 #: so that rounding of a cosine that should be 0 would be seen in the result.
 LEAST_COSINE = 1e-6
-
 
 #: Part of the stiffness along the fibres that is taken away where the rest lengths follow the fibres: what is
 #: left holds the fibres taut, and lets them be longer where a bone is in the way.
@@ -78,80 +66,6 @@ def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
     cosines[cosines < LEAST_COSINE] = 0.0
     stiffness: Floats = 1.0 - np.clip(cosines, 0.0, 1.0)
     return stiffness
-
-
-def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) -> Floats:
-    """Return the direction of the nearest fibre segment.
-
-    Parameters
-    ----------
-    queries : (q, 3) array
-        Positions [mm].
-    fibre_points : (n, 3) array
-        Points of all fibres, one after the other [mm].
-    offsets : (k + 1,) int array
-        First point of each fibre, and n.
-
-    Returns
-    -------
-    (q, 3) array
-        Unit directions.
-
-    Raises
-    ------
-    ValueError
-        If no fibre has a length.
-    """
-    a, b = segments(fibre_points, offsets)
-    lengths = np.linalg.norm(b - a, axis=1)
-    long = lengths > 0
-    if not long.any():
-        raise ValueError("no fibre has a length, so that fibres have no direction")
-    a, b, lengths = a[long], b[long], lengths[long]
-    nearest = nearest_segments(queries, a, b)
-    directions: Floats = (b[nearest] - a[nearest]) / lengths[nearest, None]
-    return directions
-
-
-def nearest_segments(queries: Floats, a: Floats, b: Floats) -> Ints:
-    """Return the segment nearest to each point, exactly; of equally near ones the first.
-
-    Symmetric muscles have edges midway between two fibres, and consecutive segments are equally near to
-    what is nearest to the point they share. Rounding must not choose there: a muscle that is moved rigidly
-    would not deform as before.
-
-    Candidates come by the distance d of their midpoints. A segment of length s is no nearer than
-    d - s / 2; so once the farthest candidate is farther than the best distance found and half the longest
-    segment, no other can win. Points where that does not hold yet look at twice as many candidates.
-
-    Parameters
-    ----------
-    queries : (q, 3) array
-        Positions.
-    a, b : (s, 3) arrays
-        Ends of the segments, s >= 1.
-
-    Returns
-    -------
-    (q,) int array
-        Indices into the segments.
-    """
-    tree = cKDTree((a + b) / 2.0)
-    reach = float(np.linalg.norm(b - a, axis=1).max()) / 2.0
-    nearest = np.zeros(len(queries), dtype=np.int64)
-    open_ = np.arange(len(queries))
-    count = FIRST_CANDIDATES
-    while len(open_):
-        count = min(count, len(a))
-        far, candidates = tree.query(queries[open_], k=[*range(1, count + 1)])
-        distances = segment_distances(queries[open_][:, None], a[candidates], b[candidates])
-        bound = distances.min(axis=1) + EQUALLY_NEAR * reach
-        nearest[open_] = np.where(distances <= bound[:, None], candidates, len(a)).min(axis=1)
-        if count == len(a):
-            break
-        open_ = open_[far[:, -1] - reach <= bound]
-        count *= 2
-    return nearest
 
 
 def harmonic_directions(points: Floats, topology: MeshTopology, fixed_to: Ints) -> Floats | None:

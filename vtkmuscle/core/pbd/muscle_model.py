@@ -11,17 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.collision.obstacles import Obstacle
-from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.mesh.segments import fibre_directions_at
+from vtkmuscle.core.mesh.surface import check_volume, signed_volume
 from vtkmuscle.core.mesh.topology import MeshTopology, mesh_topology
 from vtkmuscle.core.morphing.superficial import directions_over_muscle, seen_fibres
-from vtkmuscle.core.pbd.anisotropy import (
-    edge_stiffness,
-    fibre_directions_at,
-    following_stiffness,
-    harmonic_directions,
-)
+from vtkmuscle.core.pbd.anisotropy import edge_stiffness, following_stiffness, harmonic_directions
 from vtkmuscle.core.pbd.parameters import SolverParameters
-from vtkmuscle.core.pbd.rest_shape import ShapeReport, check_volume
+from vtkmuscle.core.pbd.rest_shape import ShapeReport
 from vtkmuscle.core.pbd.solver import MuscleSolver
 from vtkmuscle.core.pbd.state import MuscleState
 from vtkmuscle.core.taut.carrying import Passengers

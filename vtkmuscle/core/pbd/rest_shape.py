@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vtkmuscle.core.jit import kernel, vector_kernel
-from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume
+from vtkmuscle.core.mesh.surface import check_volume, edge_lengths, signed_volume
 from vtkmuscle.core.mesh.topology import MeshTopology
 from vtkmuscle.core.pbd.constraints import hinge, volume_and_gradient
 from vtkmuscle.core.types import Bools, Floats, Ints
@@ -18,9 +18,6 @@ _Spread = tuple[float, float, float]
 #: Edges run along the fibres where |u . v| is more than the cosine of 18 degrees, across them where it is
 #: less than that of 72 degrees.
 ALONG, ACROSS = math.cos(math.radians(18.0)), math.cos(math.radians(72.0))
-
-#: A surface of less volume than this part of its box's diagonal cubed encloses nothing.
-LEAST_VOLUME = 1e-9
 
 
 @dataclass(frozen=True)
@@ -53,16 +50,6 @@ class ShapeReport:
     degenerate_edges: int
     along: tuple[float, float, float] | None = None
     across: tuple[float, float, float] | None = None
-
-
-def check_volume(points: Floats, volume: float) -> None:
-    """Raise a ValueError where a surface of points (n, 3) [mm] encloses no volume [mm^3]."""
-    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
-    if abs(volume) <= LEAST_VOLUME * diagonal**3:
-        raise ValueError(
-            f"the surface encloses no volume ({volume:.3g} within a box of diagonal {diagonal:.3g}); it must "
-            "be a closed surface with all triangles facing outward"
-        )
 
 
 class RestShape:

@@ -8,7 +8,6 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.collision.contact import Barrier, Contact
 from vtkmuscle.core.collision.muscle_contact import MuscleContact, Neighbour
@@ -27,12 +26,10 @@ from vtkmuscle.core.pbd.rest_shape import RestShape, ShapeReport, dihedral_angle
 from vtkmuscle.core.pbd.stages import StageClock, add_stages
 from vtkmuscle.core.pbd.state import MuscleState
 from vtkmuscle.core.taut.guidance import Guidance, Guided
+from vtkmuscle.core.types import Bools, Floats, Ints
 
 __all__ = ["MuscleSolver", "MuscleState", "SolverParameters"]
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 #: After the iterations, volume and bones are attended to alternately, this often at most.
 SETTLING_PASSES = 6

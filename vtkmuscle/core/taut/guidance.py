@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vtkmuscle.core.mesh.segments import fibre_directions_at
 from vtkmuscle.core.mesh.topology import MeshTopology
-from vtkmuscle.core.pbd.anisotropy import fibre_directions_at
 from vtkmuscle.core.taut.carrying import Carried, Carrier, Passengers
 from vtkmuscle.core.taut.paths import TautPaths, TautState
 from vtkmuscle.core.types import Floats, Ints

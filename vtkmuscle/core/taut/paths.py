@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.mesh.surface import check_volume, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.blending import screw_between
 from vtkmuscle.core.motion.rigid import inverse
-from vtkmuscle.core.pbd.rest_shape import check_volume
 from vtkmuscle.core.taut.bone_fields import BoneFields
 from vtkmuscle.core.taut.strings import Fields, Memory, Rings, Tissue, pull_taut
 from vtkmuscle.core.taut.tissue import directions_along, tissue_between
