@@ -6,6 +6,7 @@ import importlib
 import json
 import pkgutil
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,20 @@ def show_kernels_as_functions(app: Sphinx) -> None:
         for name, value in list(vars(module).items()):
             if hasattr(value, "py_func"):
                 setattr(module, name, value.py_func)
+
+
+_filters_before: list[Any] = []
+
+
+def warnings_are_errors(gallery_conf: dict[str, Any], fname: str, when: str) -> None:
+    """Make a warning of an example an error, and of nothing else; called before and after each."""
+    if not str(fname).endswith(".py"):
+        return
+    if when == "before":
+        _filters_before[:] = warnings.filters
+        warnings.simplefilter("error")
+    else:
+        warnings.filters[:] = _filters_before
 
 
 def skip_imported(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: Any) -> bool | None:
