@@ -24,13 +24,16 @@ MOTIONS = {
     "far": hinge("upper", (0.0, 30.0, 5.0), (1, 0.2, 0), STEPS),
 }
 MUSCLES = {"thin": spindle(9.0), "thick": spindle(12.0)}
-#: What may change from one request to the next, with the values it may have.
+#: What may change from one request to the next, with the values it may have, the default first where that is
+#: not too slow.
 CHOICES = {
     "iterations": (2, 3),
     "collision": ("sdf", "voxel", "off"),
     "prediction": ("blend", "inertial"),
     "solver": ("anderson", "gauss-seidel"),
-    "anisotropy": (True, False),
+    "anisotropy": ("taut", "stiffness", "off"),
+    "tolerance": (0.5, 0.0),
+    "guidance": (0.02, 0.2),
     "stiffness": (1.0, 0.7),
     "grid_spacing": (3.0, 4.0),
     "bone_clearance": (0.0, 0.5),
@@ -39,7 +42,7 @@ CHOICES = {
     "n_voxels": (200, 400),
     "n_voxels_per_axis": (None, 8),
     "bone_push": ("off", "transform"),
-    "checkpoint_memory": (256.0, 0.015, 0.0),
+    "checkpoint_memory": (256.0, 1.0, 0.015, 0.0),
     "motion": tuple(MOTIONS),
     "muscle": tuple(MUSCLES),
 }
@@ -88,9 +91,24 @@ def of_a_straight_run(state, time):
     return fresh_frame(tuple(settings_of_frame.items()), time)
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(sequences)
-def test_any_sequence_of_times_and_changes_gives_the_frames_of_a_fresh_run(sequence):
+def test_requests_begin_with_the_defaults():
+    default = PBDDeformer().parameters()
+    for name in ("collision", "prediction", "solver", "anisotropy", "tolerance", "guidance"):
+        assert FIRST[name] == default[name]
+
+
+def test_any_sequence_of_times_and_changes_gives_the_frames_of_a_fresh_run(request):
+    examples = 200 if request.config.getoption("long") else 40
+
+    @settings(max_examples=examples, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+    @given(sequences)
+    def property_(sequence):
+        check_sequence(sequence)
+
+    property_()
+
+
+def check_sequence(sequence):
     state = dict(FIRST)
     deformer = made(state)
     for entry in sequence:
@@ -113,7 +131,13 @@ def test_backwards_skipping_and_repeating_give_the_straight_run(memory):
 # ---------------------------------------------------------------- what a change invalidates
 
 
-OF_A_MUSCLE = ("topology", "rest shape", "blend weights", "fibre directions")
+#: What is made for a muscle, by its anisotropy.
+OF_A_MUSCLE = {
+    "taut": {"topology", "rest shape", "strings"},
+    "stiffness": {"topology", "rest shape", "blend weights", "fibre directions"},
+}
+#: Parameters of the bones' obstacles, with which strings are made, and constraints that follow them.
+OF_THE_OBSTACLES = {"collision", "grid_spacing", "bone_clearance", "friction"}
 
 
 @pytest.fixture
@@ -136,6 +160,7 @@ def work(monkeypatch):
     count(solver, "harmonic_weights", "blend weights")
     count(orders, "pack", "constraints")
     count(muscle_model, "harmonic_directions", "fibre directions")
+    count(muscle_model, "TautPaths", "strings")
     monkeypatch.setattr(obstacles, "_shared", WeakValueDictionary())
     count(obstacles, "cached_distance_grid", "distance grids")
     count(obstacles, "build_voxel_grid", "voxels")
@@ -143,6 +168,7 @@ def work(monkeypatch):
     return done
 
 
+@pytest.mark.parametrize("anisotropy", OF_A_MUSCLE)
 @pytest.mark.parametrize(
     ("name", "value", "redone"),
     [
@@ -155,7 +181,6 @@ def work(monkeypatch):
         ("prediction", "inertial", {"steps"}),
         ("stiffness", 0.5, {"steps", "constraints"}),
         ("shape_stiffness", 0.5, {"steps", "constraints"}),
-        ("anisotropy", False, {"steps", "constraints"}),
         ("projection_order", "sequential", {"steps"}),
         ("collision", "off", {"steps"}),
         ("collision", "voxel", {"steps", "voxels"}),
@@ -168,22 +193,54 @@ def work(monkeypatch):
         ("n_voxels", 400, set()),
         ("bone_push", "transform", set()),
         ("checkpoint_memory", 0.0, set()),
-        ("muscle", "thin", {"steps", "constraints", *OF_A_MUSCLE}),
+        ("muscle", "thin", {"steps", "constraints"}),
     ],
 )
-def test_a_change_redoes_what_depends_on_it_and_nothing_else(work, name, value, redone):
-    deformer = made({**FIRST, "muscle": "thick"})
+def test_a_change_redoes_what_depends_on_it_and_nothing_else(work, name, value, redone, anisotropy):
+    deformer = made({**FIRST, "muscle": "thick", "anisotropy": anisotropy})
     frame(deformer, 8.0)
-    assert set(work) == {*OF_A_MUSCLE, "steps", "constraints", "distance grids"}
+    assert set(work) == {*OF_A_MUSCLE[anisotropy], "steps", "constraints", "distance grids"}
     before = len(work)
     put(deformer, name, value)
     frame(deformer, 8.0)
+    if name == "muscle":
+        redone = redone | OF_A_MUSCLE[anisotropy]
+    elif name in OF_THE_OBSTACLES and anisotropy == "taut":
+        redone = redone | {"strings", "constraints"}
     assert set(work[before:]) == redone
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "redone"),
+    [
+        ("taut", "off", {"blend weights"}),
+        ("taut", "stiffness", {"blend weights", "fibre directions"}),
+        ("stiffness", "taut", {"strings"}),
+        ("stiffness", "off", set()),
+    ],
+)
+def test_another_anisotropy_keeps_what_is_of_the_muscle_alone(work, before, after, redone):
+    deformer = made({**FIRST, "anisotropy": before})
+    frame(deformer, 8.0)
+    done = len(work)
+    deformer.anisotropy = after
+    frame(deformer, 8.0)
+    assert set(work[done:]) == {"steps", "constraints", *redone}
+
+
+def test_guidance_counts_for_strings_alone(work):
+    for anisotropy, redone in (("taut", {"steps"}), ("stiffness", set())):
+        deformer = made({**FIRST, "anisotropy": anisotropy})
+        frame(deformer, 8.0)
+        done = len(work)
+        deformer.guidance = 0.5
+        frame(deformer, 8.0)
+        assert set(work[done:]) == redone
 
 
 def test_the_fibres_of_an_isotropic_muscle_are_not_looked_at(work):
     frame(made({**FIRST, "anisotropy": "off"}), 8.0)
-    assert "fibre directions" not in work
+    assert not {"fibre directions", "strings"} & set(work)
 
 
 # ---------------------------------------------------------------- checkpoints
@@ -220,7 +277,7 @@ def test_times_between_steps_are_dropped_first():
 
 def test_less_memory_means_more_steps_and_less_of_it_held(work):
     steps, kept = {}, {}
-    for memory in (256.0, 0.015, 0.0):
+    for memory in (256.0, 1.0, 0.0):
         deformer = made({**FIRST, "checkpoint_memory": memory})
         frame(deformer, STEPS[-1])
         work.clear()
@@ -228,9 +285,9 @@ def test_less_memory_means_more_steps_and_less_of_it_held(work):
             frame(deformer, time)
         steps[memory], kept[memory] = work.count("steps"), len(deformer._frames)
     assert steps[256.0] == 0
-    assert 0 < steps[0.015] < steps[0.0]
+    assert 0 < steps[1.0] < steps[0.0]
     assert kept[256.0] == len(STEPS)
-    assert kept[0.0] <= 2 < kept[0.015] < kept[256.0]
+    assert kept[0.0] <= 2 < kept[1.0] < kept[256.0]
 
 
 def test_setting_less_memory_frees_frames_at_once():
