@@ -16,8 +16,7 @@ LEAST = 0.005
 
 
 def estimates(rows: Sequence[Row], muscle: str, *, least: float = LEAST) -> Floats:
-    """Return pairs (k, 2) of a true distance and its bound [mm], of settings that solve the reference's
-    model.
+    """Return pairs (k, 2) of a true distance and its bound [mm], of settings of the reference's model.
 
     Others go to another shape, which no bound can know of; distances below ``least`` are the reference's
     own uncertainty, and those at rest are none.
