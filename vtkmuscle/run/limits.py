@@ -47,7 +47,8 @@ STEPS = "use smaller steps of the motion, more iterations or another solver, and
 
 #: What is judged. The limits, and why they are what they are:
 CHECKS = {
-    # P21 (doi:10.1007/978-3-030-72379-8_24), Fig. 11: less than 1 % with few iterations; 5 % is seen by eye.
+    # Kohout and Cervenka 2021 (doi:10.1007/978-3-030-72379-8_24), Fig. 11: less than 1 % with few iterations;
+    # 5 % is seen by eye.
     "volume": Check(1.0, 5.0, "%", "its volume is off by {}", STEPS),
     # They are set, not solved for: anything but rounding is a fault.
     "fixed points": Check(

@@ -141,7 +141,8 @@ class Result:
         Parameters
         ----------
         passes : int, optional
-            How often l_i becomes (l_{i-1} + 4 l_i + l_{i+1}) / 6, the ends kept; P21, section 4.4, has five.
+            How often l_i becomes (l_{i-1} + 4 l_i + l_{i+1}) / 6, the ends kept; Kohout and Cervenka 2021,
+            section 4.4, has five.
 
         Returns
         -------

@@ -160,7 +160,7 @@ class Obstacle(ABC):
 
 
 class VoxelObstacle(Obstacle):
-    """A bone as voxels: P21 section 3.2, :mod:`vtkmuscle.core.collision.voxels`.
+    """A bone as voxels: Kohout and Cervenka 2021 section 3.2, :mod:`vtkmuscle.core.collision.voxels`.
 
     Parameters
     ----------

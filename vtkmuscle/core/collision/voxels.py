@@ -24,7 +24,7 @@ Cells = NDArray[np.uint8]
 #: What a cell is.
 OUTSIDE, BOUNDARY, INSIDE = 0, 1, 2
 
-#: Number of cells in the experiments of P21, section 4.
+#: Number of cells in the experiments of Kohout and Cervenka 2021, section 4.
 DEFAULT_N_MAX = 8 * 64**3
 
 #: Slack of the triangle-box test, in cells: rounding must not open a gap in the boundary.
@@ -254,9 +254,11 @@ def _edge_misses(
 def _flood_outside(cells: Cells) -> None:
     """Mark as outside what can be reached from the corner cell (0, 0, 0) without entering the boundary.
 
-    P21 fills "with 8-directions", the diagonal neighbourhood of a plane. We go to the 6 face neighbours
-    only: no step then passes between two boundary cells that meet in an edge, whatever the boundary is.
-    The price is a few outside cells of narrow holes that it does not reach: :func:`_open_pockets`.
+    Kohout and Cervenka fill "with 8-directions", the diagonal neighbourhood of a plane. We go to the 6
+    face neighbours only: no step then passes between two boundary cells that meet in an edge, whatever the
+    boundary is. The price is a few outside cells of narrow holes that it does not reach:
+    :func:`_open_pockets`.
+
     cells : (nx, ny, nz), changed in place.
     """
     shape = cells.shape
@@ -284,11 +286,11 @@ def resolve_collisions(
 ) -> Bools:
     """Move the predicted positions that are in a bone out of it.
 
-    P21, section 3.2. A point whose predicted position is in a boundary or inside cell collides. If its
-    previous position is outside the bone as the bone is now (scenario one, the muscle hits the bone), the
-    segment from p to x is followed to the first outside cell: if x is in that cell p becomes x, else p
-    becomes the point where the segment enters the cell. If not (scenario two, the bone hits the muscle),
-    p becomes x moved by the bone's step.
+    Kohout and Cervenka 2021, section 3.2. A point whose predicted position is in a boundary or inside cell
+    collides. If its previous position is outside the bone as the bone is now (scenario one, the muscle hits
+    the bone), the segment from p to x is followed to the first outside cell: if x is in that cell p becomes
+    x, else p becomes the point where the segment enters the cell. If not (scenario two, the bone hits the
+    muscle), p becomes x moved by the bone's step.
 
     Parameters
     ----------
@@ -301,7 +303,7 @@ def resolve_collisions(
     free : (n,) bool array
         Points that may be moved.
     bone_push : bool
-        False leaves p as it is in scenario two (P21, section 4.2, the iliacus).
+        False leaves p as it is in scenario two (Kohout and Cervenka 2021, section 4.2, the iliacus).
 
     Returns
     -------

@@ -43,7 +43,7 @@ def following_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floa
 def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
     """Return k = 1 - |u . v| for each edge: 1 across the fibres, 0 along them.
 
-    P21 eq. 9; the absolute value, because a fibre's direction has no sign.
+    Kohout and Cervenka 2021 eq. 9; the absolute value, because a fibre's direction has no sign.
 
     Parameters
     ----------
