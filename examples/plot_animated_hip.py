@@ -25,7 +25,7 @@ for name, muscle in phantom.muscles.items():
     fibres = {"template": phantom.templates[name], "n_fibres": 40}
     attachments = phantom.attachments[name]
     pipeline = MusclePipeline(muscle, phantom.bones, phantom.motion, attachments, fixing={}, fibres=fibres)
-    tubes = pipeline.metrics >> FibreTubes(radius=0.8)
+    tubes = FibreTubes(fibres=pipeline.metrics, radius=0.8)
     plotter.add_mesh(pipeline.deformer, color="darkred", opacity=0.3, culling="back")
     coloured = {"scalars": "Strain", "cmap": "coolwarm", "clim": (-0.3, 0.3), "show_scalar_bar": False}
     plotter.add_mesh(tubes, **coloured)

@@ -100,7 +100,7 @@ def test_the_way_that_the_triangles_face_makes_no_difference(spindle):
 
 def test_a_muscle_that_touches_one_bone_is_refused(spindle):
     name, bone = blocks_of(spindle.bones)[0]
-    with pytest.raises(ValueError, match=f"touches only '{name}', .* larger tolerance, or landmarks"):
+    with pytest.raises(ValueError, match=f"touches only '{name}', .* larger distance, or landmarks"):
         estimate(spindle.muscles["spindle"], multiblock_from({name: bone}))
 
 

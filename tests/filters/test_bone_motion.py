@@ -112,11 +112,11 @@ def test_the_times_of_the_motion_are_announced(bones):
     assert not motion.GetOutputInformation(0).Has(vtkStreamingDemandDrivenPipeline.TIME_STEPS())
 
 
-def test_without_a_time_the_bones_are_at_the_first_one(bones):
+def test_without_a_time_the_bones_are_at_the_last_one(bones):
     late = hinge("tibia", (0.0, 0.0, 5.0), (1.0, 0.0, 0.0), [30.0, 60.0])
     result = at(BoneMotion(motion=late), bones, None)
     np.testing.assert_array_equal(
-        field_array(result.GetBlock(1), "Transform"), late.at(30.0)["tibia"].reshape(-1)
+        field_array(result.GetBlock(1), "Transform"), late.at(60.0)["tibia"].reshape(-1)
     )
 
 

@@ -110,12 +110,12 @@ class Leaks(Filter):
     output = OutputPort(vtkPolyData, doc="The same.")
 
     def __init__(self, **parameters):
-        self.kept = []
+        self._kept = []
         super().__init__(**parameters)
 
     def execute(self, muscle):
         result = with_points(muscle, points_of(muscle))
-        self.kept.append(result)
+        self._kept.append(result)
         return result
 
 
