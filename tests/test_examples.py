@@ -1,4 +1,7 @@
-"""Each script in examples/ runs, off-screen, in a process of its own."""
+"""Each script in examples/ is short, and runs off-screen in a process of its own.
+
+The documentation runs each of them too, with warnings as errors; so here they run in the long form only.
+"""
 
 from __future__ import annotations
 
@@ -20,6 +23,7 @@ def test_there_are_examples():
     assert len(EXAMPLES) >= 4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_example_runs(example, tmp_path):
     reason = can_render()
