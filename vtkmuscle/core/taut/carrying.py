@@ -82,24 +82,28 @@ class Carrier:
         self._beside: Ints = beside.reshape(f * n, -1)
         self._parts: Floats = parts.reshape(f * n, -1)
         fixed = np.flatnonzero(fixed_to >= 0)
-        self._fixed, self._fixed_to = cKDTree(surface[fixed]), fixed_to[fixed]
         near, carriers = _nearest(self._tree, surface, CARRIERS)
-        self._surface = self._passengers(surface, carriers, _falling_off(near, least))
-
-    def _passengers(self, points: Floats, carriers: Ints, shares: Floats) -> Passengers:
-        """Return points (p, 3) with what carries them (p, c), and with the fixed points near to them."""
-        apart, nearest = self._fixed.query(points)
+        apart, nearest = cKDTree(surface[fixed]).query(surface)
         with_bone = np.exp(-0.5 * (4.0 * apart / self._width) ** 2)
-        return Passengers(np.ascontiguousarray(points), carriers, shares, with_bone, self._fixed_to[nearest])
+        shares = _falling_off(near, least)
+        itself = np.arange(len(surface))[:, None]
+        bone = fixed_to[fixed][nearest]
+        self._surface = Passengers(
+            np.ascontiguousarray(surface), carriers, shares, bone, itself, with_bone[:, None]
+        )
 
     def fibres(self, points: Floats, offsets: Ints) -> Passengers:
         """Return points (p, 3) of the fibres that the strings were made from; their ends go with the bones.
+
+        What an end is off its bone goes to the whole fibre, in proportion to the way to the other end: a
+        corner near the end would be in its length.
 
         offsets : (f + 1,) int array
             First point of each fibre, and p.
         """
         n = self._paths.fibres.shape[1]
         carriers, shares = np.empty((len(points), 2), dtype=np.int64), np.empty((len(points), 2))
+        ends, pull = np.empty_like(carriers), np.empty_like(shares)
         for fibre, (begin, end) in enumerate(pairwise(offsets)):
             steps = np.linalg.norm(np.diff(points[begin:end], axis=0), axis=1)
             along = np.concatenate([[0.0], np.cumsum(steps)])
@@ -107,13 +111,11 @@ class Carrier:
             low = np.minimum(at.astype(np.int64), n - 2)
             carriers[begin:end] = fibre * n + low[:, None] + np.arange(2)
             shares[begin:end] = np.column_stack([1.0 - (at - low), at - low])
-        passengers = self._passengers(points, carriers, shares)
-        for ends, bones in (
-            (offsets[:-1], self._paths.start_bones),
-            (offsets[1:] - 1, self._paths.end_bones),
-        ):
-            passengers.with_bone[ends], passengers.bone[ends] = 1.0, bones
-        return passengers
+            ends[begin:end] = begin, end - 1
+            pull[begin:end] = np.column_stack([1.0 - at / (n - 1), at / (n - 1)])
+        bone = np.zeros(len(points), dtype=np.int64)
+        bone[offsets[:-1]], bone[offsets[1:] - 1] = self._paths.start_bones, self._paths.end_bones
+        return Passengers(np.ascontiguousarray(points), carriers, shares, bone, ends, pull)
 
     def at(self, state: TautState) -> Carried:
         """Return the muscle carried by the strings in a pose."""
@@ -147,17 +149,20 @@ class Passengers:
         Points of strings that they go with.
     shares : (p, c) array
         How much with each; rows sum to 1.
-    with_bone : (p,) array
-        How much of them goes with a bone instead, in [0, 1].
     bone : (p,) int array
-        Which one.
+        The bone that each is near to, if any.
+    ends : (p, e) int array
+        Points of these that say how far off their bones the strings carry a point.
+    pull : (p, e) array
+        How much of what each says is taken back, in [0, 1].
     """
 
     points: Floats
     carriers: Ints
     shares: Floats
-    with_bone: Floats
     bone: Ints
+    ends: Ints
+    pull: Floats
 
 
 class Carried:
@@ -187,7 +192,8 @@ class Carried:
         _carry(self._rest, self._places, self._frames, passengers.carriers, passengers.shares, points, moved)
         bones = self._transforms[passengers.bone]
         with_bones = np.einsum("pij,pj->pi", bones[:, :3, :3], points) + bones[:, :3, 3]
-        moved += passengers.with_bone[:, None] * (with_bones - moved)
+        off = with_bones - moved
+        moved += np.einsum("pe,pei->pi", passengers.pull, off[passengers.ends])
         return moved
 
 
