@@ -13,7 +13,7 @@ from vtkmuscle import Scene, hinge
 from vtkmuscle.cli import app
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
-from vtkmuscle.core.moment_arms.length_jumps import even_stretches, length_jumps
+from vtkmuscle.core.moment_arms.length_jumps import even_stretches, largest_turns, length_jumps
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import (
     Polylines,
@@ -452,3 +452,15 @@ def test_a_muscle_that_is_torn_fails(scene_file):
     assert result.verdicts["spindle"] == "failed"
     checks = {reason.check for reason in reasons_of(result.report["muscles"]["spindle"]["verdict"])}
     assert "long fibres" in checks
+
+
+@pytest.mark.parametrize("step", [2.0, 10.0, 18.0])
+def test_a_moment_arm_that_goes_as_a_cosine_does_not_jump_whatever_the_step(step):
+    motion = hinge("femur", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), np.arange(0.0, 91.0, step))
+    # A muscle from 40 mm beside the axis to 60 mm beside it: its length by the law of cosines.
+    lengths = np.sqrt(40.0**2 + 60.0**2 - 2 * 40 * 60 * np.cos(np.radians(170.0 - motion.times)))[:, None]
+    turns = largest_turns(motion)
+    assert turns == pytest.approx(np.radians(step))
+    assert length_jumps(lengths, motion.times, even_stretches(motion), turns).max() < 0.5
+    snapped = lengths + 40.0 * (motion.times > 40.0)[:, None]
+    assert length_jumps(snapped, motion.times, even_stretches(motion), turns).max() > 5.0

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vtkmuscle.core.errors import fault_of
-from vtkmuscle.core.moment_arms.length_jumps import even_stretches, length_jumps
+from vtkmuscle.core.moment_arms.length_jumps import even_stretches, largest_turns, length_jumps
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import cell_array
@@ -202,8 +202,8 @@ def _series(
         values["long fibres"] = np.percentile(ratios, 95, axis=1)
         values["short fibres"] = np.percentile(ratios, 5, axis=1)
         times = np.array([row["time"] for row in rows], dtype=np.float64)
-        stretches = None if motion is None else even_stretches(motion)
-        jumps = length_jumps(lengths, times, stretches)
+        of_motion = () if motion is None else (even_stretches(motion), largest_turns(motion))
+        jumps = length_jumps(lengths, times, *of_motion)
         values["jumps"] = np.concatenate([[0.0], jumps.max(axis=1)]) if len(jumps) else np.zeros(len(times))
         if slackness is not None:
             values["slack"] = np.percentile(slackness, 90, axis=1)

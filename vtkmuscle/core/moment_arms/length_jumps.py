@@ -21,12 +21,15 @@ KINK = 0.25
 UNEVEN = 0.5
 
 
-def length_jumps(lengths: Floats, times: Floats, stretches: Ints | None = None) -> Floats:
+def length_jumps(
+    lengths: Floats, times: Floats, stretches: Ints | None = None, turns: Floats | None = None
+) -> Floats:
     """Return by how much each step of each length is off what the steps beside it let expect.
 
     A line is fitted to the velocities of up to three steps on either side, by medians (Theil 1950, Sen
     1968), so that a jump beside does not count; a quarter of the steps' size is allowed for a muscle that
-    lifts off.
+    lifts off. Where bones turn far from frame to frame, a moment arm that goes as a cosine bends as much as a
+    jump would: (3 a)^2 / 2 of the largest step beside is allowed for steps of a radians.
 
     Parameters
     ----------
@@ -37,6 +40,8 @@ def length_jumps(lengths: Floats, times: Floats, stretches: Ints | None = None) 
     stretches : (f - 1,) int array, optional
         Number of the stretch that a step belongs to, within which the bones move evenly; steps of other
         stretches are not compared with. Default: one for all.
+    turns : (f - 1,) array, optional
+        By how much bones turn in each step [rad], see :func:`largest_turns`. Default: hardly.
 
     Returns
     -------
@@ -71,7 +76,10 @@ def length_jumps(lengths: Floats, times: Floats, stretches: Ints | None = None) 
         if len(beside) < FEWEST_STEPS:
             continue
         expected = _on_line(middles[beside] - middles[i], velocities[beside])
-        allowed = KINK * np.median(np.abs(velocities[beside]), axis=0)
+        speeds = np.abs(velocities[beside])
+        allowed = KINK * np.median(speeds, axis=0)
+        if turns is not None:
+            allowed += min(1.0, 0.5 * (BESIDE * turns[i]) ** 2) * speeds.max(axis=0)
         jumps[i] = np.maximum(np.abs(velocities[i] - expected) - allowed, 0.0) * durations[i]
     return jumps
 
@@ -112,3 +120,12 @@ def even_stretches(motion: RigidMotion) -> Ints:
             begins[1:] |= change > UNEVEN * np.maximum(sizes[1:], sizes[:-1]) + least
     stretches: Ints = np.cumsum(begins)
     return stretches
+
+
+def largest_turns(motion: RigidMotion) -> Floats:
+    """Return by how much the bone that turns most turns in each step of a motion, (k - 1,) [rad]."""
+    turns = np.zeros(max(len(motion.times) - 1, 0))
+    for table in motion.transforms.values():
+        rotations = Rotation.from_matrix(table[:, :3, :3].copy())
+        turns = np.maximum(turns, (rotations[1:] * rotations[:-1].inv()).magnitude())
+    return turns
