@@ -21,14 +21,14 @@ docs/extremes.rst``; {other}.
 LONG = {
     "form": "long",
     "option": " --long",
-    "modes": "Where nothing else is said, all combinations of solver, start, collision and anisotropy ran.",
+    "modes": "Where nothing else is said, all combinations of solver, prediction, collision and anisotropy ran.",
     "other": "the normal run of the tests has a short form of it",
 }
 SHORT = {
     "form": "short",
     "option": "",
     "modes": "Where nothing else is said, each kind of collision was combined with each kind of anisotropy,\n"
-    "solvers and starts in turn.",
+    "solvers and predictions in turn: every two choices meet.",
     "other": "with ``--long`` it runs all combinations, and meshes of up to a million triangles",
 }
 
