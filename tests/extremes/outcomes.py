@@ -21,7 +21,7 @@ docs/extremes.rst``; {other}.
 LONG = {
     "form": "long",
     "option": " --long",
-    "modes": "Where nothing else is said, all combinations of solver, prediction, collision and anisotropy ran.",
+    "modes": "Where nothing else is said, all of solver, prediction, collision and anisotropy were combined.",
     "other": "the normal run of the tests has a short form of it",
 }
 SHORT = {
