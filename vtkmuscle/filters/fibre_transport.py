@@ -17,8 +17,8 @@ from vtkmuscle.core.fibres.sparse_weights import (
     sparse_transport,
 )
 from vtkmuscle.core.fibres.vertex_groups import vertex_groups
+from vtkmuscle.core.mesh.inside import points_inside
 from vtkmuscle.core.mesh.polylines import polyline_lengths
-from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import (
@@ -233,8 +233,16 @@ class FibreTransport(Filter):
 
 
 def _keep_within(fibre_points: Floats, gap: Floats, surface: Floats, triangles: Ints) -> None:
-    """Move fibre points (p, 3) to the surface that are farther outside of it than their gap at rest (p,)."""
-    side = 1.0 if signed_volume(surface, triangles) > 0.0 else -1.0
-    distances, nearest, outward = triangle_tree(surface, triangles).tangent_planes(fibre_points)
-    out = side * distances > gap
-    fibre_points[out] = nearest[out] + side * gap[out, None] * outward[out]
+    """Move fibre points (p, 3) to the surface that are farther outside of it than their gap at rest (p,).
+
+    Which are outside is told by parity: the nearest triangle of a muscle that touches itself may be that of
+    the other side.
+    """
+    outside = np.flatnonzero(~points_inside(fibre_points, surface, triangles))
+    if not len(outside):
+        return
+    _, nearest, distances = triangle_tree(surface, triangles).nearest(fibre_points[outside])
+    far = distances > gap[outside]
+    out, nearest = outside[far], nearest[far]
+    part = (gap[out] / distances[far])[:, None]
+    fibre_points[out] = nearest + part * (fibre_points[out] - nearest)
