@@ -606,6 +606,7 @@ def test_the_main_job_on_the_real_hip(lhdl_hip):
             assert row["fixed_error_max_mm"] < 1e-6
             assert row["penetration_p95_mm"] <= 0.1
             assert row["penetration_max_mm"] <= 0.5
+            assert row["fibres_outside_max_mm"] <= 0.1
         for i in (0, 22, 45):
             assert np.isfinite(points_of(result.muscle(name, frame=i))).all()
             assert np.isfinite(points_of(result.fibres(name, frame=i))).all()

@@ -190,3 +190,22 @@ def test_carried_fibres_are_no_farther_outside_than_at_rest(fibres, muscle):
     assert (distances <= gap + 1e-9).all()
     within = SurfaceDistance(thinner).signed(carried) <= gap
     assert_allclose(moved[within], carried[within], atol=1e-12)
+
+
+def test_fibres_in_a_muscle_that_touches_itself_stay_where_they_are_carried():
+    """The skins of two halves cross by 0.5 mm: the triangle nearest to a point is that of the other half."""
+    half = vtkSphereSource(radius=20.0, theta_resolution=32, phi_resolution=32, output_points_precision=1)
+    ball = half.update().output
+    both = surface_from(
+        np.vstack([points_of(ball) + np.array([side, 0.0, 0.0]) for side in (-21.0, 21.0)]),
+        np.vstack([triangles_of(ball, "test"), triangles_of(ball, "test") + ball.GetNumberOfPoints()]),
+    )
+    touching = with_points(
+        both, points_of(both) + np.where(points_of(both)[:, :1] > 0, -2.5, 0.0) * [1, 0, 0]
+    )
+    # 1.2 mm below the skin of the left half, 0.7 mm off that of the right one.
+    lines = np.array([[-2.2, 0.0, 0.0], [-2.2, 1.0, 0.0], [-2.2, 2.0, 0.0]])
+    rest = polylines_from(Polylines(lines - [6.0, 0.0, 0.0], np.array([0, 3])))
+    set_point_array(touching, "Carried", points_of(touching))
+    set_field_array(touching, "FibrePoints", lines)
+    assert_allclose(points_of(FibreTransport()(rest, both, touching)), lines, atol=1e-9)

@@ -36,11 +36,10 @@ def flexed_lengths(scene, name):
     return lengths, np.mean([state.unsettled for state in states]) / len(made.fibres)
 
 
-#: Measured in steps of 4 degrees: in a pose at most 29, 13, 4 and 4 of 100 do not come to rest. Fewer are
-#: wanted.
+#: Of 100 strings 4.8, 0 and 0.4 do not come to rest, on the mean over the poses; of the last it was not measured.
 @pytest.mark.parametrize(
     ("name", "unsettled"),
-    [("gluteus_maximus", 0.25), ("gluteus_medius", 0.12), ("iliacus", 0.05), ("adductor_brevis", 0.05)],
+    [("gluteus_maximus", 0.08), ("gluteus_medius", 0.02), ("iliacus", 0.02), ("adductor_brevis", 0.05)],
 )
 def test_strings_of_a_real_muscle_have_lengths_and_come_to_rest(hip_scene, name, unsettled):
     lengths, part = flexed_lengths(hip_scene, name)
