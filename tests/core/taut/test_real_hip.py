@@ -36,7 +36,8 @@ def flexed_lengths(scene, name):
     return lengths, np.mean([state.unsettled for state in states]) / len(made.fibres)
 
 
-#: Of 100 strings 4.8, 0 and 0.4 do not come to rest, on the mean over the poses; of the last it was not measured.
+#: Measured, of 100 strings and as a mean over the poses: 4.8, 0 and 0.4 do not come to rest; the last was not
+#: measured anew.
 @pytest.mark.parametrize(
     ("name", "unsettled"),
     [("gluteus_maximus", 0.08), ("gluteus_medius", 0.02), ("iliacus", 0.02), ("adductor_brevis", 0.05)],
