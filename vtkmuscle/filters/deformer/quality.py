@@ -33,8 +33,8 @@ PUBLISHED: Mapping[str, Any] = MappingProxyType(
 #:
 #: The time of a step is the same within what a busy machine lets one measure: strings, bones and report cost
 #: more than the iterations. ``vtkmuscle tradeoff SCENE --every 5 --frames 0:4 --only presets --out FOLDER``
-#: prints the like, with a reference whose iterations are doubled until the muscle stays where it is; the figures
-#: above were measured by three steps of PBDDeformer itself.
+#: prints the like, with a reference whose iterations are doubled until the muscle stays where it is; the
+#: figures above were measured by three steps of PBDDeformer itself.
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "preview": {"iterations": 30, "tolerance": 0.5},
