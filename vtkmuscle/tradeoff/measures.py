@@ -45,12 +45,8 @@ ERRORS = (
     Measure("rms_mm", "distance to the reference, RMS over points, frames and muscles [mm]", "rms"),
     Measure("worst_rms_mm", "the same of the muscle where it is greatest [mm]"),
     Measure("max_mm", "greatest distance to the reference [mm]"),
-    Measure(
-        "edge_stretch_p95",
-        "95th percentile of edge length / length at rest, worst frame",
-        figure="edge_stretch_p95",
-    ),
     Measure("edge_stretch_max", "greatest edge length / length at rest", figure="edge_stretch_max"),
+    Measure("edge_stretch_p95", "95th percentile of the same, worst frame", figure="edge_stretch_p95"),
     Measure(
         "dihedral_p95_deg",
         "95th percentile of the change of dihedral angles, worst frame [degrees]",
