@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -14,6 +14,7 @@ from vtkmuscle.data.arrays import field_array, points_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.io.fibre_table import fibre_columns, fibre_summary, muscle_summary
+from vtkmuscle.run.table import Table
 
 #: A fibre point counts as inside its muscle up to this far outside [mm].
 FIBRE_TOLERANCE = 0.5
@@ -223,8 +224,8 @@ def architecture_of(
     return result
 
 
-def fibre_rows(frames: Sequence[vtkPolyData], times: Sequence[float], millimetres: float) -> str:
-    """Return a table with a row per fibre and frame, and a column per measure, comma-separated.
+def fibre_table(frames: Sequence[vtkPolyData], times: Sequence[float], millimetres: float) -> Table:
+    """Return a table with a row per fibre and frame, and a column per measure.
 
     Parameters
     ----------
@@ -236,10 +237,15 @@ def fibre_rows(frames: Sequence[vtkPolyData], times: Sequence[float], millimetre
         Millimetres per unit of length.
     """
     arrays = [array for array in FIBRE_MEASURES if array in fibre_columns(frames[0])]
-    lines = [",".join(["fibre", "time", *(FIBRE_MEASURES[array] for array in arrays)])]
-    for time, fibres in zip(times, frames, strict=True):
-        columns = fibre_columns(fibres)
-        scaled = [columns[array] * _scale(FIBRE_MEASURES[array], millimetres) for array in arrays]
-        for fibre, row in enumerate(zip(*scaled, strict=True)):
-            lines.append(",".join([str(fibre), repr(time), *(f"{value:.10g}" for value in row)]))
-    return "\n".join(lines) + "\n"
+    names = [FIBRE_MEASURES[array] for array in arrays]
+
+    def rows() -> Iterator[tuple[Any, ...]]:
+        for time, fibres in zip(times, frames, strict=True):
+            columns = fibre_columns(fibres)
+            scaled = [
+                columns[array] * _scale(name, millimetres) for array, name in zip(arrays, names, strict=True)
+            ]
+            for fibre, row in enumerate(zip(*scaled, strict=True)):
+                yield fibre, time, *row
+
+    return Table(("fibre", "time", *names), rows())
