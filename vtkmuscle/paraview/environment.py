@@ -17,7 +17,7 @@ _HERE = Path(__file__).resolve().parent
 #: What ParaView loads at start-up.
 PLUGINS = _HERE / "plugins"
 #: What lets ParaView 5.11 load Python plugins at all where its Python is 3.11.
-MEND = _HERE / "mend_5_11"
+COMPATIBILITY = _HERE / "compatibility_5_11"
 #: What the filters need beside vtkmuscle; where one is not installed its filters say so.
 DISTRIBUTIONS = ("numpy", "scipy", "numba", "llvmlite")
 #: What scenes need.
@@ -120,7 +120,7 @@ def settings(folder: Path) -> dict[str, list[Path]]:
     dict of str to list of Path
         ``PV_PLUGIN_PATH`` and ``PYTHONPATH``.
     """
-    return {"PV_PLUGIN_PATH": [PLUGINS], "PYTHONPATH": [MEND, folder]}
+    return {"PV_PLUGIN_PATH": [PLUGINS], "PYTHONPATH": [COMPATIBILITY, folder]}
 
 
 def shell_commands(folder: Path) -> list[str]:

@@ -59,9 +59,9 @@ class MuscleRun:
     stop : threading.Event
         Set from outside to end the run early.
     progress : callable
-        Told the muscle, the stage and the part that is done.
+        Called with the muscle, the stage and the part that is done.
     observe : callable
-        Told the muscle and the figures of each frame that is done.
+        Called with the muscle and the figures of each frame that is done.
     others : sequence of MuscleRun, optional
         Muscles that this one may meet, whose runs are done: overlap with them is measured, and where the
         scene's ``muscle_contact`` is ``"on"`` this muscle is kept out of them.

@@ -108,7 +108,7 @@ def trade_off(
         Numbers of the frames to compare; each fifth and the last by default. Frames up to the last of them
         are computed.
     tell : callable, optional
-        Told in words what is being done.
+        Called with a line of text for each thing that is done.
 
     Returns
     -------
