@@ -38,10 +38,11 @@ def caught(planted):
 
 
 def run_in(folder, *arguments, program=(str(PROGRAM),), **environment):
+    ours = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
     return subprocess.run(
         [*program, *arguments],
         cwd=folder,
-        env={**os.environ, **environment},
+        env={**ours, **environment},
         capture_output=True,
         text=True,
         check=False,
