@@ -35,15 +35,8 @@ _TABLES = ("_fibres.csv",)
 def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None]:
     """Make a folder for the results of a scene, and hold it against other runs.
 
-    Parameters
-    ----------
-    folder : Path
-        Made where it does not exist; nothing in it is changed, but what killed runs left half written goes.
-    scene : SceneData
-        What is run.
-    overwrite : bool
-        Whether results of another scene, and files that no run has written, may be replaced. Inputs of the
-        scene never are.
+    Nothing in it is changed, but half-written files of killed runs go. With ``overwrite`` results of another
+    scene, and files that no run has written, may be replaced; inputs of the scene never are.
 
     Raises
     ------
@@ -73,17 +66,10 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
 
 
 def remove_results(folder: Path, scene: SceneData) -> None:
-    """Remove what an earlier run has left, so that nothing old stands beside what is new.
+    """Remove the results of an earlier run from a claimed folder, so that nothing old is left beside new files.
 
     That is the report, the tables, and the series with the frames that they list, of the muscles of the
     scene and of those that the report names; and the figures that the report lists.
-
-    Parameters
-    ----------
-    folder : Path
-        Held by :func:`claimed`.
-    scene : SceneData
-        What is run.
     """
     report = read_report(folder) or {}
     names = {*scene.muscles, *(name for name in report.get("muscles", ()) if re.fullmatch(r"[^/\\]+", name))}

@@ -32,20 +32,7 @@ _POINT = 24
 
 
 def check_memory(scene: SceneData, numbers: range) -> None:
-    """Refuse a run that would take more than half of the memory.
-
-    Parameters
-    ----------
-    scene : SceneData
-        What is run.
-    numbers : range
-        Frames that are kept.
-
-    Raises
-    ------
-    SceneError
-        If it would; says how much, and what the most of it is for.
-    """
+    """Raise a SceneError for a run of these frames that would take more than half of the memory."""
     most = _most()
     if most is None:
         return

@@ -38,19 +38,7 @@ class Pose:
 
 
 def read_pose(folder: Path, time: float | None = None) -> Pose:
-    """Read a frame of a run's results.
-
-    Parameters
-    ----------
-    folder : Path
-        What the run wrote to.
-    time : float, optional
-        Pipeline time; the nearest frame is taken, by default the last.
-
-    Returns
-    -------
-    Pose
-        Bones, muscles and fibres.
+    """Read the frame of a run's results that is nearest to a time, by default the last.
 
     Raises
     ------

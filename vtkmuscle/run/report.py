@@ -130,19 +130,9 @@ def versions() -> dict[str, str]:
 
 
 def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float) -> dict[str, Any]:
-    """Return how many fibres there are, and how many of their points are inside the muscle.
+    """Return how many fibres there are, and how many of their points are inside the muscle, both at rest.
 
-    Parameters
-    ----------
-    fibres, muscle : vtkPolyData
-        At rest.
-    millimetres : float
-        Millimetres per unit of length.
-
-    Returns
-    -------
-    dict
-        JSON-able; see :data:`DEFINITIONS`.
+    JSON-able, see :data:`DEFINITIONS`; ``millimetres`` is the length of the scene's unit.
     """
     points = points_of(fibres)
     surface = SurfaceDistance(muscle)
@@ -166,17 +156,7 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
 def measures_of_fibres(fibres: vtkPolyData, millimetres: float) -> dict[str, dict[str, float]]:
     """Return mean, standard deviation, least and largest of what FibreMetrics measured, for one frame.
 
-    Parameters
-    ----------
-    fibres : vtkPolyData
-        From FibreMetrics.
-    millimetres : float
-        Millimetres per unit of length.
-
-    Returns
-    -------
-    dict
-        JSON-able, by the names of :data:`FIBRE_MEASURES`; see :data:`DEFINITIONS`.
+    JSON-able, by the names of :data:`FIBRE_MEASURES`; ``millimetres`` is the length of the scene's unit.
     """
     summary = fibre_summary(fibres)
     return {
@@ -198,19 +178,7 @@ def architecture_of(
 ) -> dict[str, Any]:
     """Return what is published of a muscle as a whole, at rest.
 
-    Parameters
-    ----------
-    fibres, muscle : vtkPolyData
-        At rest.
-    attachments : vtkMultiBlockDataSet or None
-        Of the muscle.
-    millimetres : float
-        Millimetres per unit of length.
-
-    Returns
-    -------
-    dict
-        JSON-able, by the names of :data:`ARCHITECTURE`; see :data:`DEFINITIONS`.
+    JSON-able, by the names of :data:`ARCHITECTURE`; ``millimetres`` is the length of the scene's unit.
     """
     metrics = FibreMetrics(architecture=True, sections=ARCHITECTURE_SECTIONS)
     summary = muscle_summary(metrics(fibres, muscle, None, attachments))
@@ -225,16 +193,9 @@ def architecture_of(
 
 
 def fibre_table(frames: Sequence[vtkPolyData], times: Sequence[float], millimetres: float) -> Table:
-    """Return a table with a row per fibre and frame, and a column per measure.
+    """Return the measures of FibreMetrics in all frames, a row per fibre and frame.
 
-    Parameters
-    ----------
-    frames : sequence of vtkPolyData
-        Fibres of each frame, from FibreMetrics.
-    times : sequence of float
-        Pipeline time of each.
-    millimetres : float
-        Millimetres per unit of length.
+    ``millimetres`` is the length of the scene's unit.
     """
     arrays = [array for array in FIBRE_MEASURES if array in fibre_columns(frames[0])]
     names = [FIBRE_MEASURES[array] for array in arrays]

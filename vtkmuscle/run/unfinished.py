@@ -15,13 +15,7 @@ def frames_there(folder: Path) -> dict[str, int]:
 
 
 def unfinished(folder: Path) -> str | None:
-    """Return what is there of a run that did not end, in words; None where there is none.
-
-    Parameters
-    ----------
-    folder : Path
-        Where a run has written, or not.
-    """
+    """Return in words what an unfinished run has left in a folder; None where there is none."""
     report = read_report(folder)
     if report is None or report.get("complete"):
         return None

@@ -33,14 +33,7 @@ _Fault = tuple[str, str, str]
 
 
 def validated(values: Mapping[str, Any], file: Path | None) -> SceneTable:
-    """Return the tables of a scene, checked.
-
-    Parameters
-    ----------
-    values : mapping
-        As they are in the file.
-    file : Path or None
-        The scene's file.
+    """Return the tables of a scene's file, checked.
 
     Raises
     ------

@@ -68,12 +68,8 @@ MEASURES = (*COSTS, *ERRORS)
 def measured(trials: Mapping[str, Trial | None], reference: Mapping[str, Trial]) -> dict[str, Any]:
     """Return the figures of a setting, JSON-able: ``muscles``, and ``all`` of them together.
 
-    Parameters
-    ----------
-    trials : mapping of str to Trial or None
-        By muscle. The figures of one that failed are None, and so are those of all together.
-    reference : mapping of str to Trial
-        Of the same muscles; a frame is compared with that of the reference at the same time.
+    A frame is compared with that of the reference at the same time. The figures of a muscle that failed are
+    None, and so are those of all together.
     """
     muscles = {name: _of_muscle(own, reference[name]) for name, own in trials.items()}
     failed = any(own is None for own in trials.values())
