@@ -66,7 +66,7 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
 
 
 def remove_results(folder: Path, scene: SceneData) -> None:
-    """Remove the results of an earlier run from a claimed folder, so that nothing old is left beside new files.
+    """Remove the results of an earlier run from a claimed folder, so that nothing old stands beside the new.
 
     That is the report, the tables, and the series with the frames that they list, of the muscles of the
     scene and of those that the report names; and the figures that the report lists.

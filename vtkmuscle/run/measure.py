@@ -92,7 +92,7 @@ class MuscleMeasure:
     def frame(self, points: Floats, transforms: Mapping[str, Floats]) -> dict[str, Any]:
         """Return the figures of a frame, see :data:`~vtkmuscle.run.report.DEFINITIONS`.
 
-        ``points`` (n, 3) are the deformed muscle's, ``transforms`` go from rest to now, of the bones that moved.
+        ``points`` (n, 3) are the deformed muscle's, ``transforms`` those of the bones from rest to now.
         """
         now = {bone: transforms.get(bone, np.eye(4)) for bone in self._bones}
         lengths = edge_lengths(points, self._edges)
