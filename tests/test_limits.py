@@ -202,7 +202,7 @@ scene.run(None, figures=False, workers=1)
 taken = peak() - before
 print(taken, sum(dict(_estimate(scene, range(5))).values()))
 """
-    change(scene_file, "n_fibres = 6, resolution = 5", "n_fibres = 2000, resolution = 50")
+    change(scene_file, "n_fibres = 6, resolution = 5", "n_fibres = 500, resolution = 40")
     done = subprocess.run(
         [sys.executable, "-c", code, str(scene_file)], capture_output=True, text=True, check=True
     )
