@@ -36,7 +36,7 @@ def check_memory(scene: SceneData, numbers: range) -> None:
     most = _most()
     if most is None:
         return
-    parts = dict(_estimate(scene, numbers))
+    parts = dict(estimated_memory(scene, numbers))
     total = sum(parts.values())
     if total > most:
         key, largest = max(parts.items(), key=lambda part: part[1])
@@ -50,8 +50,8 @@ def check_memory(scene: SceneData, numbers: range) -> None:
         )
 
 
-def _estimate(scene: SceneData, numbers: range) -> Iterator[tuple[str, float]]:
-    """Give what is needed for each part of a scene [bytes]."""
+def estimated_memory(scene: SceneData, numbers: range) -> Iterator[tuple[str, float]]:
+    """Give the key of each part of a scene, and what a run of these frames needs for it [bytes]."""
     for name, muscle in scene.muscles.items():
         surface = muscle.surface
         yield f"muscles.{name}.surface", float(_TRIANGLE) * surface.GetNumberOfCells()

@@ -102,7 +102,7 @@ def run_scene(
         raise InputError("", f"workers is {workers}, but must be an integer >= 1")
     check_memory(scene, numbers)
     folder = None if out is None else RunFolder(out, series=series)
-    bones, distances = bones_with_reach(scene), _bone_distances(scene)
+    bones, distances = bones_with_reach(scene), bone_distances(scene)
     tracks = {name: MuscleTrack() for name in scene.muscles}
     report = _first_report(scene, numbers, tracks)
     stop = threading.Event()
@@ -175,7 +175,7 @@ def _moment_arms(result: Result, report: dict[str, Any]) -> MomentArmTable:
     return arms
 
 
-def _bone_distances(scene: SceneData) -> dict[str, SurfaceDistance]:
+def bone_distances(scene: SceneData) -> dict[str, SurfaceDistance]:
     """Return the exact distances of the bones that have an inside, holes closed as the collisions close them.
 
     Each is built when a muscle comes near.
