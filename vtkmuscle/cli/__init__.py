@@ -109,9 +109,9 @@ def info(
         typer.Argument(help="Meshes, or folders of results."),
     ],
 ) -> None:
-    """Say what meshes are: size, closed or not, manifold or not, pieces, volume, a guess of the unit.
+    """Describe meshes: size, whether closed and manifold, pieces, volume, and the likely unit.
 
-    Of a folder of results it says which frames are there.
+    For a folder of results, list the frames that are there.
     """
     with one_clear_error(None):
         from vtkmuscle.cli.facts import facts_of
@@ -168,11 +168,11 @@ def tradeoff(
     ] = None,
     frames: Annotated[
         str | None,
-        typer.Option("--frames", metavar="A:B:STEP", help="Frames to compare. Default: each fifth."),
+        typer.Option("--frames", metavar="A:B:STEP", help="Frames to compare. Default: every fifth."),
     ] = None,
     every: Annotated[
         int,
-        typer.Option("--every", metavar="N", min=1, help="Leave all but each Nth frame of the motion out."),
+        typer.Option("--every", metavar="N", min=1, help="Use only every Nth frame of the motion."),
     ] = 1,
     quiet: QuietOption = False,
 ) -> None:
@@ -218,7 +218,7 @@ def paraview_path(
         ),
     ] = None,
 ) -> None:
-    """Print what to set for ParaView, pvpython and pvbatch to find the filters.
+    """Print the environment variables with which ParaView, pvpython and pvbatch find the filters.
 
     It fills a folder with links to vtkmuscle and what it needs there, for a ParaView whose Python is of the
     same version as this one, and prints commands for your shell:

@@ -49,7 +49,7 @@ class RunOptions:
         typer.Option(
             metavar="N",
             min=1,
-            help="Muscles that are deformed side by side; the results are the same. "
+            help="Number of muscles to deform at the same time; it does not change the results. "
             "Default: one per processor.",
         ),
     ] = None

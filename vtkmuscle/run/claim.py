@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import check_is_file
+from vtkmuscle.io.temporal import SERIES_SUFFIXES
 from vtkmuscle.io.writing import left_behind
 
 if TYPE_CHECKING:
@@ -27,7 +28,6 @@ LOCK = ".vtkmuscle.lock"
 _LISTS = ("lengths.csv", "moment_arms.csv", "moment_arms_summary.csv")
 _FILES = ("report.json", *_LISTS, "bones.pvd", "bones.vtkhdf")
 _FOLDERS = ("bones", "figures")
-_SERIES = (".pvd", ".vtkhdf")
 _TABLES = ("_fibres.csv",)
 
 
@@ -100,7 +100,7 @@ def _remove_series(folder: Path, name: str, *, numbered: bool) -> None:
     for parent in sorted({*parents, inside}, key=lambda path: -len(path.parts)):
         if parent.is_dir() and not parent.is_symlink() and not any(parent.iterdir()):
             parent.rmdir()
-    for ending in _SERIES:
+    for ending in SERIES_SUFFIXES:
         (folder / f"{name}{ending}").unlink(missing_ok=True)
 
 
@@ -123,7 +123,7 @@ def _places(muscles: Mapping[str, Any], *, folder: bool) -> Iterator[str]:
             if folder:
                 yield part
             else:
-                yield from (part + ending for ending in _SERIES)
+                yield from (part + ending for ending in SERIES_SUFFIXES)
         if not folder:
             yield from (name + ending for ending in _TABLES)
 

@@ -71,7 +71,7 @@ class Result:
     frames : sequence of int
         Numbers of the frames that were kept.
     tracks : dict of str to MuscleTrack
-        What became of each muscle.
+        The finished frames of each muscle.
     report : dict
         What was measured; ``report["definitions"]`` says what each number means.
     literature : mapping of str to sequence of LiteratureCurve, optional

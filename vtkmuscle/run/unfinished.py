@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from vtkmuscle.io.temporal import SERIES_SUFFIXES, read_series
 from vtkmuscle.run.claim import read_report
+from vtkmuscle.run.poses import series_of
 
 
 def frames_there(folder: Path) -> dict[str, int]:
@@ -28,11 +28,8 @@ def unfinished(folder: Path) -> str | None:
 
 
 def _frames(folder: Path, name: str) -> int:
-    for suffix in SERIES_SUFFIXES:
-        path = folder / f"{name}{suffix}"
-        if path.is_file():
-            try:
-                return len(read_series(path).times)
-            except ValueError:
-                return 0
-    return 0
+    try:
+        series = series_of(folder, name)
+    except ValueError:  # damaged
+        return 0
+    return 0 if series is None else len(series.times)

@@ -20,7 +20,7 @@ FIRST_ITERATIONS = 100
 MOST_ITERATIONS = 800
 #: The reference of a muscle has converged when doubling its iterations moves it by no more, RMS [mm].
 CONVERGED = 0.05
-#: Frames that are compared, unless they are chosen: each so manieth, and the last.
+#: Every fifth frame is compared, and the last, unless frames are chosen.
 COMPARED_EVERY = 5
 
 

@@ -26,7 +26,7 @@ _TRIMMED = 0.1
 
 @dataclass(eq=False)
 class Trial:
-    """What became of a muscle.
+    """The results of one muscle.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ def tried(
     *,
     iterations: Mapping[str, int] | None = None,
 ) -> dict[str, Trial | None]:
-    """Run a scene with a setting, and return what became of these muscles, None of those that failed.
+    """Run a scene with a setting, and return the results of these muscles, None of those that failed.
 
     Frames up to the last that is compared are computed. Other muscles are run as well where muscles may meet.
     ``iterations`` of single muscles count more than the setting's.
