@@ -72,7 +72,7 @@ def series_of(folder: Path, name: str) -> TimeSeries | None:
     """Return a series that a run wrote to its folder, in either format; None where there is none."""
     for suffix in SERIES_SUFFIXES:
         if (folder / f"{name}{suffix}").is_file():
-            return readseries_of(folder / f"{name}{suffix}")
+            return read_series(folder / f"{name}{suffix}")
     return None
 
 
