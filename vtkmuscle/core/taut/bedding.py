@@ -27,8 +27,8 @@ class Bedding(NamedTuple):
     force : (b, f, n, 3) array
         With which it holds each point of a fibre at rest, by the bone that it moves with, in the units of a
         string's springs [mm].
-    off : (f, n, 3) array
-        Where it has that force, seen from the fibre at rest [mm].
+    course : (f, n, 3) array
+        Where the fibre has that force [mm].
     bedded : (b, f) bool array
         Where any force is not 0.
     give : float
@@ -36,7 +36,7 @@ class Bedding(NamedTuple):
     """
 
     force: Floats
-    off: Floats
+    course: Floats
     bedded: Bools
     give: float
 
@@ -44,7 +44,7 @@ class Bedding(NamedTuple):
 def no_bedding(bones: int, fibres: Floats) -> Bedding:
     """Return the bedding of fibres (f, n, 3) that nothing holds."""
     force = np.zeros((bones, *fibres.shape))
-    return Bedding(force, np.zeros_like(fibres), np.zeros(force.shape[:2], dtype=np.bool_), 1.0)
+    return Bedding(force, fibres, np.zeros(force.shape[:2], dtype=np.bool_), 1.0)
 
 
 def bedding_of(
@@ -79,7 +79,7 @@ def bedding_of(
     force *= np.clip(off / half_thickness, 0.0, 1.0) ** 2
     near = 1.0 / np.maximum(distances, _TOUCHING * half_thickness) ** 2
     forces = (near / near.sum(axis=0))[..., None] * force
-    return Bedding(forces, course - fibres, np.asarray((forces != 0.0).any(axis=(2, 3))), width)
+    return Bedding(forces, course, np.asarray((forces != 0.0).any(axis=(2, 3))), width)
 
 
 def _bow(off: Floats, bundle: Bundle, width: float) -> Floats:
