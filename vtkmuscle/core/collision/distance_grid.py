@@ -11,7 +11,9 @@ import warnings
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +28,16 @@ BAND_CELLS = 2.5
 
 #: Blocks in the table of a grid, at most.
 MOST_BLOCKS = 2**23
+
+
+class Field(NamedTuple):
+    """A :class:`DistanceGrid` as kernels take it; the attributes are the grid's."""
+
+    values: Singles
+    table: Table
+    origin: Floats
+    cell: float
+    band: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +67,11 @@ class DistanceGrid:
     table: Table
     values: Singles
     remarks: tuple[str, ...] = ()
+
+    @cached_property
+    def field(self) -> Field:
+        """The grid for kernels."""
+        return Field(self.values, self.table, self.origin, self.cell, self.band)
 
     @property
     def nbytes(self) -> int:

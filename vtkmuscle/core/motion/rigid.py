@@ -46,9 +46,15 @@ def apply_transform(transform: Floats, points: Floats) -> Floats:
 def _apply(transform: Floats, points: Floats, moved: Floats) -> None:
     """Write the moved points: an eighth of the time that a product of matrices with so few columns takes."""
     for i in range(len(points)):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        for k in range(3):
-            moved[i, k] = transform[k, 0] * x + transform[k, 1] * y + transform[k, 2] * z + transform[k, 3]
+        transform_point(transform, points, i, moved[i])
+
+
+@kernel
+def transform_point(transform: Floats, points: Floats, i: int, moved: Floats) -> None:
+    """Write where a 4 x 4 transform takes point i of points (n, 3);  moved : (3,), may be that point."""
+    x, y, z = points[i, 0], points[i, 1], points[i, 2]
+    for k in range(3):
+        moved[k] = transform[k, 0] * x + transform[k, 1] * y + transform[k, 2] * z + transform[k, 3]
 
 
 def inverse(transform: Floats) -> Floats:
