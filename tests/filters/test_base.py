@@ -118,7 +118,7 @@ def test_bad_value_is_refused_with_name_value_and_what_is_allowed(name, value, a
     for set_it in (lambda: Shift(**{name: value}), lambda: setattr(Shift(), name, value)):
         with pytest.raises(ValueError, match="Shift") as caught:
             set_it()
-        assert str(caught.value) == f"Shift.{name} is {value!r}, but must be {allowed}"
+        assert str(caught.value) == f"Shift: {name} is {value!r}, but must be {allowed}"
 
 
 @pytest.mark.parametrize(
@@ -179,7 +179,7 @@ def test_documentation_is_written_from_the_declarations():
 
 
 def test_open_port_is_named():
-    with pytest.raises(ValueError, match=r"Shift\.shape is not connected; it must be a vtkPolyData"):
+    with pytest.raises(ValueError, match=r"Shift: shape: it is not connected; it must be a vtkPolyData"):
         Shift().update()
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -67,6 +69,35 @@ class MissingFileError(FileNotFoundError):
 def in_words(where: str, problem: str, remedy: str) -> str:
     """Return an error's message, ``where: problem; remedy``, of those that are not empty."""
     return "; ".join(part for part in (": ".join(part for part in (where, problem) if part), remedy) if part)
+
+
+@contextmanager
+def placed(where: str) -> Iterator[None]:
+    """Raise what is a ValueError within as an InputError at a place.
+
+    Parameters
+    ----------
+    where : str
+        The port or the argument at fault, which what is called within does not know.
+
+    Raises
+    ------
+    InputError
+        With the problem and the remedy of the error within.
+
+    Examples
+    --------
+    >>> from vtkmuscle.core.errors import InputError, placed
+    >>> with placed("PBDDeformer: muscle"):
+    ...     raise InputError("", "the surface is open", "close it")
+    Traceback (most recent call last):
+        ...
+    vtkmuscle.core.errors.InputError: PBDDeformer: muscle: the surface is open; close it
+    """
+    try:
+        yield
+    except ValueError as error:
+        raise InputError(where, *fault_of(error, placed=True)) from error
 
 
 def fault_of(error: Exception, *, placed: bool = False) -> tuple[str, str]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.mean_value import mean_value_coordinates, transport
 from vtkmuscle.core.fibres.sparse_weights import (
     SparseWeights,
@@ -194,9 +195,10 @@ class FibreTransport(Filter):
         points, triangles = checked_surface(rest_muscle, "FibreTransport: rest_muscle")
         deformed, _ = checked_surface(deformed_muscle, "FibreTransport: deformed_muscle")
         if len(deformed) != len(points):
-            raise ValueError(
-                f"FibreTransport: deformed_muscle has {len(deformed)} points, but rest_muscle has "
-                f"{len(points)}; both must be the same mesh, before and after the deformation"
+            raise InputError(
+                "FibreTransport",
+                f"deformed_muscle has {len(deformed)} points, but rest_muscle has {len(points)}",
+                "both must be the same mesh, before and after the deformation",
             )
         rest = self._rest_of(lines.points, points, triangles)
         carried = self._carried(deformed_muscle, len(lines.points))

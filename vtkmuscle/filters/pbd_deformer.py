@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.collision.muscle_contact import Neighbour
-from vtkmuscle.core.errors import InputError, fault_of
+from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.pbd.muscle_model import FixedMuscle, MuscleModel, MuscleShape
 from vtkmuscle.core.pbd.solver import MuscleSolver, MuscleState
 from vtkmuscle.core.taut.via_rings import ViaRing
@@ -294,10 +294,8 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     def _made_solver(self) -> MuscleSolver:
         """Return the solver for the present parameters."""
         obstacles = self._rest_bones.obstacles if self.collision != "off" else ()
-        try:
+        with placed("PBDDeformer: muscle"):
             return self._known_model.solver(solver_parameters(self.parameters()), self.anisotropy, obstacles)
-        except ValueError as error:
-            raise InputError("PBDDeformer: muscle", *fault_of(error)) from error
 
     @property
     def _known_model(self) -> MuscleModel:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.errors import InputError, fault_of
+from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.pbd.muscle_model import FixedMuscle
 from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.taut.paths import POINTS, TautPaths, TautState
@@ -190,7 +190,7 @@ class TautFibres(HistoryFilter[TautState]):
         assert given.fibres is not None
         self._rest_bones.take(bones, transforms_of(bones, _WHERE), collision="sdf")
         fibres = evenly_spread(*given.fibres, self.resolution + 1)
-        try:
+        with placed("TautFibres: rest_fibres"):
             self._paths = TautPaths(
                 fibres,
                 *bones_at_ends(fibres, given.points, given.fixed_to),
@@ -200,8 +200,6 @@ class TautFibres(HistoryFilter[TautState]):
                 rings=given.rings,
                 hold=self.hold,
             )
-        except ValueError as error:
-            raise InputError("TautFibres: rest_fibres", *fault_of(error)) from error
 
     def _result(self, rest_fibres: vtkPolyData, paths: TautPaths, state: TautState) -> vtkPolyData:
         count, n, _ = state.points.shape

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.morphing.superficial import SeenFibres, angle_to_nearest
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import (
@@ -146,7 +147,7 @@ class TemplateFitter(Filter):
         if superficial is not None:
             seen = superficial_fibres(superficial, "TemplateFitter: superficial", shape.points)
             seen = seen.within(np.zeros(3), reflection[:3, :3])
-        try:
+        with placed("TemplateFitter"):
             fits = [
                 self._fit(
                     axis,
@@ -159,8 +160,6 @@ class TemplateFitter(Filter):
                 for axis in self._axes(shape, origin, insertion)
                 for assignment in (ASSIGNMENTS if self.orientation == "any" else ASSIGNMENTS[:1])
             ]
-        except ValueError as error:
-            raise ValueError(f"TemplateFitter: {error}") from error
         least = min(fit.cost for fit in fits)
         best = next(fit for fit in fits if fit.cost <= least + TIE)
         transform = reflection @ best.transform
@@ -221,9 +220,10 @@ def _guide(seen: SeenFibres, lines: Polylines, turn: Floats) -> Callable[[Floats
 def _area(template: vtkPolyData, name: str) -> Floats:
     values = field_array(template, name)
     if values is None or values.ndim != 2 or values.shape[1] != 3:
-        raise ValueError(
-            f"TemplateFitter: template: the field array {name!r} (3 components: corners of an area in the "
-            "unit cube) is missing; FibreTemplateSource makes it"
+        raise InputError(
+            "TemplateFitter: template",
+            f"the field array {name!r} (3 components: corners of an area in the unit cube) is missing",
+            "FibreTemplateSource makes it",
         )
     return np.array(values, dtype=np.float64)
 
@@ -231,5 +231,7 @@ def _area(template: vtkPolyData, name: str) -> Floats:
 def _landmarks(areas: Sequence[AttachmentArea], role: str) -> Floats:
     mine = [area.landmarks for area in areas if area.role == role]
     if not mine:
-        raise ValueError(f"TemplateFitter: attachments: there is no area with the role {role!r}")
+        raise InputError(
+            "TemplateFitter: attachments", f"there is no area with the role {role!r}", "add its landmarks"
+        )
     return np.vstack(mine)

@@ -13,7 +13,8 @@ from vtkmuscle.core.collision.distance_collision import SKIN_CELLS, resolve_dist
 from vtkmuscle.core.collision.distance_grid import BAND_CELLS, DistanceGrid
 from vtkmuscle.core.collision.distance_lookup import rest_allowance
 from vtkmuscle.core.collision.grid_cache import cached_distance_grid
-from vtkmuscle.core.collision.obstacles import Approach, Obstacle, named
+from vtkmuscle.core.collision.obstacles import Approach, Obstacle
+from vtkmuscle.core.errors import placed
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -142,7 +143,7 @@ class DistanceObstacle(Obstacle):
     def grid(self) -> DistanceGrid:
         """Distances from the bone, in its own axes."""
         along = apply_transform(self.axes, self.points)
-        with named(self.name):
+        with placed(self.name):
             return _shared_grid(along, self.triangles, self.cell, self.band, self.region, self.name)
 
     def take_over(self, earlier: Obstacle | None) -> None:

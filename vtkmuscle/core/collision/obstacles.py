@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,6 +11,7 @@ import numpy as np
 from vtkmuscle.core.collision.clearance import Clearance
 from vtkmuscle.core.collision.voxel_collision import resolve_collisions
 from vtkmuscle.core.collision.voxels import VoxelGrid, build_voxel_grid
+from vtkmuscle.core.errors import placed
 from vtkmuscle.core.mesh.sampling import uneven_weights
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Bools, Floats, Ints
@@ -175,7 +174,7 @@ class VoxelObstacle(Obstacle):
     def grid(self) -> VoxelGrid:
         """The bone's voxels, in its own axes."""
         along = apply_transform(self.axes, self.points)
-        with named(self.name):
+        with placed(self.name):
             return build_voxel_grid(
                 along, self.triangles, n_max=self.n_max, n_equal=self.n_equal, what=self.name
             )
@@ -195,15 +194,6 @@ class VoxelObstacle(Obstacle):
         """Move points back the way they came, to the first voxel outside."""
         way = approach
         return resolve_collisions(self.grid, way.now, way.step, way.x, p, way.free, bone_push=way.bone_push)
-
-
-@contextmanager
-def named(bone: str) -> Iterator[None]:
-    """Put the name of the bone into an error of making its grid."""
-    try:
-        yield
-    except ValueError as error:
-        raise ValueError(f"{bone}: {error}") from error
 
 
 def bone_axes(points: Floats) -> Floats:

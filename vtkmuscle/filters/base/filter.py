@@ -15,6 +15,7 @@ from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkDemandDrivenPipeline
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.pipeline_times import announce_times
 from vtkmuscle.data.provenance import add_provenance, provenance_entry
@@ -397,7 +398,7 @@ class Filter(VTKPythonAlgorithmBase):
             connected = infos.GetNumberOfInformationObjects() > 0
             data = infos.GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT()) if connected else None
             if data is not None and data.GetNumberOfElements(vtkDataObject.POINT) == 0:
-                raise ValueError(f"{type(self).__name__}.{port.name}: the input has no points")
+                raise InputError(f"{type(self).__name__}: {port.name}", "the input has no points")
             inputs.append(data)
         return inputs
 
@@ -426,9 +427,8 @@ class Filter(VTKPythonAlgorithmBase):
         for number, port in enumerate(self.input_ports):
             if not self.GetNumberOfInputConnections(number):
                 if not port.optional:
-                    raise ValueError(
-                        f"{type(self).__name__}.{port.name} is not connected; it must be {port.allowed}"
-                    )
+                    where = f"{type(self).__name__}: {port.name}"
+                    raise InputError(where, "it is not connected", f"it must be {port.allowed}")
                 continue
             connection = self.GetInputConnection(number, 0)
             data = connection.GetProducer().GetOutputDataObject(connection.GetIndex())
