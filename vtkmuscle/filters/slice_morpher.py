@@ -10,8 +10,9 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.morphing.isolines import morph_by_isolines
+from vtkmuscle.core.morphing.planes import morph_by_planes
 from vtkmuscle.core.morphing.section_maps import MAPPINGS
-from vtkmuscle.core.morphing.slices import Box, Morph, Slicing, morph_by_planes
+from vtkmuscle.core.morphing.slices import Box, Morph, Slicing
 from vtkmuscle.core.morphing.twist import Found, Twisting
 from vtkmuscle.core.template.fitting import lie_opposite
 from vtkmuscle.core.types import Floats

@@ -13,7 +13,7 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, polylines_from
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.meshing import box
-from vtkmuscle.phantoms.phantom import Phantom, phantom_from
+from vtkmuscle.phantoms.phantom import Phantom, one_muscle
 
 #: From a coordinate's control points, as functions of r or s, to the kind's fibres.
 Controls = tuple[Callable[[float], float], ...]
@@ -85,7 +85,7 @@ def fibre_block(kind: str) -> Phantom:
     right = box((WIDTH, 0.0, half), (WIDTH + PLATE, DEPTH, LENGTH), SPACING)
     lower_right = box((WIDTH, 0.0, 0.0), (WIDTH + PLATE, DEPTH, half), SPACING)
     known: dict[str, float | Callable[..., float]] = {"volume": WIDTH * DEPTH * LENGTH}
-    superficial = {}
+    superficial = None
     bones = {"origin_plate": below, "insertion_plate": above}
     origins, insertion = {"origin_plate": bottom}, top
     if kind == "parallel":
@@ -108,7 +108,7 @@ def fibre_block(kind: str) -> Phantom:
             middle = np.array([WIDTH / 2.0, DEPTH / 2.0, LENGTH])
             insertion = middle + (top - middle) * [0.3, 0.5, 1.0]
         else:
-            superficial = {"block": _seen()}
+            superficial = _seen()
     else:
         allowed = ", ".join(map(repr, ("parallel", "pennate", "bipennate", *_COURSES)))
         raise ValueError(f"fibre_block: kind is {kind!r}, but must be one of {allowed}")
@@ -117,13 +117,14 @@ def fibre_block(kind: str) -> Phantom:
     table[:, 2, 3] = -shifts
     areas = [AttachmentArea("origin", bone, _ring(corners), closed=True) for bone, corners in origins.items()]
     areas.append(AttachmentArea("insertion", "insertion_plate", _ring(insertion), closed=True))
-    return phantom_from(
+    return one_muscle(
         f"{kind}_block",
+        "block",
+        box((0.0, 0.0, 0.0), (WIDTH, DEPTH, LENGTH), SPACING),
+        areas,
         bones=bones,
-        muscles={"block": box((0.0, 0.0, 0.0), (WIDTH, DEPTH, LENGTH), SPACING)},
-        areas={"block": areas},
         motion=RigidMotion(shifts, {"insertion_plate": table}),
-        templates={"block": kind},
+        template=kind,
         known=known,
         superficial=superficial,
     )

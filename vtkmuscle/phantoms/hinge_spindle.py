@@ -8,10 +8,10 @@ import numpy as np
 
 from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution, volume_of_revolution
-from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
+from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
+from vtkmuscle.phantoms.straps import round_ring
 
 #: Centres of the muscle's flat ends [mm]; the hinge is at the origin, its axis -x.
 ORIGIN = np.array([0.0, -32.0, 80.0])
@@ -47,19 +47,14 @@ def spindle_over_hinge() -> Phantom:
     (140.0, 32.0)
     """
     bones, muscle = surfaces((float(ORIGIN[0]), float(ORIGIN[1])))
-    angles = 2.0 * np.pi * np.arange(12) / 12
-    circle = 0.8 * END_RADIUS * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(12)])
-    areas = [
-        AttachmentArea("origin", "proximal", ORIGIN + circle, closed=True),
-        AttachmentArea("insertion", "distal", INSERTION + circle, closed=True),
-    ]
-    return phantom_from(
+    circle = round_ring((0, 0), (0, -1), 0.8 * END_RADIUS)
+    return one_muscle(
         "spindle_over_hinge",
+        "spindle",
+        muscle,
+        ends("proximal", ORIGIN + circle, "distal", INSERTION + circle),
         bones=bones,
-        muscles={"spindle": muscle},
-        areas={"spindle": areas},
         motion=hinge("distal", centre=(0, 0, 0), axis=AXIS, angles=np.arange(0.0, 41.0, 2.0)),
-        templates={"spindle": "parallel"},
         known={
             "volume": volume_of_revolution(*spindle_profile(), SIDES),
             "length": line_length,

@@ -9,10 +9,9 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.implicit import thick_sheet
 from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution, volume_of_revolution
-from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
+from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
 from vtkmuscle.phantoms.planar import flexed, in_space
 from vtkmuscle.phantoms.straps import round_ring
 
@@ -70,17 +69,14 @@ def slivered_tendon(*, pulls: ArrayLike | None = None) -> Phantom:
         raise ValueError(f"slivered_tendon: a pull is {outside[0]:g} mm, but must be from 0 to {PULL:g} mm")
     bones, muscle = _surfaces()
     radius = float(_profile()[1][-1])
-    areas = [
-        AttachmentArea("origin", "base", round_ring((-MIDDLE, TOP), (0, -1), 0.8 * radius), closed=True),
-        AttachmentArea("insertion", "pulled", round_ring((-MIDDLE, END), (0, -1), 0.8 * TENDON), closed=True),
-    ]
-    return phantom_from(
+    upper, lower = (round_ring((-MIDDLE, z), (0, -1), 0.8 * r) for z, r in ((TOP, radius), (END, TENDON)))
+    return one_muscle(
         "slivered_tendon",
+        "muscle",
+        muscle,
+        ends("base", upper, "pulled", lower),
         bones=bones,
-        muscles={"muscle": muscle},
-        areas={"muscle": areas},
         motion=RigidMotion(times, {"pulled": np.array([_pulled(pull) for pull in times])}),
-        templates={"muscle": "parallel"},
         known={
             "length": lambda pull: TOP - END + pull,
             "volume": volume_of_revolution(*_profile(), SIDES),

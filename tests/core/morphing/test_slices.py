@@ -5,9 +5,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from vtkmuscle.core.morphing.planes import morph_by_planes
 from vtkmuscle.core.morphing.section_maps import MAPPINGS, map_section
 from vtkmuscle.core.morphing.sections import closed_surface
-from vtkmuscle.core.morphing.slices import Slicing, morph_by_planes, shared_levels
+from vtkmuscle.core.morphing.slices import Slicing, shared_levels
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.kinds import TEMPLATES, sobol_points
 from vtkmuscle.phantoms.implicit import thick_curve, union

@@ -30,6 +30,10 @@ BAND_CELLS = 2.5
 MOST_BLOCKS = 2**23
 
 
+#: Lowest and highest corner [mm].
+Corners = tuple[ArrayLike, ArrayLike]
+
+
 class Field(NamedTuple):
     """A :class:`DistanceGrid` as kernels take it; the attributes are the grid's."""
 
@@ -85,7 +89,7 @@ def build_distance_grid(
     *,
     cell: float,
     band: float | None = None,
-    region: tuple[ArrayLike, ArrayLike] | None = None,
+    region: Corners | None = None,
     threads: int = 0,
     what: str = "distance grid",
 ) -> DistanceGrid:
@@ -196,9 +200,7 @@ def warn_of(remarks: tuple[str, ...], what: str) -> None:
         warnings.warn(f"{what}: " + "; ".join(remarks), stacklevel=3)
 
 
-def _blocks_of(
-    base: Floats, top: Floats, cell: float, region: tuple[ArrayLike, ArrayLike] | None
-) -> tuple[Ints, Ints]:
+def _blocks_of(base: Floats, top: Floats, cell: float, region: Corners | None) -> tuple[Ints, Ints]:
     """Return the first block of the grid, counted from the base, and the number of blocks."""
     low, high = base, top
     if region is not None:

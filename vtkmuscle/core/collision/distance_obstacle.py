@@ -224,6 +224,6 @@ def _shared_grid(
     with building.lock:  # other bones are built meanwhile
         grid = _shared.get(key)
         if grid is None:
-            grid = cached_distance_grid(points, triangles, cell=cell, band=band, region=region, what=name)
+            grid = cached_distance_grid((points, triangles), cell=cell, band=band, region=region, what=name)
             _shared[key] = grid
     return grid

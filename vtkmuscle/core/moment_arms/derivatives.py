@@ -88,7 +88,7 @@ def moment_arms(
     >>> found.arms[:2, 0, 0].round(6)
     array([-30., -30.])
     """
-    curves, samples = _checked_lengths(lengths), _checked_coordinates(coordinates)
+    curves, samples = _checked_samples(lengths, coordinates)
     if len(curves) != len(samples):
         raise InputError(
             "moment arms",
@@ -163,7 +163,7 @@ def quartic_moment_arms(
     >>> arms.round(6), residuals.round(6)
     (array([[-1.]]), array([0.]))
     """
-    curves, samples = _checked_lengths(lengths), _checked_coordinates(coordinate)
+    curves, samples = _checked_samples(lengths, coordinate)
     if samples.shape[1] != 1 or len(curves) != len(samples):
         raise InputError(
             "moment arms",
@@ -185,28 +185,24 @@ def quartic_moment_arms(
     return arms, np.sqrt((left**2).mean(axis=0))
 
 
-def _checked_lengths(lengths: ArrayLike) -> Floats:
-    curves = np.asarray(lengths, dtype=np.float64)
-    curves = curves[:, None] if curves.ndim == 1 else curves
-    if curves.ndim != 2 or not curves.size or not np.isfinite(curves).all():
+def _checked_table(table: ArrayLike, what: str, column: str) -> Floats:
+    """Return finite numbers with a row per pose, having checked them; a list is one column."""
+    rows = np.asarray(table, dtype=np.float64)
+    rows = rows[:, None] if rows.ndim == 1 else rows
+    if rows.ndim != 2 or not rows.size or not np.isfinite(rows).all():
         raise InputError(
             "moment arms",
-            f"the lengths are of shape {curves.shape}, but must be finite numbers, a row per pose and a "
-            "column per fibre",
+            f"the {what} are of shape {rows.shape}, but must be finite numbers, a row per pose and a column "
+            f"per {column}",
         )
-    return curves
+    return rows
 
 
-def _checked_coordinates(coordinates: ArrayLike) -> Floats:
-    samples = np.asarray(coordinates, dtype=np.float64)
-    samples = samples[:, None] if samples.ndim == 1 else samples
-    if samples.ndim != 2 or not samples.size or not np.isfinite(samples).all():
-        raise InputError(
-            "moment arms",
-            f"the coordinates are of shape {samples.shape}, but must be finite numbers, a row per pose "
-            "and a column per coordinate",
-        )
-    return samples
+def _checked_samples(lengths: ArrayLike, coordinates: ArrayLike) -> tuple[Floats, Floats]:
+    """Return lengths (f, k) and coordinates (f, d), as arrays of finite numbers."""
+    return _checked_table(lengths, "lengths", "fibre"), _checked_table(
+        coordinates, "coordinates", "coordinate"
+    )
 
 
 def _checked_places(at: ArrayLike, samples: Floats) -> Floats:

@@ -107,14 +107,14 @@ def morph_by_isolines(
     Parameters
     ----------
     fibre_points, transform, muscle, slicing
-        As for :func:`vtkmuscle.core.morphing.slices.morph_by_planes`.
+        As for :func:`vtkmuscle.core.morphing.planes.morph_by_planes`.
     field : (n,) array
         From :func:`attachment_field`, of this muscle or of the same one in another pose.
 
     Returns
     -------
     Morph
-        Points in the muscle [mm], and what there is to say about them.
+        As of morph_by_planes; nothing of the course is steep.
 
     Raises
     ------

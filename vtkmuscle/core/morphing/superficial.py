@@ -20,7 +20,7 @@ from vtkmuscle.core.mesh.harmonic import (
     harmonic_field,
     triangle_gradients,
 )
-from vtkmuscle.core.mesh.segments import fibre_directions_at, segments
+from vtkmuscle.core.mesh.segments import fibre_directions_at, proper_segments, segments
 from vtkmuscle.core.mesh.surface import extent, triangle_normals, unit_vectors, vertex_normals
 from vtkmuscle.core.mesh.topology import MeshTopology
 from vtkmuscle.core.types import Floats, Ints
@@ -74,12 +74,7 @@ def seen_fibres(points: Floats, offsets: Ints, muscle: Floats) -> SeenFibres:
     ValueError
         If no fibre has a length.
     """
-    a, b = segments(points, offsets)
-    lengths = np.linalg.norm(b - a, axis=1)
-    proper = lengths > 0.0
-    if not proper.any():
-        raise ValueError("no superficial fibre has a length, so that they have no direction")
-    a, b, lengths = a[proper], b[proper], lengths[proper]
+    a, b, lengths = proper_segments(points, offsets)
     counts = np.maximum(np.ceil(lengths / (LONGEST_PIECE * extent(muscle))), 1).astype(np.int64)
     segment = np.repeat(np.arange(len(a)), counts)
     within = np.arange(len(segment)) - np.repeat(np.cumsum(counts) - counts, counts)
