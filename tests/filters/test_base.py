@@ -155,7 +155,7 @@ def test_parameters_are_inherited_and_may_be_declared_anew():
     assert FarShift().times == 5
     assert FarShift().way == "there"
     assert list(FarShift.parameter_declarations) == ["vector", "times", "way", "limit"]
-    with pytest.raises(ValueError, match=r"FarShift\.times"):
+    with pytest.raises(ValueError, match=r"FarShift: times"):
         FarShift(times=1)
 
 
@@ -184,7 +184,7 @@ def test_open_port_is_named():
 
 
 def test_open_port_upstream_is_named():
-    with pytest.raises(ValueError, match=r"Shift\.shape is not connected"):
+    with pytest.raises(ValueError, match=r"Shift: shape: it is not connected"):
         (Shift() >> vtkCleanPolyData() >> Shift()).last.update()
 
 
@@ -204,7 +204,7 @@ def test_too_many_inputs_are_refused():
 
 
 def test_empty_input_is_refused():
-    with pytest.raises(ValueError, match=r"Shift\.shape: the input has no points"):
+    with pytest.raises(ValueError, match=r"Shift: shape: the input has no points"):
         Shift().apply(vtkPolyData())
 
 

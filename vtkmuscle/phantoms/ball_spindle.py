@@ -8,9 +8,8 @@ from numpy.typing import ArrayLike
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, rotation_about
 from vtkmuscle.core.types import Floats
 from vtkmuscle.phantoms.coordinates import checked_poses
-from vtkmuscle.phantoms.hinge_spindle import END_RADIUS, surfaces
-from vtkmuscle.phantoms.phantom import Phantom, ends, one_muscle
-from vtkmuscle.phantoms.straps import round_ring
+from vtkmuscle.phantoms.hinge_spindle import spindle
+from vtkmuscle.phantoms.phantom import Phantom, one_muscle
 
 #: Centres of the muscle's flat ends [mm]: in front of the joint, which is at the origin, and to its left.
 ORIGIN = np.array([12.0, -32.0, 80.0])
@@ -48,7 +47,7 @@ def spindle_over_ball(*, coordinates: ArrayLike | None = None) -> Phantom:
     Raises
     ------
     ValueError
-        If coordinates are no pairs of numbers, or are out of range.
+        For coordinates that are no pairs of numbers, or are out of range.
 
     Examples
     --------
@@ -59,13 +58,12 @@ def spindle_over_ball(*, coordinates: ArrayLike | None = None) -> Phantom:
     """
     given = _net() if coordinates is None else coordinates
     poses = checked_poses(given, LIMITS, "spindle_over_ball")
-    bones, muscle = surfaces((float(ORIGIN[0]), float(ORIGIN[1])))
-    circle = round_ring((0, 0), (0, -1), 0.8 * END_RADIUS)
+    bones, muscle, areas = spindle((float(ORIGIN[0]), float(ORIGIN[1])))
     return one_muscle(
         "spindle_over_ball",
         "spindle",
         muscle,
-        ends("proximal", ORIGIN + circle, "distal", INSERTION + circle),
+        areas,
         bones=bones,
         motion=RigidMotion(
             np.arange(float(len(poses))), {"distal": np.array([turned(*pose) for pose in poses])}, np.zeros(3)

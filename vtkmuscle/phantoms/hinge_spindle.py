@@ -8,6 +8,7 @@ import numpy as np
 
 from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
 from vtkmuscle.core.types import Floats
+from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution, volume_of_revolution
 from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
@@ -46,13 +47,12 @@ def spindle_over_hinge() -> Phantom:
     >>> float(round(phantom.known["length"](0.0), 6)), float(round(phantom.known["moment_arm"](0.0), 6))
     (140.0, 32.0)
     """
-    bones, muscle = surfaces((float(ORIGIN[0]), float(ORIGIN[1])))
-    circle = round_ring((0, 0), (0, -1), 0.8 * END_RADIUS)
+    bones, muscle, areas = spindle((float(ORIGIN[0]), float(ORIGIN[1])))
     return one_muscle(
         "spindle_over_hinge",
         "spindle",
         muscle,
-        ends("proximal", ORIGIN + circle, "distal", INSERTION + circle),
+        areas,
         bones=bones,
         motion=hinge("distal", centre=(0, 0, 0), axis=AXIS, angles=np.arange(0.0, 41.0, 2.0)),
         known={
@@ -88,15 +88,17 @@ def spindle_profile() -> tuple[Floats, Floats]:
 
 
 @cache
-def surfaces(middle: tuple[float, float]) -> tuple[dict[str, Surface], Surface]:
-    """Return the bones, and the muscle about the vertical line through (x, y) [mm]."""
+def spindle(middle: tuple[float, float]) -> tuple[dict[str, Surface], Surface, list[AttachmentArea]]:
+    """Return bones, muscle and areas, the muscle about the vertical line through (x, y) [mm]."""
     origin, insertion = (np.array([*middle, end[2]]) for end in (ORIGIN, INSERTION))
+    circle = round_ring((0, 0), (0, -1), 0.8 * END_RADIUS)
     bones = {
         "proximal": mesh_of(bone_with_arm(origin, 1.0), 3.0, 3000),
         "distal": mesh_of(bone_with_arm(insertion, -1.0), 3.0, 3000),
     }
     points, triangles = solid_of_revolution(*spindle_profile(), SIDES)
-    return bones, (points + np.array([*middle, 0.0]), triangles)
+    areas = ends("proximal", origin + circle, "distal", insertion + circle)
+    return bones, (points + np.array([*middle, 0.0]), triangles), areas
 
 
 def bone_with_arm(attachment: Floats, up: float) -> Solid:

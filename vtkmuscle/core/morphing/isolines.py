@@ -27,9 +27,9 @@ from vtkmuscle.core.morphing.loop_chains import loop_areas, main_loops
 from vtkmuscle.core.morphing.sections import ClosedSurface, Sections, cut_surface
 from vtkmuscle.core.morphing.slices import (
     SAME_HEIGHT,
-    Box,
     Morph,
     Slicing,
+    in_box,
     map_sections,
     shared_levels,
 )
@@ -121,9 +121,7 @@ def morph_by_isolines(
     ValueError
         If the function has no isolines with an inside.
     """
-    box = Box(transform)
-    inside, surface = box.coordinates(fibre_points), box.surface(muscle)
-    slicing.report_progress(0.1)
+    box, inside, surface = in_box(fibre_points, transform, muscle, slicing)
     values, ways = way_of_values(surface.points, surface.triangles, field)
     length = float(ways[-1])
 

@@ -14,9 +14,9 @@ from vtkmuscle.core.morphing.sections import ClosedSurface, Sections, cut_surfac
 from vtkmuscle.core.morphing.slices import (
     SAME_HEIGHT,
     STEEP,
-    Box,
     Morph,
     Slicing,
+    in_box,
     map_sections,
     shared_levels,
 )
@@ -63,9 +63,7 @@ def morph_by_planes(
     ValueError
         If no slice through the template has an inside.
     """
-    box = Box(transform)
-    inside, surface = box.coordinates(fibre_points), box.surface(muscle)
-    slicing.report_progress(0.1)
+    box, inside, surface = in_box(fibre_points, transform, muscle, slicing)
     tolerance = max(slicing.slice_tolerance, SAME_HEIGHT * box.length)
     all_heights = np.ascontiguousarray(surface.points[:, 2])
     extent = all_heights[surface.triangles]  # of the points that are used

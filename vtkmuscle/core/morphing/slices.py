@@ -219,6 +219,16 @@ class Box:
         return fibres.within(self._corner, self._frame)
 
 
+def in_box(
+    fibre_points: Floats, transform: Floats, muscle: ClosedSurface, slicing: Slicing
+) -> tuple[Box, Floats, ClosedSurface]:
+    """Return the template's box, and fibre points (n, 3) and muscle in its coordinates."""
+    box = Box(transform)
+    inside, surface = box.coordinates(fibre_points), box.surface(muscle)
+    slicing.report_progress(0.1)
+    return box, inside, surface
+
+
 def members(slice_of: Ints, n_slices: int) -> list[Ints]:
     """Return the numbers of the points of each slice."""
     order = np.argsort(slice_of, kind="stable")
