@@ -15,7 +15,8 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle.data.arrays import multiblock_from, points_of, set_field_array, with_points
 from vtkmuscle.data.pipeline_times import times_of
-from vtkmuscle.filters.base.filter import AbortedError, Filter
+from vtkmuscle.filters.base.algorithm import AbortedError
+from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
 

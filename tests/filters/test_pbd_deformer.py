@@ -26,7 +26,7 @@ from vtkmuscle.data.arrays import (
     triangles_of,
     with_points,
 )
-from vtkmuscle.filters.base.filter import AbortedError
+from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.deformer.convergence_report import read_convergence
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
