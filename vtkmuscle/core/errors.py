@@ -1,4 +1,4 @@
-"""Input that cannot be used: an error with fields, for whoever passes it on or shows it."""
+"""Input that cannot be used: an error with fields, to be passed on or shown."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class AttachmentArea:
         True where the landmarks are the boundary of an area (a ring), False for an open curve or loose
         points: then the attachment is what lies near the curve. A via ring is closed.
     estimated : bool
-        True where nobody has seen the landmarks: they were made from where the muscle touches the bone.
+        True where the landmarks were not digitised but made from where the muscle touches the bone.
     """
 
     role: str

@@ -55,7 +55,7 @@ def transforms_of(bones: dict[str, vtkPolyData], where: str) -> Floats:
 
 
 def _reach_of(bone: vtkPolyData, where: str) -> Floats | None:
-    """Return between which points, at rest, muscles are foreseen by a bone, None where nobody says."""
+    """Return the points, at rest, between which muscles are expected by a bone; None where it has none."""
     reach = field_array(bone, "Reach")
     if reach is None:
         return None

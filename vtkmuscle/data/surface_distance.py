@@ -74,7 +74,7 @@ class SurfaceDistance:
     def signed(self, points: ArrayLike) -> Floats:
         """Return the distance of each point (n, 3) from the nearest triangle, negative behind it, (n,).
 
-        Unlike :meth:`depth` it needs no closed shell, and tells nothing where shells overlap.
+        Unlike :meth:`depth` it needs no closed shell, and means nothing where shells overlap.
         """
         side = float(np.sign(signed_volume(self._points, self._triangles)) or 1.0)
         return side * self._whole.signed(_checked(points))[0]

@@ -133,7 +133,7 @@ def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeomet
     inner, outer = geometry.once(("end areas", rings), found)
     if inner is None or inner.distance is None:
         return outer
-    # The area may as well be hollow, or the landmarks off: the template's fibres tell where they end.
+    # The area may as well be hollow, or the landmarks off: where the template's fibres end decides.
     there = inner.distance(ends) <= TOLERANCE * geometry.mean_edge
     return inner if there.mean() > 0.5 else outer
 

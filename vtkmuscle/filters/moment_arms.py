@@ -45,7 +45,7 @@ class MomentArms(Filter):
     The coordinate is one of the ``motion``, or where none is given the pipeline's time. Of a motion with one
     coordinate those frames count in which the bones' rotation depends on it alone, and not a way from rest
     to the sweep's start. By several coordinates a moment arm is that with the others held; it is determined
-    where the poses about tell them apart.
+    where the poses about separate them.
 
     Raises
     ------

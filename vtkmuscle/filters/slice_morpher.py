@@ -30,7 +30,7 @@ from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.harmonic_field import field_of, has_field
 
-#: Deviations of superficial fibres that are told, root mean square [degrees].
+#: Deviations of superficial fibres from which on a warning is given, root mean square [degrees].
 NOTICED = 10.0
 #: ``slice_tolerance=None`` as a part of the box's length.
 DEFAULT_TOLERANCE = 1e-3

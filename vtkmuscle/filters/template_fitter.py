@@ -55,8 +55,8 @@ class TemplateFitter(Filter):
 
     Where superficial fibres are connected, boxes are also judged by the angle between them and the template's
     fibres next to them: landmarks that are off by a tenth of the muscle's length, on the average, count as
-    much as fibres that are off by 6 degrees (root mean square). That tells the side to which fibres lean or
-    arch where landmarks do not. A twist, which no box has, is SliceMorpher's.
+    much as fibres that are off by 6 degrees (root mean square). From that follows the side to which fibres
+    lean or arch where landmarks leave it open. A twist, which no box has, is SliceMorpher's.
 
     Only rotations are tried. ``mirror=True`` is for the muscle of the other side of the body: it gives the
     mirror image of what the mirrored muscle would get.

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.types import Floats
 from vtkmuscle.phantoms.implicit import Solid, ball, thick_curve
@@ -63,9 +64,9 @@ def flexor_over_brim(*, groove: float = 8.0) -> Phantom:
     [17.8, -27.9]
     """
     if not DEPTHS[0] <= groove <= DEPTHS[1]:
-        raise ValueError(
-            f"flexor_over_brim: groove is {groove!r}, but its depth must be from {DEPTHS[0]:g} to "
-            f"{DEPTHS[1]:g} mm"
+        raise InputError(
+            "flexor_over_brim",
+            f"groove is {groove!r}, but its depth must be from {DEPTHS[0]:g} to {DEPTHS[1]:g} mm",
         )
     bones, muscle = _surfaces(float(groove))
     at_rest = taut(0.0)

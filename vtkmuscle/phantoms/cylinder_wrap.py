@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.types import Floats
 from vtkmuscle.phantoms.implicit import thick_sheet
@@ -65,9 +66,11 @@ def wrapping_cylinder(*, angles: ArrayLike | None = None) -> Phantom:
     times = np.arange(0.0, 41.0, 2.0) if angles is None else np.asarray(angles, dtype=np.float64)
     outside = times[~((times >= UNWOUND) & (times <= WOUND))]
     if len(outside):
-        raise ValueError(
-            f"wrapping_cylinder: an angle is {outside[0]:g} degrees; the strap lies on the cylinder, and its "
-            f"moment arm is known, from {UNWOUND:g} to {WOUND:g} only: choose angles within"
+        raise InputError(
+            "wrapping_cylinder",
+            f"an angle is {outside[0]:g} degrees, but the strap lies on the cylinder, and its moment arm is "
+            f"known, from {UNWOUND:g} to {WOUND:g} only",
+            "choose angles within",
         )
     bones, muscle = _surfaces()
     # The strap's edges are round: landmarks lie on the flat part of its faces.

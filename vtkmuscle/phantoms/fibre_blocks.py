@@ -8,6 +8,7 @@ import numpy as np
 from scipy.integrate import quad
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, polylines_from
@@ -48,7 +49,7 @@ def fibre_block(kind: str) -> Phantom:
     parallel from the lower half of the face x = 0 to the upper half of the face x = 20 mm. ``"bipennate"``:
     from the lower halves of both of these faces to a tendon in the middle of the upper half, within the
     muscle. ``"curved"``: in arcs that lean towards x = 20 mm; the block looks the same from four sides, so
-    superficial fibres on the face y = 0 tell this one. ``"fan"``: from the whole bottom to a part in the
+    superficial fibres on the face y = 0 show this one. ``"fan"``: from the whole bottom to a part in the
     middle of the top. The plate ``insertion_plate`` slides down along z, by the pipeline's time in mm.
 
     Parameters
@@ -111,7 +112,7 @@ def fibre_block(kind: str) -> Phantom:
             superficial = _seen()
     else:
         allowed = ", ".join(map(repr, ("parallel", "pennate", "bipennate", *_COURSES)))
-        raise ValueError(f"fibre_block: kind is {kind!r}, but must be one of {allowed}")
+        raise InputError("fibre_block", f"kind is {kind!r}, but must be one of {allowed}")
     shifts = np.arange(0.0, 11.0)
     table = np.tile(np.eye(4), (len(shifts), 1, 1))
     table[:, 2, 3] = -shifts

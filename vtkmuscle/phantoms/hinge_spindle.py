@@ -21,7 +21,7 @@ AXIS = np.array([-1.0, 0.0, 0.0])
 #: Radii of the muscle at its ends and in its middle [mm].
 END_RADIUS = 7.0
 BELLY_RADIUS = 16.0
-#: The muscle is a stack of so many slices of regular polygons.
+#: The muscle is a stack of slices, regular polygons: how many, and of how many sides.
 SLICES = 42
 SIDES = 24
 

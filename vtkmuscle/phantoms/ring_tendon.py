@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import VIA, AttachmentArea
@@ -90,8 +91,8 @@ def straight_moment_arm(angle: float) -> float:
 def _way(angle: float, clearance: float) -> Floats:
     """Return the corners (2 or 3, 2) of the taut way: its shortest length is convex in where it crosses."""
     if not 0.0 <= clearance <= HALF:
-        raise ValueError(
-            f"tendon_through_ring: clearance is {clearance!r}, but must be from 0 to {HALF:g} mm"
+        raise InputError(
+            "tendon_through_ring", f"clearance is {clearance!r}, but must be from 0 to {HALF:g} mm"
         )
     end = flexed(INSERTION, angle)
     part = (ORIGIN[1] - RING[1]) / (ORIGIN[1] - end[1])

@@ -13,7 +13,7 @@ from vtkmuscle.phantoms.straps import round_ring
 
 #: Length along z, radii of the flat ends and of the middle [mm].
 LENGTH, END_RADIUS, BELLY_RADIUS = 120.0, 10.0, 18.0
-#: The muscle is a stack of so many slices of regular polygons.
+#: The muscle is a stack of slices, regular polygons: how many, and of how many sides.
 SLICES, SIDES = 60, 48
 #: Thickness and half width of the plates that stand for the bones, edge length of their triangles [mm].
 PLATE, HALF_WIDTH, SPACING = 6.0, 16.0, 4.0
@@ -25,7 +25,7 @@ def winding_spindle(twist: float = 60.0, *, n_superficial: int = 5) -> Phantom:
     """Return a round muscle between two plates, whose fibres wind around its axis.
 
     The fibre through the point at the radius q r(0) and the angle p of the lower end is at the height z at
-    the radius q r(z) and the angle p + twist z / 120 mm. Nothing in the muscle's shape tells the twist; a few
+    the radius q r(z) and the angle p + twist z / 120 mm. The muscle's shape does not show the twist; a few
     superficial fibres, digitised on the middle part of the surface, do. The plate ``insertion_plate`` moves
     down along z, by the pipeline's time in mm.
 

@@ -69,7 +69,7 @@ class Barrier:
         self._from_axes: dict[int, Floats] = {}
         self._allowances: dict[int, Floats | None] = {}
         self._memory: dict[int, tuple[Floats, Clearance]] = {}
-        self._told: set[tuple[int, str]] = set()
+        self._warned: set[tuple[int, str]] = set()
 
     def from_axes(self, number: int) -> Floats:
         """Return the transform from an obstacle's axes to the scene at rest, about the muscle's centre."""
@@ -86,7 +86,7 @@ class Barrier:
             if allowance is not None:
                 inside = int((allowance[self.free] > self.obstacles[number].skin).sum())
                 if inside > SWALLOWED * self.free.sum():
-                    self.tell(
+                    self.warn(
                         number,
                         "swallowed",
                         f"{inside} of the muscle's {self.free.sum()} free points are in it at rest and may "
@@ -100,10 +100,10 @@ class Barrier:
             self._memory[number] = np.empty_like(self._rest), Clearance(len(self._rest))
         return self._memory[number]
 
-    def tell(self, number: int, kind: str, what: str) -> None:
+    def warn(self, number: int, kind: str, what: str) -> None:
         """Warn of what was seen at an obstacle, once for each kind."""
-        if self._warns and (number, kind) not in self._told:
-            self._told.add((number, kind))
+        if self._warns and (number, kind) not in self._warned:
+            self._warned.add((number, kind))
             warnings.warn(f"{self.obstacles[number].name}: {what}", stacklevel=2)
 
 
@@ -236,14 +236,14 @@ class Contact:
             came_from = approach.x[[farthest]]
             carried = float(np.linalg.norm(apply_transform(approach.step, came_from) - came_from))
             if carried > 0.5 * way:
-                barrier.tell(
+                barrier.warn(
                     number,
                     "jumped",
                     f"it moved {way:.4g} mm against the muscle in one step, but is {thickness:.4g} mm thick; "
                     "give the motion more frames, or use more substeps",
                 )
             else:
-                barrier.tell(
+                barrier.warn(
                     number,
                     "flung",
                     f"a point of the muscle moved {way:.4g} mm against it in one step by its own velocity, "
@@ -251,7 +251,7 @@ class Contact:
                     "velocity, or more iterations",
                 )
         if inside.sum() > SWALLOWED * barrier.free.sum():
-            barrier.tell(
+            barrier.warn(
                 number,
                 "swallowed",
                 f"{inside.sum()} of the muscle's {barrier.free.sum()} free points were in it at the "
@@ -283,7 +283,7 @@ class Contact:
         if (highest < low - obstacle.margin).any() or (lowest > high + obstacle.margin).any():
             return False
         if obstacle.cover(lowest, highest):
-            self._barrier.tell(
+            self._barrier.warn(
                 number,
                 "unforeseen",
                 "the muscle came farther along it than its bones would take it, so the distances from all of "

@@ -7,6 +7,7 @@ import numpy as np
 from vtkmuscle.core.collision.clearance import Clearance
 from vtkmuscle.core.collision.distance_grid import DistanceGrid, Field
 from vtkmuscle.core.collision.distance_lookup import distance_at, normal_at
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.motion.rigid import transform_point
 from vtkmuscle.core.types import Bools, Floats
@@ -96,9 +97,11 @@ def resolve_distance_collisions(
     """
     widest = grid.band - SKIN_CELLS * grid.cell
     if not (0.0 <= skin <= widest * (1.0 + 1e-12) and 0.0 <= friction < np.inf):
-        raise ValueError(
+        raise InputError(
+            "",
             f"skin must be 0 to {widest:g} mm (the band of the distance grid less 1.5 cells) and friction "
-            f">= 0, got skin={skin:g} mm, friction={friction:g}; build the grid with a wider band"
+            f">= 0, got skin={skin:g} mm, friction={friction:g}",
+            "build the grid with a wider band",
         )
     known = Clearance(len(p)) if clearance is None else clearance
     moved = np.zeros(len(p), dtype=np.bool_)

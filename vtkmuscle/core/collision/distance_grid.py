@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.collision.distance_blocks import SIDE, with_far_faces
 from vtkmuscle.core.collision.distance_shell import Lattice, ShellDistance, shell_distance
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.core.types import Floats, Ints, Singles, Table
 
@@ -95,7 +96,7 @@ def build_distance_grid(
 ) -> DistanceGrid:
     """Return the signed distance from a surface of one or several shells, which may overlap.
 
-    Within the band, distances are those to the triangles and the side is told by angle-weighted normals
+    Within the band, distances are those to the triangles and the side follows from angle-weighted normals
     (Baerentzen, Aanaes 2005, doi:10.1109/TVCG.2005.49). Farther inside, the distance is that of a front
     that moves inward at unit speed from the band (Zhao 2005, doi:10.1090/S0025-5718-04-01678-3), to first
     order. Each shell has an inside of its own, whether it faces outward or inward; of several the least
@@ -136,8 +137,8 @@ def build_distance_grid(
     """
     band = BAND_CELLS * cell if band is None else float(band)
     if not (np.isfinite(cell) and cell > 0 and np.isfinite(band) and band >= 2 * cell):
-        raise ValueError(
-            f"a distance grid needs cell > 0 and band >= 2 cells, got cell={cell:g} mm, band={band:g} mm"
+        raise InputError(
+            "", f"a distance grid needs cell > 0 and band >= 2 cells, got cell={cell:g} mm, band={band:g} mm"
         )
     surface = closed_shells(points, triangles)
     warn_of(surface.remarks, what)
@@ -147,9 +148,10 @@ def build_distance_grid(
     base, top = low - (band + cell), high + (band + cell)
     first, count = _blocks_of(base, top, cell, region)
     if np.prod(count.astype(np.float64)) > MOST_BLOCKS:
-        raise ValueError(
-            f"cells of {cell:g} mm are too small for a box of {np.ptp([base, top], axis=0).round(1)} mm; "
-            "use larger cells or a smaller region"
+        raise InputError(
+            "",
+            f"cells of {cell:g} mm are too small for a box of {np.ptp([base, top], axis=0).round(1)} mm",
+            "use larger cells or a smaller region",
         )
     threads = threads or os.cpu_count() or 1
     lattice = Lattice(base + SIDE * cell * first, float(cell), tuple(int(n) for n in count))
@@ -206,7 +208,9 @@ def _blocks_of(base: Floats, top: Floats, cell: float, region: Corners | None) -
     if region is not None:
         corners = np.asarray(region, dtype=np.float64)
         if corners.shape != (2, 3) or not np.isfinite(corners).all() or (corners[0] > corners[1]).any():
-            raise ValueError(f"a region is a low and a high corner, three finite numbers each, got {region}")
+            raise InputError(
+                "", f"a region is a low and a high corner, three finite numbers each, got {region}"
+            )
         # Two more cells, so that a gradient at the edge of the region has all its nodes.
         low = np.clip(corners[0] - 2 * cell, base, top)
         high = np.clip(corners[1] + 2 * cell, base, top)

@@ -23,7 +23,7 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 #: with cells of 1 mm, and 0.2 mm with 2 mm.
 CELLS_PER_DIAGONAL = 600.0
 
-#: By how much a grid goes beyond where muscles are foreseen, as a part of the diagonal of that: they bulge.
+#: By how much a grid goes beyond where muscles are expected, as a part of that region's diagonal: they bulge.
 BULGE = 0.05
 
 
@@ -46,7 +46,7 @@ class DistanceObstacle(Obstacle):
     friction : float
         Coulomb's coefficient [1].
     reach : (k, 3) array, optional
-        Points in the scene at rest, in whose convex hull, seen from the bone, muscles are foreseen [mm]: the
+        Points in the scene at rest, in whose convex hull, seen from the bone, muscles are expected [mm]: the
         grid covers no more of the bone than that takes. By default it covers all.
     """
 
@@ -67,7 +67,7 @@ class DistanceObstacle(Obstacle):
         super().__init__(bone, points, triangles, name)
         self._cell, self.skin, self.friction = cell, skin, friction
         self._reach = reach
-        self._foreseen = True
+        self._partial = True
 
     @property
     def settings(self) -> tuple[float | None, ...]:
@@ -79,14 +79,14 @@ class DistanceObstacle(Obstacle):
         return (
             super().same_as(other)
             and isinstance(other, DistanceObstacle)
-            and self._foreseen == other._foreseen
+            and self._partial == other._partial
             and _equal(self._reach, other._reach)
         )
 
     @cached_property
     def region(self) -> tuple[Floats, Floats] | None:
         """Lowest and highest corner of the box along the axes that the grid covers [mm], None for all."""
-        if self._reach is None or not self._foreseen:
+        if self._reach is None or not self._partial:
             return None
         along = apply_transform(self.axes, self._reach)
         low, high = along.min(axis=0), along.max(axis=0)
@@ -113,7 +113,7 @@ class DistanceObstacle(Obstacle):
         to_high = np.where(to_high > bone_high + self.margin, np.inf, to_high - spare)
         if (low > high).any() or _within(low, high, from_low, to_high):
             return False
-        self._foreseen = False
+        self._partial = False
         for made in ("region", "grid"):
             vars(self).pop(made, None)
         return True
@@ -152,7 +152,7 @@ class DistanceObstacle(Obstacle):
             isinstance(earlier, DistanceObstacle)
             and "grid" in vars(earlier)
             and (earlier.cell, earlier.band) == (self.cell, self.band)
-            and (earlier._foreseen, self._foreseen) == (True, True)
+            and (earlier._partial, self._partial) == (True, True)
             and _equal(earlier._reach, self._reach)
             and np.array_equal(earlier.points, self.points)
             and np.array_equal(earlier.triangles, self.triangles)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.closed_shells import ClosedShells, closed_shells
 from vtkmuscle.core.mesh.triangle_distance import winding_number
@@ -121,8 +122,8 @@ def build_voxel_grid(
         If n_max or n_equal is not positive.
     """
     if n_max < 1 or (n_equal is not None and n_equal < 1):
-        raise ValueError(
-            f"a voxel grid needs n_max >= 1 and n_equal >= 1, got n_max={n_max}, n_equal={n_equal}"
+        raise InputError(
+            "", f"a voxel grid needs n_max >= 1 and n_equal >= 1, got n_max={n_max}, n_equal={n_equal}"
         )
     surface = None
     if pockets:

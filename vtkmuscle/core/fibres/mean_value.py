@@ -10,6 +10,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.surface import numbered_edges
 from vtkmuscle.core.types import Floats, Ints
@@ -107,7 +108,7 @@ def coordinate_mesh(points: Floats, triangles: Ints) -> CoordinateMesh:
     opposite = edge_of.reshape(-1, 3)[:, [1, 2, 0]]  # half-edges are opposite to the corners 2, 0, 1
     used = vertices[np.unique(triangles)]
     if not len(used):
-        raise ValueError("mean value coordinates: the mesh has no triangle with an area")
+        raise InputError("mean value coordinates", "the mesh has no triangle with an area")
     diagonal = float(np.linalg.norm(np.ptp(used, axis=0)))
     arrays = MeshArrays(
         np.ascontiguousarray(vertices, dtype=np.float64),
@@ -140,10 +141,11 @@ def in_chunks(
         parts = list(pool.map(work, range(0, len(queries), CHUNK)))
     bad = np.flatnonzero(~(residuals <= LARGEST_RESIDUAL * mesh.diagonal))
     if len(bad):
-        raise ValueError(
-            f"mean value coordinates: {len(bad)} point(s), the first is number {bad[0]}, are not reproduced "
-            "by their weights; the surface must be closed and its triangles oriented alike, and the points "
-            "must not be many times its size away from it"
+        raise InputError(
+            "mean value coordinates",
+            f"{len(bad)} point(s), the first is number {bad[0]}, are not reproduced by their weights",
+            "the surface must be closed and its triangles oriented alike, and the points must not be many "
+            "times its size away from it",
         )
     return parts
 

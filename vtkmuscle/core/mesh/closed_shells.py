@@ -36,7 +36,7 @@ class ClosedShells:
 
 
 def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
-    """Return the connected parts of a surface, mended where they are open or inside out.
+    """Return the connected parts of a surface, closed and oriented where they are not.
 
     Equal points are made one where the surface is open otherwise. Parts whose triangles disagree about
     their side are made consistent. A hole is closed by triangles from its rim to the rim's centre. A part

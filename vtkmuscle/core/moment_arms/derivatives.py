@@ -29,7 +29,7 @@ class MomentArmCurves:
     errors : (m, k, d) array
         Their standard errors, for noise of the lengths that is independent from sample to sample.
     determined : (m, d) bool array
-        False where the samples near the value do not tell the coordinate from the others.
+        False where the samples near the value do not separate the coordinate from the others.
     window : int
         Places of samples that a window of the regression holds; one more than there are: all count alike.
     """

@@ -1,4 +1,4 @@
-"""A few fibres that somebody has seen on a muscle's surface, and the direction that they give all of it.
+"""A few fibres seen on a muscle's surface, and the direction that they give all of it.
 
 Dissected, digitised or drawn fibres cover little of a surface, and may lie some way off it. What counts is
 their direction there. Everywhere else it has to be inferred.
@@ -233,14 +233,14 @@ def _known_turns(
     angles = np.arctan2(np.linalg.norm(aside, axis=1), (along * h).sum(axis=1))
     aside = unit_vectors(aside)
     turns = angles * ((aside * first[nearest]).sum(axis=1) + 1j * (aside * second[nearest]).sum(axis=1))
-    # Pieces that are upright on the surface tell nothing.
+    # Pieces at right angles to the surface have no direction along it.
     weights = seen.weights * (np.linalg.norm(along, axis=1) > 0.0)
     known, number = np.unique(nearest, return_inverse=True)
     total = np.bincount(number, weights)
-    told = total > 0.0
+    aligned = total > 0.0
     values = np.zeros(len(known), dtype=np.complex128)
     values.real, values.imag = (np.bincount(number, weights * part) for part in (turns.real, turns.imag))
-    return known[told], values[told] / total[told]
+    return known[aligned], values[aligned] / total[aligned]
 
 
 def _least_rotations(laplacian: coo_array, course: Floats, first: Floats, second: Floats) -> Turns:

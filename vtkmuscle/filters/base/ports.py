@@ -175,12 +175,12 @@ class InputPort(Port):
 
 
 def source_of(value: Any) -> tuple[Any, int] | None:
-    """Return the algorithm and the number of its output that stand for what somebody connects.
+    """Return the algorithm and the number of its output that stand for a value to be connected.
 
     Parameters
     ----------
     value : vtkDataObject, vtkAlgorithm, chain, vtkAlgorithmOutput or select_ports
-        What somebody connects.
+        What is to be connected.
 
     Returns
     -------
