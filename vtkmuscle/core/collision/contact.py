@@ -36,8 +36,6 @@ class Barrier:
         Points that may be moved.
     bone_push : bool
         See :meth:`~vtkmuscle.core.collision.obstacles.Obstacle.keep_out`.
-    warns : bool
-        Whether to warn of what cannot come out well.
     """
 
     def __init__(
@@ -48,13 +46,11 @@ class Barrier:
         free: Bools,
         *,
         bone_push: bool,
-        warns: bool = True,
     ) -> None:
         self.obstacles = tuple(obstacles)
         self.free = free
         self.any_free = bool(free.any())
         self.bone_push = bone_push
-        self._warns = warns
         self._rest = rest
         self._about_centre = np.eye(4)
         self._about_centre[:3, 3] = -centre
@@ -102,7 +98,7 @@ class Barrier:
 
     def warn(self, number: int, kind: str, what: str) -> None:
         """Warn of what was seen at an obstacle, once for each kind."""
-        if self._warns and (number, kind) not in self._warned:
+        if (number, kind) not in self._warned:
             self._warned.add((number, kind))
             warnings.warn(f"{self.obstacles[number].name}: {what}", stacklevel=2)
 
