@@ -19,7 +19,7 @@ from vtkmuscle.filters.base.chain import chain_everywhere
 from vtkmuscle.filters.base.docstrings import documented
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
-from vtkmuscle.filters.base.running import Output, ask_for, one_or_all, run_on, time_asked, update, wrapped
+from vtkmuscle.filters.base.running import Running
 
 _RESERVED = frozenset(dir(vtkAlgorithm)) | {
     "apply",
@@ -35,7 +35,7 @@ _RESERVED = frozenset(dir(vtkAlgorithm)) | {
 chain_everywhere()
 
 
-class Filter(Algorithm):
+class Filter(Running, Algorithm):
     """A VTK algorithm with declared parameters and ports.
 
     A subclass declares :class:`~vtkmuscle.filters.base.parameters.Parameter`,
@@ -131,65 +131,6 @@ class Filter(Algorithm):
         return f"{type(self).__name__}({values})"
 
     __str__ = __repr__
-
-    # ---------------------------------------------------------------- running
-
-    @property
-    def time(self) -> float | None:
-        """Pipeline time that the output is asked for, until another one is; None is the last time step."""
-        return time_asked(self)
-
-    @time.setter
-    def time(self, value: float | None) -> None:
-        ask_for(self, value)
-
-    def update(self, time: float | None = None) -> Output:
-        """Bring the output up to date, and raise the original error where that fails.
-
-        Parameters
-        ----------
-        time : float, optional
-            Pipeline time to ask for; by default :attr:`time`.
-
-        Returns
-        -------
-        Output
-            With the property ``output``: the data object (or a tuple of them).
-
-        Raises
-        ------
-        Exception
-            Whatever this filter or a filter upstream of it raised.
-        """
-        return update(self, time)
-
-    def apply(self, *inputs: Any, time: float | None = None) -> Any:
-        """Run the filter on data, and return the result wrapped for PyVista.
-
-        Parameters
-        ----------
-        *inputs : vtkDataObject, vtkAlgorithm, chain, vtkAlgorithmOutput or None
-            One per input port, in order; missing ones keep their connection.
-        time : float, optional
-            Pipeline time to ask for; by default :attr:`time`.
-
-        Returns
-        -------
-        pyvista.DataObject
-            A copy that later updates do not change (a tuple where there are several outputs).
-
-        Raises
-        ------
-        TypeError
-            For more inputs than ports, or an input that is not of the port's kind.
-        Exception
-            Whatever this filter or a filter upstream of it raised.
-        """
-        return wrapped(run_on(self, self, inputs, time))
-
-    def __call__(self, *inputs: Any, time: float | None = None) -> Any:
-        """Run the filter as :meth:`apply` does, and return the result as a bare VTK data object (a copy)."""
-        return one_or_all(run_on(self, self, inputs, time))
 
     # ---------------------------------------------------------------- connections
 
