@@ -11,13 +11,12 @@ import hashlib
 import io
 import os
 import tempfile
-import warnings
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
-from vtkmuscle.core.cache_folder import FOLDER_VARIABLE, cache_folder
+from vtkmuscle.core.cache_folder import cache_folder, warn_of_folder
 from vtkmuscle.core.collision.distance_blocks import SIDE
 from vtkmuscle.core.collision.distance_grid import Corners, DistanceGrid, build_distance_grid, warn_of
 from vtkmuscle.core.files import check_is_file
@@ -136,20 +135,7 @@ def _write(path: Path, grid: DistanceGrid) -> None:
     except OSError as error:
         if temporary is not None:
             Path(temporary).unlink(missing_ok=True)
-        _warn_once(path.parent, error)
-
-
-_unusable: set[Path] = set()
-
-
-def _warn_once(folder: Path, error: OSError) -> None:
-    if folder not in _unusable:
-        _unusable.add(folder)
-        warnings.warn(
-            f"distance grids cannot be kept in {folder} ({error.strerror or error}), so they are built anew "
-            f"each time; set {FOLDER_VARIABLE} to a folder that can be written to, or to nothing",
-            stacklevel=4,
-        )
+        warn_of_folder(path.parent, error, "distance grids", "built anew each time")
 
 
 def _make_room(newest: Path) -> None:
