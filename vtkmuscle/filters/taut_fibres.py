@@ -126,7 +126,7 @@ class TautFibres(HistoryFilter[TautState]):
     def __init__(self, **settings: Any) -> None:
         self._rest_bones = RestBones(_WHERE)
         self._paths: TautPaths | None = None
-        self._given: FixedMuscle | None = None
+        self._rest: FixedMuscle | None = None
         super().__init__(**settings)
 
     def forget(self) -> None:
@@ -177,15 +177,15 @@ class TautFibres(HistoryFilter[TautState]):
             )
         rings = rings_by_bone(attachments, names, "TautFibres: attachments")
         given = FixedMuscle(points, triangles, fixed_to, (lines.points, lines.offsets), rings=rings)
-        if self._paths is not None and given.same_as(self._given):
+        if self._paths is not None and given.same_as(self._rest):
             return False
-        self._given = given
+        self._rest = given
         self.forget()
         return True
 
     def _prepare(self, bones: dict[str, vtkPolyData]) -> None:
         """Make the strings at rest."""
-        given = self._given
+        given = self._rest
         assert given is not None
         assert given.fibres is not None
         self._rest_bones.take(bones, transforms_of(bones, _WHERE), collision="sdf")
