@@ -9,7 +9,7 @@ import numpy as np
 from vtkmuscle.core.taut.bundles import Bundle
 from vtkmuscle.core.types import Bools, Floats
 
-#: Passes of averaging along the fibre, 1 : 2 : 1, of how far a bundle is off its shortest way.
+#: Passes of averaging along the fibre, 1 : 2 : 1, of the course that is held: strings have corners on bones.
 _PASSES = 4
 
 #: Rounds in which fibres that are pulled taut elsewhere than those beside them lose weight.
@@ -73,6 +73,8 @@ def bedding_of(
         Of the muscle [mm]; by its width the tissue gives to the force that it has at rest.
     """
     course = taut + _bow(fibres - taut, bundle, 2.0 * half_thickness)
+    for _ in range(_PASSES):
+        course[:, 1:-1] = 0.25 * course[:, :-2] + 0.5 * course[:, 1:-1] + 0.25 * course[:, 2:]
     force = np.zeros_like(course)
     force[:, 1:-1] = 2.0 * course[:, 1:-1] - course[:, :-2] - course[:, 2:]
     off = np.linalg.norm(course - taut, axis=2, keepdims=True)
@@ -95,7 +97,4 @@ def _bow(off: Floats, bundle: Bundle, width: float) -> Floats:
         differ2 = ((beside - mean[:, None]) ** 2).sum(axis=2)
         weights = bundle.parts / (1.0 + differ2 / width**2) ** 2
         mean = np.einsum("pk,pki->pi", weights / weights.sum(axis=1, keepdims=True), beside)
-    bow = mean.reshape(off.shape)
-    for _ in range(_PASSES):
-        bow[:, 1:-1] = 0.25 * bow[:, :-2] + 0.5 * bow[:, 1:-1] + 0.25 * bow[:, 2:]
-    return bow
+    return mean.reshape(off.shape)
