@@ -118,6 +118,10 @@ class TautPaths:
     ----------
     rest : TautState
         Pulled taut at rest.
+    width : float
+        Of the muscle as a fibre sees it, twice its mean thickness [mm].
+    bundle : Bundle
+        Which fibres lie beside which, within about that.
 
     Raises
     ------
@@ -160,12 +164,13 @@ class TautPaths:
         at_rest = TautState(self.fibres, still, start, np.zeros((len(bones), f, n), dtype=np.bool_))
         self._bedding = no_bedding(len(bones), self.fibres)
         self.rest: TautState = self._pulled(at_rest, still)
+        half = half_thickness(surface, triangles)
+        self.width = 4.0 * half
+        self.bundle = bundle_of(self.fibres, self.width)
         if bones:
-            half = half_thickness(surface, triangles)
-            #: Of the muscle, as the fibres beside a fibre see it: twice its mean thickness.
-            width = 4.0 * half
-            bundle = bundle_of(self.fibres, width)
-            self._bedding = bedding_of(self.fibres, self.rest.points, distances, bundle, half, width)
+            self._bedding = bedding_of(
+                self.fibres, self.rest.points, distances, self.bundle, half, self.width
+            )
             self.rest = self._pulled(at_rest, still)
 
     def _between(

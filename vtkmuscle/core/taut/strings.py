@@ -16,8 +16,9 @@ from vtkmuscle.core.types import Bools, Floats, Ints, Table
 #: bone of radius R with points h apart sinks in by h^2 / (R PUSH): 1e-4 mm where h is 4 mm and R 10 mm.
 PUSH = 1e4
 
-#: Stiffness of the guide that keeps a point on its track over a bone, likewise.
-HOLD = 100.0
+#: Stiffness of the guide that keeps a point on its track over a bone, likewise: as stiff as the string.
+#: With 100, strings of a real muscle over an edge stay on their tracks in zigzags, and leave them in jumps.
+HOLD = 1.0
 
 #: An iteration that turns back on the one before lowers the greatest pace of a string by a factor, and halves
 #: its pace, which rises again with those that go on: what goes to and fro between two sets of contacts comes
@@ -133,7 +134,8 @@ def pull_taut(  # noqa: PLR0912, PLR0915 - one loop, whose parts share all that 
 ) -> int:
     """Pull strings taut, each until its points rest or something that it takes is missing.
 
-    A string of n points between fixed ends takes the least of E = sum |x_{i+1} - x_i|^2 / 2. A bone keeps a
+    A string of n points between fixed ends takes the least of E = sum |x_{i+1} - x_i|^2 / 2. The tissue
+    around the muscle holds the bow that it has at rest (:mod:`~vtkmuscle.core.taut.bedding`). A bone keeps a
     point x away by g(x) = distance(x) - c(x) >= 0, with c the thickness of the tissue at the place of the
     fibre's track (its course over that bone at rest) that is nearest to x. So bones push at right angles to
     the string, all of it has the same tension, and its points spread evenly over its shortest path. A guide
@@ -213,7 +215,7 @@ def pull_taut(  # noqa: PLR0912, PLR0915 - one loop, whose parts share all that 
                 break
             for k in range(n_bones):
                 if bedding.bedded[k, f]:
-                    _bed(p, to_rest[k], bedding.course[f], bedding.force[k, f], bedding.give, matrices, right, work)
+                    _bed(p, f, k, to_rest[k], bedding, matrices, right, work)
             for ring in range(len(rings.frames)):
                 _hold_in_ring(rings, ring, f, p, held[ring], matrices, right)
             _solve(p, matrices, right, y)
@@ -321,21 +323,22 @@ def _push(
 @kernel
 def _bed(
     p: Floats,
+    f: int,
+    k: int,
     to_rest: Floats,
-    course: Floats,
-    forces: Floats,
-    give: float,
+    bedding: Bedding,
     matrices: Floats,
     right: Floats,
     work: Floats,
 ) -> None:
-    """Add what the tissue along a string's course, as it moves with one bone, does to the string ``p``.
+    """Add what the tissue along the course of string f, ``p``, as it moves with bone k, does to it.
 
     The tissue at each point of the course has hold of the place of the string that is nearest to it, and acts
     across the string: along it there is only the string's own tension. The two points beside that place share
     the force.
     """
     at, force, along, rest = work
+    course, forces = bedding.course[f], bedding.force[k, f]
     for j in range(1, len(course) - 1):
         size2 = 0.0
         for q in range(3):
@@ -347,7 +350,7 @@ def _bed(
         _turn_back(to_rest, forces[j], force)
         i = _nearest_segment(p, at, j)
         part = _part_of_segment(p[i], p[i + 1], at)
-        stiffness, length2, ahead = np.sqrt(size2) / give, 0.0, 0.0
+        stiffness, length2, ahead = np.sqrt(size2) / bedding.give, 0.0, 0.0
         before, after = max(i - 1, 0), min(i + 2, len(p) - 1)
         for q in range(3):
             place = (1.0 - part) * p[i, q] + part * p[i + 1, q]
