@@ -15,7 +15,8 @@ from vtkmuscle.core.motion.rigid import inverse
 from vtkmuscle.core.taut.bedding import bedding_of, no_bedding
 from vtkmuscle.core.taut.bone_fields import BoneFields
 from vtkmuscle.core.taut.bundles import bundle_of
-from vtkmuscle.core.taut.strings import Fields, Memory, Rings, Tissue, pull_taut
+from vtkmuscle.core.taut.ring_contact import Rings
+from vtkmuscle.core.taut.strings import Fields, Memory, Tissue, pull_taut
 from vtkmuscle.core.taut.tissue import directions_along, tissue_between
 from vtkmuscle.core.taut.via_rings import ViaRing, in_ring_plane, is_inside, moved_ring, nearest_on_polygon
 from vtkmuscle.core.types import Bools, Floats, Ints
