@@ -44,6 +44,16 @@ def lhdl_hip():
     return folder
 
 
+@pytest.fixture(scope="session")
+def opensim_data():
+    """Folder of OpenSim's own models and a walk; a test that needs it is skipped without."""
+    root = Path(os.environ.get("VTKMUSCLE_DATA", REPOSITORY.parent / "shared" / "data"))
+    folder = root / "opensim"
+    if not (folder / "arm26.osim").is_file():
+        pytest.skip(f"OpenSim's models are not at {folder}; set VTKMUSCLE_DATA to the folder it is in")
+    return folder
+
+
 @pytest.fixture
 def spindle():
     """A new spindle over a hinge."""
