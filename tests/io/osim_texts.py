@@ -66,7 +66,8 @@ MUSCLE = """<Thelen2003Muscle name="vastus"><GeometryPath name="geometrypath"><P
 </objects></PathPointSet></GeometryPath>
 <max_isometric_force>900</max_isometric_force><optimal_fiber_length>0.08</optimal_fiber_length></Thelen2003Muscle>"""
 
-MOVING = """<MovingPathPoint name="m"><socket_parent_frame>/bodyset/tibia</socket_parent_frame>
+# On a body that neither neighbour is on: OpenSim's moment arms leave out segments within one body.
+MOVING = """<MovingPathPoint name="m"><socket_parent_frame>/ground</socket_parent_frame>
 <socket_x_coordinate>/jointset/knee/knee_angle</socket_x_coordinate>
 <socket_y_coordinate>/jointset/knee/knee_angle</socket_y_coordinate>
 <socket_z_coordinate>/jointset/knee/knee_angle</socket_z_coordinate>

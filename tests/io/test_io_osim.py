@@ -49,7 +49,7 @@ def test_muscles_have_their_points_and_parameters(tmp_path):
     muscle = model.muscle("vastus")
     assert muscle.parameters == {"max_isometric_force": 900.0, "optimal_fiber_length": 0.08}
     assert [point.moves for point in muscle.path.points] == [False, True, False]
-    assert muscle.path.coordinates(model.tree) == ("knee_angle",)
+    assert muscle.path.coordinates(model.tree) == ("hip_x", "hip_y", "hip_z", "knee_angle")
     model = read(tmp_path, texts.model_4(forces=texts.MUSCLE.format(point=texts.CONDITIONAL)))
     assert model.muscle("vastus").path.points[1].only_in == ("knee_angle", -3.0, -0.2)
     with pytest.raises(ValueError, match="did you mean 'vastus'"):
