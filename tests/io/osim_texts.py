@@ -57,17 +57,17 @@ def model_4(*, joint_extra="", constraints="", forces="", more="", axes=None):
 </Model></OpenSimDocument>"""
 
 
-MUSCLE = """<Thelen2003Muscle name="vastus"><GeometryPath name="geometrypath"><PathPointSet><objects>
+LAST = """<PathPoint name="b"><socket_parent_frame>/bodyset/tibia</socket_parent_frame>
+<location>0.04 -0.05 0</location></PathPoint>"""
+_MUSCLE = """<Thelen2003Muscle name="vastus"><GeometryPath name="geometrypath"><PathPointSet><objects>
 <PathPoint name="a"><socket_parent_frame>/bodyset/femur</socket_parent_frame>
 <location>0.03 -0.1 0</location></PathPoint>
 {point}
-<PathPoint name="b"><socket_parent_frame>/bodyset/tibia</socket_parent_frame>
-<location>0.04 -0.05 0</location></PathPoint>
+{last}
 </objects></PathPointSet></GeometryPath>
 <max_isometric_force>900</max_isometric_force><optimal_fiber_length>0.08</optimal_fiber_length></Thelen2003Muscle>"""
 
-# On a body that neither neighbour is on: OpenSim's moment arms leave out segments within one body.
-MOVING = """<MovingPathPoint name="m"><socket_parent_frame>/ground</socket_parent_frame>
+MOVING = """<MovingPathPoint name="m"><socket_parent_frame>/bodyset/tibia</socket_parent_frame>
 <socket_x_coordinate>/jointset/knee/knee_angle</socket_x_coordinate>
 <socket_y_coordinate>/jointset/knee/knee_angle</socket_y_coordinate>
 <socket_z_coordinate>/jointset/knee/knee_angle</socket_z_coordinate>
@@ -104,3 +104,7 @@ def model_3(joint="", reverse="false"):
 <VisibleObject><GeometrySet><objects><DisplayGeometry><geometry_file>tibia.vtp</geometry_file>
 <transform>0 0 0 0.1 0.2 0.3</transform></DisplayGeometry></objects></GeometrySet></VisibleObject></Body>
 </objects></BodySet></Model></OpenSimDocument>"""
+
+
+def muscle(point, last=LAST):
+    return _MUSCLE.format(point=point, last=last)

@@ -45,12 +45,12 @@ def test_version_3_is_read_whatever_its_letters(tmp_path):
 
 
 def test_muscles_have_their_points_and_parameters(tmp_path):
-    model = read(tmp_path, texts.model_4(forces=texts.MUSCLE.format(point=texts.MOVING)))
+    model = read(tmp_path, texts.model_4(forces=texts.muscle(texts.MOVING)))
     muscle = model.muscle("vastus")
     assert muscle.parameters == {"max_isometric_force": 900.0, "optimal_fiber_length": 0.08}
     assert [point.moves for point in muscle.path.points] == [False, True, False]
-    assert muscle.path.coordinates(model.tree) == ("hip_x", "hip_y", "hip_z", "knee_angle")
-    model = read(tmp_path, texts.model_4(forces=texts.MUSCLE.format(point=texts.CONDITIONAL)))
+    assert muscle.path.coordinates(model.tree) == ("knee_angle",)
+    model = read(tmp_path, texts.model_4(forces=texts.muscle(texts.CONDITIONAL)))
     assert model.muscle("vastus").path.points[1].only_in == ("knee_angle", -3.0, -0.2)
     with pytest.raises(ValueError, match="did you mean 'vastus'"):
         model.muscle("vasti")
@@ -86,9 +86,9 @@ def test_a_coupler_leads_its_coordinate(tmp_path):
         (texts.model_4().replace("<axis>0 0 1</axis>", "<axis>0 0 0</axis>"), "have a length"),
         (texts.model_4().replace("-2 -1 0 1 2</x>", "-2 -1 -1 1 2</x>"), "must ascend"),
         (texts.model_4().replace("meters", "furlongs"), "there is no unit 'furlongs'"),
-        (texts.model_4(forces=texts.MUSCLE.format(point=texts.MOVING).replace("MovingPath", "FlyingPath")),
+        (texts.model_4(forces=texts.muscle(texts.MOVING.replace("MovingPath", "FlyingPath"))),
          "this kind of path point is not understood"),
-        (texts.model_4(forces=texts.MUSCLE.format(point=texts.CONDITIONAL.replace("e_a", "ea"))),
+        (texts.model_4(forces=texts.muscle(texts.CONDITIONAL.replace("e_a", "ea"))),
          "did you mean 'knee_angle'"),
         (texts.model_3(reverse="true"), "reverse"),
         ("<a/>", "not a model of OpenSim"),
