@@ -24,6 +24,7 @@ from vtkmuscle.io import (
 from vtkmuscle.scene.data import Muscle
 from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.files import SceneFiles, parsed
+from vtkmuscle.scene.mirror import mirrored_fields
 from vtkmuscle.scene.motion import motion_from
 from vtkmuscle.scene.schema import Area, MuscleTable
 from vtkmuscle.scene.validation import validated
@@ -41,13 +42,13 @@ def read_fields(path: Path) -> dict[str, Any]:
             bones[name] = files.read(f"bones.{name}.surface", bone.surface, read_surface)
     motion = None
     with faults.gathered():
-        motion = motion_from(table.motion, files)
+        motion = motion_from(table, files)
     muscles = {}
     for name, muscle in table.muscles.items():
         with faults.gathered():
             muscles[name] = _muscle(name, muscle, files, bones, motion)
     faults.raise_any()
-    return {
+    fields = {
         "name": table.name or path.stem,
         "bones": bones,
         "muscles": muscles,
@@ -60,6 +61,7 @@ def read_fields(path: Path) -> dict[str, Any]:
         "quality": table.quality,
         "files": files.paths,
     }
+    return fields if table.mirror is None else mirrored_fields(fields, table.mirror)
 
 
 def read_motion(path: Path) -> RigidMotion:
@@ -80,7 +82,7 @@ def read_motion(path: Path) -> RigidMotion:
     SceneError
         If the file cannot be read, or is not right; the message says where and why.
     """
-    return motion_from(validated(parsed(path), path).motion, SceneFiles(path))
+    return motion_from(validated(parsed(path), path), SceneFiles(path))
 
 
 def _muscle(
