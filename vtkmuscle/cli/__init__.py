@@ -106,12 +106,22 @@ def demo(
 def info(
     files: Annotated[
         list[Path],
-        typer.Argument(help="Meshes, or folders of results.", show_default=False),
+        typer.Argument(
+            help="Meshes, landmarks, models or motions of OpenSim, or folders of results.", show_default=False
+        ),
     ],
+    draw: Annotated[
+        Path | None,
+        typer.Option(
+            "--draw", metavar="PNG", help="Draw the first file, landmarks or a model.", show_default=False
+        ),
+    ] = None,
 ) -> None:
     """Say what meshes are: size, closed or not, manifold or not, pieces, volume, a guess of the unit.
 
-    Of a folder of results it says which frames are there.
+    Of landmarks it says how many, whether they are a ring, and in which frame; of a model of OpenSim its
+    bodies, joints, coordinates and muscles; of a motion its columns; of a folder of results which frames
+    are there.
     """
     with one_clear_error(None):
         from vtkmuscle.cli.facts import facts_of
@@ -120,6 +130,11 @@ def info(
             typer.echo(f"{file}")
             for word, value in facts_of(file).items():
                 typer.echo(f"  {word:<12}{value}")
+        if draw is not None:
+            from vtkmuscle.cli.text_facts import draw_text
+
+            draw_text(files[0], draw)
+            typer.echo(f"wrote {draw}")
 
 
 @app.command()

@@ -7,7 +7,7 @@ keeps VTK's own messages off the terminal.
 from __future__ import annotations
 
 from vtkmuscle.io.fibre_table import fibre_summary, muscle_summary, write_fibre_table
-from vtkmuscle.io.landmarks import read_landmarks
+from vtkmuscle.io.landmarks import read_landmarks, read_named_points
 from vtkmuscle.io.literature import (
     LITERATURE_COLUMNS,
     LiteratureCurve,
@@ -41,6 +41,7 @@ __all__ = [
     "read_literature",
     "read_motion_file",
     "read_motion_table",
+    "read_named_points",
     "read_osim",
     "read_polydata",
     "read_series",

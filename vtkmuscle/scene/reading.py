@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -46,7 +47,7 @@ def read_fields(path: Path) -> dict[str, Any]:
     muscles = {}
     for name, muscle in table.muscles.items():
         with faults.gathered():
-            muscles[name] = _muscle(name, muscle, files, bones, motion)
+            muscles[name] = _muscle(name, muscle, files, bones, motion, table.frame)
     faults.raise_any()
     fields = {
         "name": table.name or path.stem,
@@ -91,6 +92,7 @@ def _muscle(
     files: SceneFiles,
     bones: dict[str, vtkPolyData],
     motion: RigidMotion | None,
+    frame: str,
 ) -> Muscle:
     key, faults = f"muscles.{name}", Faults()
     surface = superficial = None
@@ -102,7 +104,7 @@ def _muscle(
         if table.attachments is None and motion is not None:
             areas = _estimated(f"{key}.attachments", files, surface, bones, motion)
     if table.attachments is not None:
-        areas = _areas(f"{key}.attachments", table.attachments, files, faults)
+        areas = _areas(f"{key}.attachments", table.attachments, files, faults, frame)
     if fibres is not None and fibres.get("template_file") is not None:
         with faults.gathered():
             where = f"{key}.fibres.template_file"
@@ -119,11 +121,14 @@ def _muscle(
     return Muscle(surface, areas, fibres, table.solver.given(), table.fixing.given(), superficial, literature)
 
 
-def _areas(key: str, tables: list[Area], files: SceneFiles, faults: Faults) -> tuple[AttachmentArea, ...]:
+def _areas(
+    key: str, tables: list[Area], files: SceneFiles, faults: Faults, frame: str
+) -> tuple[AttachmentArea, ...]:
     areas = []
+    read = partial(read_landmarks, frame=frame)
     for number, area in enumerate(tables):
         with faults.gathered():
-            landmarks, closed = files.read(f"{key}[{number}].landmarks", area.landmarks, read_landmarks)
+            landmarks, closed = files.read(f"{key}[{number}].landmarks", area.landmarks, read)
             # A via ring is one whether or not its file repeats the first landmark.
             closed = closed or area.role == VIA if area.closed is None else area.closed
             areas.append(AttachmentArea(area.role, area.bone, landmarks, closed, area.estimated))

@@ -21,6 +21,7 @@ from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS
 from vtkmuscle.core.words import shown
 from vtkmuscle.data.attachments import ROLES, VIA
 from vtkmuscle.filters.deformer.quality import PRESETS
+from vtkmuscle.io.slicer import FRAMES
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.joint_schema import JointTable, OpenSimTable
 from vtkmuscle.scene.schema_types import Name, OneOf, Table, Text, Triple, direction, three
@@ -206,8 +207,9 @@ class Area(Table):
     )
     landmarks: Text = Field(
         examples=["FILE.vtp"],
-        description="A .vtp or .vtk file with one polyline, or with points; a .csv of x, y, z; or a .json "
-        "list of [x, y, z]. Landmarks stand in the order of the boundary.",
+        description="A .vtp or .vtk file with one polyline, or with points; a .csv of x, y, z, or of name, "
+        "x, y, z; a .json list of [x, y, z]; a .mrk.json or .fcsv file of 3D Slicer; or a .nrrd array of "
+        "3 x n. Landmarks stand in the order of the boundary.",
     )
     closed: bool | None = Field(
         None,
@@ -295,6 +297,13 @@ class SceneTable(Table):
     )
     opensim: OpenSimTable | None = Field(
         None, description="A model of OpenSim that has the joints, in place of [joints.NAME]."
+    )
+    frame: Annotated[str, OneOf(FRAMES, "frame")] = Field(
+        "LPS",
+        examples=["LPS"],
+        description="The frame of the surfaces: LPS (x to the left, y to the back), as 3D Slicer saves them, "
+        "or RAS. Landmarks whose file says its frame, as those of 3D Slicer, are turned to it; others "
+        "stay.",
     )
     mirror: Annotated[str, OneOf("xyz")] | None = Field(
         None,
