@@ -12,7 +12,9 @@ from vtkmuscle.core.mesh.surface import check_volume, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.blending import screw_between
 from vtkmuscle.core.motion.rigid import inverse
+from vtkmuscle.core.taut.bedding import bedding_of, no_bedding
 from vtkmuscle.core.taut.bone_fields import BoneFields
+from vtkmuscle.core.taut.bundles import bundle_of
 from vtkmuscle.core.taut.strings import Fields, Memory, Rings, Tissue, pull_taut
 from vtkmuscle.core.taut.tissue import directions_along, tissue_between
 from vtkmuscle.core.taut.via_rings import ViaRing, in_ring_plane, is_inside, moved_ring, nearest_on_polygon
@@ -148,7 +150,7 @@ class TautPaths:
         cell = self._segment / CELLS_PER_SEGMENT
         self._numbers = list(bones)
         near = BoneFields(list(bones.values()), cell=cell, reach=[0.0] * len(bones))
-        self._tissue, reach = self._between(near, surface, triangles, cell)
+        self._tissue, reach, distances = self._between(near, surface, triangles, cell)
         self._bones = BoneFields(list(bones.values()), cell=cell, reach=reach)
         self._outside = self._outside_at_rest()
         of_rings = (bone for bone, _ in self._rings)
@@ -156,18 +158,28 @@ class TautPaths:
         still = np.zeros((last + 1, 4, 4)) + np.eye(4)
         start = np.broadcast_to(np.minimum(np.arange(n), n - 2), (len(bones), f, n))
         at_rest = TautState(self.fibres, still, start, np.zeros((len(bones), f, n), dtype=np.bool_))
+        self._bedding = no_bedding(len(bones), self.fibres)
         self.rest: TautState = self._pulled(at_rest, still)
+        if bones:
+            half = half_thickness(surface, triangles)
+            #: Of the muscle, as the fibres beside a fibre see it: twice its mean thickness.
+            width = 4.0 * half
+            bundle = bundle_of(self.fibres, width)
+            self._bedding = bedding_of(self.fibres, self.rest.points, distances, bundle, half, width)
+            self.rest = self._pulled(at_rest, still)
 
     def _between(
         self, bones: BoneFields, surface: Floats, triangles: Ints, cell: float
-    ) -> tuple[Tissue, list[float]]:
+    ) -> tuple[Tissue, list[float], Floats]:
         """Return the tissue between fibres and bones, and how far from each bone distances are needed."""
         shape = (len(self._numbers), *self.fibres.shape[:2])
         thickness, guide, aside = np.zeros(shape), np.zeros(shape), np.zeros((*shape, 3))
+        distances = np.zeros(shape)
         muscle = triangle_tree(surface, triangles)
         tangents = directions_along(self.fibres)
         for bone, number in enumerate(self._numbers):
             distance, outward, tissue = tissue_between(self.fibres, tangents, bones, bone, muscle)
+            distances[bone] = distance
             thickness[bone] = np.minimum(_smoothed(tissue, THICKNESS_PASSES), distance)
             side = _smoothed(np.cross(tangents, outward), ASIDE_PASSES)
             across = np.linalg.norm(side, axis=2)
@@ -182,7 +194,7 @@ class TautPaths:
         within[guided] += self.hold
         reach = [max(float(most), 0.0) + 2.0 * cell for most in within.max(axis=1, initial=0.0)]
         tissue_of = Tissue(self.fibres, thickness, within, guide, aside, guided, max(self.hold, 1e-300))
-        return tissue_of, reach
+        return tissue_of, reach, distances
 
     def follow(self, before: TautState, transforms: Floats) -> TautState:
         """Return the strings in another pose of the bones, which these reach along their screws.
@@ -250,6 +262,7 @@ class TautPaths:
                 to_rest,
                 fields,
                 self._tissue,
+                self._bedding,
                 rings,
                 memory,
                 self._segment / CELLS_PER_SEGMENT,

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.taut.bedding import Bedding
 from vtkmuscle.core.taut.bone_fields import FAR, field_at, slope_at
 from vtkmuscle.core.taut.via_rings import is_inside, nearest_on_polygon
 from vtkmuscle.core.types import Bools, Floats, Ints, Table
@@ -120,6 +121,7 @@ def pull_taut(  # noqa: PLR0912, PLR0915 - one loop, whose parts share all that 
     to_rest: Floats,
     fields: Fields,
     tissue: Tissue,
+    bedding: Bedding,
     rings: Rings,
     memory: Memory,
     stride: float,
@@ -151,7 +153,7 @@ def pull_taut(  # noqa: PLR0912, PLR0915 - one loop, whose parts share all that 
         Positions [mm], changed in place but for the ends.
     to_rest : (b, 4, 4) array
         From the scene now to the scene at rest, as each bone moved.
-    fields, tissue, rings, memory
+    fields, tissue, bedding, rings, memory
         See the classes; ``memory`` is brought up to date.
     stride : float
         [mm].
@@ -195,6 +197,8 @@ def pull_taut(  # noqa: PLR0912, PLR0915 - one loop, whose parts share all that 
                 r[:] = 0.0
                 for k in range(n_bones):
                     used[k, i] = False
+                    if bedding.bedded[k, f]:
+                        _bed(k, f, i, p[i], to_rest, tissue.track[f], bedding, memory, a, r, work)
                     if tissue.within[k, f] == -np.inf or away[k, i] > 0.0:
                         continue
                     lack = _push(
@@ -311,6 +315,59 @@ def _push(
         target = slope[0] * at[0] + slope[1] * at[1] + slope[2] * at[2] - off
         _add_spring(slope, hold, target, matrix, right)
     return -1
+
+
+@kernel
+def _bed(
+    k: int,
+    f: int,
+    i: int,
+    at: Floats,
+    to_rest: Floats,
+    track: Floats,
+    bedding: Bedding,
+    memory: Memory,
+    matrix: Floats,
+    right: Floats,
+    work: Floats,
+) -> None:
+    """Add what the tissue that moves with bone k does to point i of string f, which is ``at``."""
+    u, force, off, along = work
+    _apply(to_rest[k], at, u)
+    j = memory.place[k, f, i] = _nearest_segment(track, u, memory.place[k, f, i])
+    q0, q1 = track[j], track[j + 1]
+    lx, ly, lz = q1[0] - q0[0], q1[1] - q0[1], q1[2] - q0[2]
+    part = ((u[0] - q0[0]) * lx + (u[1] - q0[1]) * ly + (u[2] - q0[2]) * lz) / (lx * lx + ly * ly + lz * lz)
+    part = min(max(part, 0.0), 1.0)
+    size = 0.0
+    for q in range(3):
+        force[q] = (1.0 - part) * bedding.force[k, f, j, q] + part * bedding.force[k, f, j + 1, q]
+        size += force[q] * force[q]
+    size = np.sqrt(size)
+    if size == 0.0:
+        return
+    length, ahead = np.sqrt(lx * lx + ly * ly + lz * lz), 0.0
+    for q in range(3):
+        way = (q1[q] - q0[q]) / length
+        course = (1.0 - part) * bedding.off[f, j, q] + part * bedding.off[f, j + 1, q]
+        off[q] = u[q] - q0[q] - part * (q1[q] - q0[q]) - course
+        along[q] = way
+        ahead += way * off[q]
+    for q in range(3):
+        off[q] -= ahead * along[q]
+        force[q] -= size / bedding.give * off[q]
+    _turn_back(to_rest[k], force, off)
+    _turn_back(to_rest[k], along, u)
+    stiffness = size / bedding.give
+    ahead = u[0] * at[0] + u[1] * at[1] + u[2] * at[2]
+    for q in range(3):
+        right[q] += off[q] + stiffness * (at[q] - ahead * u[q])
+    matrix[0] += stiffness * (1.0 - u[0] * u[0])
+    matrix[1] -= stiffness * u[0] * u[1]
+    matrix[2] -= stiffness * u[0] * u[2]
+    matrix[3] += stiffness * (1.0 - u[1] * u[1])
+    matrix[4] -= stiffness * u[1] * u[2]
+    matrix[5] += stiffness * (1.0 - u[2] * u[2])
 
 
 @kernel

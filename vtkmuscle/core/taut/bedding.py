@@ -1,0 +1,101 @@
+"""What else holds fibres where they are at rest: tissue around the muscle that the scene does not have."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from vtkmuscle.core.taut.bundles import Bundle
+from vtkmuscle.core.types import Bools, Floats
+
+#: Passes of averaging along the fibre, 1 : 2 : 1, of how far a bundle is off its shortest way.
+_PASSES = 4
+
+#: Rounds in which fibres that are pulled taut elsewhere than those beside them lose weight.
+_ROUNDS = 5
+
+#: Least distance of a fibre from a bone, in thicknesses of the muscle, by which its share is told.
+_TOUCHING = 1e-3
+
+
+class Bedding(NamedTuple):
+    """How the tissue around a muscle holds its fibres.
+
+    Attributes
+    ----------
+    force : (b, f, n, 3) array
+        With which it holds each point of a fibre at rest, by the bone that it moves with, in the units of a
+        string's springs [mm].
+    off : (f, n, 3) array
+        Where it has that force, seen from the fibre at rest [mm].
+    bedded : (b, f) bool array
+        Where any force is not 0.
+    give : float
+        How far aside a fibre is moved by the force that it has at rest [mm].
+    """
+
+    force: Floats
+    off: Floats
+    bedded: Bools
+    give: float
+
+
+def no_bedding(bones: int, fibres: Floats) -> Bedding:
+    """Return the bedding of fibres (f, n, 3) that nothing holds."""
+    force = np.zeros((bones, *fibres.shape))
+    return Bedding(force, np.zeros_like(fibres), np.zeros(force.shape[:2], dtype=np.bool_), 1.0)
+
+
+def bedding_of(
+    fibres: Floats, taut: Floats, distances: Floats, bundle: Bundle, half_thickness: float, width: float
+) -> Bedding:
+    """Return what has to hold a muscle's bundles of fibres off their shortest ways, as they are at rest.
+
+    A hamstring lies on other muscles and under a fascia: at rest it bows, though it is under tension and no
+    bone is near. A string of springs needs the force 2 x_i - x_{i-1} - x_{i+1} at each point to stay on such
+    a course x. Tissue around the muscle has to have it, and is taken to be elastic, at right angles to the
+    fibre (a Winkler foundation that has a load at rest). It moves with the bones, each bone's share falling
+    with the square of the fibre's distance from it (Shepard 1968, doi:10.1145/800186.810616).
+
+    The bow is that of the bundle: how its fibres lie apart is the muscle's own affair. Where the bundle is on
+    its shortest way, by less than half the muscle's thickness, bones hold it.
+
+    Parameters
+    ----------
+    fibres, taut : (f, n, 3) arrays
+        At rest, as they are and pulled taut round the bones [mm].
+    distances : (b, f, n) array
+        Of the fibres from the bones [mm].
+    bundle : Bundle
+        Which fibres lie beside which.
+    half_thickness, width : float
+        Of the muscle [mm]; by its width the tissue gives to the force that it has at rest.
+    """
+    course = taut + _bow(fibres - taut, bundle, width)
+    force = np.zeros_like(course)
+    force[:, 1:-1] = 2.0 * course[:, 1:-1] - course[:, :-2] - course[:, 2:]
+    off = np.linalg.norm(course - taut, axis=2, keepdims=True)
+    force *= np.clip(off / half_thickness, 0.0, 1.0)
+    near = 1.0 / np.maximum(distances, _TOUCHING * half_thickness) ** 2
+    forces = (near / near.sum(axis=0))[..., None] * force
+    return Bedding(forces, course - fibres, np.asarray((forces != 0.0).any(axis=(2, 3))), width)
+
+
+def _bow(off: Floats, bundle: Bundle, width: float) -> Floats:
+    """Return how far bundles are off their shortest ways (f, n, 3), where each fibre is ``off`` its own.
+
+    The mean over the fibres beside one; those that differ by more than a width count the less, since they
+    were pulled taut on another side of some bone (as in Holland, Welsch 1977,
+    doi:10.1080/03610927708827533).
+    """
+    own = off.reshape(-1, 3)
+    beside, mean = own[bundle.beside], own
+    for _ in range(_ROUNDS):
+        differ2 = ((beside - mean[:, None]) ** 2).sum(axis=2)
+        weights = bundle.parts / (1.0 + differ2 / width**2) ** 2
+        mean = np.einsum("pk,pki->pi", weights / weights.sum(axis=1, keepdims=True), beside)
+    bow = mean.reshape(off.shape)
+    for _ in range(_PASSES):
+        bow[:, 1:-1] = 0.25 * bow[:, :-2] + 0.5 * bow[:, 1:-1] + 0.25 * bow[:, 2:]
+    return bow

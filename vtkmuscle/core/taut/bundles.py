@@ -1,0 +1,63 @@
+"""Strings side by side: which of them a string's points keep company with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from vtkmuscle.core.types import Floats, Ints
+
+#: Strings beside it that a string keeps its place among, at most.
+BESIDE = 64
+
+#: Weights that differ by less are the same.
+SAME = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Bundle:
+    """The strings beside each point of each string at rest, and what part each of them has in a mean.
+
+    Attributes
+    ----------
+    beside : (f n, k) int array
+        Points of strings, those of one string after those of another.
+    parts : (f n, k) array
+        Rows sum to 1.
+    """
+
+    beside: Ints
+    parts: Floats
+
+    def mean(self, values: Floats) -> Floats:
+        """Return the means of values (f n, ...) of strings' points over the strings beside each."""
+        mean: Floats = np.einsum("pk,pk...->p...", self.parts, values[self.beside])
+        return mean
+
+
+def bundle_of(fibres: Floats, width: float) -> Bundle:
+    """Return what lies beside points (f, n, 3) of fibres within about a width [mm], as far along as they are."""
+    f, n, _ = fibres.shape
+    beside = np.empty((f, n, min(BESIDE, f)), dtype=np.int64)
+    parts = np.empty(beside.shape)
+    for i in range(n):
+        apart, found = nearest(cKDTree(fibres[:, i]), fibres[:, i], BESIDE)
+        falling = np.exp(-0.5 * (apart / width) ** 2)
+        if f > BESIDE:
+            falling = to_nothing(falling)
+        beside[:, i], parts[:, i] = found * n + i, falling / falling.sum(axis=1, keepdims=True)
+    return Bundle(beside.reshape(f * n, -1), parts.reshape(f * n, -1))
+
+
+def nearest(tree: cKDTree, points: Floats, count: int) -> tuple[Floats, Ints]:
+    """Return distances and numbers of the nearest points, (q, count) or as many as there are."""
+    distances, found = tree.query(points, k=range(1, min(count, tree.n) + 1))
+    return distances, found
+
+
+def to_nothing(values: Floats) -> Floats:
+    """Return values (m, k), descending, less the last: of those equally far rounding would choose one."""
+    falling: Floats = values - values[:, -1:]
+    return np.where(falling[:, :1] > SAME, falling, values)
