@@ -1,63 +1,29 @@
 """Joints in a scene: pins, balls and custom ones, models of OpenSim, files, grids and mirrors."""
 
-import shutil
 import sys
-import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
-import tomli_w
+from two_joint_scene import CENTRE, JOINTS, save_strap, scene_with
 
 from vtkmuscle import Scene, SceneError
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.motion.rigid import rotation_about
 from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.phantoms import strap_over_two_joints
-from vtkmuscle.phantoms.planar import flexed
-from vtkmuscle.phantoms.two_joint_strap import AXIS, LOWER, WRAPS
+from vtkmuscle.phantoms.two_joint_strap import AXIS
 from vtkmuscle.scene.reading import read_motion
 
 sys.path.insert(0, str(Path(__file__).parent / "io"))
 import osim_texts as texts
 
-CENTRE = [0.0, *map(float, flexed(LOWER, -WRAPS[0]))]
-JOINTS = {
-    "hip": {
-        "parent": "proximal",
-        "child": "middle",
-        "type": "pin",
-        "centre": [0.0, 0.0, 0.0],
-        "axis": list(AXIS),
-        "coordinates": {"upper": {"range": [-40, 60], "positive": "flexion"}},
-    },
-    "knee": {
-        "parent": "middle",
-        "child": "distal",
-        "type": "pin",
-        "centre": CENTRE,
-        "axis": [-value for value in AXIS],
-        "coordinates": ["lower"],
-    },
-}
-
 
 @pytest.fixture(scope="module")
 def strap_folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("strap")
-    Scene.from_phantom(strap_over_two_joints(), n_fibres=8, resolution=20).save(folder)
+    save_strap(folder)
     return folder
-
-
-def scene_with(folder, tmp_path, **changes):
-    """Copy the strap's scene, with other tables; return its file."""
-    made = tmp_path / "scene"
-    shutil.copytree(folder, made)
-    tables = tomllib.loads((made / "scene.toml").read_text())
-    tables |= {"joints": JOINTS} | changes
-    tables = {name: value for name, value in tables.items() if value is not None}
-    (made / "scene.toml").write_text(tomli_w.dumps(tables))
-    return made / "scene.toml"
 
 
 def test_a_grid_of_two_pins_is_the_phantoms_motion(strap_folder, tmp_path):

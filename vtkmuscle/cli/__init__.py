@@ -140,16 +140,40 @@ def info(
 @app.command()
 def export(
     source: Annotated[
-        Path, typer.Argument(help="Folder of a run's results, or a .pvd file.", show_default=False)
+        Path,
+        typer.Argument(help="Folder of a run's results, a .pvd file, or a scene.toml.", show_default=False),
     ],
-    out: Annotated[Path, typer.Argument(help=".gltf for a web page, or .vtkhdf.", show_default=False)],
+    out: Annotated[
+        Path,
+        typer.Argument(help=".gltf for a web page, .vtkhdf, or .osim for OpenSim.", show_default=False),
+    ],
     time: Annotated[
         float | None, typer.Option("--time", help="Which pose. Default: the last.", show_default=False)
     ] = None,
+    form: Annotated[
+        str, typer.Option("--form", help="For OpenSim: functions of coordinates, or points on bodies.")
+    ] = "functions",
+    groups: Annotated[
+        int, typer.Option("--groups", min=1, help="For OpenSim: groups of fibres per muscle, at most.")
+    ] = 1,
+    into: Annotated[
+        Path | None,
+        typer.Option("--into", help="For OpenSim: a model to put the muscles into.", show_default=False),
+    ] = None,
 ) -> None:
-    """Export a pose of a run's results for a web page (glTF), or a .pvd series as one .vtkhdf file."""
+    """Export a pose of a run's results for a web page (glTF), or a .pvd series as one .vtkhdf file.
+
+    Or the muscles of a scene with joints as a model of OpenSim: the scene is run, and what each path costs
+    in accuracy is said.
+    """
     with one_clear_error(None):
-        if out.suffix.lower() == ".vtkhdf":
+        if out.suffix.lower() == ".osim":
+            from vtkmuscle.export import write_opensim
+
+            for one in write_opensim(source, out, form=form, groups=groups, into=into):
+                typer.echo(f"{one.out.name}: {one}")
+            typer.echo(f"wrote {out}")
+        elif out.suffix.lower() == ".vtkhdf":
             from vtkmuscle.io import read_series, write_vtkhdf
             from vtkmuscle.run.poses import merged
 

@@ -94,7 +94,38 @@ def motion_by_joints(table: SceneTable, joints: SceneJoints, files: SceneFiles) 
         If the file cannot be read, or names no coordinate.
     """
     motion = table.motion
-    tree = joints.tree
+    times, values = coordinate_values(table, joints.tree, files)
+    key = "motion.file" if motion.file is not None else "motion.grid"
+    _warn_of_ranges(values, joints.tree, key, files)
+    chosen = None if motion.coordinates is None else list(motion.coordinates)
+    try:
+        moved = motion_of_tree(
+            joints.tree,
+            values,
+            times=times,
+            bodies=joints.bodies,
+            frame=joints.frame,
+            fixed=joints.fixed,
+            coordinates=chosen,
+        )
+    except ValueError as error:
+        raise SceneError(str(error), "motion", "correct it", files.paths[""]) from error
+    if not moved.transforms:
+        raise SceneError("no bone moves", key, "name coordinates of joints between bones", files.paths[""])
+    return moved
+
+
+def coordinate_values(
+    table: SceneTable, tree: KinematicTree, files: SceneFiles
+) -> tuple[Floats, dict[str, Floats]]:
+    """Return the times (f,) of a scene's motion, and the values (f,) of the coordinates that it gives.
+
+    Raises
+    ------
+    SceneError
+        If the file cannot be read, or names no coordinate.
+    """
+    motion = table.motion
     key = "motion.file" if motion.file is not None else "motion.grid"
     if motion.file is not None:
         found = files.read(key, motion.file, read_motion_file)
@@ -113,23 +144,7 @@ def motion_by_joints(table: SceneTable, joints: SceneJoints, files: SceneFiles) 
         values = grid_of(grid)
         alone = next(iter(motion.grid or {})) if len(grid) == 1 else None
         times = np.arange(float(count)) if alone is None else steps_of(*(motion.grid or {})[alone])
-    _warn_of_ranges(values, tree, key, files)
-    chosen = None if motion.coordinates is None else list(motion.coordinates)
-    try:
-        moved = motion_of_tree(
-            tree,
-            values,
-            times=times,
-            bodies=joints.bodies,
-            frame=joints.frame,
-            fixed=joints.fixed,
-            coordinates=chosen,
-        )
-    except ValueError as error:
-        raise SceneError(str(error), "motion", "correct it", files.paths[""]) from error
-    if not moved.transforms:
-        raise SceneError("no bone moves", key, "name coordinates of joints between bones", files.paths[""])
-    return moved
+    return times, values
 
 
 def _known(
