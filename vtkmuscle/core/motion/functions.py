@@ -210,6 +210,14 @@ def _sixths(x: Floats, y: Floats) -> Floats:
     n = len(x)
     if n == 2:
         return np.zeros(2)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        sixths = _solved(x, y, n)
+    if not np.isfinite(sixths).all():
+        raise ValueError("the knots of a spline are too close, or too far apart")
+    return sixths
+
+
+def _solved(x: Floats, y: Floats, n: int) -> Floats:
     h = np.diff(x)
     slopes = np.diff(y) / h
     bands = np.zeros((3, n))
@@ -222,7 +230,7 @@ def _sixths(x: Floats, y: Floats) -> Floats:
         seconds = np.diff(slopes) / (x[2:] - x[:-2])  # divided differences
         right[0] = h[0] ** 2 * (seconds[1] - seconds[0]) / (x[3] - x[0])
         right[-1] = -(h[-1] ** 2) * (seconds[-1] - seconds[-2]) / (x[-1] - x[-4])
-    result: Floats = solve_banded((1, 1), bands, right)
+    result: Floats = solve_banded((1, 1), bands, right, check_finite=False)
     return result
 
 

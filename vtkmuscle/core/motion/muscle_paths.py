@@ -126,15 +126,19 @@ class PointPath:
         frames = len(poses[tree.root])
         ranges = {one.name: one.range for one in tree.coordinates}
         total = np.zeros(frames)
-        last = np.full((frames, 3), np.nan)
-        for point in self.points:
-            pose = poses[point.body]
-            place = (
-                np.einsum("fij,fj->fi", pose[:, :3, :3], point.places(full, frames, ranges)) + pose[:, :3, 3]
-            )
-            counted = point.counts(held, frames)
-            total += np.where(counted, np.nan_to_num(np.linalg.norm(place - last, axis=1)), 0.0)
-            last[counted] = place[counted]
+        last = np.zeros((frames, 3))
+        begun = np.zeros(frames, dtype=np.bool_)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for point in self.points:
+                pose = poses[point.body]
+                place = np.einsum("fij,fj->fi", pose[:, :3, :3], point.places(full, frames, ranges))
+                place += pose[:, :3, 3]
+                counted = point.counts(held, frames)
+                total += np.where(counted & begun, np.linalg.norm(place - last, axis=1), 0.0)
+                last[counted] = place[counted]
+                begun |= counted
+        if not np.isfinite(total).all():
+            raise ValueError("the path is longer than all numbers; check its points")
         return total
 
 

@@ -73,7 +73,8 @@ class JointAxis:
 
     def __post_init__(self) -> None:
         axis = np.array(self.axis, dtype=np.float64)
-        length = float(np.linalg.norm(axis)) if axis.shape == (3,) else np.nan
+        with np.errstate(over="ignore"):
+            length = float(np.linalg.norm(axis)) if axis.shape == (3,) else np.nan
         if not (np.isfinite(length) and length > 0.0):
             raise ValueError(f"the axis of a joint must be 3 finite numbers and have a length, but is {axis}")
         object.__setattr__(self, "axis", axis / length)
@@ -244,15 +245,14 @@ class KinematicTree:
         Raises
         ------
         ValueError
-            If there is no such coordinate, lengths differ, a value is not finite, or it is another
-            than its coupling gives.
+            If there is no such coordinate, lengths differ, or a value is not finite.
         """
         known = [one.name for one in self.coordinates]
         given = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
         lengths = {value.shape for value in given.values() if value.ndim}
         if len(lengths) > 1 or any(len(shape) != 1 for shape in lengths):
             raise ValueError(
-                f"coordinates have values of the shapes {sorted(lengths)}, but must have as many each"
+                f"coordinates have values of the shapes {sorted(lengths)}, but must be as many each"
             )
         frames = lengths.pop()[0] if lengths else 1
         for name, value in given.items():
@@ -263,7 +263,12 @@ class KinematicTree:
         result = {one.name: np.full(frames, one.rest) for one in self.coordinates}
         result |= {name: np.broadcast_to(value, (frames,)) for name, value in given.items()}
         for one in self.couplings:
-            result[one.dependent] = one.function(result[one.independent])
+            with np.errstate(over="ignore", invalid="ignore"):
+                result[one.dependent] = one.function(result[one.independent])
+            if not np.isfinite(result[one.dependent]).all():
+                raise ValueError(
+                    f"coordinate {one.dependent!r} follows {one.independent!r} beyond all numbers"
+                )
         return result
 
     def poses(self, values: Mapping[str, ArrayLike]) -> dict[str, Floats]:
@@ -283,7 +288,13 @@ class KinematicTree:
         frames = len(next(iter(full.values()))) if full else 1
         result = {self.root: np.tile(np.eye(4), (frames, 1, 1))}
         for joint in self.joints:
-            result[joint.child] = result[joint.parent] @ joint.transforms(full, frames)
+            with np.errstate(over="ignore", invalid="ignore"):
+                result[joint.child] = result[joint.parent] @ joint.transforms(full, frames)
+            if not np.isfinite(result[joint.child]).all():
+                raise ValueError(
+                    f"joint {joint.name!r} puts {joint.child!r} beyond all numbers; check its frames, functions "
+                    "and coordinates"
+                )
         return result
 
     def scaled(self, factor: float) -> KinematicTree:
