@@ -54,6 +54,16 @@ def opensim_data():
     return folder
 
 
+@pytest.fixture(scope="session")
+def bp3d_knee():
+    """Folder of a second subject's thigh and knee; a test that needs it is skipped without."""
+    root = Path(os.environ.get("VTKMUSCLE_DATA", REPOSITORY.parent / "shared" / "data"))
+    folder = root / "bp3d_knee"
+    if not (folder / "scene.toml").is_file():
+        pytest.skip(f"the second subject is not at {folder}; set VTKMUSCLE_DATA to the folder it is in")
+    return folder
+
+
 @pytest.fixture
 def spindle():
     """A new spindle over a hinge."""

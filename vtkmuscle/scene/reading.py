@@ -27,7 +27,7 @@ from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.files import SceneFiles, parsed
 from vtkmuscle.scene.mirror import mirrored_fields
 from vtkmuscle.scene.motion import motion_from
-from vtkmuscle.scene.schema import Area, MuscleTable
+from vtkmuscle.scene.schema import Area, Estimate, MuscleTable
 from vtkmuscle.scene.validation import validated
 
 T = TypeVar("T")
@@ -101,9 +101,10 @@ def _muscle(
     fibres = None if table.fibres is None else table.fibres.given()
     with faults.gathered():
         surface = files.read(f"{key}.surface", table.surface, read_surface)
-        if table.attachments is None and motion is not None:
-            areas = _estimated(f"{key}.attachments", files, surface, bones, motion)
-    if table.attachments is not None:
+        estimate = table.attachments
+        if isinstance(estimate, Estimate) and motion is not None:
+            areas = _estimated(f"{key}.attachments", estimate.estimate, files, surface, bones, motion)
+    if not isinstance(table.attachments, Estimate):
         areas = _areas(f"{key}.attachments", table.attachments, files, faults, frame)
     if fibres is not None and fibres.get("template_file") is not None:
         with faults.gathered():
@@ -147,14 +148,23 @@ def _literature(key: str, muscle: str, text: str, files: SceneFiles) -> tuple[Li
 
 
 def _estimated(
-    key: str, files: SceneFiles, surface: vtkPolyData, bones: dict[str, vtkPolyData], motion: RigidMotion
+    key: str,
+    between: list[str],
+    files: SceneFiles,
+    surface: vtkPolyData,
+    bones: dict[str, vtkPolyData],
+    motion: RigidMotion,
 ) -> tuple[AttachmentArea, ...]:
-    """Return estimated attachments; of two bones the one that moves has the insertion."""
+    """Return estimated attachments; of two bones that are not named the moving one has the insertion."""
+    origin, insertion = between or (None, None)
+    estimator = AttachmentEstimator(muscle=surface, bones=bones, origin=origin, insertion=insertion)
     try:
-        areas = attachments_of(AttachmentEstimator(muscle=surface, bones=bones).output, key)
+        areas = attachments_of(estimator.output, key)
     except ValueError as error:
         problem, remedy = fault_of(error)
         raise SceneError(problem, key, remedy, files.paths[""]) from error
+    if between:
+        return tuple(areas)
     moving = {area.role: area.bone in motion.transforms for area in areas}
     if moving["origin"] and not moving["insertion"]:
         other = {"origin": "insertion", "insertion": "origin"}

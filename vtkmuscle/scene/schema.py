@@ -68,10 +68,27 @@ def _file_or_files(value: Any, handler: Callable[[Any], Any]) -> Any:
 
 def _list_or_estimate(value: Any, handler: Callable[[Any], Any]) -> Any:
     if value == ESTIMATE:
-        return None
+        return Estimate(estimate=[])
+    if isinstance(value, dict):
+        named = value.get(ESTIMATE)
+        bones = [one for one in named if isinstance(one, str)] if isinstance(named, list) else []
+        if len(bones) != 2 or named != bones or len(value) > 1:
+            remedy = '{ estimate = ["BONE OF THE ORIGIN", "BONE OF THE INSERTION"] }'
+            raise fault(f"must name two bones, not {shown(value)}", f"write {remedy}")
+        return Estimate(estimate=bones)
     if not isinstance(value, list):
         raise fault(f"must be a list, not {shown(value)}", f'write [{_AREA}], or "{ESTIMATE}"')
     return handler(value)
+
+
+def _or_estimates(schema: Any) -> None:
+    names = {"type": "array", "items": {"type": "string"}, "minItems": 2, "maxItems": 2}
+    table = {"type": "object", "properties": {ESTIMATE: names}, "required": [ESTIMATE]}
+    schema["anyOf"] = [
+        {"const": ESTIMATE},
+        {**table, "additionalProperties": False},
+        *(one for one in schema["anyOf"] if "$ref" not in one),
+    ]
 
 
 def _or(**other: Any) -> Callable[[Any], None]:
@@ -225,17 +242,24 @@ class Area(Table):
     )
 
 
+class Estimate(Table):
+    """Attachments that are to be estimated: between two bones, origin first, or none that are named."""
+
+    estimate: list[str]
+
+
 class MuscleTable(Table):
     """A muscle."""
 
     surface: Text = Field(
         examples=["FILE.vtp"], description="A closed surface of triangles in one piece, in the rest pose."
     )
-    attachments: Annotated[list[Area] | None, WrapValidator(_list_or_estimate)] = Field(
+    attachments: Annotated[list[Area] | Estimate, WrapValidator(_list_or_estimate)] = Field(
         default_factory=list,
         description="A list of areas; an origin and an insertion are needed for fibres. Or 'estimate', "
-        "where there are no landmarks: areas where the muscle touches the bones.",
-        json_schema_extra=_or(const=ESTIMATE),
+        "where there are no landmarks: areas where the muscle touches the bones; or { estimate = "
+        "['hip_bone', 'shank'] }, likewise, with the bones of the origin and of the insertion.",
+        json_schema_extra=_or_estimates,
     )
     fibres: Fibres | None = Field(
         None,

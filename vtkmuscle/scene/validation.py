@@ -15,7 +15,7 @@ from vtkmuscle.data.attachments import ROLES, VIA
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.joint_validation import joint_faults
-from vtkmuscle.scene.schema import ALONE, ESTIMATE, Motion, MuscleTable, SceneTable
+from vtkmuscle.scene.schema import ALONE, ESTIMATE, Estimate, Motion, MuscleTable, SceneTable
 from vtkmuscle.scene.settings import Settings
 
 #: Names that the run writes itself, beside those of the muscles.
@@ -186,7 +186,10 @@ def _of_motion(motion: Motion, bones: list[str], *, jointed: bool) -> Iterator[_
 
 
 def _of_attachments(key: str, muscle: MuscleTable, scene: SceneTable) -> Iterator[_Fault]:
-    if muscle.attachments is None:
+    if isinstance(muscle.attachments, Estimate):
+        for bone in muscle.attachments.estimate:
+            if bone not in scene.bones:
+                yield key, f"there is no bone {shown(bone)}", suggestion(bone, scene.bones)
         return
     for number, area in enumerate(muscle.attachments):
         if area.bone not in scene.bones:

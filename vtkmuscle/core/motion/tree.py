@@ -251,9 +251,7 @@ class KinematicTree:
         given = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
         lengths = {value.shape for value in given.values() if value.ndim}
         if len(lengths) > 1 or any(len(shape) != 1 for shape in lengths):
-            raise ValueError(
-                f"coordinates have values of the shapes {sorted(lengths)}, but must be as many each"
-            )
+            raise ValueError(f"coordinates have values of the shapes {sorted(lengths)}, but must be alike")
         frames = lengths.pop()[0] if lengths else 1
         for name, value in given.items():
             if name not in known:
@@ -292,8 +290,8 @@ class KinematicTree:
                 result[joint.child] = result[joint.parent] @ joint.transforms(full, frames)
             if not np.isfinite(result[joint.child]).all():
                 raise ValueError(
-                    f"joint {joint.name!r} puts {joint.child!r} beyond all numbers; check its frames, functions "
-                    "and coordinates"
+                    f"joint {joint.name!r} puts {joint.child!r} beyond all numbers; check its frames, "
+                    "functions and coordinates"
                 )
         return result
 
