@@ -1,7 +1,8 @@
 """Attachments between bones that a scene names, and how sure they are."""
 
+import json
+
 import pytest
-import tomli_w
 from tiny_scene import TOML, write_tiny_scene
 
 from vtkmuscle import Scene, SceneError
@@ -9,10 +10,11 @@ from vtkmuscle import Scene, SceneError
 
 def with_attachments(tmp_path, value):
     path = write_tiny_scene(tmp_path / "scene")
+    ((key, bones),) = value.items()
     start, end = TOML.index("attachments = ["), TOML.index("[solver]")
     text = path.read_text()
     assert TOML[start:end] in text
-    path.write_text(text.replace(TOML[start:end], tomli_w.dumps({"attachments": value})))
+    path.write_text(text.replace(TOML[start:end], f"attachments = {{ {key} = {json.dumps(bones)} }}\n\n"))
     return path
 
 
