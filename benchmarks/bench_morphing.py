@@ -110,7 +110,7 @@ def real_muscles(n_fibres: int, resolution: int) -> None:
 
 
 def four_muscles() -> None:
-    """Print what P12's job takes: four muscles, 50 fibres of 14 segments each (published: 300 ms)."""
+    """Print the time of the job of Kohout et al. 2012: four muscles, 50 fibres each (published: 300 ms)."""
     scene = Scene.load(data_folder() / "scene.toml")
     muscles = [(muscle.surface, attachments_from(muscle.attachments)) for muscle in scene.muscles.values()]
 

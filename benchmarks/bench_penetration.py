@@ -33,7 +33,7 @@ MODES = {
     "voxel": {"collision": "voxel", "solver": "gauss-seidel"},
     "voxel, anderson": {"collision": "voxel", "solver": "anderson"},
     "voxel, transform": {"collision": "voxel", "solver": "gauss-seidel", "bone_push": "transform"},
-    "voxel, P21": {
+    "voxel, published": {
         "collision": "voxel",
         "solver": "gauss-seidel",
         "prediction": "inertial",

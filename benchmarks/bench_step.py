@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 from bench_kernels import no_bones, stiffness
 from muscle_problem import data_folder
-from published import P21
 
 from vtkmuscle import Scene
 from vtkmuscle.core.collision import contact
@@ -40,7 +39,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "gauss-seidel": {"solver": "gauss-seidel"},
     "anderson (default)": {"solver": "anderson"},
     "stiffness, anderson": {"anisotropy": "stiffness"},
-    "P21": P21,
+    "published": {"quality": "published"},
 }
 BARE, STEP, FIBRES, OTHER = "bare iterations", "step of PBDDeformer", "fibres", "everything else"
 #: What stages are made of: functions by their owner.

@@ -22,9 +22,8 @@ def main(path: str | None) -> None:
     """Print the table of a scene."""
     scene = Scene.load(path) if path else Scene.from_phantom(phantoms.hip())
     bones = scene.bones_data()
-    print(
-        f"{'muscle':18} {'bone':10} {'true mm2':>9} {'est. mm2':>9} {'overlap':>8} {'centres mm':>10} {'sure':>5}"
-    )
+    print(f"{'muscle':18} {'bone':10} {'true mm2':>9} {'est. mm2':>9}", end=" ")
+    print(f"{'overlap':>8} {'centres mm':>10} {'sure':>5}")
     for name, muscle in scene.muscles.items():
         points, triangles = checked_surface(muscle.surface, name)
         thirds = np.repeat(np.linalg.norm(triangle_normals(points, triangles), axis=1) / 6.0, 3)

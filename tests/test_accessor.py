@@ -147,7 +147,7 @@ def test_pyvista_finds_it_without_an_import(tmp_path):
     np.savetxt(tmp_path / "ring.csv", np.eye(3), delimiter=",")
     scene = write_tiny_scene(tmp_path / "scene")
     write_entry_points(tmp_path / "installed")
-    path = os.pathsep.join([str(tmp_path / "installed"), str(ROOT)])
+    path = os.pathsep.join([str(tmp_path / "installed"), str(Path(vtkmuscle.__file__).parents[1])])
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", DISCOVERY, str(tmp_path / "ring.csv"), str(scene)],
         env={**os.environ, "PYTHONPATH": path},

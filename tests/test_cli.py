@@ -17,6 +17,13 @@ from vtkmuscle.cli import app
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.io import write_polydata
 
+#: The command line, where this process ignores Ctrl-C too (as in the background of a shell).
+STOPPABLE = """
+import signal
+from vtkmuscle.cli import main
+signal.signal(signal.SIGINT, signal.default_int_handler)
+main()
+"""
 MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
 
 
@@ -185,7 +192,7 @@ def test_ctrl_c_leaves_the_finished_frames(moment, scene_file, tmp_path):
         scene_file.read_text().replace(MOTION, HINGE.replace("[0, 20, 5]", "[0, 90, 0.05]"))
     )
     out = tmp_path / "out"
-    command = [sys.executable, "-m", "vtkmuscle", "run", scene_file, "--out", out, "--no-figures"]
+    command = [sys.executable, "-c", STOPPABLE, "run", scene_file, "--out", out, "--no-figures"]
     child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     sign = out / "spindle/spindle_0003.vtp" if moment == "in the middle" else out
     deadline = time.monotonic() + 120
@@ -210,7 +217,9 @@ def test_ctrl_c_leaves_the_finished_frames(moment, scene_file, tmp_path):
         assert abs(len(report["muscles"]["spindle"]["frames"]) - len(reader.time_values)) <= 1
 
 
-def test_the_demo_writes_a_scene_that_can_be_run_again(tmp_path):
+def test_the_demo_writes_a_scene_that_can_be_run_again(tmp_path, monkeypatch):
+    # A smaller phantom than the hip, which tests/test_isolation.py has.
+    monkeypatch.setattr(vtkmuscle.phantoms, "hip", vtkmuscle.phantoms.spindle_over_hinge)
     done = vtkmuscle_("demo", "--out", tmp_path / "demo", "--frames", "0:2", "--no-figures")
     assert done.exit_code == 0
     path = tmp_path / "demo/scene/scene.toml"

@@ -12,10 +12,12 @@ from pathlib import Path
 
 import pytest
 
+import vtkmuscle
 from vtkmuscle.plotting import can_render
 
-ROOT = Path(__file__).parents[1]
-EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+#: Where the package is, installed or not.
+PACKAGES = Path(vtkmuscle.__file__).parents[1]
+EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 LONGEST = 60  # lines
 
 
@@ -29,11 +31,11 @@ def test_example_runs(example, tmp_path):
     reason = can_render()
     if reason is not None:
         pytest.skip(reason)
-    environment = {**os.environ, "PYVISTA_OFF_SCREEN": "true", "PYTHONPATH": str(ROOT), "MPLBACKEND": "agg"}
+    here = {"PYVISTA_OFF_SCREEN": "true", "PYTHONPATH": str(PACKAGES), "MPLBACKEND": "agg"}
     done = subprocess.run(
         [sys.executable, "-W", "error", str(example)],
         cwd=tmp_path,
-        env=environment,
+        env={**os.environ, **here},
         capture_output=True,
         text=True,
         timeout=300,

@@ -194,15 +194,15 @@ import pathlib, sys
 def peak():  # not ru_maxrss, which begins with that of the process it was forked from
     lines = pathlib.Path("/proc/self/status").read_text().splitlines()
     return next(1024 * int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
-from vtkmuscle.run.memory import _estimate
+from vtkmuscle.run.memory import estimated_memory
 from vtkmuscle import Scene
 scene = Scene.load(sys.argv[1])
 before = peak()
 scene.run(None, figures=False, workers=1)
 taken = peak() - before
-print(taken, sum(dict(_estimate(scene, range(5))).values()))
+print(taken, sum(dict(estimated_memory(scene, range(5))).values()))
 """
-    change(scene_file, "n_fibres = 6, resolution = 5", "n_fibres = 2000, resolution = 50")
+    change(scene_file, "n_fibres = 6, resolution = 5", "n_fibres = 500, resolution = 40")
     done = subprocess.run(
         [sys.executable, "-c", code, str(scene_file)], capture_output=True, text=True, check=True
     )

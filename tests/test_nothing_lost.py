@@ -222,7 +222,7 @@ def test_names_that_would_be_in_the_way_of_files_are_refused(scene, kind, name):
     else:
         old = getattr(scene, kind)
         changes = {kind: {**old, name: next(iter(old.values()))}}
-    with pytest.raises(SceneError, match=r"call it otherwise|leave out the suffix|use at most") as failure:
+    with pytest.raises(SceneError, match=r"give it another name|leave out the suffix|use at most") as failure:
         replace(scene, **changes)
     assert len(str(failure.value).splitlines()) == 1
 

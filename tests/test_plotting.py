@@ -30,7 +30,6 @@ from vtkmuscle.plotting import (
     plot_volume,
     preflight,
 )
-from vtkmuscle.plotting import figures as figures_module
 from vtkmuscle.run import figures as run_figures
 from vtkmuscle.run.figures import write_figures
 
@@ -214,19 +213,11 @@ def test_a_fibre_that_shortens_is_blue_and_one_that_lengthens_is_not(renders):
     assert blue_pixels(longer, by=20) == 0
 
 
-def test_the_same_frame_twice_gives_the_same_panel_twice(renders, tmp_path, monkeypatch):
-    panels = []
-    original = figures_module.sheet
-
-    def spy(given, *args):
-        panels.extend(given)
-        return original(given, *args)
-
-    monkeypatch.setattr(figures_module, "sheet", spy)
-    plot_muscle(tmp_path / "two.png", [spindle()] * 2, [two_bones()] * 2, fibres=[straight_fibres()] * 2)
-    assert len(panels) == 2
-    np.testing.assert_array_equal(panels[0].image, panels[1].image)
-    assert len(np.unique(panels[0].image.reshape(-1, 3), axis=0)) > 100
+def test_the_same_frame_twice_gives_the_same_panel_twice(renders):
+    figure = plot_muscle([spindle()] * 2, [two_bones()] * 2, fibres=[straight_fibres()] * 2)
+    one, other = (axes.images[0].get_array() for axes in figure.axes)
+    np.testing.assert_array_equal(one, other)
+    assert len(np.unique(one.reshape(-1, 3), axis=0)) > 100
 
 
 def test_all_figures_of_a_run_are_written(renders, tmp_path):
@@ -263,28 +254,21 @@ def test_a_surface_may_have_normals_of_another_name(renders):
 # ---------------------------------------------------------------- curves
 
 
-@pytest.fixture
-def figure_of(monkeypatch):
-    """Let the plotting functions return their figure rather than write it."""
-    monkeypatch.setattr(figures_module, "save", lambda figure, path: figure)
-    return lambda figure: figure.axes[0]
-
-
-def test_the_length_figure_shows_each_fibre_and_the_mean(figure_of):
+def test_the_length_figure_shows_each_fibre_and_the_mean():
     lengths = np.array([[10.0, 20.0, 60.0], [11.0, 19.0, 63.0]])
-    axes = figure_of(plot_lengths("", [0.0, 5.0], lengths))
+    axes = plot_lengths([0.0, 5.0], lengths).axes[0]
     drawn = [line.get_ydata() for line in axes.lines if len(line.get_xdata())]
     np.testing.assert_array_equal(drawn[:3], lengths.T)
     np.testing.assert_allclose(drawn[3], [30.0, 31.0])
 
 
-def test_the_volume_figure_holds_what_is_far_from_one(figure_of):
-    axes = figure_of(plot_volume("", {"a": [0, 1], "b": [0, 1]}, {"a": [1.0, 1.07], "b": [1.0, 0.999]}))
+def test_the_volume_figure_holds_what_is_far_from_one():
+    axes = plot_volume({"a": [0, 1], "b": [0, 1]}, {"a": [1.0, 1.07], "b": [1.0, 0.999]}).axes[0]
     low, high = axes.get_ylim()
     assert low < 0.93
     assert high > 1.07
 
 
-def test_a_single_frame_is_drawn_as_points(figure_of):
-    axes = figure_of(plot_lengths("", [3.0], [[10.0, 12.0]]))
+def test_a_single_frame_is_drawn_as_points():
+    axes = plot_lengths([3.0], [[10.0, 12.0]]).axes[0]
     assert axes.lines[0].get_marker() == "o"

@@ -7,7 +7,7 @@ from vtkmodules.vtkFiltersGeometry import vtkCompositeDataGeometryFilter
 
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.data.arrays import blocks_of, points_of
-from vtkmuscle.filters import BoneMotion
+from vtkmuscle.filters import BoneMotion, FibreTemplateSource, FibreTubes
 from vtkmuscle.pipelines import deform
 from vtkmuscle.plotting import add_time_slider, can_render, show_time
 
@@ -71,6 +71,13 @@ def test_a_slider_moves_them(spindle, plotter):
     representation.SetValue(7.0)
     slider.InvokeEvent("EndInteractionEvent")
     assert np.array_equal(shown(muscle), points_of(chain(spindle).update(time=7.0).output))
+
+
+def test_a_chain_is_refused_with_what_to_draw_instead(plotter):
+    tubes = FibreTemplateSource(n_fibres=3) >> FibreTubes(radius=0.1)
+    with pytest.raises(TypeError, match=r"add_mesh\(chain\.last\)"):
+        plotter.add_mesh(tubes)
+    assert np.array_equal(shown(plotter.add_mesh(tubes.last)), points_of(tubes.output))
 
 
 def test_what_a_filter_raises_is_raised(spindle, plotter):

@@ -31,7 +31,7 @@ def test_the_python_of_the_readme_runs(tmp_path):
     done = subprocess.run(
         [sys.executable, "-W", "error", "readme.py"],
         cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "PYTHONPATH": str(Path(vtkmuscle.__file__).parents[1])},
         capture_output=True,
         text=True,
         timeout=300,

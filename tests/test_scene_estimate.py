@@ -1,40 +1,46 @@
 """Attachments between bones that a scene names, and how sure they are."""
 
-import json
+import tomllib
 
 import pytest
-from tiny_scene import TOML, write_tiny_scene
+import tomli_w
 
 from vtkmuscle import Scene, SceneError
+from vtkmuscle.phantoms import spindle_over_hinge
 
 
 def with_attachments(tmp_path, value):
-    path = write_tiny_scene(tmp_path / "scene")
-    ((key, bones),) = value.items()
-    start, end = TOML.index("attachments = ["), TOML.index("[solver]")
-    text = path.read_text()
-    assert TOML[start:end] in text
-    path.write_text(text.replace(TOML[start:end], f"attachments = {{ {key} = {json.dumps(bones)} }}\n\n"))
+    """Write the scene of a spindle between the bones proximal and distal; return its file."""
+    path = Scene.from_phantom(spindle_over_hinge(), n_fibres=4, resolution=5).save(tmp_path / "scene")
+    tables = tomllib.loads(path.read_text())
+    tables["muscles"]["spindle"]["attachments"] = value
+    path.write_text(tomli_w.dumps(tables))
     return path
 
 
 def test_the_bones_may_be_named_origin_first(tmp_path):
-    scene = Scene.load(with_attachments(tmp_path, {"estimate": ["lower", "upper"]}))
-    assert [(area.role, area.bone) for area in scene.muscles["spindle"].attachments] == [
-        ("origin", "lower"),
-        ("insertion", "upper"),
-    ]
-    again = Scene.load(scene.save(tmp_path / "again"))
-    assert all(area.estimated for area in again.muscles["spindle"].attachments)
+    scene = Scene.load(with_attachments(tmp_path, {"estimate": ["distal", "proximal"]}))
+    areas = scene.muscles["spindle"].attachments
+    assert [(area.role, area.bone) for area in areas] == [("origin", "distal"), ("insertion", "proximal")]
+    again = Scene.load(scene.save(tmp_path / "again")).muscles["spindle"].attachments
+    assert all(area.estimated for area in again)
+    assert [area.role for area in again] == ["origin", "insertion"]
+
+
+def test_how_sure_an_estimate_is_comes_with_the_report(tmp_path):
+    scene = Scene.load(with_attachments(tmp_path, "estimate"))
+    report = scene.run(frames="0:2", figures=False).report["muscles"]["spindle"]
+    assert report["estimated_attachments"] == 2
+    assert 0.8 < report["attachment_sureness"] <= 1.0
 
 
 @pytest.mark.parametrize(
     ("value", "words"),
     [
-        ({"estimate": ["upper"]}, "must name two bones"),
-        ({"guess": ["upper", "lower"]}, "must name two bones"),
-        ({"estimate": ["upper", "elbow"]}, "there is no bone 'elbow'"),
-        ({"estimate": ["upper", "upper"]}, "both 'upper'"),
+        ({"estimate": ["proximal"]}, "must name two bones"),
+        ({"guess": ["proximal", "distal"]}, "must name two bones"),
+        ({"estimate": ["proximal", "elbow"]}, "there is no bone 'elbow'"),
+        ({"estimate": ["proximal", "proximal"]}, "both 'proximal'"),
     ],
 )
 def test_other_than_two_bones_is_refused(tmp_path, value, words):

@@ -364,7 +364,7 @@ FAULTS = [
     ('time = "time"', "tmie = 1", "motion.tmie", "no such key", "did you mean 'time'"),
     ("[0.0, -15.0, 0.0]", "[0.0, -15.0]", "motion.centre", "must be 3 finite numbers", "centre = "),
     ("[0.0, -15.0, 0.0]", "[0.0, nan, 0.0]", "motion.centre", "must be 3 finite numbers", "centre = "),
-    (MOTION, MOTION + HINGE, "motion.bone", "stands beside motion.hinge", "leave out one"),
+    (MOTION, MOTION + HINGE, "motion.bone", "cannot be combined with motion.hinge", "leave out one"),
     (MOTION, HINGE.replace("axis", "axes"), "motion.hinge.axes", "no such key", "did you mean 'axis'"),
     (MOTION, HINGE.replace('"lower"', '"x"'), "motion.hinge.bone", "no bone 'x'", "upper, lower"),
     (MOTION, HINGE.replace("[1.0, 0.0, 0.0]", "[0, 0, 0]"), "motion.hinge.axis", "no length", "direction"),
@@ -383,7 +383,7 @@ FAULTS = [
         MOTION,
         MOTION.replace('"motion.csv"', '{ lower = "motion.csv" }'),
         "motion.bone",
-        "stands beside",
+        "cannot be combined with",
         "leave out bone",
     ),
     (
@@ -394,7 +394,7 @@ FAULTS = [
         "FILE.csv",
     ),
     ("[muscles.spindle]", '[muscles."a/b"]', "muscles.a/b", "cannot be part of a file name", "letters"),
-    ("[muscles.spindle]", "[muscles.bones]", "muscles.bones", "overwrite other results", "call it otherwise"),
+    ("[muscles.spindle]", "[muscles.bones]", "muscles.bones", "overwrite other results", "another name"),
     ("muscles/spindle.vtp", "bones", "muscles.spindle.surface", "suffix", "convert"),
     (
         "attachments = [",

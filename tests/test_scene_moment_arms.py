@@ -121,15 +121,14 @@ def test_there_is_a_figure(result, out):
     assert (out / "figures/spindle_moment_arms.png").stat().st_size > 10_000
 
 
-def test_the_literature_is_drawn_where_its_coordinate_is_that_of_the_motion(result, tmp_path):
-    arms = result.moment_arms()["spindle"]
-    other = [replace(curve, dof="hip") for curve in result.literature["spindle"]]
-    plain = plot_moment_arms(tmp_path / "a.png", arms).read_bytes()
-    assert plot_moment_arms(tmp_path / "b.png", arms, literature=other).read_bytes() == plain
-    assert (
-        plot_moment_arms(tmp_path / "c.png", arms, literature=result.literature["spindle"]).read_bytes()
-        != plain
-    )
+def test_the_literature_is_drawn_where_its_coordinate_is_that_of_the_motion(result):
+    arms, curves = result.moment_arms()["spindle"], result.literature["spindle"]
+
+    def drawn(literature):
+        axes = plot_moment_arms(arms, literature=literature).axes[0]
+        return len(axes.lines) + len(axes.collections)
+
+    assert drawn([replace(curve, dof="hip") for curve in curves]) == drawn(()) < drawn(curves)
 
 
 def test_without_a_coordinate_nothing_is_written_and_what_was_there_goes(scene, result, out, tmp_path):

@@ -1,7 +1,6 @@
 """Scenes whose bones are of several closed pieces."""
 
 from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 import pytest
@@ -17,8 +16,8 @@ def real_scene(lhdl_hip):
     return Scene.load(lhdl_hip / "scene_lite.toml")
 
 
-@pytest.mark.parametrize("names", [*combinations(MUSCLES, 1), *combinations(MUSCLES, 2)], ids="+".join)
-def test_each_muscle_of_the_real_hip_runs_alone_and_with_each_other(real_scene, names):
+@pytest.mark.parametrize("names", [*((name,) for name in MUSCLES), MUSCLES[:2], MUSCLES[2:]], ids="+".join)
+def test_each_muscle_of_the_real_hip_runs_alone_and_beside_another(real_scene, names):
     muscles = {name: replace(real_scene.muscles[name], fibres=None) for name in names}
     result = replace(real_scene, muscles=muscles).run(frames="0:3", figures=False)
     for name in names:

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -573,24 +572,6 @@ def test_a_phantom_is_a_scene(tmp_path):
 
 
 @pytest.mark.realdata
-def test_the_real_hip_deforms(lhdl_hip, tmp_path):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        result = Scene.load(lhdl_hip / "scene_lite.toml").run(tmp_path, frames="0:4", figures=False)
-    assert np.isfinite(all_numbers(result.report)).all()
-    for name in result.muscle_names:
-        report = result.report["muscles"][name]
-        assert report["fibres"]["fibres"] == 100
-        assert report["fibres"]["points_inside"] >= 0.95 * report["fibres"]["points"]
-        assert set(report["fixed_points"]) == {"pelvis", "femur_r"}
-        for row in report["frames"]:
-            assert row["volume_ratio"] == pytest.approx(1.0, abs=0.01)
-            assert row["fixed_error_max_mm"] < 1e-6
-            assert row["penetration_max_mm"] < 5.0
-            assert row["edge_stretch_max"] < 3.0
-
-
-@pytest.mark.realdata
 def test_the_main_job_on_the_real_hip(lhdl_hip):
     """Four muscles at full resolution over 90 degrees of flexion, with the settings of the scene."""
     result = Scene.load(lhdl_hip / "scene.toml").run()
@@ -600,6 +581,7 @@ def test_the_main_job_on_the_real_hip(lhdl_hip):
     for name in result.muscle_names:
         report = result.report["muscles"][name]
         assert len(report["frames"]) == 46
+        assert set(report["fixed_points"]) == {"pelvis", "femur_r"}
         assert report["fibres"]["points_inside"] >= 0.95 * report["fibres"]["points"]
         for row in report["frames"]:
             assert row["volume_ratio"] == pytest.approx(1.0, abs=1e-3)

@@ -118,12 +118,12 @@ NONSENSE = {
     "ring that is an 8": (lambda s: landmarks(s, eight), False, "crosses itself|order of the boundary"),
     "ring on a line": (lambda s: landmarks(s, line), False, "hardly any area|order of the boundary"),
     "all landmarks equal": (lambda s: landmarks(s, lambda x: np.tile(x[0], (9, 1))), True, "are one point"),
-    "metres said to be millimetres": (
+    "metres given as millimetres": (
         lambda s: scaled(s, 1e-3),
         False,
         'if the files are in m, write units = "m"',
     ),
-    "millimetres said to be metres": (
+    "millimetres given as metres": (
         lambda s: replace(s, units="m"),
         False,
         'if the files are in mm, write units = "mm"',

@@ -31,7 +31,7 @@ from vtkmuscle.plotting import can_render
 from vtkmuscle.run.limits import BEYOND, CHECKS, FULL_SIZE, LONGEST, SHORTEST
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report import DEFINITIONS
-from vtkmuscle.run.scenes import _bone_distances
+from vtkmuscle.run.scenes import bone_distances
 from vtkmuscle.run.verdict import judge, reasons_of, slackness_of
 
 #: What a good frame has.
@@ -325,13 +325,13 @@ def test_an_open_bone_is_measured_with_its_holes_closed(tmp_path):
     scene = Scene.load(write_tiny_scene(tmp_path))
     whole = scene.bones["upper"]
     opened = surface_from(points_of(whole), triangles_of(whole, "bone")[3:])
-    distances = _bone_distances(replace(scene, bones={**scene.bones, "upper": opened}))
+    distances = bone_distances(replace(scene, bones={**scene.bones, "upper": opened}))
     assert set(distances) == {"upper", "lower"}
     middle = points_of(whole).mean(axis=0)[None]
     exact = SurfaceDistance(whole).depth(middle)
     np.testing.assert_allclose(distances["upper"].depth(middle), exact, rtol=0.05)
     sheet = surface_from(np.array([[0.0, 0, 0], [9, 0, 0], [0, 9, 0]]), np.array([[0, 1, 2]]))
-    assert set(_bone_distances(replace(scene, bones={**scene.bones, "plate": sheet}))) == {"upper", "lower"}
+    assert set(bone_distances(replace(scene, bones={**scene.bones, "plate": sheet}))) == {"upper", "lower"}
 
 
 def test_slackness_is_against_the_taut_length_and_what_it_is_at_rest():

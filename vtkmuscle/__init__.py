@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from vtkmuscle.core.motion.rigid import RigidMotion, hinge
     from vtkmuscle.run.moment_arms import MomentArmTable
     from vtkmuscle.run.result import Result
+    from vtkmuscle.run.table import Table
     from vtkmuscle.scene.data import Muscle
     from vtkmuscle.scene.faults import SceneError
     from vtkmuscle.scenes import Scene
@@ -36,6 +37,7 @@ _SOURCES = {
     "Result": "vtkmuscle.run.result",
     "Scene": "vtkmuscle.scenes",
     "SceneError": "vtkmuscle.scene.faults",
+    "Table": "vtkmuscle.run.table",
 }
 
 __all__ = [
@@ -46,6 +48,7 @@ __all__ = [
     "RigidMotion",
     "Scene",
     "SceneError",
+    "Table",
     "__version__",
     "filters",
     "hinge",

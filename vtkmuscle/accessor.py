@@ -21,9 +21,6 @@ from vtkmuscle.filters.fibre_tubes import FibreTubes
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.pipelines import decompose, deform
 
-#: Landmarks of one area, or those of several by the name of the bone that each is on.
-Landmarks = Any
-
 
 @pyvista.register_dataset_accessor("muscle", pyvista.PolyData)
 class MuscleAccessor:
@@ -60,8 +57,8 @@ class MuscleAccessor:
         self,
         bones: Any,
         *,
-        origin: Landmarks = None,
-        insertion: Landmarks = None,
+        origin: Any = None,
+        insertion: Any = None,
         attachments: Any = None,
         **parameters: Any,
     ) -> Any:
@@ -101,8 +98,8 @@ class MuscleAccessor:
         *,
         time: float | None = None,
         fibres: Any = None,
-        origin: Landmarks = None,
-        insertion: Landmarks = None,
+        origin: Any = None,
+        insertion: Any = None,
         attachments: Any = None,
         fixing: Mapping[str, Any] | None = None,
         **solver: Any,
@@ -145,21 +142,14 @@ class MuscleAccessor:
         ).apply(time=time)
 
     def fibres(
-        self,
-        *,
-        origin: Landmarks = None,
-        insertion: Landmarks = None,
-        attachments: Any = None,
-        **settings: Any,
+        self, *, origin: Any = None, insertion: Any = None, attachments: Any = None, **settings: Any
     ) -> Any:
         """Return fibres that fill the muscle, by the chain of :func:`vtkmuscle.pipelines.decompose`.
 
         Parameters
         ----------
-        origin, insertion : landmarks, or mapping of str to landmarks
-            Of the attachment areas: a (k, 3) array or a polyline, [mm]; several by the names of their bones.
-        attachments : vtkMultiBlockDataSet or sequence of AttachmentArea, optional
-            The areas as one, instead of ``origin`` and ``insertion``.
+        origin, insertion, attachments
+            As of :meth:`fixed`; the landmarks of a single area need no bone.
         **settings
             Of that chain: ``template``, ``n_fibres``, ``resolution`` and so on.
 
@@ -205,7 +195,7 @@ def _names(bones: Any) -> list[str]:
     return list(bones) if isinstance(bones, Mapping) else [name for name, _ in blocks_of(bones)]
 
 
-def _areas(origin: Landmarks, insertion: Landmarks, attachments: Any, bones: list[str] | None) -> Any:
+def _areas(origin: Any, insertion: Any, attachments: Any, bones: list[str] | None) -> Any:
     """Return attachment areas as filters take them; bones are the names to choose from, where it matters."""
     given = {"origin": origin, "insertion": insertion}
     if attachments is not None:

@@ -1,4 +1,4 @@
-"""What the scripts of the papers' experiments share: the scene, P21's settings, steps, tables and pictures.
+"""What the scripts of the papers' experiments share: scene, published settings, steps, tables, pictures.
 
 Each script has a function ``tables(case)`` and takes ``[--data real|phantom] [--out FOLDER] [--short]``.
 Without ``--data`` the right hip of the LHDL data set is taken where it is (VTKMUSCLE_DATA), else the phantom
@@ -38,11 +38,11 @@ from muscle_problem import data_folder
 
 Floats = NDArray[np.float64]
 
-#: The muscles of P21, in the order of its Table 2.
+#: The muscles of the paper, in the order of its Table 2.
 MUSCLES = ("gluteus_maximus", "adductor_brevis", "iliacus", "gluteus_medius")
-#: Cells of P21's voxels: as many as 64 along each axis, and its default.
+#: Cells of the published voxels: as many as 64 along each axis, and its default.
 EQUAL, FINE = 64**3, 8 * 64**3
-#: A frame of hip flexion, in P21 and here [degrees].
+#: A frame of hip flexion, in the paper and here [degrees].
 STEP = 2.0
 
 
@@ -75,7 +75,7 @@ class Table:
 
 
 #: The settings of Kohout and Cervenka 2021; the number of iterations differs between their experiments.
-P21: dict[str, Any] = {"quality": "published"}
+AS_PUBLISHED: dict[str, Any] = {"quality": "published"}
 
 
 class Chain(MusclePipeline):
@@ -85,8 +85,8 @@ class Chain(MusclePipeline):
         bones, areas = case.scene.bones_data(), case.scene.attachments_data(name)
         fixed = FixedPointDetector(**fixing).apply(surface, bones, areas)
         super().__init__(fixed, bones, case.motion, fibres=case.fibres(name), solver=solver)
-        if solver.get("quality") == P21["quality"]:
-            self.transport.weight_tolerance = 0.0  # P21 carries fibres with all weights (its eq. 8)
+        if solver.get("quality") == AS_PUBLISHED["quality"]:
+            self.transport.weight_tolerance = 0.0  # published: it carries fibres with all weights (its eq. 8)
         self._times = case.motion.times
 
     def at(self, degrees: float) -> Any:
@@ -105,9 +105,9 @@ class Chain(MusclePipeline):
     def step_times(self, degrees: Sequence[float]) -> Floats:
         """Return how long each of some steps takes [ms]; call it once.
 
-        A step is all of P21's Algorithm 2, bones and fibres with it. What is prepared once is left out: the
-        first step is made before the clock runs. The clock is that of the processor, all threads together:
-        other work on the machine would count as ours otherwise, and the paper's code has one thread.
+        A step is all of Algorithm 2, bones and fibres with it. What is prepared once is left out: the first
+        step is made before the clock runs. The clock is that of the processor, all threads together: other
+        work on the machine would count as ours otherwise, and the paper's code has one thread.
         """
         self.fibres_at(degrees[0])
         taken = []
@@ -140,7 +140,7 @@ class Case:
 
     @cached_property
     def muscles(self) -> list[str]:
-        """The muscles of P21 that the scene has."""
+        """The muscles of the paper that the scene has."""
         return [name for name in MUSCLES if name in self.scene.muscles]
 
     @cached_property
@@ -153,7 +153,7 @@ class Case:
         return {}
 
     def fibres(self, name: str) -> Any:
-        """Return the fibres of a muscle at rest: 100 of 15 segments, as in P21."""
+        """Return the fibres of a muscle at rest: 100 of 15 segments, as in the paper."""
         if name not in self._fibres:
             fibres = muscle_pipeline(self.scene, name).fibres
             self._fibres[name] = pv.wrap(fibres.update().output).copy()

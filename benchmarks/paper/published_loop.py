@@ -1,4 +1,4 @@
-"""The loop of the code published with P21, as far as it differs from Algorithm 2 of the paper.
+"""The loop of the code published with Kohout and Červenka 2021, as far as it is not their Algorithm 2.
 
 Read from github.com/cervenkam/muscle-deformation-PBD at 66cce66 (``src/pbd.cxx``, ``src/graph.cxx``) and
 written anew: in each *iteration*, points are moved on by their velocity and get a new one; each edge is

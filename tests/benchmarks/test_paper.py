@@ -11,9 +11,16 @@ import pytest
 import pyvista as pv
 
 FOLDER = Path(__file__).parents[2] / "benchmarks" / "paper"
-SCRIPTS = sorted(path.stem for path in FOLDER.glob("p[12]*.py"))
+SCRIPTS = sorted(path.stem for path in FOLDER.glob("kohout*.py"))
 #: Those that are quick even on the phantom; the others are run with ``-m study``.
-QUICK = {"p12_fig4", "p12_fig6", "p12_fig8_9", "p21_fig4_5", "p21_fig10", "p21_fig11"}
+QUICK = {
+    "kohout2012_fig4",
+    "kohout2012_fig6",
+    "kohout2012_fig8_9",
+    "kohout2021_fig4_5",
+    "kohout2021_fig10",
+    "kohout2021_fig11",
+}
 
 
 @pytest.fixture(scope="module")

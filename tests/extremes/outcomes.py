@@ -8,7 +8,7 @@ HEAD = """\
 Extremes
 ========
 
-What the filters were given that no muscle is like, and what became of it. Each case ended with finite numbers
+Input that no real muscle has, and how the filters handled it. Each case ended with finite numbers
 and a report that agrees with the geometry, or with an error that says what to change. "Worst" is the largest
 value of what is named beside it over all cases of a row: an error where two results must be equal, else a
 figure that says how far the shape is from rest. {modes}

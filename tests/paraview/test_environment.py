@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from vtkmuscle.cli import BAD_INPUT, app
-from vtkmuscle.paraview.environment import MEND, PLUGINS, link_packages
+from vtkmuscle.paraview.environment import COMPATIBILITY, PLUGINS, link_packages
 
 
 def run(*arguments):
@@ -44,7 +44,7 @@ def test_the_commands_set_the_variables(tmp_path):
     printed = subprocess.run(
         ["sh", "-c", script], env={"PYTHONPATH": "/before"}, capture_output=True, text=True, check=True
     )
-    assert printed.stdout.splitlines() == [str(PLUGINS), f"{MEND}:{folder}:/before"]
+    assert printed.stdout.splitlines() == [str(PLUGINS), f"{COMPATIBILITY}:{folder}:/before"]
     assert [path.name for path in PLUGINS.glob("*.py")] == ["vtkmuscle_plugin.py"]
 
 

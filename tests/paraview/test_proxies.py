@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from functools import cache
 from xml.etree.ElementTree import fromstring
 
 import pytest
@@ -14,14 +15,10 @@ from vtkmuscle.paraview.proxies import proxy_parts
 from vtkmuscle.paraview.shells import all_kinds
 
 KINDS = all_kinds()
-PARAMETERS = [
-    pytest.param(kind, parameter, id=f"{kind.__name__}-{parameter.name}")
-    for kind in KINDS
-    for parameter in kind.parameter_declarations.values()
-]
 every_filter = pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
 
 
+@cache
 def parts(kind):
     return [fromstring(part) for part in proxy_parts(kind)]
 
@@ -36,8 +33,13 @@ def test_all_kinds_are_in_the_plugin():
     assert Filter not in KINDS
 
 
-@pytest.mark.parametrize(("kind", "parameter"), PARAMETERS)
-def test_property_says_what_is_declared(kind, parameter):
+@every_filter
+def test_properties_say_what_is_declared(kind):
+    for parameter in kind.parameter_declarations.values():
+        check_property(kind, parameter)
+
+
+def check_property(kind, parameter):
     name = camel_case(parameter.name)
     xml = named(parts(kind), name)
     assert xml.get("command") == f"Set{name}"

@@ -62,7 +62,7 @@ def _options(
 @app.command()
 @with_run_options
 def run(
-    scene: Annotated[Path, typer.Argument(help="A scene.toml.", show_default=False)],
+    scene: Annotated[Path, typer.Argument(help="A scene.toml.")],
     out: OutOption = None,
     *,
     options: RunOptions,
@@ -106,22 +106,18 @@ def demo(
 def info(
     files: Annotated[
         list[Path],
-        typer.Argument(
-            help="Meshes, landmarks, models or motions of OpenSim, or folders of results.", show_default=False
-        ),
+        typer.Argument(help="Meshes, landmarks, OpenSim models or motions, or folders of results."),
     ],
     draw: Annotated[
         Path | None,
-        typer.Option(
-            "--draw", metavar="PNG", help="Draw the first file, landmarks or a model.", show_default=False
-        ),
+        typer.Option("--draw", metavar="PNG", help="Draw the first file, landmarks or an OpenSim model."),
     ] = None,
 ) -> None:
-    """Say what meshes are: size, closed or not, manifold or not, pieces, volume, a guess of the unit.
+    """Describe meshes: size, whether closed and manifold, pieces, volume, and the likely unit.
 
-    Of landmarks it says how many, whether they are a ring, and in which frame; of a model of OpenSim its
-    bodies, joints, coordinates and muscles; of a motion its columns; of a folder of results which frames
-    are there.
+    For landmarks, say how many, whether they are a ring, and in which frame; for an OpenSim model, list its
+    bodies, joints, coordinates and muscles; for a motion, its columns; for a folder of results, the frames
+    that are there.
     """
     with one_clear_error(None):
         from vtkmuscle.cli.facts import facts_of
@@ -139,17 +135,9 @@ def info(
 
 @app.command()
 def export(
-    source: Annotated[
-        Path,
-        typer.Argument(help="Folder of a run's results, a .pvd file, or a scene.toml.", show_default=False),
-    ],
-    out: Annotated[
-        Path,
-        typer.Argument(help=".gltf for a web page, .vtkhdf, or .osim for OpenSim.", show_default=False),
-    ],
-    time: Annotated[
-        float | None, typer.Option("--time", help="Which pose. Default: the last.", show_default=False)
-    ] = None,
+    source: Annotated[Path, typer.Argument(help="Folder of a run's results, a .pvd file, or a scene.toml.")],
+    out: Annotated[Path, typer.Argument(help=".gltf for a web page, .vtkhdf, or .osim for OpenSim.")],
+    time: Annotated[float | None, typer.Option("--time", help="Which pose. Default: the last.")] = None,
     form: Annotated[
         str, typer.Option("--form", help="For OpenSim: functions of coordinates, or points on bodies.")
     ] = "functions",
@@ -157,8 +145,7 @@ def export(
         int, typer.Option("--groups", min=1, help="For OpenSim: groups of fibres per muscle, at most.")
     ] = 1,
     into: Annotated[
-        Path | None,
-        typer.Option("--into", help="For OpenSim: a model to put the muscles into.", show_default=False),
+        Path | None, typer.Option("--into", help="For OpenSim: a model to put the muscles into.")
     ] = None,
 ) -> None:
     """Export a pose of a run's results for a web page (glTF), or a .pvd series as one .vtkhdf file.
@@ -191,13 +178,11 @@ def export(
 def tradeoff(
     scene: Annotated[
         str,
-        typer.Argument(metavar="SCENE", help="A scene.toml, or 'demo': the phantom hip.", show_default=False),
+        typer.Argument(metavar="SCENE", help="A scene.toml, or 'demo': the phantom hip."),
     ],
     out: Annotated[
         Path,
-        typer.Option(
-            "--out", "-o", metavar="PATH", parser=named, help="Folder to write to.", show_default=False
-        ),
+        typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to."),
     ],
     only: Annotated[
         list[str] | None,
@@ -205,22 +190,19 @@ def tradeoff(
             "--only",
             metavar="NAME",
             help="Group or beginning of names of settings; may be repeated.",
-            show_default=False,
         ),
     ] = None,
     muscle: Annotated[
         list[str] | None,
-        typer.Option("--muscle", metavar="NAME", help="Muscle; may be repeated.", show_default=False),
+        typer.Option("--muscle", metavar="NAME", help="Muscle; may be repeated."),
     ] = None,
     frames: Annotated[
         str | None,
-        typer.Option(
-            "--frames", metavar="A:B:STEP", help="Frames to compare. Default: each fifth.", show_default=False
-        ),
+        typer.Option("--frames", metavar="A:B:STEP", help="Frames to compare. Default: every fifth."),
     ] = None,
     every: Annotated[
         int,
-        typer.Option("--every", metavar="N", min=1, help="Leave all but each Nth frame of the motion out."),
+        typer.Option("--every", metavar="N", min=1, help="Use only every Nth frame of the motion."),
     ] = 1,
     quiet: QuietOption = False,
 ) -> None:
@@ -263,11 +245,10 @@ def paraview_path(
             metavar="PATH",
             parser=named,
             help="Folder for the links; by default one in your cache.",
-            show_default=False,
         ),
     ] = None,
 ) -> None:
-    """Print what to set for ParaView, pvpython and pvbatch to find the filters.
+    """Print the environment variables with which ParaView, pvpython and pvbatch find the filters.
 
     It fills a folder with links to vtkmuscle and what it needs there, for a ParaView whose Python is of the
     same version as this one, and prints commands for your shell:

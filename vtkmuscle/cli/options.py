@@ -20,7 +20,7 @@ def named(text: str) -> Path:
 
 OutOption = Annotated[
     Path | None,
-    typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to.", show_default=False),
+    typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to."),
 ]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and warnings only.")]
 
@@ -34,7 +34,6 @@ class RunOptions:
         typer.Option(
             metavar="A:B",
             help="Frames to write, counted from 0; B is not included. Default: all.",
-            show_default=False,
         ),
     ] = None
     quiet: QuietOption = False
@@ -50,9 +49,8 @@ class RunOptions:
         typer.Option(
             metavar="N",
             min=1,
-            help="Muscles that are deformed side by side; the results are the same. "
+            help="Number of muscles to deform at the same time; it does not change the results. "
             "Default: one per processor.",
-            show_default=False,
         ),
     ] = None
     verbose: Annotated[
@@ -74,7 +72,6 @@ class RunOptions:
         typer.Option(
             metavar="preview|balanced|accurate",
             help="Preset of the solver, in place of the scene's; what the scene's solver table sets stays.",
-            show_default=False,
         ),
     ] = None
 

@@ -121,7 +121,7 @@ def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
         if name in bones:
             raise ValueError(f"{where}: two blocks are named {name!r}; give each bone a name of its own")
         if not _finite(block):
-            raise ValueError(f"{where}: block {name!r} has points that are not finite; mend its file")
+            raise ValueError(f"{where}: block {name!r} has points that are not finite; correct its file")
         bones[name] = block
     return bones
 

@@ -59,7 +59,7 @@ class FixedPointDetector(Filter):
         str,
         default="attachment",
         choices=("attachment", "proximity", "collision"),
-        doc="How fixed points are told.",
+        doc="How fixed points are found.",
     )
     distance: Parameter[float | None] = Parameter(
         float,

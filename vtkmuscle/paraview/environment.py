@@ -17,7 +17,7 @@ _HERE = Path(__file__).resolve().parent
 #: What ParaView loads at start-up.
 PLUGINS = _HERE / "plugins"
 #: What lets ParaView 5.11 load Python plugins at all where its Python is 3.11.
-MEND = _HERE / "mend_5_11"
+COMPATIBILITY = _HERE / "compatibility_5_11"
 #: What the filters need beside vtkmuscle; where one is not installed its filters say so.
 DISTRIBUTIONS = ("numpy", "scipy", "numba", "llvmlite")
 #: What scenes need.
@@ -53,11 +53,6 @@ def link_packages(folder: Path) -> None:
 
     The environment's own site-packages is no folder for ParaView: the VTK in it would take the place of
     ParaView's. A file in the folder says which links are ours: only those are ever removed.
-
-    Parameters
-    ----------
-    folder : path
-        Made where it does not exist; links in it that were made here are replaced.
 
     Raises
     ------
@@ -108,34 +103,12 @@ def _top_level(name: str) -> set[Path]:
 
 
 def settings(folder: Path) -> dict[str, list[Path]]:
-    """Return the environment variables for ParaView, each a list of folders.
-
-    Parameters
-    ----------
-    folder : path
-        With the packages.
-
-    Returns
-    -------
-    dict of str to list of Path
-        ``PV_PLUGIN_PATH`` and ``PYTHONPATH``.
-    """
-    return {"PV_PLUGIN_PATH": [PLUGINS], "PYTHONPATH": [MEND, folder]}
+    """Return the environment variables for ParaView, each a list of folders; ``folder`` has the packages."""
+    return {"PV_PLUGIN_PATH": [PLUGINS], "PYTHONPATH": [COMPATIBILITY, folder]}
 
 
 def shell_commands(folder: Path) -> list[str]:
-    """Return the commands that set these variables, before what they hold already.
-
-    Parameters
-    ----------
-    folder : path
-        As of :func:`settings`.
-
-    Returns
-    -------
-    list of str
-        For a POSIX shell, or for cmd.exe on Windows.
-    """
+    """Return the commands that set these variables, for a POSIX shell, or for cmd.exe on Windows."""
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     lines = [f"{'rem' if os.name == 'nt' else '#'} for a ParaView whose Python is {version}"]
     for name, folders in settings(folder).items():

@@ -57,8 +57,8 @@ def decompose(muscle: Any, attachments: Any, superficial: Any = None, **settings
     >>> from vtkmuscle.phantoms import spindle_over_hinge
     >>> from vtkmuscle.pipelines import decompose
     >>> phantom = spindle_over_hinge()
-    >>> (name, muscle), = phantom.muscles.items()
-    >>> fibres = decompose(muscle, phantom.attachments[name], n_fibres=10).output
+    >>> muscle, attachments = phantom.muscles["spindle"], phantom.attachments["spindle"]
+    >>> fibres = decompose(muscle, attachments, n_fibres=10).output
     >>> fibres.GetNumberOfCells()
     10
     """

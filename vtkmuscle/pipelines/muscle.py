@@ -88,8 +88,7 @@ class MusclePipeline:
     >>> from vtkmuscle.phantoms import spindle_over_hinge
     >>> from vtkmuscle.pipelines import MusclePipeline
     >>> phantom = spindle_over_hinge()
-    >>> (name, muscle), = phantom.muscles.items()
-    >>> attachments = phantom.attachments[name]
+    >>> muscle, attachments = phantom.muscles["spindle"], phantom.attachments["spindle"]
     >>> pipeline = MusclePipeline(
     ...     muscle, phantom.bones, phantom.motion, attachments, fixing={}, fibres={"n_fibres": 8}
     ... )
@@ -194,18 +193,16 @@ def deform(
 
     Raises
     ------
-    TypeError
-        For a keyword that is no parameter of PBDDeformer.
-    ValueError
-        If a setting is not allowed; the message says what is.
+    TypeError, ValueError
+        As :class:`MusclePipeline`.
 
     Examples
     --------
     >>> from vtkmuscle.phantoms import spindle_over_hinge
     >>> from vtkmuscle.pipelines import deform
     >>> phantom = spindle_over_hinge()
-    >>> (name, muscle), = phantom.muscles.items()
-    >>> chain = deform(muscle, phantom.bones, phantom.motion, phantom.attachments[name], iterations=3)
+    >>> muscle, attachments = phantom.muscles["spindle"], phantom.attachments["spindle"]
+    >>> chain = deform(muscle, phantom.bones, phantom.motion, attachments, iterations=3)
     >>> deformed = chain.update(time=phantom.motion.times[1]).output
     >>> deformed.GetNumberOfPoints() == muscle.GetNumberOfPoints()
     True
@@ -253,22 +250,19 @@ def pull_taut(
     Returns
     -------
     TautFibres
-        The end of the chain, which keeps all of it.
+        The last filter, which keeps the others.
 
     Raises
     ------
-    TypeError
-        For a keyword that is no parameter of TautFibres.
-    ValueError
-        If a setting is not allowed; the message says what is.
+    TypeError, ValueError
+        As :func:`deform`, for TautFibres.
 
     Examples
     --------
-    >>> from vtkmuscle.phantoms import spindle_over_hinge
+    >>> from vtkmuscle import phantoms
     >>> from vtkmuscle.pipelines import decompose, pull_taut
-    >>> phantom = spindle_over_hinge()
-    >>> (name, muscle), = phantom.muscles.items()
-    >>> attachments = phantom.attachments[name]
+    >>> phantom = phantoms.spindle_over_hinge()
+    >>> muscle, attachments = phantom.muscles["spindle"], phantom.attachments["spindle"]
     >>> fibres = decompose(muscle, attachments, n_fibres=8)
     >>> taut = pull_taut(muscle, phantom.bones, phantom.motion, fibres, attachments)
     >>> taut.update(time=phantom.motion.times[1]).output.GetNumberOfCells()

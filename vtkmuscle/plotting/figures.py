@@ -1,15 +1,15 @@
-"""The figures of a run, each a file."""
+"""The figures of a run, as matplotlib has them: ``figure.savefig(path)`` writes one."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike, NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
@@ -17,38 +17,33 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import blocks_of, polylines_of
-from vtkmuscle.plotting.sheets import Panel, curves, save, sheet
+from vtkmuscle.plotting.sheets import Panel, curves, sheet
 from vtkmuscle.plotting.surfaces import FIBRE_MAP, MUSCLE_RED, PALETTE, fixed_bones, make_plotter
 from vtkmuscle.plotting.views import View, choose_view
 
 
 def plot_rest_pose(
-    path: str | Path,
     muscles: Mapping[str, vtkPolyData],
     bones: vtkMultiBlockDataSet,
     *,
     title: str = "",
     units: str = "mm",
-) -> Path:
-    """Write a picture of the muscles at rest, their fixed points marked by bone.
+) -> Figure:
+    """Return a picture of the muscles at rest, their fixed points marked by bone.
 
     Parameters
     ----------
-    path : path-like
-        A .png file.
     muscles : mapping of str to vtkPolyData
         With the point array ``FixedTo``.
     bones : vtkMultiBlockDataSet
         In the same pose.
-    title : str, optional
-        Above the panels.
-    units : str, optional
-        Of length, for the scale bars.
+    title, units : str, optional
+        What to write above the panels, and at the scale bars.
 
     Returns
     -------
-    Path
-        The file.
+    matplotlib.figure.Figure
+        To be saved by ``savefig``.
     """
     views = {name: choose_view([muscle], [bones]) for name, muscle in muscles.items()}
     panels = [
@@ -67,11 +62,10 @@ def plot_rest_pose(
     ]
     labels = [f"fixed to {name} ({n} points)" for (name, _), n in zip(blocks_of(bones), counts, strict=True)]
     figure.legend(handles, labels, loc="lower center", ncols=4, frameon=False, fontsize=11)
-    return save(figure, path)
+    return figure
 
 
 def plot_muscle(
-    path: str | Path,
     muscles: Sequence[vtkPolyData],
     bones: Sequence[vtkMultiBlockDataSet],
     *,
@@ -80,13 +74,11 @@ def plot_muscle(
     labels: Sequence[str] = (),
     title: str = "",
     units: str = "mm",
-) -> Path:
-    """Write a picture of one muscle in several frames, side by side, seen from the same place.
+) -> Figure:
+    """Return a picture of one muscle in several frames, side by side, seen from the same place.
 
     Parameters
     ----------
-    path : path-like
-        A .png file.
     muscles, bones : sequence
         The muscle and the bones of each frame.
     fibres : sequence of vtkPolyData, optional
@@ -95,15 +87,13 @@ def plot_muscle(
         The same fibres at rest: colour then shows the change of length since rest.
     labels : sequence of str, optional
         One per frame.
-    title : str, optional
-        Above the panels.
-    units : str, optional
-        Of length, for the scale bar.
+    title, units : str, optional
+        As of :func:`plot_rest_pose`.
 
     Returns
     -------
-    Path
-        The file.
+    matplotlib.figure.Figure
+        To be saved by ``savefig``.
     """
     view = choose_view(muscles, bones)
     strains, limit = None, 1.0
@@ -128,24 +118,21 @@ def plot_muscle(
         scale = ScalarMappable(Normalize(-limit, limit), FIBRE_MAP)
         figure.colorbar(scale, cax=bar, orientation="horizontal", extend="both")
         bar.set_title("change of fibre length since rest [%]", fontsize=10)
-    return save(figure, path)
+    return figure
 
 
 def plot_lengths(
-    path: str | Path,
     times: ArrayLike,
     lengths: ArrayLike,
     *,
     title: str = "",
     time_label: str = "time",
     units: str = "mm",
-) -> Path:
-    """Write the lengths of the fibres of a muscle over time: a thin line each, and their mean.
+) -> Figure:
+    """Return the lengths of the fibres of a muscle over time: a thin line each, and their mean.
 
     Parameters
     ----------
-    path : path-like
-        A .png file.
     times : (k,) array_like
         Pipeline times.
     lengths : (k, n_fibres) array_like
@@ -155,8 +142,8 @@ def plot_lengths(
 
     Returns
     -------
-    Path
-        The file.
+    matplotlib.figure.Figure
+        To be saved by ``savefig``.
     """
     values = np.asarray(lengths, dtype=np.float64)
     figure, axes = curves(title, time_label, f"fibre length [{units}]")
@@ -165,23 +152,20 @@ def plot_lengths(
     axes.plot([], [], color=MUSCLE_RED, alpha=0.5, linewidth=0.7, label=f"{values.shape[1]} fibres")
     axes.plot(times, values.mean(axis=1), color="black", linewidth=2.2, marker=marker, label="mean")
     axes.legend(frameon=False)
-    return save(figure, path)
+    return figure
 
 
 def plot_volume(
-    path: str | Path,
     times: Mapping[str, ArrayLike],
     ratios: Mapping[str, ArrayLike],
     *,
     title: str = "",
     time_label: str = "time",
-) -> Path:
-    """Write the volume of each muscle over time, as a part of its volume at rest.
+) -> Figure:
+    """Return the volume of each muscle over time, as a part of its volume at rest.
 
     Parameters
     ----------
-    path : path-like
-        A .png file.
     times, ratios : mapping of str to (k,) array_like
         Per muscle the times and V / V0.
     title, time_label : str, optional
@@ -189,8 +173,8 @@ def plot_volume(
 
     Returns
     -------
-    Path
-        The file.
+    matplotlib.figure.Figure
+        To be saved by ``savefig``.
     """
     figure, axes = curves(title, time_label, "volume / volume at rest")
     axes.axhspan(0.99, 1.01, color="0.92", zorder=0, label="within 1 %")
@@ -206,7 +190,7 @@ def plot_volume(
     axes.set_ylim(1.0 - max(errors), 1.0 + max(errors))
     axes.ticklabel_format(axis="y", useOffset=False)
     axes.legend(frameon=False)
-    return save(figure, path)
+    return figure
 
 
 def _capture(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,7 +14,7 @@ from matplotlib.figure import Figure
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.io.literature import LOWER, UPPER, LiteratureCurve, curves_for
-from vtkmuscle.plotting.sheets import DOTS_PER_INCH, save
+from vtkmuscle.plotting.sheets import DOTS_PER_INCH
 from vtkmuscle.plotting.surfaces import MUSCLE_RED, PALETTE
 
 #: Half width of the band about the mean, in standard errors: 95 per cent of a normal distribution.
@@ -23,18 +22,15 @@ BAND = 1.96
 
 
 def plot_moment_arms(
-    path: str | Path,
     arms: Mapping[str, JointArms],
     *,
     literature: Sequence[LiteratureCurve] = (),
     title: str = "",
-) -> Path:
-    """Write the moment arms of a muscle by each coordinate, side by side.
+) -> Figure:
+    """Return a figure of the moment arms of a muscle by each coordinate, side by side.
 
     Parameters
     ----------
-    path : path-like
-        A .png file.
     arms : mapping of str to JointArms
         Per coordinate, at least one.
     literature : sequence of LiteratureCurve, optional
@@ -44,8 +40,8 @@ def plot_moment_arms(
 
     Returns
     -------
-    Path
-        The file.
+    matplotlib.figure.Figure
+        To be saved by ``savefig``.
     """
     figure = Figure(
         figsize=(9.0 * len(arms), 4.8), dpi=DOTS_PER_INCH, facecolor="white", layout="constrained"
@@ -64,7 +60,7 @@ def plot_moment_arms(
         axes.set_xlabel(f"{name.replace('_', ' ')} [{found.unit}], positive: {found.positive or 'upwards'}")
         axes.set_ylabel("moment arm, -dl/dq [mm]" if unit is not None else "moment arm, -dl/dq [1]")
         axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
-    return save(figure, path)
+    return figure
 
 
 def _draw(axes: Axes, found: JointArms) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -77,9 +76,3 @@ def curves(title: str, time_label: str, value_label: str) -> tuple[Figure, Axes]
     axes.set_ylabel(value_label)
     axes.spines[["top", "right"]].set_visible(False)
     return figure, axes
-
-
-def save(figure: Figure, path: str | Path) -> Path:
-    """Write a figure, and return where."""
-    figure.savefig(path)
-    return Path(path)

@@ -89,13 +89,12 @@ def _add_surface(plotter: pyvista.Plotter, surface: vtkPolyData, colour: str, *,
     normals = shape.compute_normals(
         cell_normals=False, split_vertices=False, consistent_normals=False, auto_orient_normals=False
     )
-    # Back faces of a translucent surface would be blended in no particular order.
-    culling = "back" if opacity < 1.0 else False
     plotter.add_mesh(
         normals,
         color=colour,
         opacity=opacity,
-        culling=culling,
+        # Back faces of a translucent surface would be blended in no particular order.
+        culling="back" if opacity < 1.0 else False,
         smooth_shading=True,
         split_sharp_edges=False,
         show_scalar_bar=False,

@@ -4,5 +4,6 @@ from vtkmuscle.run.moment_arms import MomentArmTable
 from vtkmuscle.run.pipeline import muscle_pipeline
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.scenes import frame_numbers, run_scene
+from vtkmuscle.run.table import Table
 
-__all__ = ["MomentArmTable", "Result", "frame_numbers", "muscle_pipeline", "run_scene"]
+__all__ = ["MomentArmTable", "Result", "Table", "frame_numbers", "muscle_pipeline", "run_scene"]

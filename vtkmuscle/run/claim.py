@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import check_is_file
+from vtkmuscle.io.temporal import SERIES_SUFFIXES
 from vtkmuscle.io.writing import left_behind
 
 if TYPE_CHECKING:
@@ -27,7 +28,6 @@ LOCK = ".vtkmuscle.lock"
 _LISTS = ("lengths.csv", "moment_arms.csv", "moment_arms_summary.csv")
 _FILES = ("report.json", *_LISTS, "bones.pvd", "bones.vtkhdf")
 _FOLDERS = ("bones", "figures")
-_SERIES = (".pvd", ".vtkhdf")
 _TABLES = ("_fibres.csv",)
 
 
@@ -35,15 +35,8 @@ _TABLES = ("_fibres.csv",)
 def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None]:
     """Make a folder for the results of a scene, and hold it against other runs.
 
-    Parameters
-    ----------
-    folder : Path
-        Made where it does not exist; nothing in it is changed, but what killed runs left half written goes.
-    scene : SceneData
-        What is run.
-    overwrite : bool
-        Whether results of another scene, and files that no run has written, may be replaced. Inputs of the
-        scene never are.
+    Nothing in it is changed, but half-written files of killed runs go. With ``overwrite`` results of another
+    scene, and files that no run has written, may be replaced; inputs of the scene never are.
 
     Raises
     ------
@@ -73,17 +66,10 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
 
 
 def remove_results(folder: Path, scene: SceneData) -> None:
-    """Remove what an earlier run has left, so that nothing old stands beside what is new.
+    """Remove the results of an earlier run from a claimed folder, so that nothing old stands beside the new.
 
     That is the report, the tables, and the series with the frames that they list, of the muscles of the
     scene and of those that the report names; and the figures that the report lists.
-
-    Parameters
-    ----------
-    folder : Path
-        Held by :func:`claimed`.
-    scene : SceneData
-        What is run.
     """
     report = read_report(folder) or {}
     names = {*scene.muscles, *(name for name in report.get("muscles", ()) if re.fullmatch(r"[^/\\]+", name))}
@@ -114,7 +100,7 @@ def _remove_series(folder: Path, name: str, *, numbered: bool) -> None:
     for parent in sorted({*parents, inside}, key=lambda path: -len(path.parts)):
         if parent.is_dir() and not parent.is_symlink() and not any(parent.iterdir()):
             parent.rmdir()
-    for ending in _SERIES:
+    for ending in SERIES_SUFFIXES:
         (folder / f"{name}{ending}").unlink(missing_ok=True)
 
 
@@ -137,7 +123,7 @@ def _places(muscles: Mapping[str, Any], *, folder: bool) -> Iterator[str]:
             if folder:
                 yield part
             else:
-                yield from (part + ending for ending in _SERIES)
+                yield from (part + ending for ending in SERIES_SUFFIXES)
         if not folder:
             yield from (name + ending for ending in _TABLES)
 

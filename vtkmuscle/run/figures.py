@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.moment_arms.of_joints import JointArms
@@ -48,60 +49,70 @@ def write_figures(folder: str | Path, result: Result) -> list[Path]:
         raise RuntimeError(f"no figures can be made: {reason}")
     out = Path(folder)
     out.mkdir(parents=True, exist_ok=True)
-    names, times = list(result.muscle_names), list(result.times)
-    written = [
-        plot_rest_pose(
-            out / "rest_pose.png",
-            {name: result.rest_muscle(name) for name in names},
-            result.rest_bones(),
-            title=f"{result.name}: fixed points at rest",
-            units=result.units,
-        )
-    ]
-    arms: Mapping[str, Mapping[str, JointArms]] = {}
-    paths = result.report["model"] == "paths"
+    names = list(result.muscle_names)
+    written: list[Path] = []
+
+    def keep(name: str, figure: Figure) -> None:
+        figure.savefig(out / name)
+        written.append(out / name)
+
+    rest = plot_rest_pose(
+        {name: result.rest_muscle(name) for name in names},
+        result.rest_bones(),
+        title=f"{result.name}: fixed points at rest",
+        units=result.units,
+    )
+    keep("rest_pose.png", rest)
+    muscles = result.report["muscles"]
+    arms = result.moment_arms() if any(one.get("moment_arms") for one in muscles.values()) else {}
     for name in names:
-        frames = _telling_frames(result, name)
-        if not frames:
-            continue  # it failed in the first one that is kept
-        verdict = result.verdicts.get(name)
-        title = name.replace("_", " ") + (f": {verdict}" if verdict else "")
-        fibres = [result.fibres(name, frame=number) for number in frames]
-        muscles = [] if paths else [result.muscle(name, frame=number) for number in frames]
-        present = [lines for lines in fibres if lines is not None]
-        written.append(
-            plot_muscle(
-                out / f"{name}_frames.png",
-                muscles or [_tubes(lines) for lines in present],
-                [result.bones(frame=number) for number in frames],
-                fibres=present if len(present) == len(frames) else None,
-                rest_fibres=result.rest_fibres(name),
-                labels=[_at(result.time_label, float(result.motion.times[number])) for number in frames],
-                title=title,
-                units=result.units,
-            )
-        )
-        if name in result.lengths:
-            path, lengths = out / f"{name}_lengths.png", result.lengths[name]
-            at = times[: len(lengths)]
-            written.append(plot_lengths(path, at, lengths, title=title, time_label=result.time_label))
-        if result.report["muscles"][name].get("moment_arms"):
-            arms = arms or result.moment_arms()
-            path, published = out / f"{name}_moment_arms.png", result.literature.get(name, ())
-            written.append(plot_moment_arms(path, arms[name], literature=published, title=title))
-    if paths:
-        return written
-    rows = {name: result.report["muscles"][name]["frames"] for name in names}
-    written.append(
-        plot_volume(
-            out / "volume.png",
+        for ending, figure in _figures_of_muscle(result, name, arms.get(name)):
+            keep(f"{name}_{ending}.png", figure)
+    if result.report["model"] != "paths":
+        rows = {name: muscles[name]["frames"] for name in names}
+        volumes = plot_volume(
             {name: [row["time"] for row in table] for name, table in rows.items()},
             {name: [row["volume_ratio"] for row in table] for name, table in rows.items()},
             title=result.name,
             time_label=result.time_label,
         )
-    )
+        keep("volume.png", volumes)
     return written
+
+
+def _figures_of_muscle(
+    result: Result, name: str, arms: Mapping[str, JointArms] | None
+) -> Iterator[tuple[str, Figure]]:
+    """Give the figures of a muscle; none of one that failed in the first frame that is kept."""
+    frames = _telling_frames(result, name)
+    if not frames:
+        return
+    verdict = result.verdicts.get(name)
+    title = name.replace("_", " ") + (f": {verdict}" if verdict else "")
+    fibres = [lines for number in frames if (lines := result.fibres(name, frame=number)) is not None]
+    if result.report["model"] == "paths":
+        muscles = [_tubes(lines) for lines in fibres]
+    else:
+        muscles = [result.muscle(name, frame=number) for number in frames]
+    yield (
+        "frames",
+        plot_muscle(
+            muscles,
+            [result.bones(frame=number) for number in frames],
+            fibres=fibres or None,
+            rest_fibres=result.rest_fibres(name),
+            labels=[_at(result.time_label, float(result.motion.times[number])) for number in frames],
+            title=title,
+            units=result.units,
+        ),
+    )
+    if name in result.lengths:
+        lengths = result.lengths[name]
+        times = result.times[: len(lengths)]
+        yield "lengths", plot_lengths(times, lengths, title=title, time_label=result.time_label)
+    if arms:
+        published = result.literature.get(name, ())
+        yield "moment_arms", plot_moment_arms(arms, literature=published, title=title)
 
 
 def _tubes(fibres: vtkPolyData) -> vtkPolyData:

@@ -19,7 +19,7 @@ from vtkmuscle.io.temporal import read_series, write_vtkhdf
 from vtkmuscle.io.writing import beside, write_polydata, write_text
 from vtkmuscle.run.claim import remove_results
 from vtkmuscle.run.poses import merged
-from vtkmuscle.run.report import fibre_rows
+from vtkmuscle.run.report import fibre_table
 
 if TYPE_CHECKING:
     from vtkmuscle.run.moment_arms import MomentArmTable
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 #: How frames are written: a list of .vtp files per series, or one file per series.
 FORMATS = ("pvd", "vtkhdf")
+#: Digits of the numbers in tables; the lengths have all of theirs.
+DIGITS = 10
 
 
 class RunFolder:
@@ -145,15 +147,15 @@ class RunFolder:
         for name, track in tracks.items():
             if track.fibres:
                 times = [float(scene.motion.times[number]) for number in numbers[: len(track.fibres)]]
-                table = fibre_rows(track.fibres, times, scene.millimetres)
-                write_text(self.path / f"{name}_fibres.csv", table)
+                table = fibre_table(track.fibres, times, scene.millimetres)
+                table.write(self.path / f"{name}_fibres.csv", digits=DIGITS)
         self.write_report(report)
 
     def write_moment_arms(self, arms: MomentArmTable) -> None:
         """Write moment_arms.csv and moment_arms_summary.csv, where there are moment arms."""
         if arms:
-            arms.write(self.path / "moment_arms.csv")
-            arms.write_summary(self.path / "moment_arms_summary.csv")
+            arms.table().write(self.path / "moment_arms.csv", digits=DIGITS)
+            arms.summary().write(self.path / "moment_arms_summary.csv", digits=DIGITS)
 
     def write_figures(self, result: Result) -> list[str]:
         """Draw the figures beside, move them to ``figures/``, and return their names."""

@@ -90,19 +90,9 @@ class MuscleMeasure:
         }
 
     def frame(self, points: Floats, transforms: Mapping[str, Floats]) -> dict[str, Any]:
-        """Return the figures of a frame.
+        """Return the figures of a frame, see :data:`~vtkmuscle.run.report.DEFINITIONS`.
 
-        Parameters
-        ----------
-        points : (n, 3) array
-            The deformed muscle.
-        transforms : mapping of str to (4, 4) array
-            Rest to now, of the bones that moved.
-
-        Returns
-        -------
-        dict
-            See :data:`~vtkmuscle.run.report.DEFINITIONS`.
+        ``points`` (n, 3) are the deformed muscle's, ``transforms`` those of the bones from rest to now.
         """
         now = {bone: transforms.get(bone, np.eye(4)) for bone in self._bones}
         lengths = edge_lengths(points, self._edges)
@@ -158,16 +148,7 @@ class MuscleMeasure:
     ) -> dict[str, Any]:
         """Return how far fibres are out of the muscle, and how much deeper in bones than at rest.
 
-        Parameters
-        ----------
-        fibre_points : (p, 3) array
-            Points of the fibres now, the same fibres each time.
-        offsets : (k + 1,) int array
-            Where each fibre begins among them.
-        points : (n, 3) array
-            The deformed muscle.
-        transforms : mapping of str to (4, 4) array
-            Rest to now, of the bones that moved.
+        ``fibre_points`` (p, 3) are those of the same fibres each time, ``points`` (n, 3) those of the muscle.
         """
         outside = fibre_points[~points_inside(fibre_points, points, self._triangles)]
         farthest = 0.0

@@ -32,24 +32,11 @@ _POINT = 24
 
 
 def check_memory(scene: SceneData, numbers: range) -> None:
-    """Refuse a run that would take more than half of the memory.
-
-    Parameters
-    ----------
-    scene : SceneData
-        What is run.
-    numbers : range
-        Frames that are kept.
-
-    Raises
-    ------
-    SceneError
-        If it would; says how much, and what the most of it is for.
-    """
+    """Raise a SceneError for a run of these frames that would take more than half of the memory."""
     most = _most()
     if most is None:
         return
-    parts = dict(_estimate(scene, numbers))
+    parts = dict(estimated_memory(scene, numbers))
     total = sum(parts.values())
     if total > most:
         key, largest = max(parts.items(), key=lambda part: part[1])
@@ -63,8 +50,8 @@ def check_memory(scene: SceneData, numbers: range) -> None:
         )
 
 
-def _estimate(scene: SceneData, numbers: range) -> Iterator[tuple[str, float]]:
-    """Give what is needed for each part of a scene [bytes]."""
+def estimated_memory(scene: SceneData, numbers: range) -> Iterator[tuple[str, float]]:
+    """Give the key of each part of a scene, and what a run of these frames needs for it [bytes]."""
     for name, muscle in scene.muscles.items():
         surface = muscle.surface
         yield f"muscles.{name}.surface", float(_TRIANGLE) * surface.GetNumberOfCells()

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from os import PathLike
-from pathlib import Path
 from typing import Any
 
 from vtkmuscle.core.moment_arms.of_joints import JointArms
-from vtkmuscle.io.writing import write_text
 from vtkmuscle.run.table import Table
 
 #: Columns of the table: a row per muscle, coordinate, fibre and value of the coordinate.
@@ -76,13 +73,9 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         """Return the whole table, with the columns :data:`COLUMNS`; NaN where no quartic is."""
         return Table(COLUMNS, self._rows())
 
-    def write(self, path: str | PathLike[str]) -> Path:
-        """Write the whole table as comma-separated values, and return the file."""
-        return _write(Path(path), COLUMNS, self._rows())
-
-    def write_summary(self, path: str | PathLike[str]) -> Path:
-        """Write per muscle, coordinate and value the mean of the fibres, its error and their range."""
-        return _write(Path(path), SUMMARY, self._summary())
+    def summary(self) -> Table:
+        """Return per muscle, coordinate and value the mean of the fibres, its error and their range."""
+        return Table(SUMMARY, self._summary())
 
     def report(self, muscle: str) -> dict[str, Any]:
         """Return in short what is known of a muscle's moment arms, JSON-able."""
@@ -120,19 +113,3 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
                     low, high = float(one.arms[i].min()), float(one.arms[i].max())
                     quartic = None if one.quartic is None else float(one.quartic[i].mean())
                     yield muscle, name, one.unit, float(value), mean, error, low, high, quartic
-
-
-def _write(path: Path, header: tuple[str, ...], rows: Iterator[tuple[Any, ...]]) -> Path:
-    lines = [",".join(header)]
-    lines += [",".join(_cell(value) for value in row) for row in rows]
-    write_text(path, "\n".join(lines) + "\n")
-    return path
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, float):
-        return f"{value:.10g}"
-    text = str(value)
-    return '"' + text.replace('"', '""') + '"' if set(text) & set(',"\r\n') else text

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -16,6 +17,7 @@ from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.data.arrays import (
     cell_array,
     field_array,
+    point_array,
     points_of,
     polylines_of,
     set_cell_array,
@@ -25,7 +27,6 @@ from vtkmuscle.filters.base.filter import AbortedError, Filter
 from vtkmuscle.filters.deformer.convergence_report import read_convergence
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.pipelines import MusclePipeline
-from vtkmuscle.run.fixed_points import warn_of_fixed_points
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.pipeline import muscle_pipeline
@@ -59,9 +60,9 @@ class MuscleRun:
     stop : threading.Event
         Set from outside to end the run early.
     progress : callable
-        Told the muscle, the stage and the part that is done.
+        Called with the muscle, the stage and the part that is done.
     observe : callable
-        Told the muscle and the figures of each frame that is done.
+        Called with the muscle and the figures of each frame that is done.
     others : sequence of MuscleRun, optional
         Muscles that this one may meet, whose runs are done: overlap with them is measured, and where the
         scene's ``muscle_contact`` is ``"on"`` this muscle is kept out of them.
@@ -107,7 +108,7 @@ class MuscleRun:
         self._tell("fixed points", 0.0)
         with self._timed("fixing", pipeline.fixed):
             rest = track.rest = pipeline.fixed.update().output
-        warn_of_fixed_points(name, track.rest)
+        _warn_if_none_is_free(name, rest)
         with self._timed("measuring"):
             measure = MuscleMeasure(track.rest, list(scene.bones), self.distances, scene.millimetres)
             track.report.update(measure.at_rest())
@@ -314,6 +315,16 @@ def _chain(last: Filter) -> list[Any]:
             indices = range(algorithm.GetNumberOfInputConnections(port))
             waiting.extend(algorithm.GetInputAlgorithm(port, index) for index in indices)
     return found
+
+
+def _warn_if_none_is_free(name: str, muscle: vtkPolyData) -> None:
+    fixed = point_array(muscle, "FixedTo", f"muscles.{name}") >= 0
+    if fixed.all():
+        warnings.warn(
+            f"muscles.{name}: all {len(fixed)} points are fixed to bones: none is free, and nothing is "
+            "deformed; check fixing (method, tolerance) and the areas",
+            stacklevel=2,
+        )
 
 
 def _add_penetration(fibres: vtkPolyData, measure: MuscleMeasure, transforms: Mapping[str, Any]) -> None:

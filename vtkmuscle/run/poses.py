@@ -38,19 +38,7 @@ class Pose:
 
 
 def read_pose(folder: Path, time: float | None = None) -> Pose:
-    """Read a frame of a run's results.
-
-    Parameters
-    ----------
-    folder : Path
-        What the run wrote to.
-    time : float, optional
-        Pipeline time; the nearest frame is taken, by default the last.
-
-    Returns
-    -------
-    Pose
-        Bones, muscles and fibres.
+    """Read the frame of a run's results that is nearest to a time, by default the last.
 
     Raises
     ------
@@ -62,9 +50,9 @@ def read_pose(folder: Path, time: float | None = None) -> Pose:
         what = "it is no report of a run" if (folder / "report.json").exists() else "there is no such file"
         raise FileNotFoundError(f"{folder / 'report.json'}: {what}; give the folder of a run's results")
     names = report["muscles"]
-    bones = _series(folder, "bones")
-    muscles = {name: _series(folder, name) for name in names}
-    fibres = [found for name in names if (found := _series(folder, f"{name}_fibres"))]
+    bones = series_of(folder, "bones")
+    muscles = {name: series_of(folder, name) for name in names}
+    fibres = [found for name in names if (found := series_of(folder, f"{name}_fibres"))]
     missing = [name for name, series in {"bones": bones, **muscles}.items() if series is None]
     if bones is None or missing:
         raise FileNotFoundError(
@@ -80,7 +68,8 @@ def read_pose(folder: Path, time: float | None = None) -> Pose:
     )
 
 
-def _series(folder: Path, name: str) -> TimeSeries | None:
+def series_of(folder: Path, name: str) -> TimeSeries | None:
+    """Return a series that a run wrote to its folder, in either format; None where there is none."""
     for suffix in SERIES_SUFFIXES:
         if (folder / f"{name}{suffix}").is_file():
             return read_series(folder / f"{name}{suffix}")

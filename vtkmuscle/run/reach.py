@@ -11,7 +11,7 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, set_field_array
 from vtkmuscle.scene.data import SceneData
 
-#: Muscles are taken so many times as large about their middles: one that shortens bulges, and a solve may
+#: Factor by which muscles are enlarged about their middles: one that shortens bulges, and a solve may
 #: pass through shapes that are larger than the one it ends at.
 BULGE = 1.1
 

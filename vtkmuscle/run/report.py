@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -14,6 +14,7 @@ from vtkmuscle.data.arrays import field_array, points_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.io.fibre_table import fibre_columns, fibre_summary, muscle_summary
+from vtkmuscle.run.table import Table
 
 #: A fibre point counts as inside its muscle up to this far outside [mm].
 FIBRE_TOLERANCE = 0.5
@@ -130,19 +131,9 @@ def versions() -> dict[str, str]:
 
 
 def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float) -> dict[str, Any]:
-    """Return how many fibres there are, and how many of their points are inside the muscle.
+    """Return how many fibres there are, and how many of their points are inside the muscle, both at rest.
 
-    Parameters
-    ----------
-    fibres, muscle : vtkPolyData
-        At rest.
-    millimetres : float
-        Millimetres per unit of length.
-
-    Returns
-    -------
-    dict
-        JSON-able; see :data:`DEFINITIONS`.
+    JSON-able, see :data:`DEFINITIONS`; ``millimetres`` is the length of the scene's unit.
     """
     points = points_of(fibres)
     surface = SurfaceDistance(muscle)
@@ -166,17 +157,7 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
 def measures_of_fibres(fibres: vtkPolyData, millimetres: float) -> dict[str, dict[str, float]]:
     """Return mean, standard deviation, least and largest of what FibreMetrics measured, for one frame.
 
-    Parameters
-    ----------
-    fibres : vtkPolyData
-        From FibreMetrics.
-    millimetres : float
-        Millimetres per unit of length.
-
-    Returns
-    -------
-    dict
-        JSON-able, by the names of :data:`FIBRE_MEASURES`; see :data:`DEFINITIONS`.
+    JSON-able, by the names of :data:`FIBRE_MEASURES`; ``millimetres`` is the length of the scene's unit.
     """
     summary = fibre_summary(fibres)
     return {
@@ -198,19 +179,7 @@ def architecture_of(
 ) -> dict[str, Any]:
     """Return what is published of a muscle as a whole, at rest.
 
-    Parameters
-    ----------
-    fibres, muscle : vtkPolyData
-        At rest.
-    attachments : vtkMultiBlockDataSet or None
-        Of the muscle.
-    millimetres : float
-        Millimetres per unit of length.
-
-    Returns
-    -------
-    dict
-        JSON-able, by the names of :data:`ARCHITECTURE`; see :data:`DEFINITIONS`.
+    JSON-able, by the names of :data:`ARCHITECTURE`; ``millimetres`` is the length of the scene's unit.
     """
     metrics = FibreMetrics(architecture=True, sections=ARCHITECTURE_SECTIONS)
     summary = muscle_summary(metrics(fibres, muscle, None, attachments))
@@ -224,23 +193,21 @@ def architecture_of(
     return result
 
 
-def fibre_rows(frames: Sequence[vtkPolyData], times: Sequence[float], millimetres: float) -> str:
-    """Return a table with a row per fibre and frame, and a column per measure, comma-separated.
+def fibre_table(frames: Sequence[vtkPolyData], times: Sequence[float], millimetres: float) -> Table:
+    """Return the measures of FibreMetrics in all frames, a row per fibre and frame.
 
-    Parameters
-    ----------
-    frames : sequence of vtkPolyData
-        Fibres of each frame, from FibreMetrics.
-    times : sequence of float
-        Pipeline time of each.
-    millimetres : float
-        Millimetres per unit of length.
+    ``millimetres`` is the length of the scene's unit.
     """
     arrays = [array for array in FIBRE_MEASURES if array in fibre_columns(frames[0])]
-    lines = [",".join(["fibre", "time", *(FIBRE_MEASURES[array] for array in arrays)])]
-    for time, fibres in zip(times, frames, strict=True):
-        columns = fibre_columns(fibres)
-        scaled = [columns[array] * _scale(FIBRE_MEASURES[array], millimetres) for array in arrays]
-        for fibre, row in enumerate(zip(*scaled, strict=True)):
-            lines.append(",".join([str(fibre), repr(time), *(f"{value:.10g}" for value in row)]))
-    return "\n".join(lines) + "\n"
+    names = [FIBRE_MEASURES[array] for array in arrays]
+
+    def rows() -> Iterator[tuple[Any, ...]]:
+        for time, fibres in zip(times, frames, strict=True):
+            columns = fibre_columns(fibres)
+            scaled = [
+                columns[array] * _scale(name, millimetres) for array, name in zip(arrays, names, strict=True)
+            ]
+            for fibre, row in enumerate(zip(*scaled, strict=True)):
+                yield fibre, time, *row
+
+    return Table(("fibre", "time", *names), rows())

@@ -71,7 +71,7 @@ class Result:
     frames : sequence of int
         Numbers of the frames that were kept.
     tracks : dict of str to MuscleTrack
-        What became of each muscle.
+        The finished frames of each muscle.
     report : dict
         What was measured; ``report["definitions"]`` says what each number means.
     literature : mapping of str to sequence of LiteratureCurve, optional
@@ -93,6 +93,31 @@ class Result:
         Of each muscle ``"ok"``, ``"look"`` or ``"failed"``; ``report["muscles"][NAME]["verdict"]`` says why.
     lengths : dict of str to (frames, fibres) array
         Fibre lengths [mm] of the muscles that have fibres, a row per finished frame.
+
+    Examples
+    --------
+    >>> from vtkmuscle import Scene, phantoms
+    >>> result = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=8).run(frames="0:3")
+    >>> result
+    Result('spindle_over_hinge': 3 frames of spindle (ok))
+
+    By muscle, and by frame or time; surfaces and fibres are PyVista's:
+
+    >>> result.lengths["spindle"].shape
+    (3, 8)
+    >>> result.muscle("spindle", time=result.times[1]).plot()  # doctest: +SKIP
+    >>> result.fibres("spindle", frame=2).n_cells
+    8
+
+    As tables, which ``to_frame()`` gives to pandas:
+
+    >>> table = result.length_table()
+    >>> table
+    Table: 24 rows of muscle, fibre, frame, time, length_mm
+    >>> table.where(frame=2)["length_mm"].shape
+    (8,)
+    >>> result.frame_table().where(muscle="spindle")["volume_ratio"].round(6)
+    array([1., 1., 1.])
     """
 
     def __init__(

@@ -102,11 +102,11 @@ def run_scene(
         raise InputError("", f"workers is {workers}, but must be an integer >= 1")
     check_memory(scene, numbers)
     folder = None if out is None else RunFolder(out, series=series)
-    bones, distances = bones_with_reach(scene), _bone_distances(scene)
+    bones, distances = bones_with_reach(scene), bone_distances(scene)
     tracks = {name: MuscleTrack() for name in scene.muscles}
     report = _first_report(scene, numbers, tracks)
     stop = threading.Event()
-    told = _one_at_a_time(progress)
+    report_progress = _one_at_a_time(progress)
     seen = observe or (lambda muscle, row: None)
     count = min(workers or cpu_count() or 1, len(scene.muscles))
     if scene.muscle_contact != "off":
@@ -119,7 +119,9 @@ def run_scene(
                 folder.begin(report, scene)
             for name, track in tracks.items():
                 others = tuple(runs) if scene.muscle_contact != "off" else ()
-                run = MuscleRun(scene, name, track, bones, distances, folder, stop, told, seen, others, clock)
+                run = MuscleRun(
+                    scene, name, track, bones, distances, folder, stop, report_progress, seen, others, clock
+                )
                 runs.append(run)
                 jobs[f"muscles.{name}"] = pool.submit(run.go, numbers)
             if folder is not None:
@@ -173,7 +175,7 @@ def _moment_arms(result: Result, report: dict[str, Any]) -> MomentArmTable:
     return arms
 
 
-def _bone_distances(scene: SceneData) -> dict[str, SurfaceDistance]:
+def bone_distances(scene: SceneData) -> dict[str, SurfaceDistance]:
     """Return the exact distances of the bones that have an inside, holes closed as the collisions close them.
 
     Each is built when a muscle comes near.
@@ -182,11 +184,11 @@ def _bone_distances(scene: SceneData) -> dict[str, SurfaceDistance]:
     for name, bone in scene.bones.items():
         distance = SurfaceDistance(bone)
         if not distance.closed:
-            mended = closed_shells(points_of(bone), triangles_of(bone, name))
-            parts = [part for part, solid in zip(mended.shells, mended.solid, strict=True) if solid]
+            repaired = closed_shells(points_of(bone), triangles_of(bone, name))
+            parts = [part for part, solid in zip(repaired.shells, repaired.solid, strict=True) if solid]
             if not parts:
                 continue
-            distance = SurfaceDistance(surface_from(mended.points, np.concatenate(parts)))
+            distance = SurfaceDistance(surface_from(repaired.points, np.concatenate(parts)))
         if distance.closed:
             distances[name] = distance
     return distances

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from os import PathLike
+from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.words import suggestion
+from vtkmuscle.io.writing import write_text
 
 
 class Table(Mapping[str, NDArray[Any]]):
@@ -21,10 +29,12 @@ class Table(Mapping[str, NDArray[Any]]):
 
     Examples
     --------
-    >>> from vtkmuscle.run.table import Table
-    >>> table = Table(("muscle", "length_mm"), [("iliacus", 101.5), ("iliacus", 99.0)])
+    >>> from vtkmuscle import Table
+    >>> table = Table(("muscle", "time", "length_mm"), [("iliacus", 0.0, 101.5), ("iliacus", 2.0, 99.0)])
     >>> table["length_mm"]
     array([101.5,  99. ])
+    >>> table.where(muscle="iliacus", time=2.0)["length_mm"]
+    array([99.])
     """
 
     def __init__(self, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
@@ -44,6 +54,41 @@ class Table(Mapping[str, NDArray[Any]]):
         rows = len(next(iter(self._columns.values()), ()))
         return f"Table: {rows} rows of {', '.join(self._columns)}"
 
+    def where(self, **wanted: Any) -> Self:
+        """Return the rows in which columns have these values: ``table.where(muscle="iliacus", frame=10)``.
+
+        Raises
+        ------
+        ValueError
+            If there is no such column.
+        """
+        kept = np.ones(len(next(iter(self._columns.values()), ())), dtype=np.bool_)
+        for name, value in wanted.items():
+            if name not in self._columns:
+                raise InputError("", f"the table has no column {name!r}", suggestion(name, self._columns))
+            column = self._columns[name]
+            floats = np.issubdtype(column.dtype, np.floating)
+            kept &= np.isclose(column, value, rtol=1e-9, atol=1e-9) if floats else column == value
+        return type(self)(tuple(self), zip(*(column[kept] for column in self._columns.values()), strict=True))
+
+    def write(self, path: str | PathLike[str], *, digits: int = 17) -> Path:
+        """Write the table as comma-separated values, NaN as nothing, and return the file.
+
+        Parameters
+        ----------
+        path : path
+            Replaced where it exists.
+        digits : int, optional
+            Of numbers that are not whole; 17 keep every bit.
+        """
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(self)
+        for row in zip(*(column.tolist() for column in self._columns.values()), strict=True):
+            writer.writerow([_cell(value, digits) for value in row])
+        write_text(Path(path), text.getvalue())
+        return Path(path)
+
     def to_frame(self) -> Any:
         """Return the table as a pandas DataFrame.
 
@@ -59,3 +104,9 @@ class Table(Mapping[str, NDArray[Any]]):
                 "a DataFrame needs pandas: python -m pip install pandas; dict(table) gives the same as arrays"
             ) from error
         return pandas.DataFrame(self._columns)
+
+
+def _cell(value: Any, digits: int) -> Any:
+    if not isinstance(value, float):
+        return value
+    return "" if np.isnan(value) else f"{value:.{digits}g}"

@@ -13,26 +13,12 @@ from vtkmuscle.scene.writing import write_scene
 
 
 def save_unless_changed(scene: SceneData, folder: Path, *, overwrite: bool) -> Path:
-    """Write a scene to a folder where nothing of the user's is lost by that.
-
-    Parameters
-    ----------
-    scene : SceneData
-        What to write.
-    folder : Path
-        Made where it does not exist.
-    overwrite : bool
-        Whether files in it that are not as they would be written are replaced.
-
-    Returns
-    -------
-    Path
-        The scene.toml.
+    """Write a scene to a folder, and return its scene.toml.
 
     Raises
     ------
     ValueError
-        If a file there has been changed.
+        If a file there has been changed since it was written, unless ``overwrite`` is true.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     fresh = beside(folder)

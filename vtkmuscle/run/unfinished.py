@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from vtkmuscle.io.temporal import SERIES_SUFFIXES, read_series
 from vtkmuscle.run.claim import read_report
+from vtkmuscle.run.poses import series_of
 
 
 def frames_there(folder: Path) -> dict[str, int]:
@@ -15,13 +15,7 @@ def frames_there(folder: Path) -> dict[str, int]:
 
 
 def unfinished(folder: Path) -> str | None:
-    """Return what is there of a run that did not end, in words; None where there is none.
-
-    Parameters
-    ----------
-    folder : Path
-        Where a run has written, or not.
-    """
+    """Return in words what an unfinished run has left in a folder; None where there is none."""
     report = read_report(folder)
     if report is None or report.get("complete"):
         return None
@@ -34,11 +28,8 @@ def unfinished(folder: Path) -> str | None:
 
 
 def _frames(folder: Path, name: str) -> int:
-    for suffix in SERIES_SUFFIXES:
-        path = folder / f"{name}{suffix}"
-        if path.is_file():
-            try:
-                return len(read_series(path).times)
-            except ValueError:
-                return 0
-    return 0
+    try:
+        series = series_of(folder, name)
+    except ValueError:  # damaged
+        return 0
+    return 0 if series is None else len(series.times)

@@ -132,18 +132,7 @@ def slackness_of(
     """Return length / taut length of fibres (f, k), where each frame has the cell array ``TautLength``.
 
     Where the fibres at rest have it too, their own slackness is divided out: a fibre that winds through its
-    muscle at rest does not hang loose.
-
-    Parameters
-    ----------
-    frames : iterable of vtkPolyData
-        Fibres of each frame.
-    lengths : sequence of (k,) array
-        Their lengths [mm].
-    rest : vtkPolyData or None
-        Fibres at rest, with the cell array ``Length`` beside.
-    millimetres : float
-        Millimetres per unit of length.
+    muscle at rest does not hang loose. ``lengths`` are in millimetres, (k,) per frame.
     """
     taut = [_taut(fibres, millimetres) for fibres in frames]
     if not taut or any(one is None for one in taut):

@@ -31,7 +31,7 @@ _LARGEST = 1e60
 def checked(scene: SceneData) -> tuple[dict[str, vtkPolyData], dict[str, Muscle]]:
     """Return the bones and the muscles of a scene, each checked, the muscles facing outward.
 
-    A bone that is open or inside out is mended where its inside is asked for, which warns of it.
+    A bone that is open or inside out is corrected where its inside is needed, with a warning.
 
     Raises
     ------

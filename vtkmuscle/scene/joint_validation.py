@@ -19,14 +19,14 @@ def joint_faults(scene: SceneTable) -> Iterator[Fault]:
     """Give what cannot be of a scene's joints and of the motion by them."""
     jointed = bool(scene.joints) or scene.opensim is not None
     if scene.joints and scene.opensim is not None:
-        yield "opensim", "stands beside [joints.NAME]", "leave out one of them"
+        yield "opensim", "cannot be combined with [joints.NAME]", "leave out one of them"
     yield from _of_motion(scene, jointed=jointed)
     children = {joint.child for joint in scene.joints.values()}
     parents = {joint.parent for joint in scene.joints.values()}
     known = [name for joint in scene.joints.values() for name in joint.coordinates or {}]
     for number, name in enumerate(known):
         if name in known[:number]:
-            yield "joints", f"there are two coordinates {shown(name)}", "call one of them otherwise"
+            yield "joints", f"there are two coordinates {shown(name)}", "rename one of them"
     for name, joint in scene.joints.items():
         key = f"joints.{name}"
         for what, body, others in (("parent", joint.parent, children), ("child", joint.child, parents)):
@@ -40,7 +40,7 @@ def _of_motion(scene: SceneTable, *, jointed: bool) -> Iterator[Fault]:
     motion = scene.motion
     named = [key for key in ("file", "grid") if getattr(motion, key) is not None]
     if len(named) == 2:
-        yield "motion.grid", "stands beside motion.file", "leave out one of them"
+        yield "motion.grid", "cannot be combined with motion.file", "leave out one of them"
     if named and not jointed:
         remedy = "add tables [joints.NAME], or [opensim] with a model"
         yield f"motion.{named[0]}", "there are no joints that it could move", remedy
@@ -51,7 +51,7 @@ def _of_motion(scene: SceneTable, *, jointed: bool) -> Iterator[Fault]:
         yield "motion.every", "is for a file, but there is none", "leave it out"
     for key in ("bone", "transforms", "time", "centre", "hinge"):
         if named and getattr(motion, key) is not None:
-            yield f"motion.{key}", f"stands beside motion.{named[0]}", "leave out one of them"
+            yield f"motion.{key}", f"cannot be combined with motion.{named[0]}", "leave out one of them"
 
 
 def _of_kind(key: str, joint: JointTable) -> Iterator[Fault]:

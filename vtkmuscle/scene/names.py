@@ -26,7 +26,7 @@ def checked_name(name: str) -> str:
         remedy = "use letters, digits, spaces and _ - + . only, beginning and ending with a letter or digit"
         raise fault(f"{shown(name)} cannot be part of a file name", remedy)
     if _DEVICES.fullmatch(name):
-        raise fault(f"{name!r} cannot be the name of a file on Windows", "call it otherwise")
+        raise fault(f"{name!r} cannot be the name of a file on Windows", "give it another name")
     if name.casefold().endswith(_RESULTS):
         problem = f"{shown(name)} ends like a file of results, and would be in the way of one"
         raise fault(problem, "leave out the suffix")

@@ -68,16 +68,6 @@ def read_fields(path: Path) -> dict[str, Any]:
 def read_motion(path: Path) -> RigidMotion:
     """Read the motion of a scene.toml and the tables it names, and none of its surfaces.
 
-    Parameters
-    ----------
-    path : path
-        A scene.toml.
-
-    Returns
-    -------
-    RigidMotion
-        Of the bones that the scene names.
-
     Raises
     ------
     SceneError

@@ -35,14 +35,7 @@ _Fault = tuple[str, str, str]
 
 
 def validated(values: Mapping[str, Any], file: Path | None) -> SceneTable:
-    """Return the tables of a scene, checked.
-
-    Parameters
-    ----------
-    values : mapping
-        As they are in the file.
-    file : Path or None
-        The scene's file.
+    """Return the tables of a scene's file, checked.
 
     Raises
     ------
@@ -135,7 +128,7 @@ def _disagreements(scene: SceneTable) -> Iterator[_Fault]:
             other = seen.setdefault(name.casefold(), name)
             if other != name:
                 problem = f"{name!r} and {other!r} are the same file name on some systems"
-                yield f"{kind}.{name}", problem, "call one of them otherwise"
+                yield f"{kind}.{name}", problem, "rename one of them"
     yield from joint_faults(scene)
     yield from _of_motion(scene.motion, list(scene.bones), jointed=bool(scene.joints or scene.opensim))
     if scene.model == "paths" and scene.muscle_contact != "off":
@@ -146,7 +139,7 @@ def _disagreements(scene: SceneTable) -> Iterator[_Fault]:
         plain = name.casefold().removesuffix("_fibres")
         if name.casefold() in _RESERVED or (plain != name.casefold() and plain in known):
             problem = f"the results of a muscle called {name!r} would overwrite other results"
-            yield f"muscles.{name}", problem, "call it otherwise"
+            yield f"muscles.{name}", problem, "give it another name"
         if scene.model == "paths" and muscle.fibres is None:
             problem = "model is 'paths', which moves fibres, but this muscle has none"
             yield f"muscles.{name}.fibres", problem, "add a table fibres, or use model 'volume'"
@@ -162,7 +155,7 @@ def _of_motion(motion: Motion, bones: list[str], *, jointed: bool) -> Iterator[_
     if motion.hinge is not None:
         if given:
             remedy = "leave out one of them; a hinge has its keys in [motion.hinge]"
-            yield f"motion.{given[0]}", "stands beside motion.hinge", remedy
+            yield f"motion.{given[0]}", "cannot be combined with motion.hinge", remedy
         moving = {"motion.hinge.bone": motion.hinge.bone}
     elif motion.transforms is None:
         remedy = 'add transforms = "FILE.csv", or a table [motion.hinge]; or joints, and file or grid'
@@ -171,7 +164,7 @@ def _of_motion(motion: Motion, bones: list[str], *, jointed: bool) -> Iterator[_
     elif ALONE not in motion.transforms:
         if motion.bone is not None:
             remedy = "leave out bone where transforms is a table of files by bone"
-            yield "motion.bone", "stands beside a table of transforms", remedy
+            yield "motion.bone", "cannot be combined with a table of transforms", remedy
         if not motion.transforms:
             yield "motion.transforms", "is empty", 'write transforms = "FILE.csv"'
         moving = {f"motion.transforms.{bone}": bone for bone in motion.transforms}

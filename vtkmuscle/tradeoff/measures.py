@@ -45,12 +45,8 @@ ERRORS = (
     Measure("rms_mm", "distance to the reference, RMS over points, frames and muscles [mm]", "rms"),
     Measure("worst_rms_mm", "the same of the muscle where it is greatest [mm]"),
     Measure("max_mm", "greatest distance to the reference [mm]"),
-    Measure(
-        "edge_stretch_p95",
-        "95th percentile of edge length / length at rest, worst frame",
-        figure="edge_stretch_p95",
-    ),
     Measure("edge_stretch_max", "greatest edge length / length at rest", figure="edge_stretch_max"),
+    Measure("edge_stretch_p95", "95th percentile of the same, worst frame", figure="edge_stretch_p95"),
     Measure(
         "dihedral_p95_deg",
         "95th percentile of the change of dihedral angles, worst frame [degrees]",
@@ -72,12 +68,8 @@ MEASURES = (*COSTS, *ERRORS)
 def measured(trials: Mapping[str, Trial | None], reference: Mapping[str, Trial]) -> dict[str, Any]:
     """Return the figures of a setting, JSON-able: ``muscles``, and ``all`` of them together.
 
-    Parameters
-    ----------
-    trials : mapping of str to Trial or None
-        By muscle. The figures of one that failed are None, and so are those of all together.
-    reference : mapping of str to Trial
-        Of the same muscles; a frame is compared with that of the reference at the same time.
+    A frame is compared with that of the reference at the same time. The figures of a muscle that failed are
+    None, and so are those of all together.
     """
     muscles = {name: _of_muscle(own, reference[name]) for name, own in trials.items()}
     failed = any(own is None for own in trials.values())

@@ -48,7 +48,7 @@ class Setting:
 
 
 def reference(iterations: int) -> Setting:
-    """Return the setting whose result the others are compared with, at so many iterations per step."""
+    """Return the setting whose result the others are compared with, at a number of iterations per step."""
     solver = {**PRESETS["accurate"], "iterations": iterations, "tolerance": 0.0}
     return Setting("reference", "reference", solver)
 

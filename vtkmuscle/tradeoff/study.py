@@ -20,7 +20,7 @@ FIRST_ITERATIONS = 100
 MOST_ITERATIONS = 800
 #: The reference of a muscle has converged when doubling its iterations moves it by no more, RMS [mm].
 CONVERGED = 0.05
-#: Frames that are compared, unless they are chosen: each so manieth, and the last.
+#: Every fifth frame is compared, and the last, unless frames are chosen.
 COMPARED_EVERY = 5
 
 
@@ -108,7 +108,7 @@ def trade_off(
         Numbers of the frames to compare; each fifth and the last by default. Frames up to the last of them
         are computed.
     tell : callable, optional
-        Told in words what is being done.
+        Called with a line of text for each thing that is done.
 
     Returns
     -------

@@ -46,8 +46,8 @@ def as_markdown(study: Study) -> str:
 
 
 def _remarks(study: Study) -> list[str]:
-    told = [in_words(doubling) for doubling in study.doublings]
-    return told + [words for words in [estimates_in_words(study)] if words]
+    remarks = [in_words(doubling) for doubling in study.doublings]
+    return remarks + [words for words in [estimates_in_words(study)] if words]
 
 
 def _cells(row: Row) -> list[str]:

@@ -26,7 +26,7 @@ _TRIMMED = 0.1
 
 @dataclass(eq=False)
 class Trial:
-    """What became of a muscle.
+    """The results of one muscle.
 
     Attributes
     ----------
@@ -58,20 +58,10 @@ def tried(
     *,
     iterations: Mapping[str, int] | None = None,
 ) -> dict[str, Trial | None]:
-    """Run a scene with a setting, and return what became of its muscles, None of those that failed.
+    """Run a scene with a setting, and return the results of these muscles, None of those that failed.
 
-    Parameters
-    ----------
-    scene : SceneData
-        As it is without the setting.
-    setting : Setting
-        What is changed.
-    compared : sequence of int
-        Numbers of the frames of the motion that are compared; all up to the last of them are computed.
-    muscles : sequence of str
-        Which muscles; the others are run as well where muscles may meet.
-    iterations : mapping of str to int, optional
-        Iterations of some muscles, instead of the setting's.
+    Frames up to the last that is compared are computed. Other muscles are run as well where muscles may meet.
+    ``iterations`` of single muscles count more than the setting's.
     """
     own = iterations or {}
     needed = scene.muscles if scene.muscle_contact != "off" else muscles

@@ -69,6 +69,10 @@ class Chain(_Pipeline):
         """Return an output port of the last algorithm."""
         return self.last.GetOutputPort(port)
 
+    def GetClassName(self) -> str:
+        """Refuse what asks for it: PyVista, of what it is to draw, where that is no algorithm."""
+        raise TypeError("PyVista draws algorithms, not chains; give it the last one: add_mesh(chain.last)")
+
     def _determine_type(self, arg: Any) -> int:
         # VTK's own asks for exactly its class.
         return int(self.PIPELINE if isinstance(arg, _Pipeline) else super()._determine_type(arg))

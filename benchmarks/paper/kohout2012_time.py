@@ -1,4 +1,4 @@
-"""P12's time to fill a muscle with fibres and show them: ``python benchmarks/paper/p12_time.py``.
+"""Kohout et al. 2012: the time to fill a muscle with fibres and show them.
 
 Published: about 1000 ms for a muscle of about 15 000 vertices, 20 points per fibre. Here 100 fibres of 19
 segments, tubes of 12 sides, and a picture of 800 x 650 pixels off-screen, drawn by software. Times are

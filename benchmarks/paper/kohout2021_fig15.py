@@ -1,11 +1,10 @@
-"""P21, Fig. 15: fibre lengths beside M20's. ``python benchmarks/paper/p21_fig15.py``.
+"""Kohout and Červenka 2021, Fig. 15: fibre lengths beside those of Modenese and Kohout 2020.
 
-M20 is Modenese and Kohout 2020. The first table is the figure: our fibres, carried by the deformed muscle,
-beside M20's published lengths, from 0 to 60 degrees of flexion in the convention of that work, where its
-table ends; the muscle goes there from rest in small steps. The second carries our fibres as M20 does
-(LinearBlendFibres), which leaves only the fibres at rest to differ. M20's published rows from 10 to 18
-degrees lag by 2 degrees and are left out. On the phantom, which has no published lengths, M20's method
-stands in for them.
+The first table is the figure: our fibres, carried by the deformed muscle, beside the published lengths,
+from 0 to 60 degrees of flexion in the convention of that work, where its table ends; the muscle goes there
+from rest in small steps. The second carries our fibres as they do (LinearBlendFibres), which leaves only
+the fibres at rest to differ. The published rows from 10 to 18 degrees lag by 2 degrees and are left out. On
+the phantom, which has no published lengths, that method stands in for them.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from common import P21, STEP, Case, Floats, Table, data_folder, main
+from common import AS_PUBLISHED, STEP, Case, Floats, Table, data_folder, main
 
 from vtkmuscle import RigidMotion
 from vtkmuscle.core.fibres.linear_blend import blend_fibres, fitted_a
@@ -48,7 +47,7 @@ class Poses:
 
 
 def poses_of(case: Case) -> Poses:
-    """Return the poses: on the real hip by way of M20's neutral pose, from rest."""
+    """Return the poses: on the real hip by way of the published neutral pose, from rest."""
     last = 8.0 if case.short else LAST
     wanted = [a for a in np.arange(0.0, last + 1.0, STEP) if not LAGGING[0] <= a <= LAGGING[1]]
     if not case.real:
@@ -76,7 +75,7 @@ def deformed_lengths(case: Case, name: str, poses: Poses, settings: dict[str, An
 
 
 def blended_lengths(case: Case, name: str, poses: Poses, a: float) -> Floats:
-    """Return the lengths of our fibres moved as M20 does, (angles, fibres) [mm]."""
+    """Return the lengths of our fibres moved by LinearBlendFibres, (angles, fibres) [mm]."""
     lines = polylines_of(case.fibres(name), name)
     moved = [blend_fibres(lines.points, lines.offsets, *pose, a) for pose in poses.transforms()]
     return np.array([polyline_lengths(points, lines.offsets) for points in moved]) * case.scene.millimetres
@@ -97,7 +96,7 @@ def fitted(case: Case, name: str, poses: Poses) -> float:
 
 
 def published_lengths(case: Case, name: str, poses: Poses) -> Floats:
-    """Return M20's lengths, (angles, fibres) [mm]."""
+    """Return the published lengths, (angles, fibres) [mm]."""
     if not case.real:
         return blended_lengths(case, name, poses, PUBLISHED_A[name])
     path = data_folder() / "reference" / f"mk2020_fibre_length_mm_{name}_hip_flexion.csv"
@@ -111,18 +110,32 @@ def spread(lengths: Floats) -> str:
 
 
 def tables(case: Case) -> list[Table]:
-    """Return our lengths beside M20's, deformed and blended."""
-    columns = ("muscle", "published match", "settings", "first: M20 [mm] (mean, sd, range)", "ours [mm]")
-    columns += ("last: M20 [mm]", "last: ours [mm]", "means: ours - M20 [mm]", "rms of the means [mm]")
-    figure = Table("Fig. 15: our fibres in the deformed muscle beside M20's", columns)
-    columns = ("muscle", "a", "means: ours - M20 [mm]", "rms of the means [mm]")
-    blends = Table("The same fibres moved as M20 does", columns)
+    """Return our lengths beside the published ones, deformed and blended."""
+    columns = (
+        "muscle",
+        "published match",
+        "settings",
+        "first: Modenese 2020 [mm] (mean, sd, range)",
+        "ours [mm]",
+    )
+    columns += (
+        "last: Modenese 2020 [mm]",
+        "last: ours [mm]",
+        "means: ours - Modenese 2020 [mm]",
+        "rms of the means [mm]",
+    )
+    figure = Table("Fig. 15: our fibres in the deformed muscle beside those of Modenese 2020", columns)
+    columns = ("muscle", "a", "means: ours - Modenese 2020 [mm]", "rms of the means [mm]")
+    blends = Table("The same fibres moved as Modenese 2020 does", columns)
     poses = poses_of(case)
     for name, a in PUBLISHED_A.items():
         theirs = published_lengths(case, name, poses)
-        drawing, axes = curves(f"P21, Fig. 15: {name}", "flexion [degrees]", "length [mm]")
+        drawing, axes = curves(f"Kohout 2021, Fig. 15: {name}", "flexion [degrees]", "length [mm]")
         axes.plot(poses.angles, theirs, color="#0072b2", lw=0.5)
-        for title, settings in (("P21, 10 iterations", {**P21, "iterations": 10}), ("defaults", {})):
+        for title, settings in (
+            ("published settings", {**AS_PUBLISHED, "iterations": 10}),
+            ("defaults", {}),
+        ):
             ours = deformed_lengths(case, name, poses, settings)
             off = ours.mean(axis=1) - theirs.mean(axis=1)
             figure.add(
@@ -138,7 +151,7 @@ def tables(case: Case) -> list[Table]:
             )
         axes.plot(poses.angles, ours, color="#d55e00", lw=0.5)
         if case.out is not None:
-            case.save(drawing, f"p21_fig15_{name}.png")
+            case.save(drawing, f"kohout2021_fig15_{name}.png")
         for label, value in (("published", a), ("fitted", fitted(case, name, poses))):
             off = blended_lengths(case, name, poses, value).mean(axis=1) - theirs.mean(axis=1)
             rms = np.sqrt((off**2).mean())

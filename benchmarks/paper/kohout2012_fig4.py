@@ -1,4 +1,4 @@
-"""P12, Fig. 4: templates of parallel and pennate fibres. ``python benchmarks/paper/p12_fig4.py``."""
+"""Kohout et al. 2012, Fig. 4: templates of parallel and pennate fibres."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def tables(case: Case) -> list[Table]:
             plotter.add_mesh(pv.Cube(bounds=(0, 1, 0, 1, 0, 1)), style="wireframe", color="black")
             plotter.add_mesh(pv.wrap(template).tube(radius=0.008), color="#c96a5a", scalars=None)
             plotter.camera_position = [(2.2, -2.6, 1.6), (0.5, 0.5, 0.5), (0, 0, 1)]
-            case.draw(f"p12_fig4_{kind}.png", [[(kind, plotter.screenshot(return_img=True))]])
+            case.draw(f"kohout2012_fig4_{kind}.png", [[(kind, plotter.screenshot(return_img=True))]])
             plotter.close()
     return [table]
 

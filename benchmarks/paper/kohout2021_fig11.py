@@ -1,8 +1,8 @@
-"""P21, Fig. 11: volume over hip flexion, 3 iterations. ``python benchmarks/paper/p21_fig11.py``."""
+"""Kohout and Červenka 2021, Fig. 11: volume over hip flexion, 3 iterations."""
 
 from __future__ import annotations
 
-from common import P21, Case, Table, angles_up_to, main, value
+from common import AS_PUBLISHED, Case, Table, angles_up_to, main, value
 
 from vtkmuscle.plotting.sheets import curves
 
@@ -11,24 +11,26 @@ ITERATIONS = 3
 
 def tables(case: Case) -> list[Table]:
     """Return the largest error of each muscle's volume."""
-    columns = ("muscle", "published [%]", "P21's settings [%]", "defaults, 3 iterations [%]")
+    columns = ("muscle", "published [%]", "published settings [%]", "defaults, 3 iterations [%]")
     table = Table("Fig. 11: largest error of the volume, 0 to 90 degrees", columns)
     angles = angles_up_to(6.0 if case.short else 90.0)
     ratios = {}
     for name in case.muscles:
         errors = []
-        for title, settings in (("P21's settings", P21), ("defaults", {})):
+        for title, settings in (("published settings", AS_PUBLISHED), ("defaults", {})):
             chain = case.chain(name, iterations=ITERATIONS, **settings)
             ratios[name, title] = [value(chain.at(angle), "VolumeRatio") for angle in angles]
             errors.append(max(abs(ratio - 1.0) for ratio in ratios[name, title]))
         table.add(name, "< 1", *(f"{100.0 * error:.1e}" for error in errors))
     if case.out is not None:
-        figure, axes = curves("P21, Fig. 11", "flexion from rest [degrees]", "volume / volume at rest")
+        figure, axes = curves(
+            "Kohout 2021, Fig. 11", "flexion from rest [degrees]", "volume / volume at rest"
+        )
         for (name, title), found in ratios.items():
             axes.plot(angles, found, "-" if title == "defaults" else "--", label=f"{name}, {title}")
         axes.set_ylim(0.98, 1.02)
         axes.legend(fontsize=7)
-        case.save(figure, "p21_fig11.png")
+        case.save(figure, "kohout2021_fig11.png")
     return [table]
 
 

@@ -1,4 +1,4 @@
-"""P21, Fig. 3: bones as voxels. ``python benchmarks/paper/p21_fig3.py``."""
+"""Kohout and Červenka 2021, Fig. 3: bones as voxels."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def tables(case: Case) -> list[Table]:
                 row.append((f"{name}: {title}", pixels))
         rows.append(row)
     if case.draws:
-        case.draw("p21_fig3.png", rows)
+        case.draw("kohout2021_fig3.png", rows)
     return [table]
 
 

@@ -1,4 +1,4 @@
-"""P21, Fig. 8: iterations, anisotropy, fixed points. ``python benchmarks/paper/p21_fig8.py``.
+"""Kohout and Červenka 2021, Fig. 8: iterations, anisotropy, fixed points.
 
 For each: the longest edge over its length at rest (a spike), the 95th percentile of the angles between
 neighbouring triangles (how crumpled the surface is), and how far anisotropy moves the points.
@@ -6,7 +6,7 @@ neighbouring triangles (how crumpled the surface is), and how far anisotropy mov
 
 from __future__ import annotations
 
-from common import FINE, P21, Case, Table, main, rms, roughness, seen_alike, value
+from common import AS_PUBLISHED, FINE, Case, Table, main, rms, roughness, seen_alike, value
 
 ITERATIONS = (1, 3, 5, 10, 100)
 FLEXION = 40.0
@@ -30,7 +30,7 @@ def tables(case: Case) -> list[Table]:
     for fixed in ("collision", "attachment"):
         kinds = []
         for anisotropy in ("off", "stiffness"):
-            settings = {**P21, "anisotropy": anisotropy}
+            settings = {**AS_PUBLISHED, "anisotropy": anisotropy}
             fixing = {"method": fixed, "n_voxels": FINE}
             poses = [
                 case.chain(case.adductor, fixing=fixing, iterations=count, **settings).pose(flexion)
@@ -50,7 +50,7 @@ def tables(case: Case) -> list[Table]:
         edge, rough = value(muscle, "EdgeStretchMax"), roughness(muscle)
         table.add("attachment, defaults", count, f"{edge:.1f}", f"{rough:.1f}", "")
     if case.draws:
-        case.draw("p21_fig8.png", seen_alike(rows))
+        case.draw("kohout2021_fig8.png", seen_alike(rows))
     return [table]
 
 

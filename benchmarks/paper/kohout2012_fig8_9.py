@@ -1,6 +1,6 @@
-"""P12, Figs. 8 and 9: the gluteus medius before and after its fibres' ends are mended.
+"""Kohout et al. 2012, Figs. 8 and 9: the gluteus medius before and after its fibres' ends are corrected.
 
-``python benchmarks/paper/p12_fig8_9.py``. Spread is the root mean square distance of the fibres' ends from
+Spread is the root mean square distance of the fibres' ends from
 their mean, beside that of the points of the attachment patch: ends that meet in a point have little.
 """
 
@@ -59,7 +59,9 @@ def tables(case: Case) -> list[Table]:
             table.add(end, published, stage, f"{ratio:.2f}", f"{far.mean():.1f} / {far.max():.1f}")
     if case.draws:
         none = multiblock_from({})
-        case.draw("p12_fig8_9.png", [[(s, picture(none, [muscle], fibres=f)) for s, f in stages.items()]])
+        case.draw(
+            "kohout2012_fig8_9.png", [[(s, picture(none, [muscle], fibres=f)) for s, f in stages.items()]]
+        )
     return [table]
 
 

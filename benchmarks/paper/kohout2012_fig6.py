@@ -1,6 +1,6 @@
-"""P12, Fig. 6: the box that fits a muscle best. ``python benchmarks/paper/p12_fig6.py``.
+"""Kohout et al. 2012, Fig. 6: the box that fits a muscle best.
 
-P12 shows the sartorius, which the data set lacks. The error is the sum over the eight corners of the
+They show the sartorius, which the data set lacks. The error is the sum over the eight corners of the
 template's areas of the distance to the nearest landmark.
 """
 
@@ -19,8 +19,8 @@ def tables(case: Case) -> list[Table]:
     columns = (
         "muscle",
         "published",
-        "attachments, 5 degrees (P12)",
-        "principal, 5 degrees (P12)",
+        "attachments, 5 degrees (Kohout 2012)",
+        "principal, 5 degrees (Kohout 2012)",
         "auto, refined",
     )
     columns += ("box [mm]",)
@@ -45,7 +45,7 @@ def tables(case: Case) -> list[Table]:
             edges = box.extract_all_edges().tube(radius=0.6 / case.scene.millimetres).triangulate()
             row.append((name, picture(multiblock_from({"box": edges}), [muscle], fibres=fits[2])))
     if case.draws:
-        case.draw("p12_fig6.png", [row])
+        case.draw("kohout2012_fig6.png", [row])
     return [table]
 
 

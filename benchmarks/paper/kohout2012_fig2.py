@@ -1,4 +1,4 @@
-"""P12, Fig. 2: parallel fibres mapped into a muscle. ``python benchmarks/paper/p12_fig2.py``."""
+"""Kohout et al. 2012, Fig. 2: parallel fibres mapped into a muscle."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def tables(case: Case) -> list[Table]:
             row += [(f"{name}, template", picture(multiblock_from({}), [muscle], fibres=fitted))]
             row += [(f"{name}, mapped", picture(multiblock_from({}), [muscle], fibres=fibres))]
     if case.draws:
-        case.draw("p12_fig2.png", [row])
+        case.draw("kohout2012_fig2.png", [row])
     return [table]
 
 

@@ -1,7 +1,7 @@
-"""P21, Fig. 9: resolution of the mesh, 100 iterations, 40 degrees. ``python benchmarks/paper/p21_fig9.py``.
+"""Kohout and Červenka 2021, Fig. 9: resolution of the mesh, 100 iterations, 40 degrees.
 
 The distance is that of the points from the surface of the full mesh with the default settings and 100
-iterations. Roughness: see p21_fig8.py. The second table asks why coarse meshes look better: how many
+iterations. Roughness: see kohout2021_fig8.py. The second table asks why coarse meshes look better: how many
 edges lie between the muscle's ends, which is how far each iteration is from carrying a bone's motion
 through, and how far the muscle still moves on once they stand still.
 """
@@ -12,7 +12,19 @@ from typing import Any
 
 import numpy as np
 import pyvista as pv
-from common import P21, STEP, Case, Table, angles_up_to, data_folder, main, rms, roughness, seen_alike, value
+from common import (
+    AS_PUBLISHED,
+    STEP,
+    Case,
+    Table,
+    angles_up_to,
+    data_folder,
+    main,
+    rms,
+    roughness,
+    seen_alike,
+    value,
+)
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
@@ -25,7 +37,7 @@ from vtkmuscle.io import read_surface
 from vtkmuscle.pipelines import deform
 
 FLEXION = 40.0
-#: Iterations of P21, and the steps with the bones still that show how far a muscle lags behind.
+#: Iterations of the paper, and the steps with the bones still that show how far a muscle lags behind.
 ITERATIONS, HELD = 100, 100
 
 
@@ -60,7 +72,7 @@ def moved_on(case: Case, surface: Any, flexion: float, held: int) -> tuple[Any, 
     frames = [*range(reached + 1), *[reached] * held]
     poses = {bone: np.asarray(every)[frames] for bone, every in case.motion.transforms.items()}
     motion = RigidMotion(np.arange(float(len(frames))), poses)
-    settings = {**P21, "iterations": ITERATIONS}
+    settings = {**AS_PUBLISHED, "iterations": ITERATIONS}
     deformer = deform(
         chain.fixed, case.scene.bones_data(), motion, fibres=chain.fibres, fixing=None, **settings
     )
@@ -98,7 +110,7 @@ def shortest_free_edge(muscle: Any) -> float:
 
 def tables(case: Case) -> list[Table]:
     """Return time and quality of each resolution."""
-    columns = ("mesh", "triangles", "iterations", "published [ms]", "P21's settings [ms]", "longest edge")
+    columns = ("mesh", "triangles", "iterations", "published [ms]", "published settings [ms]", "longest edge")
     columns += ("roughness [deg]", "distance, mean / p95 [mm]")
     table = Table(f"Fig. 9: {case.adductor} at 40 degrees", columns)
     flexion = 6.0 if case.short else FLEXION
@@ -108,7 +120,7 @@ def tables(case: Case) -> list[Table]:
     runs = [("full", 100, 658.71), ("L1", 100, ""), ("L2", 100, ""), ("L2", 1000, 349.80), ("L2", 10000, "")]
     row = []
     for title, count, published in runs[:3] if case.short else runs:
-        chain = case.chain(case.adductor, surface=surfaces[title], iterations=count, **P21)
+        chain = case.chain(case.adductor, surface=surfaces[title], iterations=count, **AS_PUBLISHED)
         ms = float(np.median(chain.step_times(angles_up_to(flexion))))
         bones, muscle = chain.pose(flexion)
         far = exact.unsigned(points_of(muscle)) * case.scene.millimetres
@@ -140,7 +152,7 @@ def tables(case: Case) -> list[Table]:
         )
         row.append((f"{muscle.n_cells} triangles, defaults", (bones, muscle)))
     if case.draws:
-        case.draw("p21_fig9.png", seen_alike([row]))
+        case.draw("kohout2021_fig9.png", seen_alike([row]))
     return [table, why(case, surfaces, flexion)]
 
 

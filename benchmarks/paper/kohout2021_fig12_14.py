@@ -1,4 +1,4 @@
-"""P21, Figs. 12 to 14: fibre lengths over hip flexion. ``python benchmarks/paper/p21_fig12_14.py``.
+"""Kohout and Červenka 2021, Figs. 12 to 14: fibre lengths over hip flexion.
 
 Lengths are smoothed five times, as in the paper; 10 iterations. Deep fibres are the half that is nearer to
 the pelvis at rest. Largest step is the most that a fibre's length changes by in 2 degrees.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from common import P21, Case, Floats, Table, angles_up_to, main
+from common import AS_PUBLISHED, Case, Floats, Table, angles_up_to, main
 
 from vtkmuscle.core.fibres.measures import smoothed_curve
 from vtkmuscle.core.mesh.polylines import polyline_lengths
@@ -52,7 +52,7 @@ def tables(case: Case) -> list[Table]:
     angles = angles_up_to(8.0 if case.short else 90.0)
     for name, published in PUBLISHED.items():
         deep = deep_half(case, name)
-        for title, settings in (("P21", {**P21, "iterations": 10}), ("defaults", {})):
+        for title, settings in (("published settings", {**AS_PUBLISHED, "iterations": 10}), ("defaults", {})):
             lengths = lengths_over(case, name, angles, settings)
             change = 100.0 * (lengths[-1] / lengths[0] - 1.0)
             steps = np.abs(np.diff(lengths, axis=0)).max(axis=1)
@@ -70,9 +70,11 @@ def tables(case: Case) -> list[Table]:
                 f"{steps[:before].max():.1f} / {steps[before:].max(initial=0.0):.1f}",
             )
             if case.out is not None:
-                figure, axes = curves(f"P21, Fig. {FIGURE[name]}: {name}, {title}", "flexion", "length [mm]")
+                figure, axes = curves(
+                    f"Kohout 2021, Fig. {FIGURE[name]}: {name}, {title}", "flexion", "length [mm]"
+                )
                 axes.plot(angles, lengths, lw=0.6)
-                case.save(figure, f"p21_fig{FIGURE[name]}_{title}.png")
+                case.save(figure, f"kohout2021_fig{FIGURE[name]}_{title}.png")
     return [table]
 
 

@@ -1,4 +1,4 @@
-"""P21, Figs. 4 and 5: which points are fixed. ``python benchmarks/paper/p21_fig4_5.py``.
+"""Kohout and Červenka 2021, Figs. 4 and 5: which points are fixed.
 
 A point that another method fixes further than 5 mm from the patches of the landmarks is counted as wrong: it
 should slide along the bone.
@@ -54,7 +54,7 @@ def tables(case: Case) -> list[Table]:
                 row.append((f"{name}: {title}\n{len(held)} points", pixels))
         rows.append(row)
     if case.draws:
-        case.draw("p21_fig4_5.png", rows)
+        case.draw("kohout2021_fig4_5.png", rows)
     return [table]
 
 

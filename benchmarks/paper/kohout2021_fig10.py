@@ -1,11 +1,11 @@
-"""P21, Fig. 10: the iliacus, 5 iterations, 40 degrees. ``python benchmarks/paper/p21_fig10.py``.
+"""Kohout and Červenka 2021, Fig. 10: the iliacus, 5 iterations, 40 degrees.
 
 In the joint are points within the acetabulum, which is the convex hull of the socket (bench_penetration.py).
 """
 
 from __future__ import annotations
 
-from common import FINE, P21, Case, Table, main, seen_alike, value
+from common import AS_PUBLISHED, FINE, Case, Table, main, seen_alike, value
 
 from vtkmuscle.data.arrays import points_of
 
@@ -15,12 +15,12 @@ FLEXION, ITERATIONS = 40.0, 5
 def tables(case: Case) -> list[Table]:
     """Return how far each enters bones and joint."""
     cases = {
-        "fixed by collision": ("unacceptable", "collision", {**P21, "iterations": ITERATIONS}),
-        "by attachment": ("slightly better", "attachment", {**P21, "iterations": ITERATIONS}),
+        "fixed by collision": ("unacceptable", "collision", {**AS_PUBLISHED, "iterations": ITERATIONS}),
+        "by attachment": ("slightly better", "attachment", {**AS_PUBLISHED, "iterations": ITERATIONS}),
         "by attachment, bone_push off": (
             "acceptable, small penetration",
             "attachment",
-            {**P21, "iterations": ITERATIONS, "bone_push": "off"},
+            {**AS_PUBLISHED, "iterations": ITERATIONS, "bone_push": "off"},
         ),
         "defaults": ("", "attachment", {}),
     }
@@ -54,7 +54,7 @@ def tables(case: Case) -> list[Table]:
         )
         row.append((title, (bones, muscle)))
     if case.draws:
-        case.draw("p21_fig10.png", seen_alike([row]))
+        case.draw("kohout2021_fig10.png", seen_alike([row]))
     return [table]
 
 

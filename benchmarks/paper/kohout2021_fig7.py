@@ -1,4 +1,4 @@
-"""P21, Fig. 7: how far points move between iterations. ``python benchmarks/paper/p21_fig7.py``.
+"""Kohout and Červenka 2021, Fig. 7: how far points move between iterations.
 
 The mean over the points of the adductor brevis, and over the frames of 90 degrees of flexion, of the
 distance between two iterates of a step. The second table asks what of the method the figure hangs on:
@@ -16,7 +16,7 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
-from common import P21, STEP, Case, Floats, Table, angles_up_to, main, value
+from common import AS_PUBLISHED, STEP, Case, Floats, Table, angles_up_to, main, value
 from published_loop import run
 
 from vtkmuscle import RigidMotion
@@ -161,12 +161,15 @@ def flexions(case: Case) -> list[float]:
 def tables(case: Case) -> list[Table]:
     """Return the displacement after so many iterations."""
     count = 12 if case.short else 100
-    found = {"P21's settings": once_per_step(case, count, P21), "defaults": once_per_step(case, count, {})}
-    flat = {**P21, "shape_stiffness": 0.0}
+    found = {
+        "published settings": once_per_step(case, count, AS_PUBLISHED),
+        "defaults": once_per_step(case, count, {}),
+    }
+    flat = {**AS_PUBLISHED, "shape_stiffness": 0.0}
     with stiffness_per_iteration():
-        found["stiffness per iteration"] = once_per_step(case, count, P21)
+        found["stiffness per iteration"] = once_per_step(case, count, AS_PUBLISHED)
         found["the same, no local shape"] = once_per_step(case, count, flat)
-    found["velocity in each iteration, too"] = in_each_iteration(case, count, P21)
+    found["velocity in each iteration, too"] = in_each_iteration(case, count, AS_PUBLISHED)
     found["the same, no local shape, "] = in_each_iteration(case, count, flat)
     code, share = published_code(case, count)
     found[f"the published code's loop: corrects {share:.1%} of the angles"] = code
@@ -177,7 +180,7 @@ def tables(case: Case) -> list[Table]:
     for title, trace in found.items():
         table.add(title.rstrip(", "), *(trace.at(number) for number in shown), trace.end)
     if case.out is not None:
-        figure, axes = curves("P21, Fig. 7", "iteration", "mean displacement [mm]")
+        figure, axes = curves("Kohout 2021, Fig. 7", "iteration", "mean displacement [mm]")
         for title, trace in found.items():
             if not len(trace.moves):
                 continue
@@ -186,7 +189,7 @@ def tables(case: Case) -> list[Table]:
         for shown_by_the_paper in (0.1, 0.01):
             axes.axhline(shown_by_the_paper, color="grey", lw=0.8)
         axes.legend()
-        case.save(figure, "p21_fig7.png")
+        case.save(figure, "kohout2021_fig7.png")
     return [table]
 
 

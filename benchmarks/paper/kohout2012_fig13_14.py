@@ -1,8 +1,8 @@
-"""P12, Figs. 13 and 14: fibres in moving muscles, made anew in each frame, and the time that takes.
+"""Kohout et al. 2012, Figs. 13 and 14: fibres in moving muscles, made anew in each frame, and the time.
 
-``python benchmarks/paper/p12_fig13_14.py``. P12 takes four muscles of the thigh in a walk, which the data set
-lacks; here it is the muscles of the hip in flexion, with 50 parallel fibres of 14 segments each. Beside it:
-the fibres made once and carried along (P21, eq. 8). Times are processor time, all threads together.
+They take four muscles of the thigh in a walk, which the data set lacks; here it is the muscles of the hip
+in flexion, with 50 parallel fibres of 14 segments each. Beside it: the fibres made once and carried along
+(Kohout and Červenka 2021, eq. 8). Times are processor time, all threads together.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def tables(case: Case) -> list[Table]:
             lines = pv.PolyData(points_of(together), lines=together.lines)
             row.append((f"{degrees:g} degrees", picture(bones, [m for m, _ in shown], fibres=lines)))
     if case.draws:
-        case.draw("p12_fig13_14.png", [row])
+        case.draw("kohout2012_fig13_14.png", [row])
     return [table]
 
 
