@@ -149,9 +149,8 @@ def _disagreements(scene: SceneTable) -> Iterator[_Fault]:
 def _of_motion(motion: Motion, bones: list[str], *, jointed: bool) -> Iterator[_Fault]:
     if jointed or motion.file is not None or motion.grid is not None:
         return
-    given = [
-        name for name in motion.model_fields_set if getattr(motion, name) is not None and name != "hinge"
-    ]
+    named = [name for name in Motion.model_fields if name in motion.model_fields_set]
+    given = [name for name in named if getattr(motion, name) is not None and name != "hinge"]
     if motion.hinge is not None:
         if given:
             remedy = "leave out one of them; a hinge has its keys in [motion.hinge]"
