@@ -93,7 +93,7 @@ def _muscle(
         surface = files.read(f"{key}.surface", table.surface, read_surface)
         estimate = table.attachments
         if isinstance(estimate, Estimate) and motion is not None:
-            areas = _estimated(f"{key}.attachments", estimate.estimate, files, surface, bones, motion)
+            areas = _estimated(f"{key}.attachments", estimate.bones, files, surface, bones, motion)
     if not isinstance(table.attachments, Estimate):
         areas = _areas(f"{key}.attachments", table.attachments, files, faults, frame)
     if fibres is not None and fibres.get("template_file") is not None:
@@ -139,7 +139,7 @@ def _literature(key: str, muscle: str, text: str, files: SceneFiles) -> tuple[Li
 
 def _estimated(
     key: str,
-    between: list[str],
+    between: tuple[str, ...],
     files: SceneFiles,
     surface: vtkPolyData,
     bones: dict[str, vtkPolyData],

@@ -68,14 +68,14 @@ def _file_or_files(value: Any, handler: Callable[[Any], Any]) -> Any:
 
 def _list_or_estimate(value: Any, handler: Callable[[Any], Any]) -> Any:
     if value == ESTIMATE:
-        return Estimate(estimate=[])
+        return Estimate()
     if isinstance(value, dict):
         named = value.get(ESTIMATE)
         bones = [one for one in named if isinstance(one, str)] if isinstance(named, list) else []
         if len(bones) != 2 or named != bones or len(value) > 1:
             remedy = '{ estimate = ["BONE OF THE ORIGIN", "BONE OF THE INSERTION"] }'
             raise fault(f"must name two bones, not {shown(value)}", f"write {remedy}")
-        return Estimate(estimate=bones)
+        return Estimate(*bones)
     if not isinstance(value, list):
         raise fault(f"must be a list, not {shown(value)}", f'write [{_AREA}], or "{ESTIMATE}"')
     return handler(value)
@@ -84,11 +84,8 @@ def _list_or_estimate(value: Any, handler: Callable[[Any], Any]) -> Any:
 def _or_estimates(schema: Any) -> None:
     names = {"type": "array", "items": {"type": "string"}, "minItems": 2, "maxItems": 2}
     table = {"type": "object", "properties": {ESTIMATE: names}, "required": [ESTIMATE]}
-    schema["anyOf"] = [
-        {"const": ESTIMATE},
-        {**table, "additionalProperties": False},
-        *(one for one in schema["anyOf"] if "$ref" not in one),
-    ]
+    areas = {key: schema.pop(key) for key in ("type", "items")}
+    schema["anyOf"] = [{"const": ESTIMATE}, {**table, "additionalProperties": False}, areas]
 
 
 def _or(**other: Any) -> Callable[[Any], None]:
@@ -242,10 +239,12 @@ class Area(Table):
     )
 
 
-class Estimate(Table):
-    """Attachments that are to be estimated: between two bones, origin first, or none that are named."""
+class Estimate(list[Area]):
+    """Attachments that are to be estimated: no areas yet, but both bones, origin first, where named."""
 
-    estimate: list[str]
+    def __init__(self, *bones: str) -> None:
+        super().__init__()
+        self.bones = bones
 
 
 class MuscleTable(Table):
@@ -254,7 +253,7 @@ class MuscleTable(Table):
     surface: Text = Field(
         examples=["FILE.vtp"], description="A closed surface of triangles in one piece, in the rest pose."
     )
-    attachments: Annotated[list[Area] | Estimate, WrapValidator(_list_or_estimate)] = Field(
+    attachments: Annotated[list[Area], WrapValidator(_list_or_estimate)] = Field(
         default_factory=list,
         description="A list of areas; an origin and an insertion are needed for fibres. Or 'estimate', "
         "where there are no landmarks: areas where the muscle touches the bones; or { estimate = "

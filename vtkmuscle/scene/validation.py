@@ -179,7 +179,7 @@ def _of_motion(motion: Motion, bones: list[str], *, jointed: bool) -> Iterator[_
 
 def _of_attachments(key: str, muscle: MuscleTable, scene: SceneTable) -> Iterator[_Fault]:
     if isinstance(muscle.attachments, Estimate):
-        for bone in muscle.attachments.estimate:
+        for bone in muscle.attachments.bones:
             if bone not in scene.bones:
                 yield key, f"there is no bone {shown(bone)}", suggestion(bone, scene.bones)
         return
