@@ -22,7 +22,7 @@ from vtkmuscle import Scene
 from vtkmuscle.core.collision.distance_collision import resolve_distance_collisions
 from vtkmuscle.core.collision.distance_grid import build_distance_grid
 from vtkmuscle.core.collision.distance_lookup import signed_distance
-from vtkmuscle.core.collision.obstacles import DistanceObstacle
+from vtkmuscle.core.collision.distance_obstacle import DistanceObstacle
 from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.data.arrays import checked_surface, field_array
 from vtkmuscle.run.reach import bones_with_reach

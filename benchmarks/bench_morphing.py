@@ -18,8 +18,9 @@ from timing import interleaved
 
 from vtkmuscle import Scene
 from vtkmuscle.core.morphing.isolines import attachment_field, morph_by_isolines
+from vtkmuscle.core.morphing.planes import morph_by_planes
 from vtkmuscle.core.morphing.sections import closed_surface
-from vtkmuscle.core.morphing.slices import Slicing, morph_by_planes
+from vtkmuscle.core.morphing.slices import Slicing
 from vtkmuscle.core.template.kinds import TEMPLATES, sobol_points
 from vtkmuscle.data.arrays import field_array, points_of, triangles_of, with_points
 from vtkmuscle.filters import (

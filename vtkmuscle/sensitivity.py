@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import VIA
@@ -66,12 +67,12 @@ def landmark_errors(
         If the distance is not positive, there are fewer than 3 runs, or no muscle has fibres.
     """
     if not (np.isfinite(distance) and distance > 0.0):
-        raise ValueError(f"distance is {distance!r}, but must be a positive number of millimetres")
+        raise InputError("", f"distance is {distance!r}, but must be a positive number of millimetres")
     if samples < _FEWEST:
-        raise ValueError(f"samples is {samples!r}, but must be {_FEWEST} or more")
+        raise InputError("", f"samples is {samples!r}, but must be {_FEWEST} or more")
     muscles = {name: muscle for name, muscle in scene.muscles.items() if muscle.fibres is not None}
     if not muscles:
-        raise ValueError("no muscle of the scene has fibres, so there are no lengths")
+        raise InputError("", "no muscle of the scene has fibres, so there are no lengths")
     rng = np.random.default_rng(seed)
     lengths: dict[str, list[Floats]] = {name: [] for name in muscles}
     arms: dict[str, dict[str, list[Floats]]] = {name: {} for name in muscles}

@@ -13,7 +13,7 @@ import numba
 import pytest
 
 import vtkmuscle
-from vtkmuscle.core import kernel_cache
+from vtkmuscle.core import cache_folder, kernel_cache
 from vtkmuscle.core.kernel_cache import kernel_folder, source_key
 
 CONSTANT = "LENGTH = 2.0\n"
@@ -44,7 +44,7 @@ def kernels(tmp_path, monkeypatch):
     """Return the folder of kernels of this test, empty."""
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")
     monkeypatch.setenv("VTKMUSCLE_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(kernel_cache, "_unusable", set())
+    monkeypatch.setattr(cache_folder, "_unusable", set())
     return tmp_path / "cache" / "kernels"
 
 

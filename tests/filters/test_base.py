@@ -15,7 +15,8 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle.data.arrays import multiblock_from, points_of, set_field_array, with_points
 from vtkmuscle.data.pipeline_times import times_of
-from vtkmuscle.filters.base.filter import AbortedError, Filter
+from vtkmuscle.filters.base.algorithm import AbortedError
+from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
@@ -118,7 +119,7 @@ def test_bad_value_is_refused_with_name_value_and_what_is_allowed(name, value, a
     for set_it in (lambda: Shift(**{name: value}), lambda: setattr(Shift(), name, value)):
         with pytest.raises(ValueError, match="Shift") as caught:
             set_it()
-        assert str(caught.value) == f"Shift.{name} is {value!r}, but must be {allowed}"
+        assert str(caught.value) == f"Shift: {name} is {value!r}, but must be {allowed}"
 
 
 @pytest.mark.parametrize(
@@ -155,7 +156,7 @@ def test_parameters_are_inherited_and_may_be_declared_anew():
     assert FarShift().times == 5
     assert FarShift().way == "there"
     assert list(FarShift.parameter_declarations) == ["vector", "times", "way", "limit"]
-    with pytest.raises(ValueError, match=r"FarShift\.times"):
+    with pytest.raises(ValueError, match=r"FarShift: times"):
         FarShift(times=1)
 
 
@@ -179,12 +180,12 @@ def test_documentation_is_written_from_the_declarations():
 
 
 def test_open_port_is_named():
-    with pytest.raises(ValueError, match=r"Shift\.shape is not connected; it must be a vtkPolyData"):
+    with pytest.raises(ValueError, match=r"Shift: shape: it is not connected; it must be a vtkPolyData"):
         Shift().update()
 
 
 def test_open_port_upstream_is_named():
-    with pytest.raises(ValueError, match=r"Shift\.shape is not connected"):
+    with pytest.raises(ValueError, match=r"Shift: shape: it is not connected"):
         (Shift() >> vtkCleanPolyData() >> Shift()).last.update()
 
 
@@ -204,7 +205,7 @@ def test_too_many_inputs_are_refused():
 
 
 def test_empty_input_is_refused():
-    with pytest.raises(ValueError, match=r"Shift\.shape: the input has no points"):
+    with pytest.raises(ValueError, match=r"Shift: shape: the input has no points"):
         Shift().apply(vtkPolyData())
 
 

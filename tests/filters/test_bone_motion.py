@@ -156,5 +156,5 @@ def test_two_bones_of_one_name_are_refused(bones):
 
 @pytest.mark.parametrize("wrong", ["knee.csv", np.eye(4)])
 def test_a_motion_must_be_a_rigid_motion(wrong):
-    with pytest.raises(ValueError, match=r"(?s)BoneMotion.motion is .* a RigidMotion or None"):
+    with pytest.raises(ValueError, match=r"(?s)BoneMotion: motion is .* a RigidMotion or None"):
         BoneMotion(motion=wrong)

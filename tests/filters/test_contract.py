@@ -33,7 +33,11 @@ def test_every_filter_in_the_package_is_public():
     written = {
         name
         for file in Path(vtkmuscle.filters.__path__[0]).rglob("*.py")
-        for name in re.findall(r"^class (\w+)\(.*\bFilter\)", file.read_text(encoding="utf-8"), re.MULTILINE)
+        for name in re.findall(
+            r"^class (\w+)\(.*\b(?:Filter|HistoryFilter\[\w+\])\)",
+            file.read_text(encoding="utf-8"),
+            re.MULTILINE,
+        )
     }
     assert written == {kind.__name__ for kind in FILTERS}
     assert written < set(vtkmuscle.filters.__all__)

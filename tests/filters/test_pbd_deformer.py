@@ -26,7 +26,7 @@ from vtkmuscle.data.arrays import (
     triangles_of,
     with_points,
 )
-from vtkmuscle.filters.base.filter import AbortedError
+from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.deformer.convergence_report import read_convergence
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
@@ -641,7 +641,7 @@ def test_no_grids_without_collision(monkeypatch):
         raise AssertionError("a grid was made")
 
     monkeypatch.setattr("vtkmuscle.core.collision.obstacles.build_voxel_grid", never)
-    monkeypatch.setattr("vtkmuscle.core.collision.obstacles.cached_distance_grid", never)
+    monkeypatch.setattr("vtkmuscle.core.collision.distance_obstacle.cached_distance_grid", never)
     deformer_of(collision="off").update(30.0)
 
 

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from test_pbd_deformer import bones, fixed_to, spindle
 
-from vtkmuscle.core.collision import obstacles
+from vtkmuscle.core.collision import distance_obstacle, obstacles
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.pbd import muscle_model, orders, solver
 from vtkmuscle.data.arrays import points_of
@@ -161,8 +161,8 @@ def work(monkeypatch):
     count(orders, "pack", "constraints")
     count(muscle_model, "harmonic_directions", "fibre directions")
     count(muscle_model, "TautPaths", "strings")
-    monkeypatch.setattr(obstacles, "_shared", WeakValueDictionary())
-    count(obstacles, "cached_distance_grid", "distance grids")
+    monkeypatch.setattr(distance_obstacle, "_shared", WeakValueDictionary())
+    count(distance_obstacle, "cached_distance_grid", "distance grids")
     count(obstacles, "build_voxel_grid", "voxels")
     count(solver.MuscleSolver, "step", "steps")
     return done

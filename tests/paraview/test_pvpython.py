@@ -71,7 +71,7 @@ def test_the_pipeline_gives_the_points_that_plain_python_gives(environment, scen
 
 def test_proxies_have_the_declared_properties_abort_and_say_what_is_wrong(environment, scene):
     done = run(environment, "pvpython", HERE / "paraview_properties.py", scene)
-    assert "FibreTubes.radius is -3.0, but must be a finite number > 0" in done.stderr
+    assert "FibreTubes: radius is -3.0, but must be a finite number > 0" in done.stderr
 
 
 def pixels_of(picture):

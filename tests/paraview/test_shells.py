@@ -98,7 +98,7 @@ def test_a_refused_value_makes_the_filter_fail_until_it_is_replaced(messages):
         source.Modified()
         assert not source.GetExecutive().Update()
         assert source.GetOutputDataObject(0).GetNumberOfPoints() == 0
-    assert messages().count("FibreTemplateSource.n_fibres is 0, but must be an integer >= 1") == 2
+    assert messages().count("FibreTemplateSource: n_fibres is 0, but must be an integer >= 1") == 2
     source.SetNFibres(5)
     assert source.GetExecutive().Update()
     assert source.GetOutputDataObject(0).GetNumberOfCells() == 5

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.tree import KinematicTree
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io import read_landmarks, read_motion_file, read_named_points, read_osim
@@ -51,7 +52,7 @@ def draw_text(file: Path, picture: Path) -> None:
         model = read_osim(file)
         lines, names, unit = _model_lines(model), _places(model.tree), " [m]"
     else:
-        raise ValueError(f"{file}: landmarks and models of OpenSim are drawn, not {file.suffix!r}")
+        raise InputError("", f"{file}: landmarks and models of OpenSim are drawn, not {file.suffix!r}")
     _draw(lines, names, title, unit, picture)
 
 

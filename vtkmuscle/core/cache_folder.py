@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from pathlib import Path
 
 #: Where the cache is, instead of the user's cache folder; empty for no cache.
@@ -35,3 +36,17 @@ def cache_folder() -> Path | None:
         return (Path(base) if base else Path.home() / ".cache") / "vtkmuscle"
     except RuntimeError:  # there is no home
         return None
+
+
+_unusable: set[tuple[Path, str]] = set()
+
+
+def warn_of_folder(folder: Path, error: OSError, what: str, consequence: str) -> None:
+    """Warn, once for each folder, that something cannot be kept in it, and of what follows."""
+    if (folder, what) not in _unusable:
+        _unusable.add((folder, what))
+        warnings.warn(
+            f"{what} cannot be kept in {folder} ({error.strerror or error}), so they are {consequence}; set "
+            f"{FOLDER_VARIABLE} to a folder that can be written to, or to nothing",
+            stacklevel=4,
+        )

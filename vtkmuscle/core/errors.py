@@ -1,11 +1,25 @@
-"""Input that cannot be used: an error with fields, for whoever passes it on or shows it."""
+"""Input that cannot be used: an error with fields, to be passed on or shown."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
-class InputError(ValueError):
+class _FieldsError(Exception):
+    """An error with fields: where the fault is, what it is, and how to remedy it."""
+
+    def __init__(self, where: str | Path, problem: str, remedy: str = "") -> None:
+        # Not the other base's own initialisation: an OSError takes its arguments for an error number.
+        self.args = (str(where), problem, remedy)
+        self.where, self.problem, self.remedy = self.args
+
+    def __str__(self) -> str:
+        return in_words(self.where, self.problem, self.remedy)
+
+
+class InputError(_FieldsError, ValueError):
     """Input that cannot be used: where the fault is, what it is, and how to remedy it.
 
     Parameters
@@ -29,44 +43,43 @@ class InputError(ValueError):
     bone.stl: the file holds no points; export it again
     """
 
-    def __init__(self, where: str | Path, problem: str, remedy: str = "") -> None:
-        self.where, self.problem, self.remedy = str(where), problem, remedy
-        super().__init__(self.where, problem, remedy)
 
-    def __str__(self) -> str:
-        return in_words(self.where, self.problem, self.remedy)
-
-
-class MissingFileError(FileNotFoundError):
-    """A file that is to be read and is none.
-
-    Parameters
-    ----------
-    where : str or Path
-        Its path.
-    problem : str
-        Why it cannot be read.
-    remedy : str, optional
-        What to do about it.
-
-    Attributes
-    ----------
-    where, problem, remedy : str
-        As given.
-    """
-
-    def __init__(self, where: str | Path, problem: str, remedy: str = "") -> None:
-        # Not FileNotFoundError's own initialisation, which takes its arguments for an error number.
-        self.args = (str(where), problem, remedy)
-        self.where, self.problem, self.remedy = self.args
-
-    def __str__(self) -> str:
-        return in_words(self.where, self.problem, self.remedy)
+class MissingFileError(_FieldsError, FileNotFoundError):
+    """A file that is to be read and is none; parameters and attributes are those of :class:`InputError`."""
 
 
 def in_words(where: str, problem: str, remedy: str) -> str:
     """Return an error's message, ``where: problem; remedy``, of those that are not empty."""
     return "; ".join(part for part in (": ".join(part for part in (where, problem) if part), remedy) if part)
+
+
+@contextmanager
+def placed(where: str) -> Iterator[None]:
+    """Raise what is a ValueError within as an InputError at a place.
+
+    Parameters
+    ----------
+    where : str
+        The port or the argument at fault, which what is called within does not know.
+
+    Raises
+    ------
+    InputError
+        With the problem and the remedy of the error within.
+
+    Examples
+    --------
+    >>> from vtkmuscle.core.errors import InputError, placed
+    >>> with placed("PBDDeformer: muscle"):
+    ...     raise InputError("", "the surface is open", "close it")
+    Traceback (most recent call last):
+        ...
+    vtkmuscle.core.errors.InputError: PBDDeformer: muscle: the surface is open; close it
+    """
+    try:
+        yield
+    except ValueError as error:
+        raise InputError(where, *fault_of(error, placed=True)) from error
 
 
 def fault_of(error: Exception, *, placed: bool = False) -> tuple[str, str]:
@@ -87,7 +100,7 @@ def fault_of(error: Exception, *, placed: bool = False) -> tuple[str, str]:
     >>> fault_of(OSError(28, "No space left on device", "bone.stl"))
     ('No space left on device', '')
     """
-    if isinstance(error, InputError | MissingFileError):
+    if isinstance(error, _FieldsError):
         problem = in_words(error.where, error.problem, "") if placed else error.problem
         remedy = error.remedy
     elif isinstance(error, OSError) and error.strerror:

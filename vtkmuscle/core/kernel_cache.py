@@ -12,7 +12,6 @@ import hashlib
 import os
 import re
 import shutil
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -22,7 +21,7 @@ from typing import Any
 import numba
 from numba.core.caching import FunctionCache
 
-from vtkmuscle.core.cache_folder import FOLDER_VARIABLE, cache_folder
+from vtkmuscle.core.cache_folder import cache_folder, warn_of_folder
 
 #: So many versions of a file's kernels are kept, those used last: of several copies of the package.
 VERSIONS = 8
@@ -143,7 +142,12 @@ class KernelCache(FunctionCache):
             with _locked(Path(self.cache_path)):
                 super().save_overload(signature, compiled)
         except OSError as error:
-            _warn_once(Path(self.cache_path).parent, error)
+            warn_of_folder(
+                Path(self.cache_path).parent,
+                error,
+                "compiled kernels",
+                "compiled anew each time, which takes minutes",
+            )
 
 
 @contextmanager
@@ -158,20 +162,6 @@ def _locked(folder: Path) -> Iterator[None]:
         with suppress(OSError):  # a file system without locks
             fcntl.flock(file, fcntl.LOCK_EX)
         yield
-
-
-_unusable: set[Path] = set()
-
-
-def _warn_once(folder: Path, error: OSError) -> None:
-    if folder not in _unusable:
-        _unusable.add(folder)
-        warnings.warn(
-            f"compiled kernels cannot be kept in {folder} ({error.strerror or error}), so they are compiled "
-            f"anew each time, which takes minutes; set {FOLDER_VARIABLE} to a folder that can be written to, "
-            "or to nothing",
-            stacklevel=2,
-        )
 
 
 def source_key(module: str, file: Path) -> str:

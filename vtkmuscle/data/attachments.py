@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.errors import InputError, fault_of
+from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.taut.via_rings import ViaRing, via_ring
 from vtkmuscle.data.arrays import (
     Polylines,
@@ -47,7 +47,7 @@ class AttachmentArea:
         True where the landmarks are the boundary of an area (a ring), False for an open curve or loose
         points: then the attachment is what lies near the curve. A via ring is closed.
     estimated : bool
-        True where nobody has seen the landmarks: they were made from where the muscle touches the bone.
+        True where the landmarks were not digitised but made from where the muscle touches the bone.
     sureness : float or None
         Of an estimate, how sure it is, from 0 to 1; see :class:`~vtkmuscle.filters.AttachmentEstimator`.
     """
@@ -172,10 +172,8 @@ def _check_ring(landmarks: NDArray[np.float64], closed: bool, where: str) -> Non
         raise InputError(
             where, "a via ring must be closed", "end its polyline with the point that it begins with"
         )
-    try:
+    with placed(where):
         via_ring(landmarks)
-    except ValueError as error:
-        raise InputError(where, *fault_of(error)) from error
 
 
 def landmarks_of(data: vtkPolyData, where: str) -> tuple[NDArray[np.float64], bool]:

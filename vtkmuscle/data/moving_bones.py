@@ -6,7 +6,8 @@ import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.collision.obstacles import DistanceObstacle, Obstacle, VoxelObstacle
+from vtkmuscle.core.collision.distance_obstacle import DistanceObstacle
+from vtkmuscle.core.collision.obstacles import Obstacle, VoxelObstacle
 from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, is_rigid
@@ -54,7 +55,7 @@ def transforms_of(bones: dict[str, vtkPolyData], where: str) -> Floats:
 
 
 def _reach_of(bone: vtkPolyData, where: str) -> Floats | None:
-    """Return between which points, at rest, muscles are foreseen by a bone, None where nobody says."""
+    """Return the points, at rest, between which muscles are expected by a bone; None where it has none."""
     reach = field_array(bone, "Reach")
     if reach is None:
         return None

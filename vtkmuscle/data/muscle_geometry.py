@@ -13,7 +13,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.attachments.patches import attachment_patch
-from vtkmuscle.core.errors import InputError, fault_of
+from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.mesh.sampling import samples_inside
 from vtkmuscle.core.mesh.surface import edge_uses, half_edges
 from vtkmuscle.core.mesh.topology import opposite_half_edges
@@ -76,9 +76,7 @@ class MuscleGeometry:
         self._topology = topology
         self._surface = vtkPolyData()
         self._surface.DeepCopy(surface)  # the caller's may change
-        self._patches: dict[bytes, Ints] = {}
         self._found: dict[Hashable, Any] = {}
-        self._patch_trees: dict[bytes, TriangleTree | None] = {}
         self._samples = np.empty((0, 3))
 
     @property
@@ -104,10 +102,10 @@ class MuscleGeometry:
 
     def patch(self, area: AttachmentArea) -> Ints:
         """Return the ids of the points that an attachment area covers; ValueError where it is off it."""
-        key = np.ascontiguousarray(area.landmarks).tobytes() + bytes([area.closed])
-        if key not in self._patches:
-            self._patches[key] = attachment_patch(self.points, self.triangles, area.landmarks, area.closed)
-        return self._patches[key]
+        key = "patch", np.ascontiguousarray(area.landmarks).tobytes(), area.closed
+        return self.once(
+            key, lambda: attachment_patch(self.points, self.triangles, area.landmarks, area.closed)
+        )
 
     def attached(self, areas: Sequence[AttachmentArea], role: str, where: str) -> Ints:
         """Return the ids of the points that all areas of a role cover together, ascending.
@@ -119,10 +117,8 @@ class MuscleGeometry:
         """
         patches = []
         for number, area in enumerate(area for area in areas if area.role == role):
-            try:
+            with placed(f"{where}: {role} area {number}"):
                 patches.append(self.patch(area))
-            except ValueError as error:
-                raise InputError(f"{where}: {role} area {number}", *fault_of(error)) from error
         if not patches:
             raise InputError(where, f"there is no area with the role {role!r}")
         return np.unique(np.concatenate(patches))
@@ -136,13 +132,14 @@ class MuscleGeometry:
 
     def patch_tree(self, patch: Ints) -> TriangleTree | None:
         """Return the triangles between points (j,) of the surface, None if there are none."""
-        key = patch.tobytes()
-        if key not in self._patch_trees:
+
+        def tree() -> TriangleTree | None:
             member = np.zeros(len(self.points), dtype=np.bool_)
             member[patch] = True
             faces = self.triangles[member[self.triangles].all(axis=1)]
-            self._patch_trees[key] = triangle_tree(self.points, faces) if len(faces) else None
-        return self._patch_trees[key]
+            return triangle_tree(self.points, faces) if len(faces) else None
+
+        return self.once(("tree", patch.tobytes()), tree)
 
     def samples(self, count: int) -> Floats:
         """Return positions (k, 3) of even density in it, `count` but where it has next to no volume [mm]."""

@@ -13,6 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.collision.voxels import VoxelGrid, build_voxel_grid
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.closed_shells import welded
 from vtkmuscle.core.mesh.surface import edge_uses, half_edges, point_components, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.types import Floats, Ints
@@ -60,7 +61,7 @@ class SurfaceDistance:
         #: Whether no edge is that of one triangle alone.
         self.closed = _is_closed(triangles)
         if not self.closed:
-            points, triangles = _merged(points, triangles)
+            points, triangles = welded(points, triangles)
             self.closed = _is_closed(triangles)
         self._points, self._triangles = points, triangles
         #: Lowest and highest corner of the surface's box.
@@ -74,7 +75,7 @@ class SurfaceDistance:
     def signed(self, points: ArrayLike) -> Floats:
         """Return the distance of each point (n, 3) from the nearest triangle, negative behind it, (n,).
 
-        Unlike :meth:`depth` it needs no closed shell, and tells nothing where shells overlap.
+        Unlike :meth:`depth` it needs no closed shell, and means nothing where shells overlap.
         """
         side = float(np.sign(signed_volume(self._points, self._triangles)) or 1.0)
         return side * self._whole.signed(_checked(points))[0]
@@ -161,18 +162,6 @@ class _Shell:
     def sieve(self) -> VoxelGrid:
         """Voxels: points in those that are outside, or all inside, need not be measured."""
         return build_voxel_grid(self.tree.points, self.tree.triangles, n_max=_SIEVE_CELLS)
-
-
-def _merged(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
-    """Return the mesh with equal points made one and without triangles of fewer than three points.
-
-    Surfaces that give each triangle points of its own would otherwise be open everywhere.
-    """
-    used, of_corner = np.unique(triangles, return_inverse=True)
-    distinct, of_used = np.unique(points[used], axis=0, return_inverse=True)
-    merged = of_used.reshape(-1)[of_corner.reshape(-1)].reshape(-1, 3)
-    whole = (merged != np.roll(merged, 1, axis=1)).all(axis=1)
-    return distinct, merged[whole].astype(np.int64)
 
 
 def _is_closed(triangles: Ints) -> bool:

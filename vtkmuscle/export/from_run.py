@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.fitted_lengths import fit_length, group_errors, group_fibres
 from vtkmuscle.core.motion.fitted_points import fit_points
 from vtkmuscle.core.motion.muscle_paths import FunctionPath
@@ -185,13 +186,13 @@ def export_muscles(
         If there is no such form, or a muscle failed.
     """
     if form not in _FORMS:
-        raise ValueError(f"there is no form {form!r}; allowed: {', '.join(_FORMS)}")
+        raise InputError("", f"there is no form {form!r}; allowed: {', '.join(_FORMS)}")
     metres = MILLIMETRES[result.units] / 1000.0
     tree = joints.tree.scaled(metres)
     found: list[ExportedMuscle] = []
     for name, given in result.lengths.items():
         if len(given) < len(result.frames):
-            raise ValueError(f"muscle {name!r} failed after {len(given)} of {len(result.frames)} frames")
+            raise InputError("", f"muscle {name!r} failed after {len(given)} of {len(result.frames)} frames")
         lengths = given / 1000.0
         labels = group_fibres(lengths, groups)
         errors, medoids = group_errors(lengths, labels)
@@ -234,7 +235,7 @@ def _lines(
         lines = polylines_of(fibres, name)
         sizes = np.diff(lines.offsets).tolist()
         if len(set(sizes)) != 1:
-            raise ValueError(f"the fibres of {name!r} differ in their numbers of points")
+            raise InputError("", f"the fibres of {name!r} differ in their numbers of points")
         moved = lines.points @ to_root[position, :3, :3].T + to_root[position, :3, 3]
         frames.append(metres * moved.reshape(len(sizes), sizes[0], 3))
     return np.array(frames)

@@ -8,6 +8,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.functions import Constant, CoordinateFunction, Multiplied, Polynomial
 from vtkmuscle.core.motion.muscle_paths import PointPath
 from vtkmuscle.core.motion.tree import Joint, JointAxis, KinematicTree, inverses
@@ -71,7 +72,7 @@ def mjcf_of(tree: KinematicTree, muscles: Sequence[MuscleOut] = (), *, name: str
         made.couple(one.dependent, one.independent, one.function)
     missing = sorted(made.coordinates - made.joints)
     if missing:
-        raise ValueError(f"no joint is the coordinate {missing[0]!r} itself, as MuJoCo needs it")
+        raise InputError("", f"no joint is the coordinate {missing[0]!r} itself, as MuJoCo needs it")
     return f"""<mujoco model={quoteattr(name)}>
 <compiler angle="radian" autolimits="true"/>
 <worldbody>
@@ -115,8 +116,8 @@ def _body(joint: Joint, inner: str, made: _Made) -> str:
                 if kind == "slide":
                     shift = shift + far * axis.axis
                 elif far:
-                    raise ValueError(
-                        f"joint {joint.name!r} has a constant turn, which is not written for MuJoCo"
+                    raise InputError(
+                        "", f"joint {joint.name!r} has a constant turn, which is not written for MuJoCo"
                     )
                 continue
             parts.append(_axis(joint, kind, number, axis, made))
@@ -151,18 +152,18 @@ def _polynomial(function: CoordinateFunction, what: str) -> Floats:
     if isinstance(function, Polynomial) and len(function.coefficients) <= _HIGHEST + 1:
         return factor * function.coefficients
     kind = type(function).__name__
-    raise ValueError(f"{what}: MuJoCo has polynomials up to power {_HIGHEST} only, not {kind}")
+    raise InputError("", f"{what}: MuJoCo has polynomials up to power {_HIGHEST} only, not {kind}")
 
 
 def _check(muscle: MuscleOut) -> None:
     path = muscle.path
     if not isinstance(path, PointPath):
-        raise ValueError(
-            f"muscle {muscle.name!r} is a function of coordinates, which MuJoCo has not; give points"
+        raise InputError(
+            "", f"muscle {muscle.name!r} is a function of coordinates, which MuJoCo has not; give points"
         )
     for point in path.points:
         if point.moves or point.only_in is not None:
-            raise ValueError(f"muscle {muscle.name!r}: MuJoCo has no points that move, or come and go")
+            raise InputError("", f"muscle {muscle.name!r}: MuJoCo has no points that move, or come and go")
 
 
 def _sites(muscles: Sequence[MuscleOut]) -> list[tuple[str, str, Floats]]:

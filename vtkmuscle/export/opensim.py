@@ -62,9 +62,9 @@ class MuscleOut:
     def __post_init__(self) -> None:
         _check_name("muscle", self.name)
         if self.kind not in MUSCLES:
-            raise ValueError(f"there is no kind of muscle {self.kind!r}; allowed: {', '.join(MUSCLES)}")
+            raise InputError("", f"there is no kind of muscle {self.kind!r}; allowed: {', '.join(MUSCLES)}")
         if isinstance(self.path, PointPath) and self.path.wraps:
-            raise ValueError(f"muscle {self.name!r} winds round surfaces, which are not written")
+            raise InputError("", f"muscle {self.name!r} winds round surfaces, which are not written")
 
 
 def osim_of(
@@ -241,12 +241,12 @@ class _Paths:
 
     def body(self, name: str) -> str:
         if name not in self.bodies:
-            raise ValueError(f"there is no body {name!r}; there are {', '.join(self.bodies)}")
+            raise InputError("", f"there is no body {name!r}; there are {', '.join(self.bodies)}")
         return self.bodies[name]
 
     def coordinate(self, name: str) -> str:
         if name not in self.coordinates:
-            raise ValueError(f"there is no coordinate {name!r}; there are {', '.join(self.coordinates)}")
+            raise InputError("", f"there is no coordinate {name!r}; there are {', '.join(self.coordinates)}")
         return self.coordinates[name]
 
 
@@ -270,9 +270,10 @@ def _joint(joint: Joint, tree: KinematicTree, paths: _Paths) -> str:
     used = {axis.coordinate for axis in joint.axes if axis.coordinate is not None}
     foreign = sorted(used - {one.name for one in mine})
     if foreign:
-        raise ValueError(
+        raise InputError(
+            "",
             f"joint {joint.name!r} moves by {foreign[0]!r}, a coordinate of another joint, which OpenSim "
-            "does not take; give it a coordinate of its own that follows the other"
+            "does not take; give it a coordinate of its own that follows the other",
         )
     stiff = not used and not joint.axes
     kind = "WeldJoint" if stiff else "CustomJoint"
@@ -403,7 +404,7 @@ def _function(function: CoordinateFunction, *, name: str = "") -> str:
     if isinstance(function, CubicSpline | PiecewiseLinear):
         kind = "SimmSpline" if isinstance(function, CubicSpline) else "PiecewiseLinearFunction"
         return f"<{kind}{label}><x>{_numbers(function.x)}</x><y>{_numbers(function.y)}</y></{kind}>"
-    raise ValueError(f"OpenSim has no function like {type(function).__name__}")
+    raise InputError("", f"OpenSim has no function like {type(function).__name__}")
 
 
 def _numbers(values: Floats) -> str:
@@ -412,6 +413,6 @@ def _numbers(values: Floats) -> str:
 
 def _check_name(what: str, name: str) -> None:
     if not name or set(name) & set(" \t\n/\\*+<>&\"'") or escape(name) != name:
-        raise ValueError(
-            f"a {what} of OpenSim cannot be called {name!r}: use letters, digits, _ - and . only"
+        raise InputError(
+            "", f"a {what} of OpenSim cannot be called {name!r}: use letters, digits, _ - and . only"
         )

@@ -1,4 +1,4 @@
-"""AttachmentEstimator: attachments of a muscle for which nobody has digitised any."""
+"""AttachmentEstimator: attachments of a muscle without digitised landmarks."""
 
 from __future__ import annotations
 

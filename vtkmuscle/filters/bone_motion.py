@@ -11,6 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonTransforms import vtkTransform
 from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import blocks_of, multiblock_from, set_field_array
@@ -74,9 +75,11 @@ class BoneMotion(Filter):
         transforms = self._transforms()
         unknown = sorted(set(transforms) - set(blocks))
         if unknown:
-            raise ValueError(
-                f"BoneMotion: the motion moves {', '.join(map(repr, unknown))}, but the bones are "
-                f"{', '.join(map(repr, blocks))}; rename the block or the motion's bone"
+            raise InputError(
+                "BoneMotion",
+                f"the motion moves {', '.join(map(repr, unknown))}, but the bones are "
+                f"{', '.join(map(repr, blocks))}",
+                "rename the block or the motion's bone",
             )
         # Bones that stay are not looked at again, however many there are.
         result = vtkMultiBlockDataSet()
@@ -117,11 +120,11 @@ def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
     for name, block in blocks_of(data):
         if not isinstance(block, vtkPolyData):
             kind = "empty" if block is None else f"a {block.GetClassName()}"
-            raise ValueError(f"{where}: block {name!r} is {kind}, but a bone is a vtkPolyData")
+            raise InputError(where, f"block {name!r} is {kind}, but a bone is a vtkPolyData")
         if name in bones:
-            raise ValueError(f"{where}: two blocks are named {name!r}; give each bone a name of its own")
+            raise InputError(where, f"two blocks are named {name!r}", "give each bone a name of its own")
         if not _finite(block):
-            raise ValueError(f"{where}: block {name!r} has points that are not finite; correct its file")
+            raise InputError(where, f"block {name!r} has points that are not finite", "correct its file")
         bones[name] = block
     return bones
 

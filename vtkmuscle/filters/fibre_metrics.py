@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import (
     angles_to,
     centroid_path,
@@ -145,16 +146,17 @@ class FibreMetrics(Filter):
     ) -> None:
         name = "architecture" if self.architecture else "sections"
         if muscle is None:
-            raise ValueError(f"FibreMetrics.{name} needs a muscle, but the port 'muscle' is not connected")
+            raise InputError("FibreMetrics", f"{name} needs a muscle, but the port 'muscle' is not connected")
         points, triangles = checked_surface(muscle, "FibreMetrics: muscle")
         open_edges = muscle_geometry(muscle, "FibreMetrics: muscle").n_open_edges
         if open_edges:
-            raise ValueError(
-                f"FibreMetrics.{name} needs a closed muscle, but the surface has {open_edges} open edge(s); "
-                "close its holes, and merge equal points (vtkCleanPolyData)"
+            raise InputError(
+                "FibreMetrics",
+                f"{name} needs a closed muscle, but the surface has {open_edges} open edge(s)",
+                "close its holes, and merge equal points (vtkCleanPolyData)",
             )
         if not lengths.max() > 0.0:
-            raise ValueError(f"FibreMetrics.{name} needs fibres, but none of them has a length")
+            raise InputError("FibreMetrics", f"{name} needs fibres, but none of them has a length")
         if self.architecture:
             direction = line_of_action(lines.points, lines.offsets)
             angles = angles_to(lines.points, lines.offsets, direction)
@@ -191,13 +193,17 @@ def _tortuosity(lines: Polylines, lengths: Floats) -> Floats:
 def _strain(fibres: vtkPolyData, lengths: Floats) -> Floats:
     rest = np.asarray(cell_array(fibres, "RestLength", "FibreMetrics: fibres"), dtype=np.float64)
     if rest.shape != lengths.shape:
-        raise ValueError(
-            f"FibreMetrics: fibres: the cell array 'RestLength' has the shape {rest.shape}, but there are "
-            f"{len(lengths)} fibres"
+        raise InputError(
+            "FibreMetrics: fibres",
+            f"the cell array 'RestLength' has the shape {rest.shape}, but there are {len(lengths)} fibres",
+            "FibreTransport makes it",
         )
     bad = np.flatnonzero(~(np.isfinite(rest) & (rest >= 0)))
     if len(bad):
-        raise ValueError(f"FibreMetrics: fibres: the rest length of fibre {bad[0]} is {rest[bad[0]]}")
+        raise InputError(
+            "FibreMetrics: fibres",
+            f"the rest length of fibre {bad[0]} is {rest[bad[0]]}, but must be finite and not negative",
+        )
     strain: Floats = np.divide(lengths - rest, rest, out=np.zeros_like(lengths), where=rest > 0)
     return strain
 
@@ -215,7 +221,7 @@ def _pennation(
     sizes = np.linalg.norm(normals, axis=1)
     proper = sizes > 0
     if not proper.any():
-        raise ValueError("FibreMetrics: muscle: no triangle has an area, and so a direction")
+        raise InputError("FibreMetrics: muscle", "no triangle has an area, and so a direction")
     normals = normals[proper] / sizes[proper, None]
     tree = triangle_tree(points, triangles[proper])
     ends = (lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1])

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.spreading import move_ends, steps_to_centres
 from vtkmuscle.core.mesh.polylines import polyline_lengths, smooth_polylines
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
@@ -95,8 +96,10 @@ class FibreSmoother(Filter):
                 spreading = SPREADING if field_string(fibres, "Template") == "parallel" else 0.0
             points = self._in_muscle(lines, spreading, geometry, _areas(attachments, geometry))
         elif attachments is not None:
-            raise ValueError(
-                "FibreSmoother: attachments are areas on the muscle, but the port 'muscle' is not connected"
+            raise InputError(
+                "FibreSmoother",
+                "attachments are areas on the muscle, but the port 'muscle' is not connected",
+                "connect the muscle",
             )
         else:
             points = smooth_polylines(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.errors import placed
 from vtkmuscle.core.template.kinds import KINDS, TEMPLATES, sobol_points
 from vtkmuscle.core.template.template_files import read_template
 from vtkmuscle.data.arrays import (
@@ -68,10 +69,8 @@ class FibreTemplateSource(Filter):
         """Return the template."""
         template = TEMPLATES[self.template]
         if self.template_file is not None:
-            try:
+            with placed("FibreTemplateSource: template_file"):
                 template = read_template(self.template_file)
-            except ValueError as error:
-                raise ValueError(f"FibreTemplateSource.template_file: {error}") from error
         r, s = sobol_points(self.n_fibres).T
         t = np.linspace(0.0, 1.0, self.resolution + 1)
         points = template.fibres(r, s, t).reshape(-1, 3)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.mean_value import mean_value_coordinates, transport
 from vtkmuscle.core.fibres.sparse_weights import (
     SparseWeights,
@@ -72,7 +73,7 @@ class _Rest:
         return 0.0 if self.sparse is None else self.sparse.error
 
     def moved(self, deformed: Floats, report: Callable[[float], None]) -> Floats:
-        """Return the fibre points in the deformed vertices; `report` is told the part that is done."""
+        """Return the fibre points in the deformed vertices; `report` is called with the part that is done."""
         if self.weight_tolerance > 0.0:
             if self.sparse is None:
                 self.sparse = self._made_sparse(report)
@@ -194,9 +195,10 @@ class FibreTransport(Filter):
         points, triangles = checked_surface(rest_muscle, "FibreTransport: rest_muscle")
         deformed, _ = checked_surface(deformed_muscle, "FibreTransport: deformed_muscle")
         if len(deformed) != len(points):
-            raise ValueError(
-                f"FibreTransport: deformed_muscle has {len(deformed)} points, but rest_muscle has "
-                f"{len(points)}; both must be the same mesh, before and after the deformation"
+            raise InputError(
+                "FibreTransport",
+                f"deformed_muscle has {len(deformed)} points, but rest_muscle has {len(points)}",
+                "both must be the same mesh, before and after the deformation",
             )
         rest = self._rest_of(lines.points, points, triangles)
         carried = self._carried(deformed_muscle, len(lines.points))
@@ -215,7 +217,7 @@ class FibreTransport(Filter):
         return result
 
     def _carried(self, muscle: vtkPolyData, count: int) -> tuple[Floats, Floats] | None:
-        """Return where the taut fibres carry the surface and so many fibre points, None where nobody says."""
+        """Return where taut fibres carry the surface and `count` fibre points; None where that is unknown."""
         if self.method != "carried" or muscle.GetPointData().GetArray("Carried") is None:
             return None
         points = field_array(muscle, "FibrePoints")
@@ -235,7 +237,7 @@ class FibreTransport(Filter):
 def _keep_within(fibre_points: Floats, gap: Floats, surface: Floats, triangles: Ints) -> None:
     """Move fibre points (p, 3) to the surface that are farther outside of it than their gap at rest (p,).
 
-    Which are outside is told by parity: the nearest triangle of a muscle that touches itself may be that of
+    Which are outside follows from parity: the nearest triangle of a muscle that touches itself may be that of
     the other side.
     """
     outside = np.flatnonzero(~points_inside(fibre_points, surface, triangles))

@@ -8,6 +8,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.attachments.discs import discs_over
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.trimming import EndArea, trim_fibres
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Floats, Ints
@@ -92,12 +93,17 @@ class FibreTrimmer(Filter):
         lines = polylines_of(fibres, "FibreTrimmer: fibres")
         short = np.flatnonzero(np.diff(lines.offsets) < 2)
         if len(short):
-            raise ValueError(f"FibreTrimmer: fibres: {len(short)} fibre(s) of one point, first {short[0]}")
+            raise InputError(
+                "FibreTrimmer: fibres",
+                f"{len(short)} fibre(s) of one point, first {short[0]}",
+                "give two points or more of each",
+            )
         geometry = muscle_geometry(muscle, "FibreTrimmer: muscle")
         if geometry.n_open_edges:
-            raise ValueError(
-                f"FibreTrimmer: muscle: the surface has {geometry.n_open_edges} open edge(s), and so no "
-                "inside to keep fibres in; close its holes, and merge equal points (vtkCleanPolyData)"
+            raise InputError(
+                "FibreTrimmer: muscle",
+                f"the surface has {geometry.n_open_edges} open edge(s), and so no inside to keep fibres in",
+                "close its holes, and merge equal points (vtkCleanPolyData)",
             )
         areas = end_areas(attachments, "FibreTrimmer: attachments")
         origin = _end_area("origin", areas, geometry, lines.points[lines.offsets[:-1]])
@@ -127,7 +133,7 @@ def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeomet
     inner, outer = geometry.once(("end areas", rings), found)
     if inner is None or inner.distance is None:
         return outer
-    # The area may as well be hollow, or the landmarks off: the template's fibres tell where they end.
+    # The area may as well be hollow, or the landmarks off: where the template's fibres end decides.
     there = inner.distance(ends) <= TOLERANCE * geometry.mean_edge
     return inner if there.mean() > 0.5 else outer
 
@@ -174,8 +180,10 @@ def _axis(fibres: vtkPolyData, origin: EndArea, insertion: EndArea) -> Floats:
         axis = insertion.landmarks.mean(axis=0) - origin.landmarks.mean(axis=0)
     length = float(np.linalg.norm(axis))
     if not np.isfinite(length) or length == 0.0:
-        raise ValueError(
-            "FibreTrimmer: the axis from the origin to the insertion has no direction: the centroids of the "
-            "areas coincide, or the field array 'Transform' of the fibres is singular"
+        raise InputError(
+            "FibreTrimmer",
+            "the axis from the origin to the insertion has no direction: the centroids of the areas "
+            "coincide, or the field array 'Transform' of the fibres is singular",
+            "check the attachment areas",
         )
     return axis / length

@@ -8,6 +8,7 @@ from vtkmodules.vtkCommonDataModel import vtkDataSetAttributes, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 from vtkmodules.vtkFiltersCore import vtkTubeFilter
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.packing import filling_radius, room_between
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
@@ -104,7 +105,7 @@ class FibreTubes(Filter):
         tubes.Update()
         result: vtkPolyData = tubes.GetOutput()
         if result.GetNumberOfPoints() == 0:
-            raise ValueError("FibreTubes: fibres: none of them has a length, and so none gets a tube")
+            raise InputError("FibreTubes: fibres", "none of them has a length, and so none gets a tube")
         if self.colour_by is not None:
             on_points = result.GetPointData().HasArray(self.colour_by)
             owner = result.GetPointData() if on_points else result.GetCellData()
@@ -115,15 +116,15 @@ class FibreTubes(Filter):
 
     def _check_arrays(self, data: vtkPolyData) -> None:
         if self.radius_by == "array" and self.radius_array is None:
-            raise ValueError("FibreTubes.radius_by is 'array', but radius_array names none")
+            raise InputError("FibreTubes", "radius_by is 'array', but radius_array names none")
         wanted = {"colour_by": self.colour_by}
         if self.radius_by == "array":
             wanted["radius_array"] = self.radius_array
         for parameter, name in wanted.items():
             if name is not None and not _has(data, name):
-                raise ValueError(
-                    f"FibreTubes.{parameter} is {name!r}, but the fibres have the arrays "
-                    f"{', '.join(_names(data)) or '(none)'}"
+                have = ", ".join(_names(data)) or "(none)"
+                raise InputError(
+                    "FibreTubes", f"{parameter} is {name!r}, but the fibres have the arrays {have}"
                 )
 
     def _radii(self, data: vtkPolyData, lines: Polylines, muscle: vtkPolyData | None) -> Floats:
@@ -132,17 +133,18 @@ class FibreTubes(Filter):
             owner = data.GetPointData() if on_points else data.GetCellData()
             values = np.array(vtk_to_numpy(owner.GetArray(self.radius_array)), dtype=np.float64)
             if values.ndim > 1 or not (np.isfinite(values) & (values >= 0)).all():
-                raise ValueError(
-                    f"FibreTubes: fibres: the array {self.radius_array!r} must have one number per point or "
-                    "fibre, finite and not negative, to be a radius"
+                raise InputError(
+                    "FibreTubes: fibres",
+                    f"the array {self.radius_array!r} must have one number per point or fibre, finite and "
+                    "not negative, to be a radius",
                 )
             return self.radius * (values if on_points else np.repeat(values, np.diff(lines.offsets)))
         if muscle is None:
-            raise ValueError("FibreTubes.radius_by is 'fill', but the port 'muscle' is not connected")
+            raise InputError("FibreTubes", "radius_by is 'fill', but the port 'muscle' is not connected")
         volume = abs(signed_volume(*checked_surface(muscle, "FibreTubes: muscle")))
         total = float(polyline_lengths(lines.points, lines.offsets).sum())
         if not total > 0.0:
-            raise ValueError("FibreTubes: fibres: none of them has a length, and so none gets a tube")
+            raise InputError("FibreTubes: fibres", "none of them has a length, and so none gets a tube")
         return np.minimum(filling_radius(volume, total), 0.5 * room_between(lines.points, lines.offsets))
 
     def _detail(self, lines: Polylines) -> tuple[int, int]:

@@ -8,10 +8,11 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.attachments.patches import attachment_patch
 from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX, build_voxel_grid
+from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, set_point_array
-from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of
+from vtkmuscle.data.attachments import VIA, attachments_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
@@ -114,9 +115,10 @@ class FixedPointDetector(Filter):
         attachments: vtkMultiBlockDataSet | None,
     ) -> Ints:
         if attachments is None:
-            raise ValueError(
-                "FixedPointDetector: the method 'attachment' needs attachments=; give them, or "
-                "choose the method 'proximity' or 'collision'"
+            raise InputError(
+                "FixedPointDetector",
+                "the method 'attachment' needs attachments",
+                "connect them, or choose the method 'proximity' or 'collision'",
             )
         names = list(bones)
         nearest = np.full(len(points), np.inf)
@@ -128,31 +130,24 @@ class FixedPointDetector(Filter):
                 continue
             where = f"FixedPointDetector: attachments, area {number} ({area.role} on {area.bone!r})"
             if area.bone not in bones:
-                raise ValueError(f"{where}: the bones are {', '.join(map(repr, names))}; rename one of them")
+                raise InputError(where, f"the bones are {', '.join(map(repr, names))}", "rename one of them")
             if area.bone not in distances:
                 distances[area.bone] = SurfaceDistance(bones[area.bone])
-            patch = self._patch(points, triangles, area, distances[area.bone], where)
+            with placed(where):
+                patch = attachment_patch(
+                    points,
+                    triangles,
+                    area.landmarks,
+                    area.closed,
+                    tolerance=self.distance,
+                    bone_distance=distances[area.bone].signed,
+                )
             offsets = cKDTree(area.landmarks).query(points[patch])[0]
             closer = offsets < nearest[patch]
             nearest[patch[closer]] = offsets[closer]
             fixed_to[patch[closer]] = names.index(area.bone)
             self.report_progress((number + 1) / len(areas))
         return fixed_to
-
-    def _patch(
-        self, points: Floats, triangles: Ints, area: AttachmentArea, bone: SurfaceDistance, where: str
-    ) -> Ints:
-        try:
-            return attachment_patch(
-                points,
-                triangles,
-                area.landmarks,
-                area.closed,
-                tolerance=self.distance,
-                bone_distance=bone.signed,
-            )
-        except ValueError as error:
-            raise ValueError(f"{where}: {error}") from error
 
     def _by_proximity(self, points: Floats, triangles: Ints, bones: dict[str, vtkPolyData]) -> Ints:
         within = self.distance
@@ -169,9 +164,10 @@ class FixedPointDetector(Filter):
                 fixed_to[reachable[closer]] = index
             self.report_progress((index + 1) / len(bones))
         if (fixed_to < 0).all():
-            raise ValueError(
-                f"FixedPointDetector: no point of the muscle is within {within:.4g} of a bone; give a "
-                "larger distance, or landmarks and the method 'attachment'"
+            raise InputError(
+                "FixedPointDetector",
+                f"no point of the muscle is within {within:.4g} of a bone",
+                "give a larger distance, or landmarks and the method 'attachment'",
             )
         return fixed_to
 
@@ -186,9 +182,10 @@ class FixedPointDetector(Filter):
                 )
             self.report_progress((index + 1) / len(bones))
         if not claimed.any():
-            raise ValueError(
-                "FixedPointDetector: no point of the muscle is in the voxels of a bone; lower n_voxels, or "
-                "use the method 'proximity' or 'attachment'"
+            raise InputError(
+                "FixedPointDetector",
+                "no point of the muscle is in the voxels of a bone",
+                "lower n_voxels, or use the method 'proximity' or 'attachment'",
             )
         disputed = claimed.sum(axis=0) > 1
         distances = np.where(claimed, 0.0, np.inf)

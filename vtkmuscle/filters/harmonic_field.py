@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.morphing.isolines import attachment_field
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import point_array, set_point_array
@@ -77,16 +78,18 @@ def field_of(muscle: vtkPolyData, attachments: vtkMultiBlockDataSet | None, wher
     if has_field(muscle):
         field: Floats = np.array(point_array(muscle, FIELD, where), dtype=np.float64)
         if field.ndim != 1 or not np.isfinite(field).all() or field.min() < 0.0 or field.max() > 1.0:
-            raise ValueError(
-                f"{where}: muscle: the point array {FIELD!r} must have one number in [0, 1] per point; "
-                "HarmonicField makes it"
+            raise InputError(
+                f"{where}: muscle",
+                f"the point array {FIELD!r} must have one number in [0, 1] per point",
+                "HarmonicField makes it",
             )
         return field
     if attachments is None:
-        raise ValueError(
-            f"{where}: the harmonic method starts from the attachment areas, but no attachments are "
-            f"connected "
-            f"and the muscle has no point array {FIELD!r}"
+        raise InputError(
+            where,
+            "the harmonic method starts from the attachment areas, but no attachments are connected and the "
+            f"muscle has no point array {FIELD!r}",
+            "connect attachments, or run HarmonicField on the muscle",
         )
     return _computed(muscle, attachments, where)
 
@@ -97,7 +100,5 @@ def _computed(muscle: vtkPolyData, attachments: vtkMultiBlockDataSet, where: str
     origin, insertion = (
         geometry.attached(areas, role, f"{where}: attachments") for role in ("origin", "insertion")
     )
-    try:
+    with placed(where):
         return attachment_field(geometry.points, geometry.triangles, origin, insertion)
-    except ValueError as error:
-        raise ValueError(f"{where}: {error}") from error

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.linear_blend import blend_fibres, fitted_a
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.types import Floats
@@ -99,7 +100,7 @@ class LinearBlendFibres(Filter):
         blocks = dict(blocks_of(bones))
         names = list(blocks)
         if not names:
-            raise ValueError("LinearBlendFibres: bones: there are none")
+            raise InputError("LinearBlendFibres: bones", "there are none", "give one or more, named")
         transforms = transforms_of(blocks, "LinearBlendFibres: bones")
         pose = (
             transforms[self._index(names, "origin", self.origin, 0)],
@@ -127,8 +128,8 @@ class LinearBlendFibres(Filter):
         if name is None:
             return default
         if name not in names:
-            raise ValueError(
-                f"LinearBlendFibres.{role} is {name!r}, but the bones are {', '.join(map(repr, names))}"
+            raise InputError(
+                "LinearBlendFibres", f"{role} is {name!r}, but the bones are {', '.join(map(repr, names))}"
             )
         return names.index(name)
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.errors import InputError, fault_of
+from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.derivatives import moment_arms
 from vtkmuscle.core.moment_arms.of_joints import checked_coordinates, coordinate_samples
@@ -45,7 +45,7 @@ class MomentArms(Filter):
     The coordinate is one of the ``motion``, or where none is given the pipeline's time. Of a motion with one
     coordinate those frames count in which the bones' rotation depends on it alone, and not a way from rest
     to the sweep's start. By several coordinates a moment arm is that with the others held; it is determined
-    where the poses about tell them apart.
+    where the poses about separate them.
 
     Raises
     ------
@@ -118,9 +118,11 @@ class MomentArms(Filter):
         elif self._steps:
             times, lengths = np.array(self._steps), self._lengths_over_time()
         else:
-            raise ValueError(
-                "MomentArms: fibres: they announce no time steps, and have no cell array 'Lengths'; connect "
-                "a filter over time, e.g. FibreTransport behind PBDDeformer, or a reader of a .pvd series"
+            raise InputError(
+                "MomentArms: fibres",
+                "they announce no time steps, and have no cell array 'Lengths'",
+                "connect a filter over time, e.g. FibreTransport behind PBDDeformer, or a reader of a .pvd "
+                "series",
             )
         now = float(times[-1]) if self.request_time is None else self.request_time
         if self._steps:  # the input stands where it was asked for last
@@ -144,9 +146,10 @@ class MomentArms(Filter):
                 lines = polylines_of(data, f"MomentArms: fibres at time {time:g}")
                 rows.append(polyline_lengths(lines.points, lines.offsets))
                 if len(rows[-1]) != len(rows[0]):
-                    raise ValueError(
-                        f"MomentArms: fibres: at time {time:g} there are {len(rows[-1])}, at first "
-                        f"{len(rows[0])}; they must be the same fibres at all times"
+                    raise InputError(
+                        "MomentArms: fibres",
+                        f"at time {time:g} there are {len(rows[-1])}, at first {len(rows[0])}",
+                        "they must be the same fibres at all times",
                     )
             self._measured = state_of_inputs(self, (0,)), np.array(rows)
         return self._measured[1]
@@ -154,7 +157,7 @@ class MomentArms(Filter):
     def _add_arms(self, result: vtkPolyData, times: Floats, lengths: Floats, now: float) -> None:
         motion = self.motion or RigidMotion(times, {}, None, {"time": Coordinate(times, self.unit)})
         one_only = self.coordinate if self.motion is not None else None
-        try:
+        with placed("MomentArms"):
             checked_coordinates(motion, [one_only] if one_only else ())
             names, samples, counts = coordinate_samples(motion)
             # Frames count where they and those about them do.
@@ -164,8 +167,6 @@ class MomentArms(Filter):
             place = _interpolated(now, motion.times, samples)
             among = _interpolated(times, motion.times, samples)[used]
             found = moment_arms(lengths[used], among, at=place if known else None)
-        except ValueError as error:
-            raise InputError("MomentArms", *fault_of(error)) from error
         for number, name in enumerate(names):
             if not (known and found.determined[0, number]) or one_only not in (None, name):
                 continue
@@ -188,8 +189,9 @@ def _history(fibres: vtkPolyData, count: int) -> tuple[Floats, Floats]:
     times = field_array(fibres, TIMES)
     if times is None or lengths.shape != (count, np.size(times)) or (np.diff(np.ravel(times)) <= 0).any():
         shape = "missing" if times is None else f"of shape {times.shape}"
-        raise ValueError(
-            f"MomentArms: fibres: the cell array 'Lengths' is of shape {lengths.shape}, the field array "
-            f"'Times' {shape}; for {count} fibre(s) and f ascending times they must be ({count}, f) and (f,)"
+        raise InputError(
+            "MomentArms: fibres",
+            f"the cell array 'Lengths' is of shape {lengths.shape}, the field array 'Times' {shape}",
+            f"for {count} fibre(s) and f ascending times they must be ({count}, f) and (f,)",
         )
     return np.ravel(np.asarray(times, dtype=np.float64)), lengths.T

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.collision.muscle_contact import Neighbour
+from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.pbd.muscle_model import FixedMuscle, MuscleModel, MuscleShape
 from vtkmuscle.core.pbd.solver import MuscleSolver, MuscleState
 from vtkmuscle.core.taut.via_rings import ViaRing
@@ -27,19 +28,13 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.data.attachments import rings_by_bone
 from vtkmuscle.data.moving_bones import RestBones, transforms_of
-from vtkmuscle.data.pipeline_times import times_of
 from vtkmuscle.data.superficial import checked_superficial
-from vtkmuscle.filters.base.checkpoints import MEGABYTE, Checkpoints
-from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.history import HistoryFilter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
-from vtkmuscle.filters.base.time_path import input_at, path_to, request_time, requested_time, state_of_inputs
 from vtkmuscle.filters.bone_motion import bones_of
 from vtkmuscle.filters.deformer.convergence_report import convergence_fields
 from vtkmuscle.filters.deformer.neighbours import Neighbours
 from vtkmuscle.filters.deformer.settings import DeformerSettings, solver_parameters
-
-#: Ports whose data move with time.
-BONES, NEIGHBOURS = 1, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +50,7 @@ class _Frame:
         return self.state.nbytes
 
 
-class PBDDeformer(DeformerSettings, Filter):
+class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     """Deform a muscle with the bones it is fixed to, by position based dynamics.
 
     Points with a ``FixedTo`` follow their bone. The others keep, as well as they can, the lengths of the
@@ -171,65 +166,27 @@ class PBDDeformer(DeformerSettings, Filter):
         "``UnsettledFibres``, how many fibres did not come to rest.",
     )
 
+    moving = ("bones", "neighbours")
+
     def __init__(self, **settings: Any) -> None:
         self._model: MuscleModel | None = None
         self._rest_bones = RestBones("PBDDeformer: bones")
         self._neighbours: Neighbours | None = None
         self._rest_from: float | None = None
-        self._frames: Checkpoints[_Frame] = Checkpoints()
-        self._made_with: object = None
-        self._steps: tuple[float, ...] = ()
         super().__init__(**settings)
 
-    # ---------------------------------------------------------------- time
-
-    def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
-        """Return the time steps that the bones announce."""
-        return times_of(inputs_information[BONES]) or None
-
-    def RequestUpdateExtent(self, request: Any, inInfo: Any, outInfo: Any) -> int:
-        """Ask for the bones at the first time whose frame is not known yet.
-
-        The later ones are asked for in :meth:`execute`. VTK's own way, CONTINUE_EXECUTING, is no choice: when
-        a filter upstream fails on the way, VTK goes round for ever.
-        """
-        self._forget_if_changed()
-        bones = inInfo[BONES].GetInformationObject(0)
-        self._steps = times_of(bones)
-        if self._steps:
-            self.request_time = requested_time(outInfo.GetInformationObject(0))
-            path = path_to(self.request_time, self._steps)
-            missing = path[self._frames.done(path) :]
-            for port in self._moving_ports():
-                request_time(inInfo[port].GetInformationObject(0), (missing or path[-1:])[0])
-        return 1
-
-    def _moving_ports(self) -> tuple[int, ...]:
-        """Return the connected ports whose data move with time."""
-        return (BONES, NEIGHBOURS) if self.GetNumberOfInputConnections(NEIGHBOURS) else (BONES,)
-
-    def _input_at(self, port: int, time: float | None) -> vtkMultiBlockDataSet:
-        data: vtkMultiBlockDataSet | None = input_at(self, port, time)
-        if data is None:
-            name = self.input_ports[port].name
-            raise RuntimeError(f"PBDDeformer: the {name} at time {time:g} could not be computed")
-        return data
-
-    def _settings_of_frames(self) -> dict[str, Any]:
+    def settings_of_frames(self) -> dict[str, Any]:
         """Return the parameters that a frame depends on."""
-        settings = self.parameters_that_count()
-        del settings["quality"], settings["checkpoint_memory"]
+        settings = super().settings_of_frames()
+        del settings["quality"]
         if self.collision != "off":  # the bones at rest are known then
             del settings["measure_penetration"]
         return settings
 
-    def _forget_if_changed(self) -> None:
-        """Drop all frames when a parameter they depend on or anything upstream of the bones has changed."""
-        made_with = self._settings_of_frames(), state_of_inputs(self, self._moving_ports())
-        if made_with != self._made_with:
-            self._frames.clear()
-            self._made_with = made_with
-            self._neighbours = None
+    def forget(self) -> None:
+        """Drop all frames, and what is known of the neighbours."""
+        super().forget()
+        self._neighbours = None
 
     # ---------------------------------------------------------------- one frame
 
@@ -246,28 +203,10 @@ class PBDDeformer(DeformerSettings, Filter):
         names = [name for name, _ in blocks_of(bones)]
         rings = rings_by_bone(attachments, names, "PBDDeformer: attachments")
         self._prepare(muscle, fibres, superficial, names, rings)
-        if not self._steps:
-            self._frames.clear()
-        path = path_to(self.request_time, self._steps)
-        known = self._frames.done(path)
-        if known and self._rest_from != path[0]:
-            self._take_rest(path[0], bones_of(self._input_at(BONES, path[0]), "PBDDeformer: bones"))
-        for index in range(known, len(path)):
-            at = path[index]
-            now, beside = bones, neighbours
-            if at is not None and self._steps:
-                now = self._input_at(BONES, at)
-                if beside is not None:
-                    beside = self._input_at(NEIGHBOURS, at)
-            self._advance(path, index, bones_of(now, "PBDDeformer: bones"), beside)
-        self._thin_out(path)
-        return self._result(muscle, self._frames[path[-1]])
-
-    def _thin_out(self, path: Sequence[float | None]) -> None:
-        """Drop frames for which there is no room; the last two of a path stay, to go on from."""
-        nbytes = self._frames[path[-1]].nbytes
-        memory = MEGABYTE * self.checkpoint_memory
-        self._frames.thin(self._steps, path[-2:], nbytes=nbytes, memory=memory)
+        first = self.path[0]
+        if self._frames.done(self.path) and self._rest_from != first:
+            self._take_rest(bones_of(self.data_at("bones", bones, first), "PBDDeformer: bones"))
+        return self._result(muscle, self.frame((bones, neighbours), self._advance))
 
     def _prepare(
         self,
@@ -290,30 +229,33 @@ class PBDDeformer(DeformerSettings, Filter):
         given = FixedMuscle(points, triangles, fixed_to, lines, seen, rings)
         if self._model is None or not given.same_as(self._model.muscle):
             self._model = MuscleModel(given)
-            self._frames.clear()
-            self._neighbours = None
+            self.forget()
 
     def _checked_fixed_to(self, array: NDArray[Any], names: list[str]) -> Ints:
         where = "PBDDeformer: muscle, point array 'FixedTo'"
         if array.ndim != 1 or not np.isfinite(array).all() or (array != np.floor(array)).any():
-            raise ValueError(f"{where}: expected one whole number per point (FixedPointDetector makes it)")
+            raise InputError(where, "it must be one whole number per point", "FixedPointDetector makes it")
         fixed_to = array.astype(np.int64)
         bad = fixed_to[(fixed_to < -1) | (fixed_to >= len(names))]
         if len(bad):
-            raise ValueError(
-                f"{where}: {bad[0]} is neither -1 (free) nor the index of one of the {len(names)} bones "
-                f"({', '.join(map(repr, names))}); detect the fixed points with these bones"
+            raise InputError(
+                where,
+                f"{bad[0]} is neither -1 (free) nor the index of one of the {len(names)} bones "
+                f"({', '.join(map(repr, names))})",
+                "detect the fixed points with these bones",
             )
         if (fixed_to < 0).all() and not any(self.external_force):
-            raise ValueError(
-                f"{where}: no point is fixed to a bone and external_force is zero, so nothing would hold or "
-                "move the muscle; detect fixed points by another method or tolerance"
+            raise InputError(
+                where,
+                "no point is fixed to a bone and external_force is zero, so nothing would hold or move the "
+                "muscle",
+                "detect fixed points by another method or distance",
             )
         return fixed_to
 
-    def _take_rest(self, first: float | None, bones: dict[str, vtkPolyData]) -> None:
-        """Take the bones at rest from the first frame of a path, on which their last digits depend."""
-        self._rest_from = first
+    def _take_rest(self, bones: dict[str, vtkPolyData]) -> None:
+        """Take the bones at rest from the first frame of the path, on which their last digits depend."""
+        self._rest_from = self.path[0]
         if self.collision != "off" or self.measure_penetration:
             transforms = transforms_of(bones, "PBDDeformer: bones")
             self._rest_bones.take(
@@ -328,44 +270,32 @@ class PBDDeformer(DeformerSettings, Filter):
             )
 
     def _advance(
-        self,
-        path: Sequence[float | None],
-        known: int,
-        bones: dict[str, vtkPolyData],
-        neighbours: vtkMultiBlockDataSet | None,
-    ) -> None:
-        """Compute the frame after the known ones of a path."""
+        self, before: _Frame | None, bones_now: vtkMultiBlockDataSet, neighbours: vtkMultiBlockDataSet | None
+    ) -> _Frame:
+        """Return the frame after another one."""
         started = time.perf_counter()
-        if known == 0:
-            self._take_rest(path[0], bones)
+        bones = bones_of(bones_now, "PBDDeformer: bones")
+        if before is None:
+            self._take_rest(bones)
         transforms = transforms_of(bones, "PBDDeformer: bones")
         solver = self._made_solver()
         if self.collision != "off" or self.measure_penetration:
             self._rest_bones.check(bones, transforms)
-        before = self._frames[path[known - 1]].state if known else solver.rest_state(len(bones))
+        start = solver.rest_state(len(bones)) if before is None else before.state
         beside: Sequence[Neighbour] = ()
         if neighbours is not None:
             if self._neighbours is None:
                 rest = solver.points(solver.rest_state(len(bones)))
                 self._neighbours = Neighbours("PBDDeformer: neighbours", rest)
             beside = self._neighbours.at(neighbours)
-        state = solver.step(
-            before,
-            transforms,
-            neighbours=beside,
-            progress=lambda part: self.report_progress((known + part) / len(path)),
-        )
-        frame = _Frame(state, 1e3 * (time.perf_counter() - started))
-        self._frames.keep(path[known], frame)
-        self._thin_out(path[: known + 1])
+        state = solver.step(start, transforms, neighbours=beside, progress=self.report_part)
+        return _Frame(state, 1e3 * (time.perf_counter() - started))
 
     def _made_solver(self) -> MuscleSolver:
         """Return the solver for the present parameters."""
         obstacles = self._rest_bones.obstacles if self.collision != "off" else ()
-        try:
+        with placed("PBDDeformer: muscle"):
             return self._known_model.solver(solver_parameters(self.parameters()), self.anisotropy, obstacles)
-        except ValueError as error:
-            raise ValueError(f"PBDDeformer: muscle: {error}") from error
 
     @property
     def _known_model(self) -> MuscleModel:

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.morphing.isolines import morph_by_isolines
+from vtkmuscle.core.morphing.planes import morph_by_planes
 from vtkmuscle.core.morphing.section_maps import MAPPINGS
-from vtkmuscle.core.morphing.slices import Box, Morph, Slicing, morph_by_planes
+from vtkmuscle.core.morphing.slices import Box, Morph, Slicing
 from vtkmuscle.core.morphing.twist import Found, Twisting
 from vtkmuscle.core.template.fitting import lie_opposite
 from vtkmuscle.core.types import Floats
@@ -28,7 +30,7 @@ from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.harmonic_field import field_of, has_field
 
-#: Deviations of superficial fibres that are told, root mean square [degrees].
+#: Deviations of superficial fibres from which on a warning is given, root mean square [degrees].
 NOTICED = 10.0
 #: ``slice_tolerance=None`` as a part of the box's length.
 DEFAULT_TOLERANCE = 1e-3
@@ -204,23 +206,22 @@ class SliceMorpher(Filter):
             shape = (lines.points, box, geometry.closed)
             if method == "plane":
                 return morph_by_planes(*shape, slicing)
-            return morph_by_isolines(*shape, field_of(muscle, attachments, "SliceMorpher"), slicing)
+            return morph_by_isolines(*shape, field_of(muscle, attachments, ""), slicing)
 
         if self.method == "harmonic" and not upright:
-            raise ValueError(
-                "SliceMorpher: method='harmonic' needs a template whose areas are its bottom and its top, "
-                "as of the kinds parallel, curved and fan; use method='plane' for this one"
+            raise InputError(
+                "SliceMorpher",
+                "method='harmonic' needs a template whose areas are its bottom and its top, as of the kinds "
+                "parallel, curved and fan",
+                "use method='plane' for this one",
             )
         method = "harmonic" if self.method == "harmonic" else "plane"
-        try:
+        with placed("SliceMorpher"):
             result = morph(method)
             known = attachments is not None or has_field(muscle)
             steep_share = result.steep_share
             if self.method == "auto" and not result.suits and upright and known:
                 method, result = "harmonic", morph("harmonic")
-        except ValueError as error:
-            text = str(error)
-            raise ValueError(text if text.startswith("SliceMorpher") else f"SliceMorpher: {text}") from error
         _warn(result, method)
         _warn_of_superficial(result.twist)
         moved = with_polylines(template, Polylines(result.points, lines.offsets))
@@ -289,7 +290,9 @@ def _box(template: vtkPolyData) -> NDArray[np.float64]:
     """Return the transform of the unit cube to the box, (4, 4)."""
     values = field_array(template, "Transform")
     if values is None:
-        raise ValueError("SliceMorpher: template: the field array 'Transform' is missing; run TemplateFitter")
+        raise InputError(
+            "SliceMorpher: template", "the field array 'Transform' is missing", "run TemplateFitter"
+        )
     if values.size == 16 and np.isfinite(values).all():
         box: NDArray[np.float64] = np.array(values, dtype=np.float64).reshape(4, 4)
         gram = box[:3, :3].T @ box[:3, :3]
@@ -297,7 +300,9 @@ def _box(template: vtkPolyData) -> NDArray[np.float64]:
         right = sides.min() > 0.0 and np.abs(gram / np.outer(sides, sides) - np.eye(3)).max() < 1e-6
         if right and np.array_equal(box[3], [0.0, 0.0, 0.0, 1.0]):
             return box
-    raise ValueError(
-        "SliceMorpher: template: the field array 'Transform' is not that of a box: 16 finite numbers, a "
-        "rotation (or reflection) of a cube scaled along its axes, row by row"
+    raise InputError(
+        "SliceMorpher: template",
+        "the field array 'Transform' is not that of a box: 16 finite numbers, a rotation (or reflection) of "
+        "a cube scaled along its axes, row by row",
+        "run TemplateFitter",
     )

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.pbd.muscle_model import FixedMuscle
 from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.taut.paths import POINTS, TautPaths, TautState
@@ -22,20 +22,15 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.data.attachments import rings_by_bone
 from vtkmuscle.data.moving_bones import RestBones, transforms_of
-from vtkmuscle.data.pipeline_times import times_of
-from vtkmuscle.filters.base.checkpoints import MEGABYTE, Checkpoints
-from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.history import HistoryFilter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
-from vtkmuscle.filters.base.time_path import input_at, path_to, request_time, requested_time, state_of_inputs
 from vtkmuscle.filters.bone_motion import bones_of
-
-BONES = 2
 
 _WHERE = "TautFibres: bones"
 
 
-class TautFibres(Filter):
+class TautFibres(HistoryFilter[TautState]):
     """Pull fibres taut round the moving bones: lengths and moment arms without solving a muscle's volume.
 
     Each fibre is a string between its ends, which go with their bones. It keeps away from each bone by what
@@ -126,33 +121,18 @@ class TautFibres(Filter):
         "come to rest.",
     )
 
-    _paths: TautPaths | None = None
-    _given: FixedMuscle | None = None
-    _made_with: object = None
-    _steps: tuple[float, ...] = ()
+    moving = ("bones",)
 
-    def __init__(self, **parameters: Any) -> None:
+    def __init__(self, **settings: Any) -> None:
         self._rest_bones = RestBones(_WHERE)
-        self._poses: Checkpoints[TautState] = Checkpoints()
-        super().__init__(**parameters)
+        self._paths: TautPaths | None = None
+        self._rest: FixedMuscle | None = None
+        super().__init__(**settings)
 
-    def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
-        """Return the time steps that the bones announce."""
-        return times_of(inputs_information[BONES]) or None
-
-    def RequestUpdateExtent(self, request: Any, inInfo: Any, outInfo: Any) -> int:
-        """Ask for the bones at the first time whose pose is not known yet; the others are asked for later."""
-        made_with = self.resolution, self.hold, state_of_inputs(self, (BONES,))
-        if made_with != self._made_with:
-            self._poses.clear()
-            self._made_with, self._paths = made_with, None
-        bones = inInfo[BONES].GetInformationObject(0)
-        self._steps = times_of(bones)
-        if self._steps:
-            self.request_time = requested_time(outInfo.GetInformationObject(0))
-            path = path_to(self.request_time, self._steps)
-            request_time(bones, (path[self._poses.done(path) :] or path[-1:])[0])
-        return 1
+    def forget(self) -> None:
+        """Drop all poses, and the strings."""
+        super().forget()
+        self._paths = None
 
     def execute(
         self,
@@ -162,32 +142,19 @@ class TautFibres(Filter):
         attachments: vtkMultiBlockDataSet | None,
     ) -> vtkPolyData:
         """Return the strings at the time asked for."""
-        if not self._steps:
-            self._poses.clear()
-        path = path_to(self.request_time, self._steps)
         names = list(bones_of(bones, _WHERE))
         if self._is_new(rest_fibres, rest_muscle, names, attachments):
-            self._prepare(self._bones_at(path[0], bones))
+            self._prepare(bones_of(self.data_at("bones", bones, self.path[0]), _WHERE))
         paths = self._paths
         assert paths is not None
-        known = self._poses.done(path)
-        for index in range(known, len(path)):
-            before = self._poses[path[index - 1]] if index else paths.rest
-            transforms = transforms_of(self._bones_at(path[index], bones), _WHERE)
-            self._poses.keep(path[index], paths.follow(before, transforms))
-            memory = MEGABYTE * self.checkpoint_memory
-            last = path[max(index - 1, 0) : index + 1]
-            self._poses.thin(self._steps, last, nbytes=paths.rest.nbytes, memory=memory)
-            self.report_progress((index + 1) / len(path))
-        return self._result(rest_fibres, paths, self._poses[path[-1]])
 
-    def _bones_at(self, time: float | None, bones: vtkMultiBlockDataSet) -> dict[str, vtkPolyData]:
-        if time is not None and self._steps:
-            found = input_at(self, BONES, time)
-            if found is None:
-                raise RuntimeError(f"{_WHERE} at time {time:g} could not be computed")
-            bones = found
-        return bones_of(bones, _WHERE)
+        def advance(before: TautState | None, now: vtkMultiBlockDataSet) -> TautState:
+            transforms = transforms_of(bones_of(now, _WHERE), _WHERE)
+            pose = paths.follow(paths.rest if before is None else before, transforms)
+            self.report_part(1.0)
+            return pose
+
+        return self._result(rest_fibres, paths, self.frame((bones,), advance))
 
     def _is_new(
         self,
@@ -202,26 +169,28 @@ class TautFibres(Filter):
         points, triangles = checked_surface(rest_muscle, where)
         fixed_to = np.array(point_array(rest_muscle, "FixedTo", where)).astype(np.int64)
         if not ((fixed_to >= 0) & (fixed_to < len(names))).any():
-            raise ValueError(
-                f"{where}: no point is fixed to one of the bones ({', '.join(map(repr, names))}), so that "
-                "the fibres' ends have nothing to go with; detect the fixed points with these bones"
+            raise InputError(
+                where,
+                f"no point is fixed to one of the bones ({', '.join(map(repr, names))}), so that the fibres' "
+                "ends have nothing to go with",
+                "detect the fixed points with these bones",
             )
         rings = rings_by_bone(attachments, names, "TautFibres: attachments")
         given = FixedMuscle(points, triangles, fixed_to, (lines.points, lines.offsets), rings=rings)
-        if self._paths is not None and given.same_as(self._given):
+        if self._paths is not None and given.same_as(self._rest):
             return False
-        self._given, self._paths = given, None
-        self._poses.clear()
+        self._rest = given
+        self.forget()
         return True
 
     def _prepare(self, bones: dict[str, vtkPolyData]) -> None:
         """Make the strings at rest."""
-        given = self._given
+        given = self._rest
         assert given is not None
         assert given.fibres is not None
         self._rest_bones.take(bones, transforms_of(bones, _WHERE), collision="sdf")
         fibres = evenly_spread(*given.fibres, self.resolution + 1)
-        try:
+        with placed("TautFibres: rest_fibres"):
             self._paths = TautPaths(
                 fibres,
                 *bones_at_ends(fibres, given.points, given.fixed_to),
@@ -231,8 +200,6 @@ class TautFibres(Filter):
                 rings=given.rings,
                 hold=self.hold,
             )
-        except ValueError as error:
-            raise ValueError(f"TautFibres: rest_fibres: {error}") from error
 
     def _result(self, rest_fibres: vtkPolyData, paths: TautPaths, state: TautState) -> vtkPolyData:
         count, n, _ = state.points.shape

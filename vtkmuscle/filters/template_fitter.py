@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.morphing.superficial import SeenFibres, angle_to_nearest
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import (
@@ -54,8 +55,8 @@ class TemplateFitter(Filter):
 
     Where superficial fibres are connected, boxes are also judged by the angle between them and the template's
     fibres next to them: landmarks that are off by a tenth of the muscle's length, on the average, count as
-    much as fibres that are off by 6 degrees (root mean square). That tells the side to which fibres lean or
-    arch where landmarks do not. A twist, which no box has, is SliceMorpher's.
+    much as fibres that are off by 6 degrees (root mean square). From that follows the side to which fibres
+    lean or arch where landmarks leave it open. A twist, which no box has, is SliceMorpher's.
 
     Only rotations are tried. ``mirror=True`` is for the muscle of the other side of the body: it gives the
     mirror image of what the mirrored muscle would get.
@@ -146,7 +147,7 @@ class TemplateFitter(Filter):
         if superficial is not None:
             seen = superficial_fibres(superficial, "TemplateFitter: superficial", shape.points)
             seen = seen.within(np.zeros(3), reflection[:3, :3])
-        try:
+        with placed("TemplateFitter"):
             fits = [
                 self._fit(
                     axis,
@@ -159,8 +160,6 @@ class TemplateFitter(Filter):
                 for axis in self._axes(shape, origin, insertion)
                 for assignment in (ASSIGNMENTS if self.orientation == "any" else ASSIGNMENTS[:1])
             ]
-        except ValueError as error:
-            raise ValueError(f"TemplateFitter: {error}") from error
         least = min(fit.cost for fit in fits)
         best = next(fit for fit in fits if fit.cost <= least + TIE)
         transform = reflection @ best.transform
@@ -221,9 +220,10 @@ def _guide(seen: SeenFibres, lines: Polylines, turn: Floats) -> Callable[[Floats
 def _area(template: vtkPolyData, name: str) -> Floats:
     values = field_array(template, name)
     if values is None or values.ndim != 2 or values.shape[1] != 3:
-        raise ValueError(
-            f"TemplateFitter: template: the field array {name!r} (3 components: corners of an area in the "
-            "unit cube) is missing; FibreTemplateSource makes it"
+        raise InputError(
+            "TemplateFitter: template",
+            f"the field array {name!r} (3 components: corners of an area in the unit cube) is missing",
+            "FibreTemplateSource makes it",
         )
     return np.array(values, dtype=np.float64)
 
@@ -231,5 +231,7 @@ def _area(template: vtkPolyData, name: str) -> Floats:
 def _landmarks(areas: Sequence[AttachmentArea], role: str) -> Floats:
     mine = [area.landmarks for area in areas if area.role == role]
     if not mine:
-        raise ValueError(f"TemplateFitter: attachments: there is no area with the role {role!r}")
+        raise InputError(
+            "TemplateFitter: attachments", f"there is no area with the role {role!r}", "add its landmarks"
+        )
     return np.vstack(mine)

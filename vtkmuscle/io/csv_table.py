@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 
@@ -11,35 +12,34 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import check_is_file
 
 
-def filled_rows(path: Path, most: int | None = None) -> list[tuple[int, list[str]]]:
-    """Return the rows of a file, each with the number of its line, without empty ones and comments (#).
-
-    Parameters
-    ----------
-    path : Path
-        A CSV file in UTF-8.
-    most : int, optional
-        Rows below the header, at most; as many lines again may be empty or comments.
+def csv_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Give the number of each line and its cells, without empty lines and those that begin with #.
 
     Raises
     ------
-    InputError
-        If the file is no CSV table in UTF-8, or has more rows.
-    OSError
+    FileNotFoundError
         If there is no such file.
+    InputError
+        If it is no table in UTF-8.
     """
     check_is_file(path)
-    limit = None if most is None else 2 * most
     try:
         with path.open(newline="", encoding="utf-8-sig") as lines:
-            rows = list(enumerate(islice(csv.reader(lines), limit), start=1))
+            for number, cells in enumerate(csv.reader(lines), start=1):
+                filled = [cell.strip() for cell in cells]
+                if any(filled) and not filled[0].startswith("#"):
+                    yield number, filled
     except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(path, f"the file is not a CSV table in UTF-8: {error}", "export it again") from error
-    stripped = ((number, [cell.strip() for cell in cells]) for number, cells in rows)
-    filled = [(number, cells) for number, cells in stripped if any(cells) and not cells[0].startswith("#")]
-    if most is not None and (len(filled) - 1 > most or len(rows) == limit):
+        why = "it is not text in UTF-8" if isinstance(error, UnicodeDecodeError) else error
+        raise InputError(path, f"the file is not a CSV table: {why}", "export it again") from error
+
+
+def filled_rows(path: Path, most: int | None = None) -> list[tuple[int, list[str]]]:
+    """Return the rows of :func:`csv_rows`; an InputError for more than a header and `most` rows."""
+    rows = list(islice(csv_rows(path), None if most is None else most + 2))
+    if most is not None and len(rows) - 1 > most:
         raise InputError(path, f"the table has more than {most} rows", "leave some out")
-    return filled
+    return rows
 
 
 def finite_number(cell: str, column: str, path: Path, where: str) -> float:

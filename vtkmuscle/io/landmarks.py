@@ -13,7 +13,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import MOST_TEXT, check_is_file
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import landmarks_of
-from vtkmuscle.io.csv_rows import csv_rows
+from vtkmuscle.io.csv_table import csv_rows
 from vtkmuscle.io.nrrd_points import read_nrrd_points
 from vtkmuscle.io.slicer import NamedPoints, markups_of, read_fcsv
 from vtkmuscle.io.surfaces import read_polydata

@@ -108,7 +108,7 @@ class OsimModel:
             If there is none of that name.
         """
         if name not in self.muscles:
-            raise ValueError(f"the model has no muscle {name!r}; {suggestion(name, self.muscles)}")
+            raise InputError("", f"the model has no muscle {name!r}; {suggestion(name, self.muscles)}")
         return self.muscles[name]
 
 
@@ -260,7 +260,7 @@ class _Reader:
                 self.frames.ground, [joint for _, joint in self.joints], self.coordinates, couplings
             )
         except ValueError as error:
-            raise self.model.error(str(error)) from error
+            raise self.model.placed(error) from error
         loose = [name for name, (body, _) in self.frames.on_bodies.items() if body == name]
         for name in loose:
             if name not in tree.bodies:

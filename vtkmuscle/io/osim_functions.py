@@ -55,9 +55,7 @@ def function_of(element: Element) -> CoordinateFunction:
     try:
         return _function(element, tag)
     except ValueError as error:
-        if hasattr(error, "where"):
-            raise
-        raise element.error(str(error)) from error
+        raise element.placed(error) from error
 
 
 def _function(element: Element, tag: str) -> CoordinateFunction:

@@ -195,9 +195,7 @@ def _transform_axis(element: Element) -> JointAxis:
     try:
         return JointAxis(element.need("axis").numbers(3), function, names[0] if names else None)
     except ValueError as error:
-        if hasattr(error, "where"):
-            raise
-        raise element.error(str(error)) from error
+        raise element.placed(error) from error
 
 
 def coupling_in(element: Element) -> Coupling | None:

@@ -48,7 +48,7 @@ class NamedPoints:
     def within(self, frame: str) -> Floats:
         """Return the points (n, 3) in a frame; as they are where the file does not say its own."""
         if frame not in FRAMES:
-            raise ValueError(f"there is no frame {frame!r}; allowed: {', '.join(FRAMES)}")
+            raise InputError("", f"there is no frame {frame!r}; allowed: {', '.join(FRAMES)}")
         turned = self.frame is not None and self.frame != frame
         return self.points * np.array([-1.0, -1.0, 1.0]) if turned else self.points
 

@@ -228,7 +228,7 @@ class _File:
 
 
 def _split(stream: bytes, count: int, raw: bool) -> tuple[bytes, bytes]:
-    """Return so many bytes, and what is behind them as it stands in the file."""
+    """Return the first `count` bytes, decoded, and the rest of the stream as it is in the file."""
     if raw:
         head, rest = stream[:count], stream[count:]
     else:

@@ -23,7 +23,7 @@ _A_DAY = 86400.0
 
 
 def beside(path: Path) -> Path:
-    """Return a name beside a path that nobody else uses, for what is not complete yet."""
+    """Return a name beside a path that no other process uses, for what is not complete yet."""
     return path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}.partial")
 
 

@@ -9,7 +9,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.files import MOST_TEXT, check_is_file
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import shown
@@ -54,6 +54,12 @@ class Element:
     def error(self, problem: str, remedy: str = "") -> InputError:
         """Return an error that names the file, the line and the element."""
         return InputError(self.path, f"{self}: {problem}", remedy)
+
+    def placed(self, error: ValueError) -> ValueError:
+        """Return an error with the place of this element, where it has none of its own."""
+        if isinstance(error, InputError) and error.where:
+            return error
+        return self.error(*fault_of(error))
 
     def only(self, allowed: Sequence[str] | set[str] | frozenset[str]) -> None:
         """Raise an InputError where there is a child of another tag."""

@@ -8,7 +8,8 @@ from typing import Any
 from vtkmodules.vtkCommonCore import vtkOutputWindow
 
 from vtkmuscle import filters
-from vtkmuscle.filters.base.filter import AbortedError, Filter
+from vtkmuscle.filters.base.algorithm import AbortedError
+from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.paraview.muscle_scene import MuscleScene
 from vtkmuscle.paraview.properties import Property, properties_of
 

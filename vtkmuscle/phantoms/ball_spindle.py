@@ -7,10 +7,9 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, rotation_about
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.coordinates import checked_poses
-from vtkmuscle.phantoms.hinge_spindle import END_RADIUS, surfaces
-from vtkmuscle.phantoms.phantom import Phantom, phantom_from
+from vtkmuscle.phantoms.hinge_spindle import spindle
+from vtkmuscle.phantoms.phantom import Phantom, one_muscle
 
 #: Centres of the muscle's flat ends [mm]: in front of the joint, which is at the origin, and to its left.
 ORIGIN = np.array([12.0, -32.0, 80.0])
@@ -48,7 +47,7 @@ def spindle_over_ball(*, coordinates: ArrayLike | None = None) -> Phantom:
     Raises
     ------
     ValueError
-        If coordinates are no pairs of numbers, or are out of range.
+        For coordinates that are no pairs of numbers, or are out of range.
 
     Examples
     --------
@@ -59,23 +58,16 @@ def spindle_over_ball(*, coordinates: ArrayLike | None = None) -> Phantom:
     """
     given = _net() if coordinates is None else coordinates
     poses = checked_poses(given, LIMITS, "spindle_over_ball")
-    bones, muscle = surfaces((float(ORIGIN[0]), float(ORIGIN[1])))
-    angles = 2.0 * np.pi * np.arange(12) / 12
-    circle = 0.8 * END_RADIUS * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(12)])
-    return phantom_from(
+    bones, muscle, areas = spindle((float(ORIGIN[0]), float(ORIGIN[1])))
+    return one_muscle(
         "spindle_over_ball",
+        "spindle",
+        muscle,
+        areas,
         bones=bones,
-        muscles={"spindle": muscle},
-        areas={
-            "spindle": [
-                AttachmentArea("origin", "proximal", ORIGIN + circle, closed=True),
-                AttachmentArea("insertion", "distal", INSERTION + circle, closed=True),
-            ]
-        },
         motion=RigidMotion(
             np.arange(float(len(poses))), {"distal": np.array([turned(*pose) for pose in poses])}, np.zeros(3)
         ),
-        templates={"spindle": "parallel"},
         known={
             "coordinates": {"flexion": poses[:, 0].copy(), "abduction": poses[:, 1].copy()},
             "length": line_length,

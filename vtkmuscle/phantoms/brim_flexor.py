@@ -6,12 +6,12 @@ from functools import cache
 
 import numpy as np
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.implicit import Solid, ball, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
-from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
+from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
 from vtkmuscle.phantoms.planar import String, flexed, in_space, lever
 from vtkmuscle.phantoms.straps import cord, round_ring
 
@@ -64,26 +64,21 @@ def flexor_over_brim(*, groove: float = 8.0) -> Phantom:
     [17.8, -27.9]
     """
     if not DEPTHS[0] <= groove <= DEPTHS[1]:
-        raise ValueError(
-            f"flexor_over_brim: groove is {groove!r}, but its depth must be from {DEPTHS[0]:g} to "
-            f"{DEPTHS[1]:g} mm"
+        raise InputError(
+            "flexor_over_brim",
+            f"groove is {groove!r}, but its depth must be from {DEPTHS[0]:g} to {DEPTHS[1]:g} mm",
         )
     bones, muscle = _surfaces(float(groove))
     at_rest = taut(0.0)
     start = _direction_at_start()
-    areas = [
-        AttachmentArea("origin", "proximal", round_ring(ORIGIN, start, 0.75 * RADIUS), closed=True),
-        AttachmentArea(
-            "insertion", "distal", round_ring(INSERTION, at_rest.pull, 0.75 * RADIUS), closed=True
-        ),
-    ]
-    return phantom_from(
+    rings = round_ring(ORIGIN, start, 0.75 * RADIUS), round_ring(INSERTION, at_rest.pull, 0.75 * RADIUS)
+    return one_muscle(
         "flexor_over_brim",
+        "flexor",
+        muscle,
+        ends("proximal", rings[0], "distal", rings[1]),
         bones=bones,
-        muscles={"flexor": muscle},
-        areas={"flexor": areas},
         motion=hinge("distal", centre=(0, 0, 0), axis=(-1, 0, 0), angles=np.arange(0.0, 81.0, 2.0)),
-        templates={"flexor": "parallel"},
         known={
             "length": lambda angle: taut(angle).length,
             "moment_arm": taut_moment_arm,

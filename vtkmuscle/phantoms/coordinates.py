@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
 
 
@@ -35,12 +36,12 @@ def checked_poses(coordinates: ArrayLike, limits: Mapping[str, tuple[float, floa
     poses = np.array(coordinates, dtype=np.float64)
     where = f"{phantom}: coordinates"
     if poses.ndim != 2 or poses.shape[1] != len(limits) or not len(poses):
-        raise ValueError(f"{where} of shape {poses.shape}: give a row per frame, of {' and '.join(limits)}")
+        raise InputError(where, f"of shape {poses.shape}", f"give a row per frame, of {' and '.join(limits)}")
     for column, (name, (low, high)) in enumerate(limits.items()):
         outside = poses[~((poses[:, column] >= low) & (poses[:, column] <= high)), column]
         if len(outside):
-            raise ValueError(
-                f"{where}: {name} is {outside[0]:g} degrees, but answers are known from {low:g} to "
-                f"{high:g} only"
+            raise InputError(
+                where,
+                f"{name} is {outside[0]:g} degrees, but answers are known from {low:g} to {high:g} only",
             )
     return poses

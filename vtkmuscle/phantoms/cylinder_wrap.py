@@ -7,12 +7,12 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.implicit import thick_sheet
 from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution
-from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
+from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
 
 #: Radius of the cylinder, thickness and width of the strap, length of its straight part [mm].
 RADIUS = 25.0
@@ -66,9 +66,11 @@ def wrapping_cylinder(*, angles: ArrayLike | None = None) -> Phantom:
     times = np.arange(0.0, 41.0, 2.0) if angles is None else np.asarray(angles, dtype=np.float64)
     outside = times[~((times >= UNWOUND) & (times <= WOUND))]
     if len(outside):
-        raise ValueError(
-            f"wrapping_cylinder: an angle is {outside[0]:g} degrees; the strap lies on the cylinder, and its "
-            f"moment arm is known, from {UNWOUND:g} to {WOUND:g} only: choose angles within"
+        raise InputError(
+            "wrapping_cylinder",
+            f"an angle is {outside[0]:g} degrees, but the strap lies on the cylinder, and its moment arm is "
+            f"known, from {UNWOUND:g} to {WOUND:g} only",
+            "choose angles within",
         )
     bones, muscle = _surfaces()
     # The strap's edges are round: landmarks lie on the flat part of its faces.
@@ -79,17 +81,13 @@ def wrapping_cylinder(*, angles: ArrayLike | None = None) -> Phantom:
     corners = np.array([(-1, -1), (0, -1), (1, -1), (1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0)])
     heights = RADIUS + THICKNESS / 2.0 * (1.0 + 0.7 * corners[:, 1])
     face = np.column_stack([half * corners[:, 0], np.full(len(corners), -STRAIGHT), heights])
-    areas = [
-        AttachmentArea("origin", "base", face, closed=True),
-        AttachmentArea("insertion", "pulley", np.vstack([arc + side, arc[::-1] - side]), closed=True),
-    ]
-    return phantom_from(
+    return one_muscle(
         "wrapping_cylinder",
+        "strap",
+        muscle,
+        ends("base", face, "pulley", np.vstack([arc + side, arc[::-1] - side])),
         bones=bones,
-        muscles={"strap": muscle},
-        areas={"strap": areas},
         motion=hinge("pulley", centre=(0, 0, 0), axis=(-1, 0, 0), angles=times),
-        templates={"strap": "parallel"},
         known={"moment_arm": -(RADIUS + THICKNESS / 2.0), "length": strap_length},
     )
 

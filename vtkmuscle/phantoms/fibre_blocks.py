@@ -8,12 +8,13 @@ import numpy as np
 from scipy.integrate import quad
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, polylines_from
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.meshing import box
-from vtkmuscle.phantoms.phantom import Phantom, phantom_from
+from vtkmuscle.phantoms.phantom import Phantom, one_muscle
 
 #: From a coordinate's control points, as functions of r or s, to the kind's fibres.
 Controls = tuple[Callable[[float], float], ...]
@@ -48,7 +49,7 @@ def fibre_block(kind: str) -> Phantom:
     parallel from the lower half of the face x = 0 to the upper half of the face x = 20 mm. ``"bipennate"``:
     from the lower halves of both of these faces to a tendon in the middle of the upper half, within the
     muscle. ``"curved"``: in arcs that lean towards x = 20 mm; the block looks the same from four sides, so
-    superficial fibres on the face y = 0 tell this one. ``"fan"``: from the whole bottom to a part in the
+    superficial fibres on the face y = 0 show this one. ``"fan"``: from the whole bottom to a part in the
     middle of the top. The plate ``insertion_plate`` slides down along z, by the pipeline's time in mm.
 
     Parameters
@@ -85,7 +86,7 @@ def fibre_block(kind: str) -> Phantom:
     right = box((WIDTH, 0.0, half), (WIDTH + PLATE, DEPTH, LENGTH), SPACING)
     lower_right = box((WIDTH, 0.0, 0.0), (WIDTH + PLATE, DEPTH, half), SPACING)
     known: dict[str, float | Callable[..., float]] = {"volume": WIDTH * DEPTH * LENGTH}
-    superficial = {}
+    superficial = None
     bones = {"origin_plate": below, "insertion_plate": above}
     origins, insertion = {"origin_plate": bottom}, top
     if kind == "parallel":
@@ -108,22 +109,23 @@ def fibre_block(kind: str) -> Phantom:
             middle = np.array([WIDTH / 2.0, DEPTH / 2.0, LENGTH])
             insertion = middle + (top - middle) * [0.3, 0.5, 1.0]
         else:
-            superficial = {"block": _seen()}
+            superficial = _seen()
     else:
         allowed = ", ".join(map(repr, ("parallel", "pennate", "bipennate", *_COURSES)))
-        raise ValueError(f"fibre_block: kind is {kind!r}, but must be one of {allowed}")
+        raise InputError("fibre_block", f"kind is {kind!r}, but must be one of {allowed}")
     shifts = np.arange(0.0, 11.0)
     table = np.tile(np.eye(4), (len(shifts), 1, 1))
     table[:, 2, 3] = -shifts
     areas = [AttachmentArea("origin", bone, _ring(corners), closed=True) for bone, corners in origins.items()]
     areas.append(AttachmentArea("insertion", "insertion_plate", _ring(insertion), closed=True))
-    return phantom_from(
+    return one_muscle(
         f"{kind}_block",
+        "block",
+        box((0.0, 0.0, 0.0), (WIDTH, DEPTH, LENGTH), SPACING),
+        areas,
         bones=bones,
-        muscles={"block": box((0.0, 0.0, 0.0), (WIDTH, DEPTH, LENGTH), SPACING)},
-        areas={"block": areas},
         motion=RigidMotion(shifts, {"insertion_plate": table}),
-        templates={"block": kind},
+        template=kind,
         known=known,
         superficial=superficial,
     )

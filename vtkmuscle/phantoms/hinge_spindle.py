@@ -11,7 +11,8 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution, volume_of_revolution
-from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
+from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
+from vtkmuscle.phantoms.straps import round_ring
 
 #: Centres of the muscle's flat ends [mm]; the hinge is at the origin, its axis -x.
 ORIGIN = np.array([0.0, -32.0, 80.0])
@@ -20,7 +21,7 @@ AXIS = np.array([-1.0, 0.0, 0.0])
 #: Radii of the muscle at its ends and in its middle [mm].
 END_RADIUS = 7.0
 BELLY_RADIUS = 16.0
-#: The muscle is a stack of so many slices of regular polygons.
+#: The muscle is a stack of slices, regular polygons: how many, and of how many sides.
 SLICES = 42
 SIDES = 24
 
@@ -46,20 +47,14 @@ def spindle_over_hinge() -> Phantom:
     >>> float(round(phantom.known["length"](0.0), 6)), float(round(phantom.known["moment_arm"](0.0), 6))
     (140.0, 32.0)
     """
-    bones, muscle = surfaces((float(ORIGIN[0]), float(ORIGIN[1])))
-    angles = 2.0 * np.pi * np.arange(12) / 12
-    circle = 0.8 * END_RADIUS * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(12)])
-    areas = [
-        AttachmentArea("origin", "proximal", ORIGIN + circle, closed=True),
-        AttachmentArea("insertion", "distal", INSERTION + circle, closed=True),
-    ]
-    return phantom_from(
+    bones, muscle, areas = spindle((float(ORIGIN[0]), float(ORIGIN[1])))
+    return one_muscle(
         "spindle_over_hinge",
+        "spindle",
+        muscle,
+        areas,
         bones=bones,
-        muscles={"spindle": muscle},
-        areas={"spindle": areas},
         motion=hinge("distal", centre=(0, 0, 0), axis=AXIS, angles=np.arange(0.0, 41.0, 2.0)),
-        templates={"spindle": "parallel"},
         known={
             "volume": volume_of_revolution(*spindle_profile(), SIDES),
             "length": line_length,
@@ -93,15 +88,17 @@ def spindle_profile() -> tuple[Floats, Floats]:
 
 
 @cache
-def surfaces(middle: tuple[float, float]) -> tuple[dict[str, Surface], Surface]:
-    """Return the bones, and the muscle about the vertical line through (x, y) [mm]."""
+def spindle(middle: tuple[float, float]) -> tuple[dict[str, Surface], Surface, list[AttachmentArea]]:
+    """Return bones, muscle and areas, the muscle about the vertical line through (x, y) [mm]."""
     origin, insertion = (np.array([*middle, end[2]]) for end in (ORIGIN, INSERTION))
+    circle = round_ring((0, 0), (0, -1), 0.8 * END_RADIUS)
     bones = {
         "proximal": mesh_of(bone_with_arm(origin, 1.0), 3.0, 3000),
         "distal": mesh_of(bone_with_arm(insertion, -1.0), 3.0, 3000),
     }
     points, triangles = solid_of_revolution(*spindle_profile(), SIDES)
-    return bones, (points + np.array([*middle, 0.0]), triangles)
+    areas = ends("proximal", origin + circle, "distal", insertion + circle)
+    return bones, (points + np.array([*middle, 0.0]), triangles), areas
 
 
 def bone_with_arm(attachment: Floats, up: float) -> Solid:

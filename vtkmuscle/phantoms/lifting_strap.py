@@ -7,10 +7,9 @@ from functools import cache
 import numpy as np
 
 from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
-from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.implicit import block, rod, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
-from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
+from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
 from vtkmuscle.phantoms.planar import String, flexed, lever
 from vtkmuscle.phantoms.straps import end_ring, strap
 
@@ -48,19 +47,15 @@ def lifting_strap() -> Phantom:
     """
     bones, muscle = _surfaces()
     at_rest = fibre(0.0)
-    areas = [
-        AttachmentArea("origin", "proximal", end_ring(at_rest.start, (0, -1), WIDTH, THICKNESS), closed=True),
-        AttachmentArea(
-            "insertion", "distal", end_ring(at_rest.end, -at_rest.pull, WIDTH, THICKNESS), closed=True
-        ),
-    ]
-    return phantom_from(
+    upper = end_ring(at_rest.start, (0, -1), WIDTH, THICKNESS)
+    lower = end_ring(at_rest.end, -at_rest.pull, WIDTH, THICKNESS)
+    return one_muscle(
         "lifting_strap",
+        "strap",
+        muscle,
+        ends("proximal", upper, "distal", lower),
         bones=bones,
-        muscles={"strap": muscle},
-        areas={"strap": areas},
         motion=hinge("distal", centre=(0, 0, 0), axis=AXIS, angles=np.arange(0.0, 71.0, 2.0)),
-        templates={"strap": "parallel"},
         known={
             "length": lambda angle, depth=0.0: fibre(angle, depth).length,
             "moment_arm": fibre_moment_arm,

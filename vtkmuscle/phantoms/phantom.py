@@ -76,3 +76,38 @@ def phantom_from(
         dict(known),
         dict(superficial or {}),
     )
+
+
+def one_muscle(
+    name: str,
+    muscle: str,
+    surface: Surface,
+    areas: Sequence[AttachmentArea],
+    *,
+    bones: Mapping[str, Surface],
+    motion: RigidMotion,
+    known: Mapping[str, Answer],
+    template: str = "parallel",
+    superficial: vtkPolyData | None = None,
+) -> Phantom:
+    """Return a phantom of one muscle, as :func:`phantom_from` does."""
+    return phantom_from(
+        name,
+        bones=bones,
+        muscles={muscle: surface},
+        areas={muscle: areas},
+        motion=motion,
+        templates={muscle: template},
+        known=known,
+        superficial=None if superficial is None else {muscle: superficial},
+    )
+
+
+def ends(
+    origin: str, origin_ring: NDArray[np.float64], insertion: str, insertion_ring: NDArray[np.float64]
+) -> list[AttachmentArea]:
+    """Return the areas of both ends of a muscle: the bones, and rings of landmarks (k, 3) [mm]."""
+    return [
+        AttachmentArea("origin", origin, origin_ring, closed=True),
+        AttachmentArea("insertion", insertion, insertion_ring, closed=True),
+    ]

@@ -6,12 +6,13 @@ from functools import cache
 
 import numpy as np
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import VIA, AttachmentArea
 from vtkmuscle.phantoms.hinge_spindle import bone_with_arm
 from vtkmuscle.phantoms.meshing import mesh_of
-from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
+from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
 from vtkmuscle.phantoms.planar import flexed, in_space, lever
 from vtkmuscle.phantoms.straps import cord, round_ring
 
@@ -53,18 +54,15 @@ def tendon_through_ring() -> Phantom:
     bones, muscle = _surfaces()
     turns = 2.0 * np.pi * (np.arange(8) + 0.5) / 8
     octagon = HALF / np.cos(np.pi / 8) * np.column_stack([np.cos(turns), np.sin(turns), np.zeros(8)])
-    areas = [
-        AttachmentArea("origin", "proximal", round_ring(ORIGIN, (0, -1), 0.8 * RADII[0]), closed=True),
-        AttachmentArea("insertion", "distal", round_ring(INSERTION, (0, -1), 0.8 * TENDON), closed=True),
-        AttachmentArea(VIA, "proximal", in_space(RING[None]) + octagon, closed=True),
-    ]
-    return phantom_from(
+    rings = round_ring(ORIGIN, (0, -1), 0.8 * RADII[0]), round_ring(INSERTION, (0, -1), 0.8 * TENDON)
+    via = AttachmentArea(VIA, "proximal", in_space(RING[None]) + octagon, closed=True)
+    return one_muscle(
         "tendon_through_ring",
+        "muscle",
+        muscle,
+        [*ends("proximal", rings[0], "distal", rings[1]), via],
         bones=bones,
-        muscles={"muscle": muscle},
-        areas={"muscle": areas},
         motion=hinge("distal", centre=(0, 0, 0), axis=(-1, 0, 0), angles=np.arange(0.0, 61.0, 2.0)),
-        templates={"muscle": "parallel"},
         known={
             "length": held_length,
             "moment_arm": held_moment_arm,
@@ -93,8 +91,8 @@ def straight_moment_arm(angle: float) -> float:
 def _way(angle: float, clearance: float) -> Floats:
     """Return the corners (2 or 3, 2) of the taut way: its shortest length is convex in where it crosses."""
     if not 0.0 <= clearance <= HALF:
-        raise ValueError(
-            f"tendon_through_ring: clearance is {clearance!r}, but must be from 0 to {HALF:g} mm"
+        raise InputError(
+            "tendon_through_ring", f"clearance is {clearance!r}, but must be from 0 to {HALF:g} mm"
         )
     end = flexed(INSERTION, angle)
     part = (ORIGIN[1] - RING[1]) / (ORIGIN[1] - end[1])

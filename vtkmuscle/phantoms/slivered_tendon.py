@@ -7,12 +7,12 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.implicit import thick_sheet
 from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution, volume_of_revolution
-from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
+from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
 from vtkmuscle.phantoms.planar import flexed, in_space
 from vtkmuscle.phantoms.straps import round_ring
 
@@ -22,7 +22,7 @@ EDGE, TENDON, BELLY = 15.0, 3.0, 16.0
 MIDDLE = EDGE + TENDON
 #: Heights of the tendon's end, of the belly's two ends [mm]; the edge is at 0.
 END, BELLY_START, TOP = -40.0, 100.0, 220.0
-#: Height of a row of triangles in the tendon and in the belly [mm]; rows are of so many sides.
+#: Height of a row of triangles in the tendon and in the belly [mm]; number of sides of a row.
 LONG, SHORT, SIDES = 10.0, 4.0, 24
 #: How far the tendon's end is pulled [mm], and turned about the edge meanwhile [degrees].
 PULL, TURN = 100.0, 90.0
@@ -67,20 +67,17 @@ def slivered_tendon(*, pulls: ArrayLike | None = None) -> Phantom:
     times = np.arange(0.0, PULL + 1.0, 2.5) if pulls is None else np.asarray(pulls, dtype=np.float64)
     outside = times[~((times >= 0.0) & (times <= PULL))]
     if len(outside):
-        raise ValueError(f"slivered_tendon: a pull is {outside[0]:g} mm, but must be from 0 to {PULL:g} mm")
+        raise InputError("slivered_tendon", f"a pull is {outside[0]:g} mm, but must be from 0 to {PULL:g} mm")
     bones, muscle = _surfaces()
     radius = float(_profile()[1][-1])
-    areas = [
-        AttachmentArea("origin", "base", round_ring((-MIDDLE, TOP), (0, -1), 0.8 * radius), closed=True),
-        AttachmentArea("insertion", "pulled", round_ring((-MIDDLE, END), (0, -1), 0.8 * TENDON), closed=True),
-    ]
-    return phantom_from(
+    upper, lower = (round_ring((-MIDDLE, z), (0, -1), 0.8 * r) for z, r in ((TOP, radius), (END, TENDON)))
+    return one_muscle(
         "slivered_tendon",
+        "muscle",
+        muscle,
+        ends("base", upper, "pulled", lower),
         bones=bones,
-        muscles={"muscle": muscle},
-        areas={"muscle": areas},
         motion=RigidMotion(times, {"pulled": np.array([_pulled(pull) for pull in times])}),
-        templates={"muscle": "parallel"},
         known={
             "length": lambda pull: TOP - END + pull,
             "volume": volume_of_revolution(*_profile(), SIDES),

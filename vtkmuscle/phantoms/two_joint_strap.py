@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, rotation_about
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.coordinates import checked_poses
 from vtkmuscle.phantoms.implicit import block, rod, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
-from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
+from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
 from vtkmuscle.phantoms.planar import flexed
 from vtkmuscle.phantoms.straps import end_ring, strap
 
@@ -79,22 +78,18 @@ def strap_over_two_joints(*, coordinates: ArrayLike | None = None) -> Phantom:
     bones, muscle = _surfaces()
     line = _middle_line()
     transforms = [_transforms(*pose) for pose in poses]
-    areas = [
-        AttachmentArea("origin", "proximal", end_ring(line[0], (0, -1), WIDTH, THICKNESS), closed=True),
-        AttachmentArea(
-            "insertion", "distal", end_ring(line[-1], line[-1] - line[-2], WIDTH, THICKNESS), closed=True
-        ),
-    ]
-    return phantom_from(
+    upper = end_ring(line[0], (0, -1), WIDTH, THICKNESS)
+    lower = end_ring(line[-1], line[-1] - line[-2], WIDTH, THICKNESS)
+    return one_muscle(
         "strap_over_two_joints",
+        "strap",
+        muscle,
+        ends("proximal", upper, "distal", lower),
         bones=bones,
-        muscles={"strap": muscle},
-        areas={"strap": areas},
         motion=RigidMotion(
             np.arange(float(len(poses))),
             {bone: np.array([table[bone] for table in transforms]) for bone in ("middle", "distal")},
         ),
-        templates={"strap": "parallel"},
         known={
             "coordinates": {"upper": poses[:, 0].copy(), "lower": poses[:, 1].copy()},
             "length": strap_length,

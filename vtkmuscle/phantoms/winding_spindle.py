@@ -7,13 +7,13 @@ import numpy as np
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, polylines_from
-from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.meshing import box, solid_of_revolution, volume_of_revolution
-from vtkmuscle.phantoms.phantom import Phantom, phantom_from
+from vtkmuscle.phantoms.phantom import Phantom, ends, one_muscle
+from vtkmuscle.phantoms.straps import round_ring
 
 #: Length along z, radii of the flat ends and of the middle [mm].
 LENGTH, END_RADIUS, BELLY_RADIUS = 120.0, 10.0, 18.0
-#: The muscle is a stack of so many slices of regular polygons.
+#: The muscle is a stack of slices, regular polygons: how many, and of how many sides.
 SLICES, SIDES = 60, 48
 #: Thickness and half width of the plates that stand for the bones, edge length of their triangles [mm].
 PLATE, HALF_WIDTH, SPACING = 6.0, 16.0, 4.0
@@ -25,7 +25,7 @@ def winding_spindle(twist: float = 60.0, *, n_superficial: int = 5) -> Phantom:
     """Return a round muscle between two plates, whose fibres wind around its axis.
 
     The fibre through the point at the radius q r(0) and the angle p of the lower end is at the height z at
-    the radius q r(z) and the angle p + twist z / 120 mm. Nothing in the muscle's shape tells the twist; a few
+    the radius q r(z) and the angle p + twist z / 120 mm. The muscle's shape does not show the twist; a few
     superficial fibres, digitised on the middle part of the surface, do. The plate ``insertion_plate`` moves
     down along z, by the pipeline's time in mm.
 
@@ -51,8 +51,7 @@ def winding_spindle(twist: float = 60.0, *, n_superficial: int = 5) -> Phantom:
     """
     heights = np.linspace(0.0, LENGTH, SLICES + 1)
     surface = solid_of_revolution(heights, radius_at(heights), SIDES)
-    angles = 2.0 * np.pi * np.arange(12) / 12
-    circle = END_RADIUS * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(12)])
+    circle = round_ring((0, 0), (0, -1), END_RADIUS)
     shifts = np.arange(0.0, 11.0)
     table = np.tile(np.eye(4), (len(shifts), 1, 1))
     table[:, 2, 3] = -shifts
@@ -60,33 +59,24 @@ def winding_spindle(twist: float = 60.0, *, n_superficial: int = 5) -> Phantom:
     up = np.array([0.0, 0.0, LENGTH + PLATE])
     starts = 2.0 * np.pi * (np.arange(n_superficial) + 0.25) / n_superficial
     seen = [winding_fibre(1.0, start, twist, np.linspace(*SEEN, SEEN_POINTS)) for start in starts]
-    return phantom_from(
+    return one_muscle(
         "winding_spindle",
+        "spindle",
+        surface,
+        ends("origin_plate", circle, "insertion_plate", np.add(circle, [0.0, 0.0, LENGTH])),
         bones={
             "origin_plate": box(low, high, SPACING),
             "insertion_plate": box(low + up, high + up, SPACING),
         },
-        muscles={"spindle": surface},
-        areas={
-            "spindle": [
-                AttachmentArea("origin", "origin_plate", circle, closed=True),
-                AttachmentArea(
-                    "insertion", "insertion_plate", np.add(circle, [0.0, 0.0, LENGTH]), closed=True
-                ),
-            ]
-        },
         motion=RigidMotion(shifts, {"insertion_plate": table}),
-        templates={"spindle": "parallel"},
         known={
             "twist": twist,
             "volume": volume_of_revolution(heights, radius_at(heights), SIDES),
             "fibre_length": lambda part: _length(part, twist),
         },
-        superficial={
-            "spindle": polylines_from(
-                Polylines(np.vstack(seen), np.arange(0, SEEN_POINTS * n_superficial + 1, SEEN_POINTS))
-            )
-        },
+        superficial=polylines_from(
+            Polylines(np.vstack(seen), np.arange(0, SEEN_POINTS * n_superficial + 1, SEEN_POINTS))
+        ),
     )
 
 

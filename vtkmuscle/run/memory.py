@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from vtkmuscle.core.collision.distance_blocks import SIDE
-from vtkmuscle.core.collision.obstacles import CELLS_PER_DIAGONAL
+from vtkmuscle.core.collision.distance_obstacle import CELLS_PER_DIAGONAL
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource

@@ -23,7 +23,8 @@ from vtkmuscle.data.arrays import (
     set_cell_array,
 )
 from vtkmuscle.data.surface_distance import SurfaceDistance
-from vtkmuscle.filters.base.filter import AbortedError, Filter
+from vtkmuscle.filters.base.algorithm import AbortedError
+from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.deformer.convergence_report import read_convergence
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.pipelines import MusclePipeline

@@ -18,7 +18,7 @@ from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
-from vtkmuscle.filters.base.filter import AbortedError
+from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.run.claim import scene_file
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.memory import check_memory

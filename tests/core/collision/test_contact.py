@@ -3,7 +3,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.collision.contact import Barrier, Contact
-from vtkmuscle.core.collision.obstacles import DistanceObstacle, VoxelObstacle
+from vtkmuscle.core.collision.distance_obstacle import DistanceObstacle
+from vtkmuscle.core.collision.obstacles import VoxelObstacle
 
 
 def box(low, high):

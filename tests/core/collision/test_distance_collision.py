@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from shapes import box, distance_to_box, sphere, union
 
-from vtkmuscle.core.collision.distance_collision import Clearance, resolve_distance_collisions
+from vtkmuscle.core.collision.clearance import Clearance
+from vtkmuscle.core.collision.distance_collision import resolve_distance_collisions
 from vtkmuscle.core.collision.distance_grid import build_distance_grid
 from vtkmuscle.core.collision.distance_lookup import rest_allowance, signed_distance
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, rotation_about

@@ -43,7 +43,7 @@ def assert_same(one, other):
 
 
 def test_the_second_grid_is_read_and_the_same_bit_by_bit(folder, builds):
-    grids = [cached_distance_grid(*ball(), cell=1.0) for _ in range(2)]
+    grids = [cached_distance_grid(ball(), cell=1.0) for _ in range(2)]
     assert len(builds) == 1
     assert_same(*grids)
     assert len(list(folder.iterdir())) == 1
@@ -51,54 +51,54 @@ def test_the_second_grid_is_read_and_the_same_bit_by_bit(folder, builds):
 
 def test_whatever_changes_the_grid_makes_another(folder, builds):
     points, triangles = ball()
-    cached_distance_grid(points, triangles, cell=1.0)
-    cached_distance_grid(points, triangles, cell=1.1)
-    cached_distance_grid(points, triangles, cell=1.0, band=3.0)
-    cached_distance_grid(points, triangles, cell=1.0, region=((-1, -1, -1), (20, 1, 1)))
-    cached_distance_grid(points + 1e-12, triangles, cell=1.0)
-    cached_distance_grid(points, np.roll(triangles, 1, axis=0), cell=1.0)
+    cached_distance_grid((points, triangles), cell=1.0)
+    cached_distance_grid((points, triangles), cell=1.1)
+    cached_distance_grid((points, triangles), cell=1.0, band=3.0)
+    cached_distance_grid((points, triangles), cell=1.0, region=((-1, -1, -1), (20, 1, 1)))
+    cached_distance_grid((points + 1e-12, triangles), cell=1.0)
+    cached_distance_grid((points, np.roll(triangles, 1, axis=0)), cell=1.0)
     assert len(builds) == 6
-    cached_distance_grid(points, triangles.astype(np.int32), cell=1.0, threads=1)
-    cached_distance_grid(points, triangles, cell=1.0, region=(np.full(3, -1.0), np.array([20.0, 1, 1])))
+    cached_distance_grid((points, triangles.astype(np.int32)), cell=1.0)
+    cached_distance_grid((points, triangles), cell=1.0, region=(np.full(3, -1.0), np.array([20.0, 1, 1])))
     assert len(builds) == 6
 
 
 @pytest.mark.parametrize("fault", ["cut", "bit", "empty", "other"])
 def test_a_corrupt_file_is_found_and_mended(folder, builds, fault):
-    expected = cached_distance_grid(*ball(), cell=1.0)
+    expected = cached_distance_grid(ball(), cell=1.0)
     (file,) = folder.iterdir()
     content = bytearray(file.read_bytes())
     content[len(content) // 2] ^= 1
     file.write_bytes(
         {"cut": content[:-1000], "bit": content, "empty": b"", "other": b"something else" * 100}[fault]
     )
-    assert_same(cached_distance_grid(*ball(), cell=1.0), expected)
+    assert_same(cached_distance_grid(ball(), cell=1.0), expected)
     assert len(builds) == 2
-    assert_same(cached_distance_grid(*ball(), cell=1.0), expected)
+    assert_same(cached_distance_grid(ball(), cell=1.0), expected)
     assert len(builds) == 2
 
 
 @pytest.mark.parametrize("arrays", [0, 2, 4])
 def test_a_file_with_something_else_in_it_is_mended(folder, builds, arrays):
-    expected = cached_distance_grid(*ball(), cell=1.0)
+    expected = cached_distance_grid(ball(), cell=1.0)
     (file,) = folder.iterdir()
     stream = io.BytesIO()
     for _ in range(arrays):
         np.save(stream, np.full((2, 2, 2), 7))
     body = stream.getvalue()
     file.write_bytes(grid_cache._MAGIC + hashlib.sha256(body).digest() + body)
-    assert_same(cached_distance_grid(*ball(), cell=1.0), expected)
+    assert_same(cached_distance_grid(ball(), cell=1.0), expected)
     assert len(builds) == 2
 
 
 def test_a_cache_that_can_only_be_read_is_read(folder, builds, monkeypatch):
-    cached_distance_grid(*ball(), cell=1.0)
+    cached_distance_grid(ball(), cell=1.0)
 
     def refuse(path):
         raise PermissionError(path)
 
     monkeypatch.setattr(grid_cache.os, "utime", refuse)
-    cached_distance_grid(*ball(), cell=1.0)
+    cached_distance_grid(ball(), cell=1.0)
     assert len(builds) == 1
 
 
@@ -106,16 +106,16 @@ def test_what_is_wrong_with_a_bone_is_told_when_it_is_read_too(folder):
     points, triangles = box()
     for _ in range(2):
         with pytest.warns(UserWarning, match="open: 1 hole"):
-            cached_distance_grid(points, triangles[1:], cell=0.3)
+            cached_distance_grid((points, triangles[1:]), cell=0.3)
 
 
 def test_a_folder_that_cannot_be_used_gives_one_warning_and_the_grid(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("in the way")
     monkeypatch.setenv("VTKMUSCLE_CACHE", str(tmp_path / "file" / "grids"))
     with pytest.warns(UserWarning, match="cannot be kept") as told:
-        grid = cached_distance_grid(*ball(), cell=1.0)
+        grid = cached_distance_grid(ball(), cell=1.0)
     assert len(told) == 1
-    assert_same(grid, cached_distance_grid(*ball(), cell=1.0))  # warnings are errors
+    assert_same(grid, cached_distance_grid(ball(), cell=1.0))  # warnings are errors
 
 
 def test_a_disk_that_is_full_leaves_no_part_of_a_file(folder, monkeypatch):
@@ -124,13 +124,13 @@ def test_a_disk_that_is_full_leaves_no_part_of_a_file(folder, monkeypatch):
 
     monkeypatch.setattr(grid_cache.os, "replace", full)
     with pytest.warns(UserWarning, match="No space left"):
-        cached_distance_grid(*ball(), cell=1.0)
+        cached_distance_grid(ball(), cell=1.0)
     assert list(folder.iterdir()) == []
 
 
 def _build(number):
     warnings.simplefilter("error")
-    return cached_distance_grid(*ball(), cell=0.5).values.sum()
+    return cached_distance_grid(ball(), cell=0.5).values.sum()
 
 
 def test_processes_that_build_at_once_do_no_harm(folder):
@@ -142,10 +142,10 @@ def test_processes_that_build_at_once_do_no_harm(folder):
 
 
 def test_the_oldest_files_make_room(folder, builds, monkeypatch):
-    cached_distance_grid(*ball(), cell=1.0)
+    cached_distance_grid(ball(), cell=1.0)
     (first,) = folder.iterdir()
     monkeypatch.setattr(grid_cache, "MOST_BYTES", int(1.5 * first.stat().st_size))
-    cached_distance_grid(*ball(), cell=1.001)
+    cached_distance_grid(ball(), cell=1.001)
     (second,) = folder.iterdir()
     assert second != first
 
@@ -166,5 +166,5 @@ def test_where_the_cache_is(monkeypatch, tmp_path):
 def test_an_empty_variable_turns_the_cache_off(monkeypatch, builds):
     monkeypatch.setenv("VTKMUSCLE_CACHE", "")
     for _ in range(2):
-        cached_distance_grid(*ball(), cell=1.0)
+        cached_distance_grid(ball(), cell=1.0)
     assert len(builds) == 2

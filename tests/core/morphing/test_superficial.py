@@ -140,7 +140,7 @@ def test_pieces_share_out_their_fibres():
     assert seen.weights.max() <= 2.0
     assert np.allclose(np.abs(seen.directions @ [0, 0, 1]).round(12) @ seen.weights, 10.0)
     assert np.allclose(seen.places[:5], [[0, 0, z] for z in (1, 3, 5, 7, 9)])
-    with pytest.raises(ValueError, match="no superficial fibre has a length"):
+    with pytest.raises(ValueError, match="no fibre has a length"):
         seen_fibres(lines[2:4], np.array([0, 2]), lines)
 
 

@@ -3,7 +3,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from spindle import spindle
 
-from vtkmuscle.core.collision.obstacles import DistanceObstacle, VoxelObstacle, bone_axes
+from vtkmuscle.core.collision.distance_obstacle import DistanceObstacle
+from vtkmuscle.core.collision.obstacles import VoxelObstacle, bone_axes
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, rotation_about

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from taut_phantoms import known_paths, strung_phantom
 
-from vtkmuscle.core.collision.obstacles import DistanceObstacle
+from vtkmuscle.core.collision.distance_obstacle import DistanceObstacle
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about

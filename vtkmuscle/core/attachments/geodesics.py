@@ -6,6 +6,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 from vtkmuscle.core.types import Floats, Ints
 
@@ -45,9 +46,11 @@ def geodesic_curve(points: Floats, triangles: Ints, vertices: Ints, *, closed: b
         if not len(path):
             path = _shortest_path(points, edges, int(start), int(end), np.inf)
         if not len(path):
-            raise ValueError(
+            raise InputError(
+                "",
                 f"two neighbouring landmarks are nearest to the muscle points {start} and {end}, which no "
-                "edges connect: the muscle is in several pieces; split the attachment, or join the pieces"
+                "edges connect: the muscle is in several pieces",
+                "split the attachment, or join the pieces",
             )
         curve.append(path[1:])
     return np.concatenate(curve)

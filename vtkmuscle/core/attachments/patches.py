@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.attachments.geodesics import geodesic_curve
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.segments import segment_distances
 from vtkmuscle.core.mesh.surface import (
     edge_lengths,
@@ -109,7 +110,7 @@ def _nearest_vertices(
     patch would be there. So points that face the bone go first.
     """
     if not len(landmarks):
-        raise ValueError("the attachment has no landmarks")
+        raise InputError("", "the attachment has no landmarks")
     used = np.flatnonzero(np.bincount(triangles.reshape(-1), minlength=len(points)))
     tree = cKDTree(points[used])
     offsets, nearest = tree.query(landmarks)
@@ -117,10 +118,12 @@ def _nearest_vertices(
     limit = max(FARTHEST_LANDMARK * diagonal, tolerance)
     worst = int(np.argmax(offsets))
     if offsets[worst] > limit:
-        raise ValueError(
+        raise InputError(
+            "",
             f"landmark {worst} is {offsets[worst]:.4g} from the muscle, whose size is {diagonal:.4g}; at "
-            f"most {limit:.4g} is accepted: leave this attachment out if it is another muscle's or out of "
-            "the scene, and check the units, or give a larger distance"
+            f"most {limit:.4g} is accepted",
+            "leave this attachment out if it is another muscle's or out of the scene, and check the units, "
+            "or give a larger distance",
         )
     if bone_distance is not None:
         _prefer_facing(points, triangles, landmarks, nearest, (tree, used, limit), bone_distance)

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vtkmuscle.core.collision.distance_collision import Clearance
+from vtkmuscle.core.collision.clearance import Clearance
 from vtkmuscle.core.collision.muscle_contact import MuscleContact
-from vtkmuscle.core.collision.obstacles import Obstacle
+from vtkmuscle.core.collision.obstacles import Approach, Obstacle
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Bools, Floats, Ints
@@ -36,8 +36,6 @@ class Barrier:
         Points that may be moved.
     bone_push : bool
         See :meth:`~vtkmuscle.core.collision.obstacles.Obstacle.keep_out`.
-    warns : bool
-        Whether to warn of what cannot come out well.
     """
 
     def __init__(
@@ -48,13 +46,11 @@ class Barrier:
         free: Bools,
         *,
         bone_push: bool,
-        warns: bool = True,
     ) -> None:
         self.obstacles = tuple(obstacles)
         self.free = free
         self.any_free = bool(free.any())
         self.bone_push = bone_push
-        self._warns = warns
         self._rest = rest
         self._about_centre = np.eye(4)
         self._about_centre[:3, 3] = -centre
@@ -69,7 +65,7 @@ class Barrier:
         self._from_axes: dict[int, Floats] = {}
         self._allowances: dict[int, Floats | None] = {}
         self._memory: dict[int, tuple[Floats, Clearance]] = {}
-        self._told: set[tuple[int, str]] = set()
+        self._warned: set[tuple[int, str]] = set()
 
     def from_axes(self, number: int) -> Floats:
         """Return the transform from an obstacle's axes to the scene at rest, about the muscle's centre."""
@@ -86,7 +82,7 @@ class Barrier:
             if allowance is not None:
                 inside = int((allowance[self.free] > self.obstacles[number].skin).sum())
                 if inside > SWALLOWED * self.free.sum():
-                    self.tell(
+                    self.warn(
                         number,
                         "swallowed",
                         f"{inside} of the muscle's {self.free.sum()} free points are in it at rest and may "
@@ -100,10 +96,10 @@ class Barrier:
             self._memory[number] = np.empty_like(self._rest), Clearance(len(self._rest))
         return self._memory[number]
 
-    def tell(self, number: int, kind: str, what: str) -> None:
+    def warn(self, number: int, kind: str, what: str) -> None:
         """Warn of what was seen at an obstacle, once for each kind."""
-        if self._warns and (number, kind) not in self._told:
-            self._told.add((number, kind))
+        if (number, kind) not in self._warned:
+            self._warned.add((number, kind))
             warnings.warn(f"{self.obstacles[number].name}: {what}", stacklevel=2)
 
 
@@ -141,14 +137,14 @@ class Contact:
             return
         self._now = now[barrier.bones]
         self._steps = self._now @ _inverses(before[barrier.bones])
-        self._x = [x for _ in barrier.obstacles]
+        self._x = x
         #: Where the bones are, and, seen from each, where points come from: as far as it takes them along.
         self._low, self._high = _moved_boxes(self._now, barrier.boxes[:, 0], barrier.boxes[:, 1])
         if not barrier.any_free:
             return
         self._box = low, high = _box(x, barrier.free)
         self._from_low, self._from_high = _moved_boxes(self._steps, (low + high) / 2, (high - low) / 2)
-        self._followed: dict[int, _Followed] = {}
+        self._followed: dict[int, Approach] = {}
 
     def keep_out(self, p: Floats) -> Bools:
         """Move predicted positions out of the bones that they can have met.
@@ -173,47 +169,55 @@ class Contact:
         while waiting:
             number = waiting.pop(0)
             obstacle = barrier.obstacles[number]
-            met = self._followed.get(number)
-            if met is None:
-                bone = self._now[number] @ barrier.from_axes(number)
-                if not self._meets(number, inverse(bone), p):
+            approach = self._followed.get(number)
+            first = approach is None
+            if approach is None:
+                approach = self._met(number, p)
+                if approach is None:
                     continue
-                met = self._followed[number] = _Followed(bone, barrier.memory(number))
-                obstacle.begin(met.clearance, bone, self._steps[number], self._x[number])
-            first = not met.tested
+            last = barrier.memory(number)[0]
+            moved = obstacle.keep_out(approach, p)
             if first:
-                met.last[:] = p
-            moved = obstacle.keep_out(
-                met.bone,
-                self._steps[number],
-                self._x[number],
-                p,
-                barrier.free,
-                allowance=barrier.allowance(number),
-                bone_push=barrier.bone_push,
-                clearance=met.clearance,
-            )
-            if first:
-                met.tested = True
-                self._look_at(number, met.bone, met.last, moved)
+                self._look_at(number, approach, last, moved)
             if moved.any():
                 hit |= moved
                 waiting = self._in_reach(p, number + 1)
             if obstacle.slides:
-                met.last[:] = p
-                self._x[number], self._steps[number] = met.last, _STILL
+                last[:] = p
+                approach.x, approach.step = last, _STILL
                 self._from_low[number], self._from_high[number] = self._box
         return hit
 
-    def _look_at(self, number: int, bone: Floats, predicted: Floats, moved: Bools) -> None:
+    def _met(self, number: int, p: Floats) -> Approach | None:
+        """Return the approach to an obstacle that the points may meet for the first time in the step."""
+        barrier, obstacle = self._barrier, self._barrier.obstacles[number]
+        bone = self._now[number] @ barrier.from_axes(number)
+        if not self._meets(number, inverse(bone), p):
+            return None
+        last, clearance = barrier.memory(number)
+        last[:] = p
+        approach = Approach(
+            bone,
+            self._steps[number],
+            self._x,
+            barrier.free,
+            barrier.allowance(number),
+            barrier.bone_push,
+            clearance,
+        )
+        obstacle.begin(approach)
+        self._followed[number] = approach
+        return approach
+
+    def _look_at(self, number: int, approach: Approach, predicted: Floats, moved: Bools) -> None:
         """Warn where a step began with more in a bone, or farther through it, than can come out well."""
         barrier, obstacle = self._barrier, self._barrier.obstacles[number]
         if obstacle.slides and not moved.any():
             return
         # Those that slide along a bone were in it if they were moved.
         ids = np.flatnonzero(barrier.free & moved if obstacle.slides else barrier.free)
-        to_axes = inverse(bone)
-        start = apply_transform(to_axes @ self._steps[number], self._x[number][ids])
+        to_axes = inverse(approach.now)
+        start = apply_transform(to_axes @ approach.step, approach.x[ids])
         end = apply_transform(to_axes, predicted[ids])
         inside = obstacle.entered(end, moved[ids])
         low, high = obstacle.box_along_axes
@@ -225,17 +229,17 @@ class Contact:
         farthest, way = ids[met][ways.argmax()], float(ways.max())
         thickness = float((high - low).min())
         if way > thickness:
-            came_from = self._x[number][[farthest]]
-            carried = float(np.linalg.norm(apply_transform(self._steps[number], came_from) - came_from))
+            came_from = approach.x[[farthest]]
+            carried = float(np.linalg.norm(apply_transform(approach.step, came_from) - came_from))
             if carried > 0.5 * way:
-                barrier.tell(
+                barrier.warn(
                     number,
                     "jumped",
                     f"it moved {way:.4g} mm against the muscle in one step, but is {thickness:.4g} mm thick; "
                     "give the motion more frames, or use more substeps",
                 )
             else:
-                barrier.tell(
+                barrier.warn(
                     number,
                     "flung",
                     f"a point of the muscle moved {way:.4g} mm against it in one step by its own velocity, "
@@ -243,7 +247,7 @@ class Contact:
                     "velocity, or more iterations",
                 )
         if inside.sum() > SWALLOWED * barrier.free.sum():
-            barrier.tell(
+            barrier.warn(
                 number,
                 "swallowed",
                 f"{inside.sum()} of the muscle's {barrier.free.sum()} free points were in it at the "
@@ -268,32 +272,20 @@ class Contact:
     def _meets(self, number: int, to_axes: Floats, p: Floats) -> bool:
         """Return whether the path of the points may meet an obstacle's box along its own axes."""
         obstacle, free = self._barrier.obstacles[number], self._barrier.free
-        starts = _box_seen_from(to_axes @ self._steps[number], self._x[number], free)
+        starts = _box_seen_from(to_axes @ self._steps[number], self._x, free)
         ends = _box_seen_from(to_axes, p, free)
         low, high = obstacle.box_along_axes
         lowest, highest = np.minimum(starts[0], ends[0]), np.maximum(starts[1], ends[1])
         if (highest < low - obstacle.margin).any() or (lowest > high + obstacle.margin).any():
             return False
         if obstacle.cover(lowest, highest):
-            self._barrier.tell(
+            self._barrier.warn(
                 number,
                 "unforeseen",
                 "the muscle came farther along it than its bones would take it, so the distances from all of "
                 "the bone are needed, which are made now",
             )
         return True
-
-
-class _Followed:
-    """What is known of the points of a muscle and a bone that they have come near to."""
-
-    def __init__(self, bone: Floats, memory: tuple[Floats, Clearance]) -> None:
-        #: From the bone's axes to where it is.
-        self.bone = bone
-        #: Whether the first test is done.
-        self.tested = False
-        #: Positions after the last test, and how far they may go from there.
-        self.last, self.clearance = memory
 
 
 def _meet(start: Floats, end: Floats, low: Floats, high: Floats) -> Bools:

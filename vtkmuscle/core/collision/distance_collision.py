@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from vtkmuscle.core.collision.distance_grid import DistanceGrid
+from vtkmuscle.core.collision.clearance import Clearance
+from vtkmuscle.core.collision.distance_grid import DistanceGrid, Field
 from vtkmuscle.core.collision.distance_lookup import distance_at, normal_at
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.motion.rigid import inverse
-from vtkmuscle.core.types import Bools, Floats, Singles, Table
+from vtkmuscle.core.motion.rigid import transform_point
+from vtkmuscle.core.types import Bools, Floats
 
 #: Cells of the band of a grid that a skin must leave free.
 SKIN_CELLS = 1.5
@@ -95,19 +97,17 @@ def resolve_distance_collisions(
     """
     widest = grid.band - SKIN_CELLS * grid.cell
     if not (0.0 <= skin <= widest * (1.0 + 1e-12) and 0.0 <= friction < np.inf):
-        raise ValueError(
+        raise InputError(
+            "",
             f"skin must be 0 to {widest:g} mm (the band of the distance grid less 1.5 cells) and friction "
-            f">= 0, got skin={skin:g} mm, friction={friction:g}; build the grid with a wider band"
+            f">= 0, got skin={skin:g} mm, friction={friction:g}",
+            "build the grid with a wider band",
         )
     known = Clearance(len(p)) if clearance is None else clearance
     moved = np.zeros(len(p), dtype=np.bool_)
     to_rest = known.to_rest(now)
     _resolve(
-        grid.values,
-        grid.table,
-        grid.origin,
-        grid.cell,
-        grid.band,
+        grid.field,
         np.ascontiguousarray(now, dtype=np.float64),
         to_rest,
         to_rest @ step,
@@ -124,84 +124,9 @@ def resolve_distance_collisions(
     return moved
 
 
-class Clearance:
-    """How far points were from a bone when they were last looked at.
-
-    That is a matter of where they were beside the bone: as the bone moves on, what is known moves with it.
-
-    Parameters
-    ----------
-    n_points : int
-        How many there are. None of them has been looked at yet.
-
-    Attributes
-    ----------
-    seen_at : (n, 3) array
-        Where each point was [mm].
-    squares : (n,) array
-        Square of the way that it can go from there without meeting the bone's skin [mm^2].
-    """
-
-    def __init__(self, n_points: int) -> None:
-        self.seen_at: Floats = np.zeros((n_points, 3))
-        self.squares: Floats = np.zeros(n_points)
-        self._grid: DistanceGrid | None = None
-        self._bone: Floats = np.eye(4)
-        self._to_rest: tuple[Floats, Floats] | None = None
-
-    def to_rest(self, bone: Floats) -> Floats:
-        """Return the inverse of where the bone is; one array is inverted once, however often it comes."""
-        if self._to_rest is None or self._to_rest[0] is not bone:
-            self._to_rest = bone, inverse(bone)
-        return self._to_rest[1]
-
-    def begin(self, grid: DistanceGrid, bone: Floats, step: Floats, x: Floats) -> None:
-        """Begin a step.
-
-        Parameters
-        ----------
-        grid : DistanceGrid
-            Of the bone; of another one than before nothing is known.
-        bone : (4, 4) array
-            Where it is now.
-        step : (4, 4) array
-            Motion of the bone from the previous frame to now.
-        x : (n, 3) array
-            Positions of the previous frame [mm]; the ways of the points begin there.
-        """
-        if grid is not self._grid:
-            self.squares[:] = 0.0
-        else:
-            _carry(bone @ inverse(self._bone), step, x, self.seen_at, self.squares)
-        self._grid, self._bone = grid, bone
-
-
-@kernel
-def _carry(since: Floats, step: Floats, x: Floats, seen_at: Floats, squares: Floats) -> None:
-    """Move where points were seen with the bone, and forget those that begin their ways farther off.
-
-    since, step : (4, 4), motions of the bone since they were seen, and in this step.
-    """
-    for i in range(len(squares)):
-        if squares[i] == 0.0:
-            continue
-        a, b, c = seen_at[i, 0], seen_at[i, 1], seen_at[i, 2]
-        way = 0.0
-        for k in range(3):
-            seen_at[i, k] = since[k, 0] * a + since[k, 1] * b + since[k, 2] * c + since[k, 3]
-            start = step[k, 0] * x[i, 0] + step[k, 1] * x[i, 1] + step[k, 2] * x[i, 2] + step[k, 3]
-            way += (start - seen_at[i, k]) ** 2
-        if not way < squares[i]:
-            squares[i] = 0.0
-
-
 @kernel
 def _resolve(
-    values: Singles,
-    table: Table,
-    origin: Floats,
-    cell: float,
-    band: float,
+    field: Field,
     now: Floats,
     to_rest: Floats,
     to_start: Floats,
@@ -218,40 +143,33 @@ def _resolve(
     """Do what :func:`resolve_distance_collisions` says; seen_at, squares, moved : changed in place."""
     start, end, wanted = np.empty(3), np.empty(3), np.empty(3)
     work = np.empty((9, 3))
-    zone = _ZONE * cell
+    zone = _ZONE * field.cell
     for i in range(len(p)):
         way = (p[i, 0] - seen_at[i, 0]) ** 2 + (p[i, 1] - seen_at[i, 1]) ** 2 + (p[i, 2] - seen_at[i, 2]) ** 2
         if way < squares[i] or not movable[i]:
             continue
+        transform_point(to_start, x, i, start)
+        transform_point(to_rest, p, i, end)
         apart, finite, beyond = False, True, 0.0
         for k in range(3):
-            start[k] = (
-                to_start[k, 0] * x[i, 0]
-                + to_start[k, 1] * x[i, 1]
-                + to_start[k, 2] * x[i, 2]
-                + to_start[k, 3]
-            )
-            end[k] = (
-                to_rest[k, 0] * p[i, 0] + to_rest[k, 1] * p[i, 1] + to_rest[k, 2] * p[i, 2] + to_rest[k, 3]
-            )
-            high = origin[k] + cell * 8 * table.shape[k]
-            apart = apart or max(start[k], end[k]) < origin[k] or min(start[k], end[k]) > high
+            high = field.origin[k] + field.cell * 8 * field.table.shape[k]
+            apart = apart or max(start[k], end[k]) < field.origin[k] or min(start[k], end[k]) > high
             finite = finite and np.isfinite(start[k]) and np.isfinite(end[k])
-            outside = max(origin[k] - end[k], end[k] - high, 0.0)
+            outside = max(field.origin[k] - end[k], end[k] - high, 0.0)
             beyond += outside * outside
         length = np.sqrt((end[0] - start[0]) ** 2 + (end[1] - start[1]) ** 2 + (end[2] - start[2]) ** 2)
         if not (finite and np.isfinite(length)):
             continue  # a path without a direction has no end either
-        distance = distance_at(values, table, origin, cell, band, end[0], end[1], end[2])
+        distance = distance_at(field, end[0], end[1], end[2])
         # A cell, for what the interpolation between nodes can be wrong by. Beyond the grid there is nothing.
-        clear = max(distance, np.sqrt(beyond)) - (cell + skin)
+        clear = max(distance, np.sqrt(beyond)) - (field.cell + skin)
         seen_at[i], squares[i] = p[i], max(clear, 0.0) ** 2
         height = distance - (skin - allowance[i])
         if apart or (height >= 0.0 and height - zone >= length):
             continue  # too short a way to meet the bone
         for k in range(3):
             wanted[k] = end[k]
-        _respond(values, table, origin, cell, band, start, end, skin - allowance[i], friction, work)
+        _respond(field, start, end, skin - allowance[i], friction, work)
         if end[0] != wanted[0] or end[1] != wanted[1] or end[2] != wanted[2]:
             for k in range(3):
                 p[i, k] = now[k, 0] * end[0] + now[k, 1] * end[1] + now[k, 2] * end[2] + now[k, 3]
@@ -261,16 +179,7 @@ def _resolve(
 
 @kernel
 def _respond(  # noqa: PLR0912 -- loops over axes compile faster than array expressions
-    values: Singles,
-    table: Table,
-    origin: Floats,
-    cell: float,
-    band: float,
-    start: Floats,
-    end: Floats,
-    level: float,
-    friction: float,
-    work: Floats,
+    field: Field, start: Floats, end: Floats, level: float, friction: float, work: Floats
 ) -> None:
     """Move the end of a path to where the bone lets it be; start and end : (3,), changed in place."""
     contact, normal, landing = work[0], work[1], work[2]
@@ -278,12 +187,12 @@ def _respond(  # noqa: PLR0912 -- loops over axes compile faster than array expr
     for k in range(3):
         first[k], wanted[k] = start[k], end[k]
     slides = 0
-    while _crosses(values, table, origin, cell, band, start, end, level, contact, landing, work):
-        _push_out(values, table, origin, cell, band, contact, level)
+    while _crosses(field, start, end, level, contact, landing, work):
+        _push_out(field, contact, level)
         for k in range(3):
             start[k] = contact[k]
         slides += 1
-        if slides > _MOST_SLIDES or not normal_at(values, table, origin, cell, band, contact, normal):
+        if slides > _MOST_SLIDES or not normal_at(field, contact, normal):
             for k in range(3):
                 landing[k] = contact[k]
             break
@@ -296,7 +205,7 @@ def _respond(  # noqa: PLR0912 -- loops over axes compile faster than array expr
         push, slip, along = 0.0, 0.0, 0.0
         for k in range(3):
             push += (landing[k] - wanted[k]) ** 2
-        if push > 0.0 and normal_at(values, table, origin, cell, band, landing, normal):
+        if push > 0.0 and normal_at(field, landing, normal):
             for k in range(3):
                 along += normal[k] * (landing[k] - first[k])
             for k in range(3):
@@ -304,37 +213,31 @@ def _respond(  # noqa: PLR0912 -- loops over axes compile faster than array expr
             part = min(1.0, friction * np.sqrt(push / slip)) if slip > 0.0 else 0.0
             for k in range(3):
                 landing[k] -= part * (landing[k] - first[k] - along * normal[k])
-            _push_out(values, table, origin, cell, band, landing, level)
+            _push_out(field, landing, level)
     for k in range(3):
         end[k] = landing[k]
 
 
 @kernel
-def _push_out(
-    values: Singles, table: Table, origin: Floats, cell: float, band: float, at: Floats, level: float
-) -> None:
+def _push_out(field: Field, at: Floats, level: float) -> None:
     """Move a position that is deeper than a level to the level, along the gradient; at : (3,), in place."""
     normal = np.empty(3)
-    depth = level - distance_at(values, table, origin, cell, band, at[0], at[1], at[2])
-    if depth <= _TOLERANCE * cell:
+    depth = level - distance_at(field, at[0], at[1], at[2])
+    if depth <= _TOLERANCE * field.cell:
         return
     for _ in range(_MOST_PUSHES):
-        if abs(depth) <= 0.5 * _TOLERANCE * cell:
+        if abs(depth) <= 0.5 * _TOLERANCE * field.cell:
             break
-        if not normal_at(values, table, origin, cell, band, at, normal):
+        if not normal_at(field, at, normal):
             break
         for k in range(3):
             at[k] += depth * normal[k]
-        depth = level - distance_at(values, table, origin, cell, band, at[0], at[1], at[2])
+        depth = level - distance_at(field, at[0], at[1], at[2])
 
 
 @kernel
 def _crosses(  # noqa: PLR0912 -- one walk along a path
-    values: Singles,
-    table: Table,
-    origin: Floats,
-    cell: float,
-    band: float,
+    field: Field,
     start: Floats,
     end: Floats,
     level: float,
@@ -353,26 +256,26 @@ def _crosses(  # noqa: PLR0912 -- one walk along a path
     at, normal, direction, down = work[3], work[4], work[7], work[8]
     for k in range(3):
         landing[k] = end[k]
-    last = distance_at(values, table, origin, cell, band, end[0], end[1], end[2]) - level
-    height = distance_at(values, table, origin, cell, band, start[0], start[1], start[2]) - level
+    last = distance_at(field, end[0], end[1], end[2]) - level
+    height = distance_at(field, start[0], start[1], start[2]) - level
     length = np.sqrt((end[0] - start[0]) ** 2 + (end[1] - start[1]) ** 2 + (end[2] - start[2]) ** 2)
-    zone = _ZONE * cell
+    zone = _ZONE * field.cell
     if last >= 0.0 and max(last, height) - zone >= length:
         return False  # too short to meet the bone
     if last < 0.0:
-        _push_out(values, table, origin, cell, band, landing, level)
+        _push_out(field, landing, level)
     if not length > 0.0:
         return False
     for k in range(3):
         direction[k] = (end[k] - start[k]) / length
-    t, t_end = _span_in_grid(table, origin, cell, start, direction, length)
+    t, t_end = _span_in_grid(field, start, direction, length)
     low, going_down, going_up = 0.0, False, False
     while t <= t_end:
         for k in range(3):
             at[k] = start[k] + t * direction[k]
-        height = distance_at(values, table, origin, cell, band, at[0], at[1], at[2]) - level
+        height = distance_at(field, at[0], at[1], at[2]) - level
         low = min(low, height)
-        if (going_down or height < zone) and normal_at(values, table, origin, cell, band, at, normal):
+        if (going_down or height < zone) and normal_at(field, at, normal):
             if _dot(normal, direction) < 0.0:
                 if not going_down or (going_up and height >= 0.0):
                     going_down, going_up = True, False
@@ -383,50 +286,40 @@ def _crosses(  # noqa: PLR0912 -- one walk along a path
                 going_up = True
                 if _dot(normal, down) < 0.0:
                     if low < 0.0:
-                        _approach(values, table, origin, cell, band, contact, direction, level)
+                        _approach(field, contact, direction, level)
                     return True
         if height >= zone:
             going_down = going_up = False
-        onward = min(t_end, t + max(_LEAST_STEP * cell, abs(height - zone)))
+        onward = min(t_end, t + max(_LEAST_STEP * field.cell, abs(height - zone)))
         if not onward > t:  # the end, or so far away that a step is lost in rounding
             break
         t = onward
-    if not (going_down and last < 0.0 and normal_at(values, table, origin, cell, band, landing, normal)):
+    if not (going_down and last < 0.0 and normal_at(field, landing, normal)):
         return False
     if _dot(normal, down) >= 0.0:
         return False
-    _approach(values, table, origin, cell, band, contact, direction, level)
+    _approach(field, contact, direction, level)
     return True
 
 
 @kernel
-def _approach(
-    values: Singles,
-    table: Table,
-    origin: Floats,
-    cell: float,
-    band: float,
-    at: Floats,
-    direction: Floats,
-    level: float,
-) -> None:
+def _approach(field: Field, at: Floats, direction: Floats, level: float) -> None:
     """Move a position along a direction down to a level; at : (3,), in place."""
     for _ in range(_MOST_PUSHES):
-        height = distance_at(values, table, origin, cell, band, at[0], at[1], at[2]) - level
-        if height <= _TOLERANCE * cell:
+        height = distance_at(field, at[0], at[1], at[2]) - level
+        if height <= _TOLERANCE * field.cell:
             break
         for k in range(3):
             at[k] += height * direction[k]
 
 
 @kernel
-def _span_in_grid(
-    table: Table, origin: Floats, cell: float, start: Floats, direction: Floats, length: float
-) -> tuple[float, float]:
+def _span_in_grid(field: Field, start: Floats, direction: Floats, length: float) -> tuple[float, float]:
     """Return where a path enters and leaves the box of the grid, the first the greater if it misses it."""
     first, last = 0.0, length
     for k in range(3):
-        low, high = origin[k] - start[k], origin[k] + cell * 8 * table.shape[k] - start[k]
+        low = field.origin[k] - start[k]
+        high = field.origin[k] + field.cell * 8 * field.table.shape[k] - start[k]
         if direction[k] == 0.0:
             if low > 0.0 or high < 0.0:
                 return 1.0, 0.0

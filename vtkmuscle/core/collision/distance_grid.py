@@ -11,13 +11,16 @@ import warnings
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.collision.distance_blocks import SIDE, with_far_faces
 from vtkmuscle.core.collision.distance_shell import Lattice, ShellDistance, shell_distance
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.core.types import Floats, Ints, Singles, Table
 
@@ -26,6 +29,20 @@ BAND_CELLS = 2.5
 
 #: Blocks in the table of a grid, at most.
 MOST_BLOCKS = 2**23
+
+
+#: Lowest and highest corner [mm].
+Corners = tuple[ArrayLike, ArrayLike]
+
+
+class Field(NamedTuple):
+    """A :class:`DistanceGrid` as kernels take it; the attributes are the grid's."""
+
+    values: Singles
+    table: Table
+    origin: Floats
+    cell: float
+    band: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +73,11 @@ class DistanceGrid:
     values: Singles
     remarks: tuple[str, ...] = ()
 
+    @cached_property
+    def field(self) -> Field:
+        """The grid for kernels."""
+        return Field(self.values, self.table, self.origin, self.cell, self.band)
+
     @property
     def nbytes(self) -> int:
         """Memory of the grid [bytes]."""
@@ -68,13 +90,13 @@ def build_distance_grid(
     *,
     cell: float,
     band: float | None = None,
-    region: tuple[ArrayLike, ArrayLike] | None = None,
+    region: Corners | None = None,
     threads: int = 0,
     what: str = "distance grid",
 ) -> DistanceGrid:
     """Return the signed distance from a surface of one or several shells, which may overlap.
 
-    Within the band, distances are those to the triangles and the side is told by angle-weighted normals
+    Within the band, distances are those to the triangles and the side follows from angle-weighted normals
     (Baerentzen, Aanaes 2005, doi:10.1109/TVCG.2005.49). Farther inside, the distance is that of a front
     that moves inward at unit speed from the band (Zhao 2005, doi:10.1090/S0025-5718-04-01678-3), to first
     order. Each shell has an inside of its own, whether it faces outward or inward; of several the least
@@ -115,8 +137,8 @@ def build_distance_grid(
     """
     band = BAND_CELLS * cell if band is None else float(band)
     if not (np.isfinite(cell) and cell > 0 and np.isfinite(band) and band >= 2 * cell):
-        raise ValueError(
-            f"a distance grid needs cell > 0 and band >= 2 cells, got cell={cell:g} mm, band={band:g} mm"
+        raise InputError(
+            "", f"a distance grid needs cell > 0 and band >= 2 cells, got cell={cell:g} mm, band={band:g} mm"
         )
     surface = closed_shells(points, triangles)
     warn_of(surface.remarks, what)
@@ -126,9 +148,10 @@ def build_distance_grid(
     base, top = low - (band + cell), high + (band + cell)
     first, count = _blocks_of(base, top, cell, region)
     if np.prod(count.astype(np.float64)) > MOST_BLOCKS:
-        raise ValueError(
-            f"cells of {cell:g} mm are too small for a box of {np.ptp([base, top], axis=0).round(1)} mm; "
-            "use larger cells or a smaller region"
+        raise InputError(
+            "",
+            f"cells of {cell:g} mm are too small for a box of {np.ptp([base, top], axis=0).round(1)} mm",
+            "use larger cells or a smaller region",
         )
     threads = threads or os.cpu_count() or 1
     lattice = Lattice(base + SIDE * cell * first, float(cell), tuple(int(n) for n in count))
@@ -179,15 +202,15 @@ def warn_of(remarks: tuple[str, ...], what: str) -> None:
         warnings.warn(f"{what}: " + "; ".join(remarks), stacklevel=3)
 
 
-def _blocks_of(
-    base: Floats, top: Floats, cell: float, region: tuple[ArrayLike, ArrayLike] | None
-) -> tuple[Ints, Ints]:
+def _blocks_of(base: Floats, top: Floats, cell: float, region: Corners | None) -> tuple[Ints, Ints]:
     """Return the first block of the grid, counted from the base, and the number of blocks."""
     low, high = base, top
     if region is not None:
         corners = np.asarray(region, dtype=np.float64)
         if corners.shape != (2, 3) or not np.isfinite(corners).all() or (corners[0] > corners[1]).any():
-            raise ValueError(f"a region is a low and a high corner, three finite numbers each, got {region}")
+            raise InputError(
+                "", f"a region is a low and a high corner, three finite numbers each, got {region}"
+            )
         # Two more cells, so that a gradient at the edge of the region has all its nodes.
         low = np.clip(corners[0] - 2 * cell, base, top)
         high = np.clip(corners[1] + 2 * cell, base, top)

@@ -105,7 +105,7 @@ def shell_distance(
     solid : bool
         False for a shell that encloses nothing: the distance is then without sign.
     threads : int
-        At most so many work at a time.
+        How many work at a time, at most.
 
     Returns
     -------
@@ -203,7 +203,7 @@ def _blocks_inside(points: Floats, shell: Ints, lattice: Lattice, blocks: Ints, 
 
     Connected blocks beyond the band are on one side, that of the nodes of the band next to them: most of
     them, in case the surface meets itself. Where there are none, or as many on either side, the winding
-    number tells.
+    number decides.
     """
     beyond = np.ones(lattice.shape, dtype=np.bool_)
     beyond.reshape(-1)[blocks] = False

@@ -11,16 +11,14 @@ import hashlib
 import io
 import os
 import tempfile
-import warnings
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from vtkmuscle.core.cache_folder import FOLDER_VARIABLE, cache_folder
+from vtkmuscle.core.cache_folder import cache_folder, warn_of_folder
 from vtkmuscle.core.collision.distance_blocks import SIDE
-from vtkmuscle.core.collision.distance_grid import DistanceGrid, build_distance_grid, warn_of
+from vtkmuscle.core.collision.distance_grid import Corners, DistanceGrid, build_distance_grid, warn_of
 from vtkmuscle.core.files import check_is_file
 from vtkmuscle.core.types import Floats, Ints
 
@@ -35,20 +33,20 @@ _SUFFIX = ".distances"
 
 
 def cached_distance_grid(
-    points: Floats,
-    triangles: Ints,
+    surface: tuple[Floats, Ints],
     *,
     cell: float,
     band: float | None = None,
-    region: tuple[ArrayLike, ArrayLike] | None = None,
-    threads: int = 0,
+    region: Corners | None = None,
     what: str = "distance grid",
 ) -> DistanceGrid:
     """Return the signed distance from a surface, from disk if it was built before.
 
     Parameters
     ----------
-    points, triangles, cell, band, region, threads, what
+    surface : tuple of (n, 3) array, (m, 3) int array
+        Positions in the rest pose [mm]; point ids.
+    cell, band, region, what
         As for :func:`~vtkmuscle.core.collision.distance_grid.build_distance_grid`.
 
     Returns
@@ -64,30 +62,22 @@ def cached_distance_grid(
     folder = cache_folder()
     path = None
     if folder is not None:
-        path = folder / (_key(points, triangles, cell, band, region) + _SUFFIX)
+        path = folder / (_key(surface, cell, band, region) + _SUFFIX)
         grid = _read(path)
         if grid is not None:
             warn_of(grid.remarks, what)
             return grid
-    grid = build_distance_grid(
-        points, triangles, cell=cell, band=band, region=region, threads=threads, what=what
-    )
+    grid = build_distance_grid(*surface, cell=cell, band=band, region=region, what=what)
     if path is not None:
         _write(path, grid)
     return grid
 
 
-def _key(
-    points: Floats,
-    triangles: Ints,
-    cell: float,
-    band: float | None,
-    region: tuple[ArrayLike, ArrayLike] | None,
-) -> str:
+def _key(surface: tuple[Floats, Ints], cell: float, band: float | None, region: Corners | None) -> str:
     settings = [FORMAT, float(cell), None if band is None else float(band)]
     settings += [None if region is None else np.asarray(region, dtype=np.float64).tolist()]
     digest = hashlib.sha256(repr(settings).encode())
-    for array, kind in ((points, "<f8"), (triangles, "<i8")):
+    for array, kind in zip(surface, ("<f8", "<i8"), strict=True):
         stored = np.ascontiguousarray(array, dtype=kind)
         digest.update(repr(stored.shape).encode())
         digest.update(stored.data)
@@ -145,20 +135,7 @@ def _write(path: Path, grid: DistanceGrid) -> None:
     except OSError as error:
         if temporary is not None:
             Path(temporary).unlink(missing_ok=True)
-        _warn_once(path.parent, error)
-
-
-_unusable: set[Path] = set()
-
-
-def _warn_once(folder: Path, error: OSError) -> None:
-    if folder not in _unusable:
-        _unusable.add(folder)
-        warnings.warn(
-            f"distance grids cannot be kept in {folder} ({error.strerror or error}), so they are built anew "
-            f"each time; set {FOLDER_VARIABLE} to a folder that can be written to, or to nothing",
-            stacklevel=4,
-        )
+        warn_of_folder(path.parent, error, "distance grids", "built anew each time")
 
 
 def _make_room(newest: Path) -> None:

@@ -1,4 +1,4 @@
-"""Bones as voxels: what is outside, boundary or inside, and the collision response that follows from it.
+"""Bones as voxels: what is outside, boundary or inside.
 
 Kohout, Cervenka 2021, *Muscle Deformation Using Position Based Dynamics*, section 3.2,
 doi:10.1007/978-3-030-72379-8_24.
@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.closed_shells import ClosedShells, closed_shells
 from vtkmuscle.core.mesh.triangle_distance import winding_number
-from vtkmuscle.core.motion.rigid import inverse
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 Cells = NDArray[np.uint8]
@@ -29,9 +29,6 @@ DEFAULT_N_MAX = 8 * 64**3
 
 #: Slack of the triangle-box test, in cells: rounding must not open a gap in the boundary.
 _OVERLAP_SLACK = 1e-9
-
-#: How far behind a cell face a stopped point is put, in cells, so that rounding leaves it in that cell.
-_NUDGE = 1e-6
 
 #: Thinnest side of the grid, as a part of the box's diagonal: flat surfaces have a box without volume.
 _THINNEST = 1e-6
@@ -125,8 +122,8 @@ def build_voxel_grid(
         If n_max or n_equal is not positive.
     """
     if n_max < 1 or (n_equal is not None and n_equal < 1):
-        raise ValueError(
-            f"a voxel grid needs n_max >= 1 and n_equal >= 1, got n_max={n_max}, n_equal={n_equal}"
+        raise InputError(
+            "", f"a voxel grid needs n_max >= 1 and n_equal >= 1, got n_max={n_max}, n_equal={n_equal}"
         )
     surface = None
     if pockets:
@@ -279,129 +276,3 @@ def _flood_outside(cells: Cells) -> None:
                     cells[u, v, w] = OUTSIDE
                     waiting[count, 0], waiting[count, 1], waiting[count, 2] = u, v, w
                     count += 1
-
-
-def resolve_collisions(
-    grid: VoxelGrid, now: Floats, step: Floats, x: Floats, p: Floats, free: Bools, *, bone_push: bool
-) -> Bools:
-    """Move the predicted positions that are in a bone out of it.
-
-    Kohout and Cervenka 2021, section 3.2. A point whose predicted position is in a boundary or inside cell
-    collides. If its previous position is outside the bone as the bone is now (scenario one, the muscle hits
-    the bone), the segment from p to x is followed to the first outside cell: if x is in that cell p becomes
-    x, else p becomes the point where the segment enters the cell. If not (scenario two, the bone hits the
-    muscle), p becomes x moved by the bone's step.
-
-    Parameters
-    ----------
-    grid : VoxelGrid
-        The bone at rest.
-    now, step : (4, 4) arrays
-        Rigid transforms of the bone to now: from rest, and from the previous frame.
-    x, p : (n, 3) arrays
-        Positions of the previous frame, and those predicted, which are changed in place [mm].
-    free : (n,) bool array
-        Points that may be moved.
-    bone_push : bool
-        False leaves p as it is in scenario two (Kohout and Cervenka 2021, section 4.2, the iliacus).
-
-    Returns
-    -------
-    (n,) bool array
-        Points that were moved.
-    """
-    moved = np.zeros(len(p), dtype=np.bool_)
-    to_rest = inverse(now)
-    _resolve(grid.cells, grid.origin, grid.spacing, now, to_rest, step, x, p, free, bone_push, moved)
-    return moved
-
-
-@kernel
-def _resolve(
-    cells: Cells,
-    origin: Floats,
-    spacing: Floats,
-    now: Floats,
-    to_rest: Floats,
-    step: Floats,
-    x: Floats,
-    p: Floats,
-    free: Bools,
-    bone_push: bool,
-    moved: Bools,
-) -> None:
-    """Do what :func:`resolve_collisions` says; moved : (n,), changed in place."""
-    start, end = np.empty(3), np.empty(3)  # p and x in units of cells
-    stop = np.empty(3)
-    for i in range(len(p)):
-        if not free[i]:
-            continue
-        within = True
-        for k in range(3):
-            at_rest = to_rest[k, 0] * p[i, 0] + to_rest[k, 1] * p[i, 1] + to_rest[k, 2] * p[i, 2]
-            start[k] = (at_rest + to_rest[k, 3] - origin[k]) / spacing[k]
-            within = within and 0.0 <= start[k] < cells.shape[k]
-        if not within or cells[int(start[0]), int(start[1]), int(start[2])] == OUTSIDE:
-            continue
-        within = True
-        for k in range(3):
-            at_rest = to_rest[k, 0] * x[i, 0] + to_rest[k, 1] * x[i, 1] + to_rest[k, 2] * x[i, 2]
-            end[k] = (at_rest + to_rest[k, 3] - origin[k]) / spacing[k]
-            within = within and 0.0 <= end[k] < cells.shape[k]
-        if not within or cells[int(end[0]), int(end[1]), int(end[2])] == OUTSIDE:
-            if _traverse(cells, start, end, stop):
-                p[i] = x[i]
-            else:
-                for k in range(3):
-                    stop[k] = origin[k] + spacing[k] * stop[k]
-                for k in range(3):
-                    p[i, k] = now[k, 0] * stop[0] + now[k, 1] * stop[1] + now[k, 2] * stop[2] + now[k, 3]
-            moved[i] = True
-        elif bone_push:
-            for k in range(3):
-                p[i, k] = step[k, 0] * x[i, 0] + step[k, 1] * x[i, 1] + step[k, 2] * x[i, 2] + step[k, 3]
-            moved[i] = True
-
-
-@kernel
-def _traverse(cells: Cells, start: Floats, end: Floats, stop: Floats) -> bool:
-    """Follow a segment, cell by cell, from a cell of the bone to the first outside cell.
-
-    Amanatides, Woo 1987, *A fast voxel traversal algorithm for ray tracing*,
-    doi:10.2312/egtp.19871000. The number of steps along each axis is known from the end cells, so
-    rounding changes the order of two nearly simultaneous steps at most, never where the walk ends.
-    start, end : (3,) in units of cells, the end outside;  stop : (3,), written where the result is False.
-    Returns True where the first outside cell is that of the end.
-    """
-    cell, left = np.empty(3, np.int64), np.empty(3, np.int64)
-    for k in range(3):
-        cell[k] = int(start[k])
-        # Beyond the grid all is outside, so how far the end is beyond does not matter.
-        last = -1
-        if end[k] >= cells.shape[k]:
-            last = cells.shape[k]
-        elif end[k] >= 0.0:
-            last = int(end[k])
-        left[k] = last - cell[k]
-    t = 0.0
-    while left[0] or left[1] or left[2]:
-        axis, t = -1, np.inf
-        for k in range(3):
-            if left[k]:
-                face = cell[k] + 1.0 if left[k] > 0 else float(cell[k])
-                crossing = (face - start[k]) / (end[k] - start[k])
-                if axis < 0 or crossing < t:
-                    axis, t = k, crossing
-        side = 1 if left[axis] > 0 else -1
-        cell[axis] += side
-        left[axis] -= side
-        beyond = not 0 <= cell[axis] < cells.shape[axis]
-        if beyond or cells[cell[0], cell[1], cell[2]] == OUTSIDE:
-            break
-    if not (left[0] or left[1] or left[2]):
-        return True
-    # The entry is on the face between the two cells: put it behind the face, into the outside cell.
-    for k in range(3):
-        on_segment = start[k] + t * (end[k] - start[k])
-        stop[k] = min(max(on_segment, cell[k] + _NUDGE), cell[k] + 1.0 - _NUDGE)
-    return False

@@ -6,10 +6,11 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.surface import numbered_edges
 from vtkmuscle.core.types import Floats, Ints
@@ -68,15 +69,27 @@ def mean_value_coordinates(points: Floats, triangles: Ints, queries: Floats, *, 
     return weights
 
 
+class MeshArrays(NamedTuple):
+    """A mesh about its centre as the kernels take it; number i of a triangle is opposite to its corner i."""
+
+    vertices: Floats
+    triangles: Ints
+    edges: Ints
+    opposite: Ints
+    edge_vectors: Floats
+    normals: Floats
+    double_areas: Floats
+    #: Spreads a residual over the vertices by the smallest change of weights that keeps their sum.
+    spread: Floats
+
+
 @dataclass(frozen=True, eq=False)
 class CoordinateMesh:
-    """What all query points need of a mesh, about its centre."""
+    """What all query points need of a mesh."""
 
     centre: Floats
     diagonal: float
-    arrays: tuple[
-        Floats, Ints, Ints, Ints, Floats, Floats, Floats, Floats
-    ]  # the first arguments of the kernel
+    arrays: MeshArrays
 
 
 def coordinate_mesh(points: Floats, triangles: Ints) -> CoordinateMesh:
@@ -95,9 +108,9 @@ def coordinate_mesh(points: Floats, triangles: Ints) -> CoordinateMesh:
     opposite = edge_of.reshape(-1, 3)[:, [1, 2, 0]]  # half-edges are opposite to the corners 2, 0, 1
     used = vertices[np.unique(triangles)]
     if not len(used):
-        raise ValueError("mean value coordinates: the mesh has no triangle with an area")
+        raise InputError("mean value coordinates", "the mesh has no triangle with an area")
     diagonal = float(np.linalg.norm(np.ptp(used, axis=0)))
-    arrays = (
+    arrays = MeshArrays(
         np.ascontiguousarray(vertices, dtype=np.float64),
         np.ascontiguousarray(triangles, dtype=np.int64),
         np.ascontiguousarray(edges, dtype=np.int64),
@@ -105,7 +118,6 @@ def coordinate_mesh(points: Floats, triangles: Ints) -> CoordinateMesh:
         edge_vectors,
         normals,
         double_areas,
-        # Spreads a residual over the vertices by the smallest change of weights that keeps their sum.
         vertices @ np.linalg.pinv(vertices.T @ vertices),
     )
     return CoordinateMesh(centre, diagonal, arrays)
@@ -120,19 +132,20 @@ def in_chunks(
 
     def work(first: int) -> T:
         rows = slice(first, min(first + CHUNK, len(queries)))
-        weights = np.empty((rows.stop - first, len(mesh.arrays[0])))
+        weights = np.empty((rows.stop - first, len(mesh.arrays.vertices)))
         tolerance = mesh.diagonal * ON_SURFACE
-        _weights_of_chunk(*mesh.arrays, centred[rows], tolerance, weights, residuals[rows])
+        _weights_of_chunk(mesh.arrays, centred[rows], tolerance, weights, residuals[rows])
         return keep(rows, weights)
 
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         parts = list(pool.map(work, range(0, len(queries), CHUNK)))
     bad = np.flatnonzero(~(residuals <= LARGEST_RESIDUAL * mesh.diagonal))
     if len(bad):
-        raise ValueError(
-            f"mean value coordinates: {len(bad)} point(s), the first is number {bad[0]}, are not reproduced "
-            "by their weights; the surface must be closed and its triangles oriented alike, and the points "
-            "must not be many times its size away from it"
+        raise InputError(
+            "mean value coordinates",
+            f"{len(bad)} point(s), the first is number {bad[0]}, are not reproduced by their weights",
+            "the surface must be closed and its triangles oriented alike, and the points must not be many "
+            "times its size away from it",
         )
     return parts
 
@@ -162,26 +175,16 @@ def transport(weights: Floats, points: Floats) -> Floats:
 
 @kernel
 def _weights_of_chunk(
-    vertices: Floats,
-    triangles: Ints,
-    edges: Ints,
-    opposite: Ints,
-    edge_vectors: Floats,
-    normals: Floats,
-    double_areas: Floats,
-    spread: Floats,
-    queries: Floats,
-    tolerance: float,
-    weights: Floats,
-    residuals: Floats,
+    mesh: MeshArrays, queries: Floats, tolerance: float, weights: Floats, residuals: Floats
 ) -> None:
     """Compute the weights of some query points, and by how much they would miss them uncorrected.
 
     Points nearer than the tolerance to a vertex, an edge or a triangle get their barycentric coordinates.
     """
+    vertices = mesh.vertices
     e = np.empty_like(vertices)
     d = np.empty(len(vertices))
-    g = np.empty(len(edges))
+    g = np.empty(len(mesh.edges))
     for q in range(len(queries)):
         w = weights[q]
         w[:] = 0.0
@@ -194,11 +197,11 @@ def _weights_of_chunk(
         if d[nearest] <= tolerance:
             w[nearest] = 1.0
             continue
-        if _see_edges(e, d, edges, tolerance, g, w):
+        if _see_edges(e, d, mesh.edges, tolerance, g, w):
             continue
-        if _see_triangles(e, g, triangles, opposite, edge_vectors, normals, double_areas, tolerance, w):
+        if _see_triangles(e, g, mesh, tolerance, w):
             continue
-        residuals[q] = _normalise(e, spread, w)
+        residuals[q] = _normalise(e, mesh.spread, w)
 
 
 @kernel
@@ -237,17 +240,7 @@ def _see_edges(e: Floats, d: Floats, edges: Ints, tolerance: float, g: Floats, w
 
 
 @kernel
-def _see_triangles(
-    e: Floats,
-    g: Floats,
-    triangles: Ints,
-    opposite: Ints,
-    edge_vectors: Floats,
-    normals: Floats,
-    double_areas: Floats,
-    tolerance: float,
-    w: Floats,
-) -> bool:
+def _see_triangles(e: Floats, g: Floats, mesh: MeshArrays, tolerance: float, w: Floats) -> bool:
     """Add up the weights of all triangles; True, with the weights done, where the point is in a triangle.
 
     Seen from v, a triangle with corners e_i = p_i - v covers the piece of the unit sphere whose vector area
@@ -262,8 +255,9 @@ def _see_triangles(
     Unlike the paper's form by spherical trigonometry this has no pole but the triangle itself, and needs no
     threshold: near the plane of a triangle, outside of it, S is h^2 small and computed as such.
     """
+    triangles, opposite, double_areas = mesh.triangles, mesh.opposite, mesh.double_areas
     for t in range(len(triangles)):
-        normal, sides = normals[t], edge_vectors[t]
+        normal, sides = mesh.normals[t], mesh.edge_vectors[t]
         i0, i1, i2 = triangles[t, 0], triangles[t, 1], triangles[t, 2]
         g0, g1, g2 = g[opposite[t, 0]], g[opposite[t, 1]], g[opposite[t, 2]]
         h = normal[0] * e[i0, 0] + normal[1] * e[i0, 1] + normal[2] * e[i0, 2]

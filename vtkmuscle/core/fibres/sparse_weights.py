@@ -94,11 +94,10 @@ def sparse_mean_value_coordinates(
     groups = vertex_groups(points) if groups is None else groups
     columns = groups.with_means(points - mesh.centre), groups.sizes
     probe = groups.with_means((points - mesh.centre) ** 2 / (2.0 * mesh.diagonal))
-    tree = groups.order, groups.first, groups.last, groups.parts, groups.radii
     threshold = 2.0 * prune * groups.radii.max(initial=0.0) / len(points)
 
     def keep(rows: slice, weights: Floats) -> tuple[Ints, NDArray[np.int32], Floats, float]:
-        return _grouped(weights, *tree, *columns, queries[rows] - mesh.centre, probe, threshold)
+        return _grouped(weights, groups, *columns, queries[rows] - mesh.centre, probe, threshold)
 
     parts = in_chunks(mesh, queries, keep, threads)
     counts = np.concatenate([part[0] for part in parts]) if parts else np.zeros(0, dtype=np.int64)
@@ -166,11 +165,7 @@ def _apply(
 @kernel
 def _grouped(
     weights: Floats,
-    order: Ints,
-    first: Ints,
-    last: Ints,
-    parts: Ints,
-    radii: Floats,
+    groups: VertexGroups,
     means: Floats,
     sizes: Ints,
     queries: Floats,
@@ -181,14 +176,12 @@ def _grouped(
     counts = np.zeros(len(weights), dtype=np.int64)
     columns = np.empty(weights.size, dtype=np.int32)
     values = np.empty(weights.size)
-    waiting = np.empty(len(order), dtype=np.int64)
+    waiting = np.empty(len(groups.order), dtype=np.int64)
     start, error = 0, 0.0
     for q in range(len(weights)):
         most = threshold
         while True:
-            count, rounded = _gather(
-                weights[q], order, first, last, parts, radii, most, waiting, columns[start:], values[start:]
-            )
+            count, rounded = _gather(weights[q], groups, most, waiting, columns[start:], values[start:])
             end = start + count
             if not rounded or _make_up(columns[start:end], values[start:end], means, sizes, queries[q]):
                 break
@@ -196,7 +189,7 @@ def _grouped(
         missed = np.zeros(3)
         for i in range(start, end):
             missed += values[i] * probe[columns[i]]
-        for j in range(len(order)):
+        for j in range(len(groups.order)):
             for axis in range(3):
                 missed[axis] -= weights[q, j] * probe[j, axis]
         error = max(error, np.sqrt((missed**2).sum()))
@@ -208,11 +201,7 @@ def _grouped(
 @kernel
 def _gather(
     weights: Floats,
-    order: Ints,
-    first: Ints,
-    last: Ints,
-    parts: Ints,
-    radii: Floats,
+    groups: VertexGroups,
     most: float,
     waiting: Ints,
     columns: NDArray[np.int32],
@@ -222,7 +211,7 @@ def _gather(
 
     Returns how many there are, and whether they err at all; waiting : (n,) working memory.
     """
-    n = len(order)
+    n = len(groups.order)
     count, rounded = 0, False
     waiting[0], depth = (0 if n > 1 else -1), 1
     while depth > 0:
@@ -233,16 +222,16 @@ def _gather(
             total = weights[column]
         else:
             column = n + group
-            vertices = order[first[group] : last[group]]
+            vertices = groups.order[groups.first[group] : groups.last[group]]
             for j in vertices:
                 total += weights[j]
             mean, off = total / len(vertices), 0.0
             for j in vertices:
-                off += radii[group] * abs(weights[j] - mean)
+                off += groups.radii[group] * abs(weights[j] - mean)
                 if off > most:
                     break
             if off > most:
-                waiting[depth], waiting[depth + 1] = parts[group, 1], parts[group, 0]
+                waiting[depth], waiting[depth + 1] = groups.parts[group, 1], groups.parts[group, 0]
                 depth += 2
                 continue
             rounded = rounded or off > 0.0

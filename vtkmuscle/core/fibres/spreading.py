@@ -24,7 +24,7 @@ STATIONS = 16
 #: Fewest passes of smoothing, along the fibre, of what its cell says. More where a cell is wider than
 #: stations are apart, for each station's part of the cell to be as long as wide: else fibres meander.
 LEAST_BLUR = 6
-#: At most so many pieces of the line between two stations are told apart.
+#: Pieces of the line between two stations, at most.
 PIECES = 8
 #: How far cells overlap: places have a share in what is around them if they are no farther from it, squared,
 #: than the nearest place is and this part of the squared space between fibres (a twentieth of it each way).

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,7 @@ from vtkmuscle.core.types import Floats, Ints
 EQUALLY_FAR = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
-class VertexGroups:
+class VertexGroups(NamedTuple):
     """A binary tree over the vertices of a mesh.
 
     Attributes

@@ -36,7 +36,7 @@ class ClosedShells:
 
 
 def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
-    """Return the connected parts of a surface, mended where they are open or inside out.
+    """Return the connected parts of a surface, closed and oriented where they are not.
 
     Equal points are made one where the surface is open otherwise. Parts whose triangles disagree about
     their side are made consistent. A hole is closed by triangles from its rim to the rim's centre. A part
@@ -64,7 +64,7 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
         raise InputError("", "the surface has a coordinate that is not finite")
     remarks = []
     if len(_excess(triangles)):
-        points, triangles = _welded(points, triangles)
+        points, triangles = welded(points, triangles)
         _check_any(triangles)
     if len(_excess(triangles)):
         triangles, n_turned = _consistent(triangles)
@@ -131,11 +131,15 @@ def _excess(triangles: Ints) -> Ints:
     return repeated
 
 
-def _welded(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
+def welded(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
+    """Return the mesh with equal points made one and without triangles of fewer than three points.
+
+    Surfaces that give each triangle points of its own would otherwise be open everywhere.
+    """
     used, of_corner = np.unique(triangles, return_inverse=True)
     distinct, of_used = np.unique(points[used], axis=0, return_inverse=True)
-    welded = of_used.reshape(-1)[of_corner.reshape(-1)].reshape(-1, 3).astype(np.int64)
-    return distinct, _proper(welded)
+    corners = of_used.reshape(-1)[of_corner.reshape(-1)].reshape(-1, 3).astype(np.int64)
+    return distinct, _proper(corners)
 
 
 def _consistent(triangles: Ints) -> tuple[Ints, int]:

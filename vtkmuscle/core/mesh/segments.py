@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats, Ints
 
 #: Distances that differ by less than this part of half the longest segment are equal.
@@ -18,6 +19,22 @@ def segments(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
     """Return both ends (s, 3) of all segments of polylines, points (n, 3) with offsets (k + 1,)."""
     starts = np.setdiff1d(np.arange(len(points) - 1), offsets[1:-1] - 1)
     return points[starts], points[starts + 1]
+
+
+def proper_segments(points: Floats, offsets: Ints) -> tuple[Floats, Floats, Floats]:
+    """Return both ends (s, 3) of the segments that have a length, and their lengths (s,).
+
+    Raises
+    ------
+    ValueError
+        If no fibre has a length.
+    """
+    a, b = segments(points, offsets)
+    lengths = np.linalg.norm(b - a, axis=1)
+    proper = lengths > 0.0
+    if not proper.any():
+        raise InputError("", "no fibre has a length, so that fibres have no direction")
+    return a[proper], b[proper], lengths[proper]
 
 
 def segment_distances(points: Floats, a: Floats, b: Floats) -> Floats:
@@ -70,12 +87,7 @@ def fibre_directions_at(queries: Floats, fibre_points: Floats, offsets: Ints) ->
     ValueError
         If no fibre has a length.
     """
-    a, b = segments(fibre_points, offsets)
-    lengths = np.linalg.norm(b - a, axis=1)
-    long = lengths > 0
-    if not long.any():
-        raise ValueError("no fibre has a length, so that fibres have no direction")
-    a, b, lengths = a[long], b[long], lengths[long]
+    a, b, lengths = proper_segments(fibre_points, offsets)
     nearest = nearest_segments(queries, a, b)
     directions: Floats = (b[nearest] - a[nearest]) / lengths[nearest, None]
     return directions

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.bins import sorted_into_bins
 from vtkmuscle.core.types import Floats, Ints
@@ -251,7 +252,8 @@ def check_volume(points: Floats, volume: float) -> None:
     """Raise a ValueError where a surface of points (n, 3) [mm] encloses no volume [mm^3]."""
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
     if abs(volume) <= LEAST_VOLUME * diagonal**3:
-        raise ValueError(
-            f"the surface encloses no volume ({volume:.3g} within a box of diagonal {diagonal:.3g}); it must "
-            "be a closed surface with all triangles facing outward"
+        raise InputError(
+            "",
+            f"the surface encloses no volume ({volume:.3g} within a box of diagonal {diagonal:.3g})",
+            "it must be a closed surface with all triangles facing outward",
         )

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.bins import sorted_into_bins
 from vtkmuscle.core.mesh.surface import half_edges, numbered_edges
@@ -106,9 +107,11 @@ def opposite_half_edges(triangles: Ints) -> Ints:
     opposite = _paired(half_edges(triangles), *sorted_into_bins(edge_of, len(edges)))
     alone = int((opposite < 0).sum())
     if alone:
-        raise ValueError(
+        raise InputError(
+            "",
             f"the surface must be closed and its triangles must agree on the outside, but {alone} triangle "
-            "edge(s) have no counterpart; fill its holes and run vtkPolyDataNormals with ConsistencyOn"
+            "edge(s) have no counterpart",
+            "fill its holes and run vtkPolyDataNormals with ConsistencyOn",
         )
     return opposite
 

@@ -1,4 +1,4 @@
-"""The nearest point of a triangle, and the normals that tell on which side of a surface a point is."""
+"""The nearest point of a triangle, and the normals from which its side of a surface follows."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def nearest_on_triangle(  # noqa: PLR0911 -- one for each region
 
 
 def pseudonormals(points: Floats, triangles: Ints) -> Floats:
-    """Return the normals that tell the side of a point from where its nearest point of the surface is.
+    """Return the normals from which the side of a point follows, given its nearest point of the surface.
 
     A point is outside a closed surface where its offset from the nearest point of the surface goes along
     the normal there, inside where it goes against it. At an edge that is the sum of the normals of its

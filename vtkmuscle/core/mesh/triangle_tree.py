@@ -13,7 +13,7 @@ from vtkmuscle.core.types import Floats, Ints
 
 #: Triangles in a box of the lowest level, on average at most.
 PER_LEAF = 4
-#: Nearer than this part of its size, a point is on a surface: no direction away from it can be told.
+#: Nearer than this part of its size, a point is on a surface: there is no direction away from it.
 _ON_SURFACE = 1e-9
 #: A surface with this many triangles per query is large: normals are computed where they are needed.
 _FEW = 2

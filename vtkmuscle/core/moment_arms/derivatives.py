@@ -29,7 +29,7 @@ class MomentArmCurves:
     errors : (m, k, d) array
         Their standard errors, for noise of the lengths that is independent from sample to sample.
     determined : (m, d) bool array
-        False where the samples near the value do not tell the coordinate from the others.
+        False where the samples near the value do not separate the coordinate from the others.
     window : int
         Places of samples that a window of the regression holds; one more than there are: all count alike.
     """
@@ -88,17 +88,17 @@ def moment_arms(
     >>> found.arms[:2, 0, 0].round(6)
     array([-30., -30.])
     """
-    curves, samples = _checked_lengths(lengths), _checked_coordinates(coordinates)
+    curves, samples = _checked_samples(lengths, coordinates)
     if len(curves) != len(samples):
         raise InputError(
-            "moment arms",
+            "",
             f"there are {len(curves)} lengths of a fibre, but {len(samples)} poses",
             "give a row per pose",
         )
     for number, spread in enumerate(np.ptp(samples, axis=0)):
         if not spread > 0:
             raise InputError(
-                "moment arms",
+                "",
                 f"coordinate {number} is {samples[0, number]:g} in every pose, so no slope by it is known",
                 "leave it out",
             )
@@ -106,7 +106,7 @@ def moment_arms(
     n_places, needed = len(distinct_places(samples)), fewest_places(dimension)
     if n_places < needed:
         raise InputError(
-            "moment arms",
+            "",
             f"the coordinates have {n_places} different value(s), but {needed} are needed for {dimension} "
             "coordinate(s)",
             "use more frames of the motion",
@@ -114,7 +114,7 @@ def moment_arms(
     fit = local_regression(samples, curves, samples if at is None else _checked_places(at, samples))
     if not fit.determined.any():
         raise InputError(
-            "moment arms",
+            "",
             f"the {dimension} coordinates change only together, so that no slope by one of them is known",
             "name one of them, or use a motion that changes them one after the other",
         )
@@ -163,17 +163,17 @@ def quartic_moment_arms(
     >>> arms.round(6), residuals.round(6)
     (array([[-1.]]), array([0.]))
     """
-    curves, samples = _checked_lengths(lengths), _checked_coordinates(coordinate)
+    curves, samples = _checked_samples(lengths, coordinate)
     if samples.shape[1] != 1 or len(curves) != len(samples):
         raise InputError(
-            "moment arms",
+            "",
             f"a quartic takes one coordinate with a value per pose, but the lengths are of {len(curves)} "
             f"poses and the coordinates of shape {samples.shape}",
         )
     n_places = len(distinct_places(samples))
     if n_places < FEWEST_FOR_QUARTIC:
         raise InputError(
-            "moment arms",
+            "",
             f"the coordinate has {n_places} different value(s), but a quartic needs {FEWEST_FOR_QUARTIC}",
             "use more frames of the motion",
         )
@@ -185,28 +185,24 @@ def quartic_moment_arms(
     return arms, np.sqrt((left**2).mean(axis=0))
 
 
-def _checked_lengths(lengths: ArrayLike) -> Floats:
-    curves = np.asarray(lengths, dtype=np.float64)
-    curves = curves[:, None] if curves.ndim == 1 else curves
-    if curves.ndim != 2 or not curves.size or not np.isfinite(curves).all():
+def _checked_table(table: ArrayLike, what: str, column: str) -> Floats:
+    """Return finite numbers with a row per pose, having checked them; a list is one column."""
+    rows = np.asarray(table, dtype=np.float64)
+    rows = rows[:, None] if rows.ndim == 1 else rows
+    if rows.ndim != 2 or not rows.size or not np.isfinite(rows).all():
         raise InputError(
-            "moment arms",
-            f"the lengths are of shape {curves.shape}, but must be finite numbers, a row per pose and a "
-            "column per fibre",
+            "",
+            f"the {what} are of shape {rows.shape}, but must be finite numbers, a row per pose and a column "
+            f"per {column}",
         )
-    return curves
+    return rows
 
 
-def _checked_coordinates(coordinates: ArrayLike) -> Floats:
-    samples = np.asarray(coordinates, dtype=np.float64)
-    samples = samples[:, None] if samples.ndim == 1 else samples
-    if samples.ndim != 2 or not samples.size or not np.isfinite(samples).all():
-        raise InputError(
-            "moment arms",
-            f"the coordinates are of shape {samples.shape}, but must be finite numbers, a row per pose "
-            "and a column per coordinate",
-        )
-    return samples
+def _checked_samples(lengths: ArrayLike, coordinates: ArrayLike) -> tuple[Floats, Floats]:
+    """Return lengths (f, k) and coordinates (f, d), as arrays of finite numbers."""
+    return _checked_table(lengths, "lengths", "fibre"), _checked_table(
+        coordinates, "coordinates", "coordinate"
+    )
 
 
 def _checked_places(at: ArrayLike, samples: Floats) -> Floats:
@@ -214,7 +210,7 @@ def _checked_places(at: ArrayLike, samples: Floats) -> Floats:
     places = places[:, None] if places.ndim == 1 and samples.shape[1] == 1 else np.atleast_2d(places)
     if places.shape[1] != samples.shape[1] or not np.isfinite(places).all():
         raise InputError(
-            "moment arms",
+            "",
             f"at is of shape {places.shape}, but must be finite numbers, {samples.shape[1]} for each place",
         )
     low, high = samples.min(axis=0), samples.max(axis=0)
@@ -222,7 +218,7 @@ def _checked_places(at: ArrayLike, samples: Floats) -> Floats:
     outside = np.flatnonzero(((places < low - slack) | (places > high + slack)).any(axis=1))
     if len(outside):
         raise InputError(
-            "moment arms",
+            "",
             f"at {places[outside[0]].tolist()} there is none, for the poses reach from {low.tolist()} to "
             f"{high.tolist()} only",
         )

@@ -7,6 +7,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Samples that differ by less than this part of the range of each coordinate are at one place.
@@ -37,7 +38,7 @@ class LocalFit:
         Standard errors of the slopes, for noise that is independent from sample to sample; without the bias
         of the fit.
     determined : (m, d) bool array
-        Whether the samples near a place tell the slope by a coordinate apart from those by the others.
+        Whether the samples near a place separate the slope by a coordinate from those by the others.
     window : int
         How many places of samples a window holds; one more than there are says that all count alike.
     """
@@ -140,9 +141,10 @@ def _degree_for(n_places: int, dimension: int) -> int:
     for degree in (3, 2, 1):
         if _basis_size(dimension, degree) < n_places and (degree > 1 or dimension > 1):
             return degree
-    raise ValueError(
+    raise InputError(
+        "",
         f"there are {n_places} different places, but {dimension} coordinate(s) need "
-        f"{fewest_places(dimension)}"
+        f"{fewest_places(dimension)}",
     )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.derivatives import moment_arms, quartic_moment_arms
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.motion.sweeps import frames_of_sweep
@@ -81,9 +82,10 @@ def coordinate_samples(motion: RigidMotion) -> tuple[tuple[str, ...], Floats, Bo
     found = tuple(name for name in known if known[name].changes)
     if not found:
         listed = ", ".join(map(repr, known)) or "none"
-        raise ValueError(
-            f"no coordinate of the motion changes (it has: {listed}), so there are no moment arms; name one "
-            "that does, or use more frames of the motion"
+        raise InputError(
+            "",
+            f"no coordinate of the motion changes (it has: {listed}), so there are no moment arms",
+            "name one that does, or use more frames of the motion",
         )
     samples = np.column_stack([known[name].natural for name in found])
     used = np.ones(len(samples), dtype=np.bool_)
@@ -95,7 +97,7 @@ def checked_coordinates(motion: RigidMotion, names: Sequence[str]) -> None:
     for name in names:
         if name not in motion.coordinates:
             known = ", ".join(map(repr, motion.coordinates)) or "none"
-            raise ValueError(f"the motion has no coordinate {name!r}; it has: {known}")
+            raise InputError("", f"the motion has no coordinate {name!r}", f"it has: {known}")
 
 
 def joint_arms(
@@ -115,7 +117,7 @@ def joint_arms(
     Returns
     -------
     arms : dict of str to JointArms
-        By those coordinates that the poses tell apart.
+        By those coordinates whose effects the poses separate.
     refused : dict of str to str
         Why there are none by the others.
 

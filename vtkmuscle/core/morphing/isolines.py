@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial import cKDTree
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.harmonic import harmonic_extension
 from vtkmuscle.core.mesh.inside import points_inside
@@ -27,9 +28,9 @@ from vtkmuscle.core.morphing.loop_chains import loop_areas, main_loops
 from vtkmuscle.core.morphing.sections import ClosedSurface, Sections, cut_surface
 from vtkmuscle.core.morphing.slices import (
     SAME_HEIGHT,
-    Box,
     Morph,
     Slicing,
+    in_box,
     map_sections,
     shared_levels,
 )
@@ -73,21 +74,23 @@ def attachment_field(points: Floats, triangles: Ints, origin: Ints, insertion: I
     """
     for role, area in (("origin", origin), ("insertion", insertion)):
         if not len(area):
-            raise ValueError(
-                f"no point of the muscle is in the {role} area, and the function needs both areas"
+            raise InputError(
+                "", f"no point of the muscle is in the {role} area, and the function needs both areas"
             )
     both = np.intersect1d(origin, insertion)
     if len(both):
-        raise ValueError(
+        raise InputError(
+            "",
             f"the origin and the insertion area overlap: {len(both)} point(s) of the muscle are in both, the "
-            f"first one {both[0]}; no function is 0 and 1 there"
+            f"first one {both[0]}, and no function is 0 and 1 there",
+            "make one of the areas smaller",
         )
     known = np.concatenate([origin, insertion])
     values = np.repeat([0.0, 1.0], [len(origin), len(insertion)])
     extension = harmonic_extension(points, triangles, known, values[:, None])
     corners = extension[triangles, 0]
     if not (np.ptp(corners, axis=1) > 0.0).any():
-        raise ValueError("no connected part of the muscle has both an origin and an insertion area")
+        raise InputError("", "no connected part of the muscle has both an origin and an insertion area")
     field: Floats = extension[:, 0]
     return field
 
@@ -107,23 +110,21 @@ def morph_by_isolines(
     Parameters
     ----------
     fibre_points, transform, muscle, slicing
-        As for :func:`vtkmuscle.core.morphing.slices.morph_by_planes`.
+        As for :func:`vtkmuscle.core.morphing.planes.morph_by_planes`.
     field : (n,) array
         From :func:`attachment_field`, of this muscle or of the same one in another pose.
 
     Returns
     -------
     Morph
-        Points in the muscle [mm], and what there is to say about them.
+        As of morph_by_planes; nothing of the course is steep.
 
     Raises
     ------
     ValueError
         If the function has no isolines with an inside.
     """
-    box = Box(transform)
-    inside, surface = box.coordinates(fibre_points), box.surface(muscle)
-    slicing.report_progress(0.1)
+    box, inside, surface = in_box(fibre_points, transform, muscle, slicing)
     values, ways = way_of_values(surface.points, surface.triangles, field)
     length = float(ways[-1])
 

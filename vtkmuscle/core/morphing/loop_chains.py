@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.morphing.sections import Sections, united
 from vtkmuscle.core.types import Floats, Ints
@@ -65,8 +66,8 @@ def main_loops(sections: Sections, levels: Floats, sizes: Floats, chosen: Ints |
     thickness = np.gradient(levels) if len(levels) > 1 else np.ones(1)
     chain: Ints = _largest_chain(sizes, firsts, ends, below, above, thickness)
     if (chain < 0).all():
-        raise ValueError(
-            "no section of the muscle through the template has an inside; fit the template first"
+        raise InputError(
+            "", "no section of the muscle through the template has an inside", "fit the template first"
         )
     return chain
 

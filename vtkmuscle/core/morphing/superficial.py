@@ -1,4 +1,4 @@
-"""A few fibres that somebody has seen on a muscle's surface, and the direction that they give all of it.
+"""A few fibres seen on a muscle's surface, and the direction that they give all of it.
 
 Dissected, digitised or drawn fibres cover little of a surface, and may lie some way off it. What counts is
 their direction there. Everywhere else it has to be inferred.
@@ -20,7 +20,7 @@ from vtkmuscle.core.mesh.harmonic import (
     harmonic_field,
     triangle_gradients,
 )
-from vtkmuscle.core.mesh.segments import fibre_directions_at, segments
+from vtkmuscle.core.mesh.segments import fibre_directions_at, proper_segments, segments
 from vtkmuscle.core.mesh.surface import extent, triangle_normals, unit_vectors, vertex_normals
 from vtkmuscle.core.mesh.topology import MeshTopology
 from vtkmuscle.core.types import Floats, Ints
@@ -74,12 +74,7 @@ def seen_fibres(points: Floats, offsets: Ints, muscle: Floats) -> SeenFibres:
     ValueError
         If no fibre has a length.
     """
-    a, b = segments(points, offsets)
-    lengths = np.linalg.norm(b - a, axis=1)
-    proper = lengths > 0.0
-    if not proper.any():
-        raise ValueError("no superficial fibre has a length, so that they have no direction")
-    a, b, lengths = a[proper], b[proper], lengths[proper]
+    a, b, lengths = proper_segments(points, offsets)
     counts = np.maximum(np.ceil(lengths / (LONGEST_PIECE * extent(muscle))), 1).astype(np.int64)
     segment = np.repeat(np.arange(len(a)), counts)
     within = np.arange(len(segment)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -238,14 +233,14 @@ def _known_turns(
     angles = np.arctan2(np.linalg.norm(aside, axis=1), (along * h).sum(axis=1))
     aside = unit_vectors(aside)
     turns = angles * ((aside * first[nearest]).sum(axis=1) + 1j * (aside * second[nearest]).sum(axis=1))
-    # Pieces that are upright on the surface tell nothing.
+    # Pieces at right angles to the surface have no direction along it.
     weights = seen.weights * (np.linalg.norm(along, axis=1) > 0.0)
     known, number = np.unique(nearest, return_inverse=True)
     total = np.bincount(number, weights)
-    told = total > 0.0
+    aligned = total > 0.0
     values = np.zeros(len(known), dtype=np.complex128)
     values.real, values.imag = (np.bincount(number, weights * part) for part in (turns.real, turns.imag))
-    return known[told], values[told] / total[told]
+    return known[aligned], values[aligned] / total[aligned]
 
 
 def _least_rotations(laplacian: coo_array, course: Floats, first: Floats, second: Floats) -> Turns:

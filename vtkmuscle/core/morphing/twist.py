@@ -4,8 +4,8 @@ The morphing methods match the template's rectangle to each section such that ne
 against each other, so that straight fibres of the template run straight. With a twist a section at the part
 t of the way from origin to insertion begins f (t - 1/2) of its contour's length farther on. On the surface
 X(t, s), with s the part of the contour from where the matching begins, a fibre of the template that drifts by
-s'(t) along the rectangle's boundary then has the direction X_t + (f + s') X_s. Fibres that somebody has seen
-on the surface tell f.
+s'(t) along the rectangle's boundary then has the direction X_t + (f + s') X_s. Fibres seen on the
+surface determine f.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.spatial import cKDTree
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.segments import segments
 from vtkmuscle.core.mesh.surface import unit_vectors
 from vtkmuscle.core.morphing.correspondence import N_PLACES, loop_lengths, nearest_place, sampled_loop
@@ -180,7 +181,11 @@ def fitted_twist(
         If there are fewer than two sections.
     """
     if len(rings) < 2:
-        raise ValueError("the muscle has too few sections to find a twist from superficial fibres")
+        raise InputError(
+            "",
+            "the muscle has too few sections to find a twist from superficial fibres",
+            "leave the superficial fibres out",
+        )
     surface = np.array(
         [sampled_loop(ring, start, N_PLACES) for ring, start in zip(rings, starts, strict=True)]
     )

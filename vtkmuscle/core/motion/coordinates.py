@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
 
 #: Units of angles, and how many radians they are.
@@ -47,10 +48,10 @@ class Coordinate:
     def __post_init__(self) -> None:
         values = np.array(self.values, dtype=np.float64)
         if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
-            raise ValueError("the values of a coordinate must be a non-empty list of finite numbers")
+            raise InputError("", "the values of a coordinate must be a non-empty list of finite numbers")
         if self.unit not in (*ANGLES, *TRANSLATIONS):
             known = ", ".join(map(repr, (*ANGLES, *TRANSLATIONS)))
-            raise ValueError(f"the unit of a coordinate is {self.unit!r}, but must be one of {known}")
+            raise InputError("", f"the unit of a coordinate is {self.unit!r}, but must be one of {known}")
         values.setflags(write=False)
         object.__setattr__(self, "values", values)
 

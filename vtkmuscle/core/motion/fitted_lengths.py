@@ -9,6 +9,7 @@ from math import comb
 import numpy as np
 from scipy.cluster.vq import kmeans2
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.muscle_paths import FunctionPath, powers, terms
 from vtkmuscle.core.types import Floats, Ints
 
@@ -79,7 +80,7 @@ def fit_length(
     """
     moving = {name: column for name, column in values.items() if np.ptp(column) > 1e-9}
     if not moving:
-        raise ValueError("no coordinate changes over the poses, so a length is no function of one")
+        raise InputError("", "no coordinate changes over the poses, so a length is no function of one")
     samples = np.column_stack(list(moving.values()))
     part = np.random.default_rng(seed).permutation(len(lengths)) % PARTS
     # Powers are taken about the middle, in half ranges: high ones of plain radians are nearly the same.
@@ -97,8 +98,8 @@ def fit_length(
             off[held] = terms(scaled[held], order) @ fitted - lengths[held]
         errors[order] = _rms(off)
     if not errors:
-        raise ValueError(
-            f"{len(lengths)} poses are too few for a polynomial of {samples.shape[1]} coordinates"
+        raise InputError(
+            "", f"{len(lengths)} poses are too few for a polynomial of {samples.shape[1]} coordinates"
         )
     least = min(errors.values())
     tiny = 1e-12 * float(np.abs(lengths).max())

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_banded
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
 
 
@@ -190,7 +191,7 @@ class Wave:
 def _check(what: str, numbers: ArrayLike) -> Floats:
     values = np.array(numbers, dtype=np.float64)
     if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
-        raise ValueError(f"{what} is made of finite numbers, one or more")
+        raise InputError("", f"{what} is made of finite numbers, one or more")
     values.setflags(write=False)
     return values
 
@@ -198,9 +199,9 @@ def _check(what: str, numbers: ArrayLike) -> Floats:
 def _set_knots(function: PiecewiseLinear | CubicSpline, what: str) -> None:
     x, y = (_check(f"{what}'s {name}", getattr(function, name)) for name in "xy")
     if len(x) != len(y) or len(x) < 2:
-        raise ValueError(f"{what} has {len(x)} x and {len(y)} y, but needs as many of each, two or more")
+        raise InputError("", f"{what} has {len(x)} x and {len(y)} y, but needs as many of each, two or more")
     if (np.diff(x) <= 0.0).any():
-        raise ValueError(f"the x of {what} must ascend")
+        raise InputError("", f"the x of {what} must ascend")
     object.__setattr__(function, "x", x)
     object.__setattr__(function, "y", y)
 
@@ -213,7 +214,7 @@ def _sixths(x: Floats, y: Floats) -> Floats:
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         sixths = _solved(x, y, n)
     if not np.isfinite(sixths).all():
-        raise ValueError("the knots of a spline are too close, or too far apart")
+        raise InputError("", "the knots of a spline are too close, or too far apart")
     return sixths
 
 

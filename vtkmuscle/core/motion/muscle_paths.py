@@ -9,6 +9,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.functions import CoordinateFunction
 from vtkmuscle.core.motion.tree import KinematicTree
 from vtkmuscle.core.types import Bools, Floats, Ints
@@ -116,9 +117,10 @@ class PointPath:
             If it winds round surfaces, or there is no such coordinate.
         """
         if self.wraps:
-            raise ValueError(
+            raise InputError(
+                "",
                 f"the path winds round {', '.join(self.wraps)}: wrapping is not computed here; take its "
-                "length from OpenSim, or take the muscle's fibres instead"
+                "length from OpenSim, or take the muscle's fibres instead",
             )
         full = tree.completed(values)
         held = full if counted_at is None else tree.completed(counted_at)
@@ -138,7 +140,7 @@ class PointPath:
                 last[counted] = place[counted]
                 begun |= counted
         if not np.isfinite(total).all():
-            raise ValueError("the path is longer than all numbers; check its points")
+            raise InputError("", "the path is longer than all numbers; check its points")
         return total
 
 

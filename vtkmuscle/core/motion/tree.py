@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS
 from vtkmuscle.core.motion.functions import CoordinateFunction, Multiplied
 from vtkmuscle.core.motion.rigid import is_rigid
@@ -41,11 +42,11 @@ class JointCoordinate:
 
     def __post_init__(self) -> None:
         if self.unit not in ("rad", *TRANSLATIONS):
-            raise ValueError(
-                f"the unit of coordinate {self.name!r} must be rad, mm, cm or m, not {self.unit!r}"
+            raise InputError(
+                "", f"the unit of coordinate {self.name!r} must be rad, mm, cm or m, not {self.unit!r}"
             )
         if not np.isfinite([self.rest, *(self.range or ())]).all():
-            raise ValueError(f"the rest and range of coordinate {self.name!r} must be finite numbers")
+            raise InputError("", f"the rest and range of coordinate {self.name!r} must be finite numbers")
 
     @property
     def is_angle(self) -> bool:
@@ -76,7 +77,9 @@ class JointAxis:
         with np.errstate(over="ignore"):
             length = float(np.linalg.norm(axis)) if axis.shape == (3,) else np.nan
         if not (np.isfinite(length) and length > 0.0):
-            raise ValueError(f"the axis of a joint must be 3 finite numbers and have a length, but is {axis}")
+            raise InputError(
+                "", f"the axis of a joint must be 3 finite numbers and have a length, but is {axis}"
+            )
         object.__setattr__(self, "axis", axis / length)
 
     def at(self, values: Mapping[str, Floats], frames: int) -> Floats:
@@ -115,7 +118,7 @@ class Joint:
     def __post_init__(self) -> None:
         for name in ("parent_frame", "child_frame"):
             if not is_rigid(getattr(self, name)):
-                raise ValueError(f"joint {self.name!r}: its {name} must be a rotation and a translation")
+                raise InputError("", f"joint {self.name!r}: its {name} must be a rotation and a translation")
 
     @property
     def axes(self) -> tuple[JointAxis, ...]:
@@ -195,18 +198,19 @@ class KinematicTree:
         ):
             twice = next((name for name in names if names.count(name) > 1), None)
             if twice is not None:
-                raise ValueError(f"there are two of the {what} {twice!r}")
+                raise InputError("", f"there are two of the {what} {twice!r}")
         for joint in self.joints:
             for axis in joint.axes:
                 if axis.coordinate is not None and axis.coordinate not in known:
-                    raise ValueError(
+                    raise InputError(
+                        "",
                         f"joint {joint.name!r}: there is no coordinate {axis.coordinate!r}; "
-                        + suggestion(axis.coordinate, sorted(known))
+                        + suggestion(axis.coordinate, sorted(known)),
                     )
         for one in self.couplings:
             for name in (one.dependent, one.independent):
                 if name not in known:
-                    raise ValueError(f"a coupling names the coordinate {name!r}, which there is not")
+                    raise InputError("", f"a coupling names the coordinate {name!r}, which there is not")
         object.__setattr__(self, "couplings", tuple(_coupled_in_order(self.couplings)))
 
     @property
@@ -232,7 +236,7 @@ class KinematicTree:
             if one.name == name:
                 return one
         known = [one.name for one in self.coordinates]
-        raise ValueError(f"there is no coordinate {name!r}; {suggestion(name, known)}")
+        raise InputError("", f"there is no coordinate {name!r}; {suggestion(name, known)}")
 
     def completed(self, values: Mapping[str, ArrayLike]) -> dict[str, Floats]:
         """Return the values (f,) of all coordinates: those given, the coupled ones, the others at rest.
@@ -251,21 +255,23 @@ class KinematicTree:
         given = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
         lengths = {value.shape for value in given.values() if value.ndim}
         if len(lengths) > 1 or any(len(shape) != 1 for shape in lengths):
-            raise ValueError(f"coordinates have values of the shapes {sorted(lengths)}, but must be alike")
+            raise InputError(
+                "", f"coordinates have values of the shapes {sorted(lengths)}, but must be alike"
+            )
         frames = lengths.pop()[0] if lengths else 1
         for name, value in given.items():
             if name not in known:
-                raise ValueError(f"there is no coordinate {name!r}; {suggestion(name, known)}")
+                raise InputError("", f"there is no coordinate {name!r}; {suggestion(name, known)}")
             if not np.isfinite(value).all():
-                raise ValueError(f"coordinate {name!r} has a value that is not finite")
+                raise InputError("", f"coordinate {name!r} has a value that is not finite")
         result = {one.name: np.full(frames, one.rest) for one in self.coordinates}
         result |= {name: np.broadcast_to(value, (frames,)) for name, value in given.items()}
         for one in self.couplings:
             with np.errstate(over="ignore", invalid="ignore"):
                 result[one.dependent] = one.function(result[one.independent])
             if not np.isfinite(result[one.dependent]).all():
-                raise ValueError(
-                    f"coordinate {one.dependent!r} follows {one.independent!r} beyond all numbers"
+                raise InputError(
+                    "", f"coordinate {one.dependent!r} follows {one.independent!r} beyond all numbers"
                 )
         return result
 
@@ -289,9 +295,10 @@ class KinematicTree:
             with np.errstate(over="ignore", invalid="ignore"):
                 result[joint.child] = result[joint.parent] @ joint.transforms(full, frames)
             if not np.isfinite(result[joint.child]).all():
-                raise ValueError(
+                raise InputError(
+                    "",
                     f"joint {joint.name!r} puts {joint.child!r} beyond all numbers; check its frames, "
-                    "functions and coordinates"
+                    "functions and coordinates",
                 )
         return result
 
@@ -380,7 +387,7 @@ def _in_order(root: str, joints: Sequence[Joint]) -> Iterator[Joint]:
     for joint in joints:
         if joint.child in seen:
             other = f"hangs on joint {seen[joint.child]!r} as well" if seen[joint.child] else "is the root"
-            raise ValueError(f"joint {joint.name!r}: its child {joint.child!r} {other}")
+            raise InputError("", f"joint {joint.name!r}: its child {joint.child!r} {other}")
         seen[joint.child] = joint.name
         waiting.setdefault(joint.parent, []).append(joint)
     todo = [root]
@@ -394,7 +401,7 @@ def _in_order(root: str, joints: Sequence[Joint]) -> Iterator[Joint]:
             if parent not in seen
             else f"it does not hang on {root!r}: a ring of joints"
         )
-        raise ValueError(f"joint {left[0].name!r}: its parent is {parent!r}, but {why}")
+        raise InputError("", f"joint {left[0].name!r}: its parent is {parent!r}, but {why}")
 
 
 def _coupled_in_order(couplings: Sequence[Coupling]) -> Iterator[Coupling]:
@@ -403,6 +410,6 @@ def _coupled_in_order(couplings: Sequence[Coupling]) -> Iterator[Coupling]:
     while left:
         ready = [one for one in left.values() if one.independent not in left]
         if not ready:
-            raise ValueError(f"couplings go round in a ring: {', '.join(left)}")
+            raise InputError("", f"couplings go round in a ring: {', '.join(left)}")
         for one in ready:
             yield left.pop(one.dependent)

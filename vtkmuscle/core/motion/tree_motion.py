@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.motion.tree import KinematicTree, inverses
@@ -57,7 +58,7 @@ def motion_of_tree(
     """
     for body in (*bodies.values(), frame or tree.root, fixed or tree.root):
         if body not in tree.bodies:
-            raise ValueError(f"there is no body {body!r}; {suggestion(body, tree.bodies)}")
+            raise InputError("", f"there is no body {body!r}; {suggestion(body, tree.bodies)}")
     free = tree.crossed([*bodies.values(), fixed or tree.root])
     chosen = [name for name in free if name in values] if coordinates is None else list(coordinates)
     full = tree.completed(values)

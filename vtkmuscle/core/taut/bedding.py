@@ -9,7 +9,7 @@ import numpy as np
 from vtkmuscle.core.taut.bundles import Bundle
 from vtkmuscle.core.types import Bools, Floats
 
-#: Passes of averaging along the fibre, 1 : 2 : 1, of how far a bundle is off its shortest way.
+#: Passes of averaging along the fibre, 1 : 2 : 1, of the course that is held: strings have corners on bones.
 _PASSES = 4
 
 #: Rounds in which fibres that are pulled taut elsewhere than those beside them lose weight.
@@ -27,8 +27,8 @@ class Bedding(NamedTuple):
     force : (b, f, n, 3) array
         With which it holds each point of a fibre at rest, by the bone that it moves with, in the units of a
         string's springs [mm].
-    off : (f, n, 3) array
-        Where it has that force, seen from the fibre at rest [mm].
+    course : (f, n, 3) array
+        Where the fibre has that force [mm].
     bedded : (b, f) bool array
         Where any force is not 0.
     give : float
@@ -36,7 +36,7 @@ class Bedding(NamedTuple):
     """
 
     force: Floats
-    off: Floats
+    course: Floats
     bedded: Bools
     give: float
 
@@ -44,7 +44,7 @@ class Bedding(NamedTuple):
 def no_bedding(bones: int, fibres: Floats) -> Bedding:
     """Return the bedding of fibres (f, n, 3) that nothing holds."""
     force = np.zeros((bones, *fibres.shape))
-    return Bedding(force, np.zeros_like(fibres), np.zeros(force.shape[:2], dtype=np.bool_), 1.0)
+    return Bedding(force, fibres, np.zeros(force.shape[:2], dtype=np.bool_), 1.0)
 
 
 def bedding_of(
@@ -73,13 +73,15 @@ def bedding_of(
         Of the muscle [mm]; by its width the tissue gives to the force that it has at rest.
     """
     course = taut + _bow(fibres - taut, bundle, 2.0 * half_thickness)
+    for _ in range(_PASSES):
+        course[:, 1:-1] = 0.25 * course[:, :-2] + 0.5 * course[:, 1:-1] + 0.25 * course[:, 2:]
     force = np.zeros_like(course)
     force[:, 1:-1] = 2.0 * course[:, 1:-1] - course[:, :-2] - course[:, 2:]
     off = np.linalg.norm(course - taut, axis=2, keepdims=True)
     force *= np.clip(off / half_thickness, 0.0, 1.0) ** 2
     near = 1.0 / np.maximum(distances, _TOUCHING * half_thickness) ** 2
     forces = (near / near.sum(axis=0))[..., None] * force
-    return Bedding(forces, course - fibres, np.asarray((forces != 0.0).any(axis=(2, 3))), width)
+    return Bedding(forces, course, np.asarray((forces != 0.0).any(axis=(2, 3))), width)
 
 
 def _bow(off: Floats, bundle: Bundle, width: float) -> Floats:
@@ -95,7 +97,4 @@ def _bow(off: Floats, bundle: Bundle, width: float) -> Floats:
         differ2 = ((beside - mean[:, None]) ** 2).sum(axis=2)
         weights = bundle.parts / (1.0 + differ2 / width**2) ** 2
         mean = np.einsum("pk,pki->pi", weights / weights.sum(axis=1, keepdims=True), beside)
-    bow = mean.reshape(off.shape)
-    for _ in range(_PASSES):
-        bow[:, 1:-1] = 0.25 * bow[:, :-2] + 0.5 * bow[:, 1:-1] + 0.25 * bow[:, 2:]
-    return bow
+    return mean.reshape(off.shape)

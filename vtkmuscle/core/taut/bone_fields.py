@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from vtkmuscle.core.collision.distance_lookup import trilinear
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
@@ -172,15 +173,7 @@ def field_at(layout: Floats, table: Table, values: Floats, x: float, y: float, z
     block = table[place]
     if block == UNKNOWN:
         return FAR, int(place)
-    u, v, w = u - i, v - j, w - k
-    i, j, k = i % SIDE, j % SIDE, k % SIDE
-    c = values[block]
-    c00 = c[i, j, k] + w * (c[i, j, k + 1] - c[i, j, k])
-    c01 = c[i, j + 1, k] + w * (c[i, j + 1, k + 1] - c[i, j + 1, k])
-    c10 = c[i + 1, j, k] + w * (c[i + 1, j, k + 1] - c[i + 1, j, k])
-    c11 = c[i + 1, j + 1, k] + w * (c[i + 1, j + 1, k + 1] - c[i + 1, j + 1, k])
-    c0, c1 = c00 + v * (c01 - c00), c10 + v * (c11 - c10)
-    return c0 + u * (c1 - c0), -1
+    return trilinear(values[block], i % SIDE, j % SIDE, k % SIDE, u - i, v - j, w - k), -1
 
 
 @kernel

@@ -197,8 +197,6 @@ def pull_taut(  # noqa: PLR0912, PLR0915 - one loop, whose parts share all that 
                 r[:] = 0.0
                 for k in range(n_bones):
                     used[k, i] = False
-                    if bedding.bedded[k, f]:
-                        _bed(k, f, i, p[i], to_rest, tissue.track[f], bedding, memory, a, r, work)
                     if tissue.within[k, f] == -np.inf or away[k, i] > 0.0:
                         continue
                     lack = _push(
@@ -213,6 +211,18 @@ def pull_taut(  # noqa: PLR0912, PLR0915 - one loop, whose parts share all that 
                         _bend(p, normal[k], pressure[k], i, a, r, work[0])
             if lacking:
                 break
+            for k in range(n_bones):
+                if bedding.bedded[k, f]:
+                    _bed(
+                        p,
+                        to_rest[k],
+                        bedding.course[f],
+                        bedding.force[k, f],
+                        bedding.give,
+                        matrices,
+                        right,
+                        work,
+                    )
             for ring in range(len(rings.frames)):
                 _hold_in_ring(rings, ring, f, p, held[ring], matrices, right)
             _solve(p, matrices, right, y)
@@ -319,55 +329,48 @@ def _push(
 
 @kernel
 def _bed(
-    k: int,
-    f: int,
-    i: int,
-    at: Floats,
+    p: Floats,
     to_rest: Floats,
-    track: Floats,
-    bedding: Bedding,
-    memory: Memory,
-    matrix: Floats,
+    course: Floats,
+    forces: Floats,
+    give: float,
+    matrices: Floats,
     right: Floats,
     work: Floats,
 ) -> None:
-    """Add what the tissue that moves with bone k does to point i of string f, which is ``at``."""
-    u, force, off, along = work
-    _apply(to_rest[k], at, u)
-    j = memory.place[k, f, i] = _nearest_segment(track, u, memory.place[k, f, i])
-    q0, q1 = track[j], track[j + 1]
-    lx, ly, lz = q1[0] - q0[0], q1[1] - q0[1], q1[2] - q0[2]
-    part = ((u[0] - q0[0]) * lx + (u[1] - q0[1]) * ly + (u[2] - q0[2]) * lz) / (lx * lx + ly * ly + lz * lz)
-    part = min(max(part, 0.0), 1.0)
-    size = 0.0
-    for q in range(3):
-        force[q] = (1.0 - part) * bedding.force[k, f, j, q] + part * bedding.force[k, f, j + 1, q]
-        size += force[q] * force[q]
-    size = np.sqrt(size)
-    if size == 0.0:
-        return
-    length, ahead = np.sqrt(lx * lx + ly * ly + lz * lz), 0.0
-    for q in range(3):
-        way = (q1[q] - q0[q]) / length
-        course = (1.0 - part) * bedding.off[f, j, q] + part * bedding.off[f, j + 1, q]
-        off[q] = u[q] - q0[q] - part * (q1[q] - q0[q]) - course
-        along[q] = way
-        ahead += way * off[q]
-    for q in range(3):
-        off[q] -= ahead * along[q]
-        force[q] -= size / bedding.give * off[q]
-    _turn_back(to_rest[k], force, off)
-    _turn_back(to_rest[k], along, u)
-    stiffness = size / bedding.give
-    ahead = u[0] * at[0] + u[1] * at[1] + u[2] * at[2]
-    for q in range(3):
-        right[q] += off[q] + stiffness * (at[q] - ahead * u[q])
-    matrix[0] += stiffness * (1.0 - u[0] * u[0])
-    matrix[1] -= stiffness * u[0] * u[1]
-    matrix[2] -= stiffness * u[0] * u[2]
-    matrix[3] += stiffness * (1.0 - u[1] * u[1])
-    matrix[4] -= stiffness * u[1] * u[2]
-    matrix[5] += stiffness * (1.0 - u[2] * u[2])
+    """Add what the tissue along a string's course, as it moves with one bone, does to the string ``p``.
+
+    The tissue at each point of the course has hold of the place of the string that is nearest to it, and acts
+    across the string: along it there is only the string's own tension. The two points beside that place share
+    the force.
+    """
+    at, force, along, rest = work
+    for j in range(1, len(course) - 1):
+        size2 = 0.0
+        for q in range(3):
+            rest[q] = course[j, q] - to_rest[q, 3]
+            size2 += forces[j, q] ** 2
+        if size2 == 0.0:
+            continue
+        _turn_back(to_rest, rest, at)
+        _turn_back(to_rest, forces[j], force)
+        i = _nearest_segment(p, at, j)
+        part, length2 = _part_of_segment(p[i], p[i + 1], at)
+        stiffness, ahead = np.sqrt(size2) / give, 0.0
+        for q in range(3):
+            along[q] = p[i + 1, q] - p[i, q]
+            force[q] += stiffness * (at[q] - p[i, q] - part * along[q])
+            ahead += along[q] * force[q]
+        for q in range(3):
+            force[q] -= ahead / length2 * along[q]
+        for end in range(2):
+            share = part if end == 1 else 1.0 - part
+            matrix, spring = matrices[i + end], share * stiffness
+            matrix[0] += spring
+            matrix[3] += spring
+            matrix[5] += spring
+            for q in range(3):
+                right[i + end, q] += share * force[q] + spring * p[i + end, q]
 
 
 @kernel
@@ -553,6 +556,15 @@ def _nearest_segment(track: Floats, u: Floats, start: int) -> int:
             break
         j, best = j - 1, behind
     return j
+
+
+@kernel
+def _part_of_segment(a: Floats, b: Floats, u: Floats) -> tuple[float, float]:
+    """Return how far along a segment the place nearest to a point is, in [0, 1], and its squared length."""
+    lx, ly, lz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    length2 = lx * lx + ly * ly + lz * lz
+    part = ((u[0] - a[0]) * lx + (u[1] - a[1]) * ly + (u[2] - a[2]) * lz) / length2
+    return min(max(part, 0.0), 1.0), length2
 
 
 @kernel

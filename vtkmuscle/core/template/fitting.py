@@ -15,6 +15,7 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial import ConvexHull
 from scipy.spatial.distance import cdist
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.sampling import uneven_weights
 from vtkmuscle.core.mesh.surface import extent
 from vtkmuscle.core.types import Floats
@@ -84,9 +85,10 @@ def centroid_axis(origin: Floats, insertion: Floats) -> Floats:
     length = float(np.linalg.norm(difference))
     extent = float(np.ptp(np.vstack([origin, insertion]), axis=0).max())
     if not length > 1e-9 * extent:
-        raise ValueError(
-            "the centroids of the origin and insertion landmarks coincide and give no axis; "
-            "set axis='principal'"
+        raise InputError(
+            "",
+            "the centroids of the origin and insertion landmarks coincide and give no axis",
+            "set axis='principal'",
         )
     return difference / length
 
@@ -138,8 +140,8 @@ class SeenMuscle:
         first, second = _perpendicular(axis)
         seen = np.column_stack([self.points @ first, self.points @ second])
         if not _has_area(seen) or not top > bottom:
-            raise ValueError(
-                "the points of the muscle lie in one plane, so that no box of any volume holds them"
+            raise InputError(
+                "", "the points of the muscle lie in one plane, so that no box of any volume holds them"
             )
         outline = seen[ConvexHull(seen).vertices]
         return View(bottom, top, first, second, outline, _least_rectangle_angle(outline, _marker(seen)))
@@ -283,7 +285,7 @@ def _perpendicular(axis: Floats) -> tuple[Floats, Floats]:
 
 
 def _has_area(seen: Floats) -> bool:
-    """Return False for points on a line, as far as rounding lets one tell."""
+    """Return False for points on a line, up to rounding."""
     centred = seen - seen.mean(axis=0)
     least, largest = np.linalg.eigvalsh(centred.T @ centred)
     return bool(least > 1e-14 * largest)

@@ -10,7 +10,7 @@ from typing import Any
 
 from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 
-from vtkmuscle.filters.base.running import Output, ask_for, one_or_all, run_on, time_asked, update, wrapped
+from vtkmuscle.filters.base.running import Running
 
 try:
     from vtkmodules.util import execution_model
@@ -20,7 +20,7 @@ except ImportError:  # VTK has it from 9.4 on; ParaView may bring an older one
 _Pipeline: Any = object if execution_model is None else execution_model.Pipeline
 
 
-class Chain(_Pipeline):
+class Chain(Running, _Pipeline):
     """Algorithms connected by ``>>``: VTK's own ``Pipeline``, with what our filters have.
 
     Data go into the first algorithm, results come from the last. Connected to a filter, a chain stands for
@@ -39,31 +39,14 @@ class Chain(_Pipeline):
     True
     """
 
-    def update(self, time: float | None = None) -> Output:
-        """Bring the last output up to date; see :meth:`vtkmuscle.filters.Filter.update`."""
-        return update(self.last, time)
-
-    def apply(self, *inputs: Any, time: float | None = None) -> Any:
-        """Run the chain on data for its first algorithm; see :meth:`vtkmuscle.filters.Filter.apply`."""
-        return wrapped(run_on(self.first, self.last, inputs, time))
-
-    def __call__(self, *inputs: Any, time: float | None = None) -> Any:
-        """Run the chain on data, and return the result as a bare VTK data object (a copy)."""
-        return one_or_all(run_on(self.first, self.last, inputs, time))
+    @property
+    def _ends(self) -> tuple[Any, Any]:
+        return self.first, self.last
 
     @property
     def output(self) -> Any:
         """The last algorithm's output, brought up to date (a tuple where there are several)."""
         return self.update().output
-
-    @property
-    def time(self) -> float | None:
-        """Pipeline time that the output is asked for; None is the last time step."""
-        return time_asked(self.last)
-
-    @time.setter
-    def time(self, value: float | None) -> None:
-        ask_for(self.last, value)
 
     def GetOutputPort(self, port: int = 0) -> Any:
         """Return an output port of the last algorithm."""

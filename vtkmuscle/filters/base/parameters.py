@@ -7,6 +7,7 @@ import numbers
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import shown
 
 if TYPE_CHECKING:
@@ -46,12 +47,12 @@ class Parameter(Generic[T]):
 
     Examples
     --------
-    >>> from vtkmuscle.filters import FibreSmoother
-    >>> smoother = FibreSmoother(smoothing_passes=3)
-    >>> smoother.smoothing_passes = -1
+    >>> from vtkmuscle.filters import FibreTubes
+    >>> tubes = FibreTubes(radius=0.5)
+    >>> tubes.radius = -1.0
     Traceback (most recent call last):
         ...
-    ValueError: FibreSmoother.smoothing_passes is -1, but must be an integer >= 0 and <= 10000
+    vtkmuscle.core.errors.InputError: FibreTubes: radius is -1.0, but must be a finite number > 0
     """
 
     def __init__(
@@ -166,7 +167,7 @@ class Parameter(Generic[T]):
         """Return the value in its own type, or raise a ValueError that says what is allowed."""
         converted = self._converted(value)
         if converted is _REFUSED:
-            raise ValueError(f"{owner}.{self.name} is {shown(value)}, but must be {self.allowed}")
+            raise InputError(owner, f"{self.name} is {shown(value)}, but must be {self.allowed}")
         return converted
 
     def _converted(self, value: Any) -> Any:

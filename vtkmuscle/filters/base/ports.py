@@ -38,6 +38,19 @@ class Port:
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
 
+    @overload
+    def __get__(self: PortT, instance: None, owner: type) -> PortT: ...
+
+    @overload
+    def __get__(self, instance: Filter, owner: type) -> Any: ...
+
+    def __get__(self, instance: Filter | None, owner: type) -> Any:
+        return self if instance is None else self.read(instance)
+
+    def read(self, instance: Filter) -> Any:
+        """Return what a filter has at the port."""
+        raise NotImplementedError
+
     @property
     def type_name(self) -> str:
         """Name of the VTK class, as the executive wants it."""
@@ -54,15 +67,8 @@ class OutputPort(Port):
     3
     """
 
-    @overload
-    def __get__(self: PortT, instance: None, owner: type) -> PortT: ...
-
-    @overload
-    def __get__(self, instance: Filter, owner: type) -> Any: ...
-
-    def __get__(self, instance: Filter | None, owner: type) -> Any:
-        if instance is None:
-            return self
+    def read(self, instance: Filter) -> Any:
+        """Return the data, brought up to date."""
         instance.update()
         return instance.GetOutputDataObject(instance.output_ports.index(self))
 
@@ -106,15 +112,8 @@ class InputPort(Port):
         super().__init__(kind, doc=doc)
         self.optional = optional
 
-    @overload
-    def __get__(self: PortT, instance: None, owner: type) -> PortT: ...
-
-    @overload
-    def __get__(self, instance: Filter, owner: type) -> Any: ...
-
-    def __get__(self, instance: Filter | None, owner: type) -> Any:
-        if instance is None:
-            return self
+    def read(self, instance: Filter) -> Any:
+        """Return the data set or the algorithm that is connected, None where the port is open."""
         number = instance.input_ports.index(self)
         if not instance.GetNumberOfInputConnections(number):
             return None
@@ -176,12 +175,12 @@ class InputPort(Port):
 
 
 def source_of(value: Any) -> tuple[Any, int] | None:
-    """Return the algorithm and the number of its output that stand for what somebody connects.
+    """Return the algorithm and the number of its output that stand for a value to be connected.
 
     Parameters
     ----------
     value : vtkDataObject, vtkAlgorithm, chain, vtkAlgorithmOutput or select_ports
-        What somebody connects.
+        What is to be connected.
 
     Returns
     -------

@@ -158,3 +158,69 @@ def _shallow(data: Any) -> Any:
     copy = data.NewInstance()
     copy.ShallowCopy(data)
     return copy
+
+
+class Running:
+    """What can be run: a filter, or a chain of them."""
+
+    @property
+    def _ends(self) -> tuple[Any, Any]:
+        """The algorithm that data go into, and the one that results come from."""
+        return self, self
+
+    @property
+    def time(self) -> float | None:
+        """Pipeline time that the output is asked for, until another one is; None is the last time step."""
+        return time_asked(self._ends[1])
+
+    @time.setter
+    def time(self, value: float | None) -> None:
+        ask_for(self._ends[1], value)
+
+    def update(self, time: float | None = None) -> Output:
+        """Bring the output up to date, and raise the original error where that fails.
+
+        Parameters
+        ----------
+        time : float, optional
+            Pipeline time to ask for; by default :attr:`time`.
+
+        Returns
+        -------
+        Output
+            With the property ``output``: the data object (or a tuple of them).
+
+        Raises
+        ------
+        Exception
+            Whatever a filter raised, this one or one upstream.
+        """
+        return update(self._ends[1], time)
+
+    def apply(self, *inputs: Any, time: float | None = None) -> Any:
+        """Run on data, and return the result wrapped for PyVista.
+
+        Parameters
+        ----------
+        *inputs : vtkDataObject, vtkAlgorithm, chain, vtkAlgorithmOutput or None
+            One per input port (of the first filter of a chain), in order; missing ones keep their connection.
+        time : float, optional
+            Pipeline time to ask for; by default :attr:`time`.
+
+        Returns
+        -------
+        pyvista.DataObject
+            A copy that later updates do not change (a tuple where there are several outputs).
+
+        Raises
+        ------
+        TypeError
+            For more inputs than ports, or an input that is not of the port's kind.
+        Exception
+            Whatever a filter raised, this one or one upstream.
+        """
+        return wrapped(run_on(*self._ends, inputs, time))
+
+    def __call__(self, *inputs: Any, time: float | None = None) -> Any:
+        """Run as :meth:`apply` does, and return the result as a bare VTK data object (a copy)."""
+        return one_or_all(run_on(*self._ends, inputs, time))

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.collision.muscle_contact import Neighbour, depth_in
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.types import Floats
@@ -41,7 +42,7 @@ class Neighbours:
         for number, (name, block) in enumerate(blocks_of(muscles)):
             where = f"{self._where}, block {name!r}"
             if not isinstance(block, vtkPolyData):
-                raise ValueError(f"{where}: expected a vtkPolyData; connect outputs of PBDDeformer")
+                raise InputError(where, "it is no vtkPolyData", "connect outputs of PBDDeformer")
             points, triangles = checked_surface(block, where)
             if number not in self._allowances:
                 displacement = np.array(point_array(block, "Displacement", where))

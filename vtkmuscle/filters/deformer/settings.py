@@ -13,6 +13,16 @@ from vtkmuscle.filters.deformer.quality import PRESETS
 _DEFAULT = SolverParameters()
 
 
+def _part(name: str, doc: str, **more: Any) -> Parameter[float]:
+    """Return a parameter from 0 to 1, with the solver's default."""
+    return Parameter(float, default=getattr(_DEFAULT, name), minimum=0.0, maximum=1.0, doc=doc, **more)
+
+
+def _choice(name: str, doc: str, **more: Any) -> Parameter[str]:
+    """Return a parameter with the solver's choices and default."""
+    return Parameter(str, default=getattr(_DEFAULT, name), choices=CHOICES[name], doc=doc, **more)
+
+
 class DeformerSettings:
     """The parameters of PBDDeformer."""
 
@@ -39,33 +49,18 @@ class DeformerSettings:
         doc="Parts that a step is cut into; bones move along their screws.",
     )
     dt = Parameter(float, default=_DEFAULT.dt, above=0.0, units="s", doc="Time of a step.")
-    velocity_kept = Parameter(
-        float,
-        default=_DEFAULT.velocity_kept,
-        minimum=0.0,
-        maximum=1.0,
-        doc="Part of its velocity that a point keeps from step to step.",
+    velocity_kept = _part("velocity_kept", "Part of its velocity that a point keeps from step to step.")
+    stiffness = _part(
+        "stiffness",
+        "Stiffness of edge lengths, per step (solver 'gauss-seidel') or per iteration ('anderson').",
     )
-    stiffness = Parameter(
-        float,
-        default=_DEFAULT.stiffness,
-        minimum=0.0,
-        maximum=1.0,
-        doc="Stiffness of edge lengths, per step (solver 'gauss-seidel') or per iteration ('anderson').",
+    shape_stiffness = _part(
+        "shape_stiffness",
+        "Stiffness of the angles between triangles, per step or per iteration as that of the edges.",
     )
-    shape_stiffness = Parameter(
-        float,
-        default=_DEFAULT.shape_stiffness,
-        minimum=0.0,
-        maximum=1.0,
-        doc="Stiffness of the angles between triangles, per step or per iteration as that of the edges.",
-    )
-    volume_stiffness = Parameter(
-        float,
-        default=_DEFAULT.volume_stiffness,
-        minimum=0.0,
-        maximum=1.0,
-        doc="Stiffness of the muscle's volume, per step or per iteration as that of the edges.",
+    volume_stiffness = _part(
+        "volume_stiffness",
+        "Stiffness of the muscle's volume, per step or per iteration as that of the edges.",
     )
     anisotropy = Parameter(
         str,
@@ -74,14 +69,11 @@ class DeformerSettings:
         doc="How edges give way along the fibres: they follow the fibres, pulled taut round the bones, or "
         "they are less stiff (Kohout and Cervenka 2021), or not at all.",
     )
-    guidance = Parameter(
-        float,
-        default=_DEFAULT.guidance,
-        minimum=0.0,
-        maximum=1.0,
-        only_with=("anisotropy", "taut"),
-        doc="Part of its way to where the taut fibres carry it that each iteration draws a point of the "
+    guidance = _part(
+        "guidance",
+        "Part of its way to where the taut fibres carry it that each iteration draws a point of the "
         "surface; not with prediction 'inertial'.",
+        only_with=("anisotropy", "taut"),
     )
     external_force = Parameter(
         tuple,
@@ -137,33 +129,22 @@ class DeformerSettings:
         only_with=("collision", "voxel"),
         doc="Number of voxels along each axis of a bone's box, instead of n_voxels.",
     )
-    bone_push = Parameter(
-        str,
-        default=_DEFAULT.bone_push,
-        choices=CHOICES["bone_push"],
+    bone_push = _choice(
+        "bone_push",
+        "What a bone does to points that it moved over: take them with it, or nothing.",
         only_with=("collision", "voxel"),
-        doc="What a bone does to points that it moved over: take them with it, or nothing.",
     )
-    contact_velocity = Parameter(
-        str,
-        default=_DEFAULT.contact_velocity,
-        choices=CHOICES["contact_velocity"],
-        doc="Velocity of points that met a bone: none, as Kohout and Cervenka 2021 propose, or that of "
+    contact_velocity = _choice(
+        "contact_velocity",
+        "Velocity of points that met a bone: none, as Kohout and Cervenka 2021 propose, or that of "
         "their displacement, as they compute it.",
     )
-    prediction = Parameter(
-        str,
-        default=_DEFAULT.prediction,
-        choices=CHOICES["prediction"],
-        doc="Where free points start each step: where their velocity takes them (published), or where the "
+    prediction = _choice(
+        "prediction",
+        "Where free points start each step: where their velocity takes them (published), or where the "
         "bones' blended motions do.",
     )
-    solver = Parameter(
-        str,
-        default=_DEFAULT.solver,
-        choices=CHOICES["solver"],
-        doc="The iteration: as it is (published), or accelerated towards the same shape.",
-    )
+    solver = _choice("solver", "The iteration: as it is (published), or accelerated towards the same shape.")
     tolerance = Parameter(
         float,
         default=_DEFAULT.tolerance,
@@ -173,11 +154,9 @@ class DeformerSettings:
         doc="Stop where the converged shape is at most this far (root mean square): known where the taut "
         "fibres draw the points; all iterations are made elsewhere, and with 0.",
     )
-    projection_order = Parameter(
-        str,
-        default=_DEFAULT.projection_order,
-        choices=CHOICES["projection_order"],
-        doc="Order of projections: edges many at once and the volume last, or all one by one "
+    projection_order = _choice(
+        "projection_order",
+        "Order of projections: edges many at once and the volume last, or all one by one "
         "and the volume before angles and bones (published), which keeps it less well.",
     )
     measure_penetration = Parameter(

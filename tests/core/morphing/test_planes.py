@@ -1,0 +1,260 @@
+import igl
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from vtkmuscle.core.morphing.planes import morph_by_planes
+from vtkmuscle.core.morphing.section_maps import MAPPINGS, map_section
+from vtkmuscle.core.morphing.sections import closed_surface
+from vtkmuscle.core.morphing.slices import Slicing
+from vtkmuscle.core.motion.rigid import apply_transform
+from vtkmuscle.core.template.kinds import TEMPLATES, sobol_points
+from vtkmuscle.phantoms.implicit import thick_curve, union
+from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution
+
+
+def template(kind="parallel", n_fibres=20, resolution=10):
+    """Return fibres in the unit cube, (n_fibres, resolution + 1, 3)."""
+    return TEMPLATES[kind].fibres(*sobol_points(n_fibres).T, np.linspace(0, 1, resolution + 1))
+
+
+def upright_box(points):
+    """Return the transform of the unit cube to the box of points along the axes."""
+    transform = np.diag([*np.ptp(points, axis=0), 1.0])
+    transform[:3, 3] = points.min(axis=0)
+    return transform
+
+
+def morph(
+    points,
+    triangles,
+    cube=None,
+    transform=None,
+    *,
+    slice_tolerance=0.0,
+    continuity=0.2,
+    mapping="bijective",
+    **other,
+):
+    """Return fibres in a muscle, shaped like those in the cube."""
+    cube = template() if cube is None else cube
+    transform = upright_box(points) if transform is None else transform
+    fitted = apply_transform(transform, cube.reshape(-1, 3))
+    settings_ = {"slice_tolerance": slice_tolerance, "continuity": continuity, "mapping": mapping, **other}
+    return morph_by_planes(
+        fitted, transform, closed_surface(points, triangles), Slicing(**settings_)
+    ).points.reshape(cube.shape)
+
+
+def outside(places, points, triangles):
+    """Return how far places are outside of a surface, 0 inside."""
+    flat = places.reshape(-1, 3)
+    distances = np.sqrt(igl.point_mesh_squared_distance(flat, points, triangles)[0])
+    return np.where(igl.winding_number(points, triangles, flat) > 0.5, 0.0, distances)
+
+
+@pytest.fixture(scope="module")
+def banana():
+    """A bent muscle, round, thick in its middle."""
+    knots = [(0, 0, 0), (8, 3, 25), (10, 5, 50), (7, 2, 75), (0, 0, 100)]
+    return mesh_of(thick_curve(knots, [5, 8, 10, 9, 5]), 2.0, 3000)
+
+
+@pytest.fixture(scope="module")
+def forked():
+    """A muscle with two heads of different lengths at its lower end."""
+    trunk = thick_curve([(0, 0, 50), (0, 0, 75), (0, 0, 100)], [12, 12, 10])
+    thick = thick_curve([(-20, 0, 20), (-18, 0, 35), (-3, 0, 60)], [10, 10, 10])
+    thin = thick_curve([(22, 0, 0), (19, 0, 30), (3, 0, 60)], [4, 4, 6])
+    return mesh_of(union([trunk, thick, thin], 1.0), 1.5, 5000)
+
+
+@pytest.mark.parametrize("kind", list(TEMPLATES))
+@pytest.mark.parametrize("continuity", [0.0, 0.2])
+def test_in_a_block_the_template_stays_as_it_is(kind, continuity):
+    points, triangles = box((0, 0, 0), (20, 40, 120), 7.0)
+    transform = upright_box(points)
+    move = np.eye(4)
+    move[:3, :3], move[:3, 3] = Rotation.from_euler("xyz", [0.4, 1.0, 2.0]).as_matrix(), (300, -50, 80)
+    cube = template(kind)
+    fibres = morph(apply_transform(move, points), triangles, cube, move @ transform, continuity=continuity)
+    expected = apply_transform(move @ transform, cube.reshape(-1, 3)).reshape(cube.shape)
+    # The first and last slice are a millionth of the length inside.
+    assert np.abs(fibres - expected).max() < 1.3e-4
+
+
+def test_in_a_cylinder_fibres_stay_straight():
+    points, triangles = solid_of_revolution([0.0, 30.0, 60.0, 90.0], [10.0, 10.0, 10.0, 10.0], 36)
+    fibres = morph(points, triangles)
+    # Contours are matched from vertex to vertex, and no finer than half of a 128th of their perimeter.
+    assert np.abs(fibres[:, 1:, :2] - fibres[:, :-1, :2]).max() < 20 * np.pi / 128 / 2
+    assert (outside(fibres, points, triangles) < 1e-9).all()
+
+
+@pytest.mark.parametrize("kind", list(TEMPLATES))
+def test_fibres_are_inside_and_keep_their_heights(banana, kind):
+    points, triangles = banana
+    cube = template(kind, 30, 12)
+    fibres = morph(points, triangles, cube)
+    assert np.isfinite(fibres).all()
+    assert outside(fibres, points, triangles).max() < 0.1
+    height = np.ptp(points[:, 2])
+    assert np.abs(fibres[..., 2] - points[:, 2].min() - height * cube[..., 2]).max() < 1e-5 * height
+
+
+def test_fibres_fill_the_muscle(banana):
+    points, triangles = banana
+    fibres = morph(points, triangles, template("parallel", 200, 30))[:, 15, :2]
+    # By the area within the fibres' hull, about the middle slice.
+    section = points[np.abs(points[:, 2] - points[:, 2].mean()) < 2.0][:, :2]
+    assert (np.ptp(fibres, axis=0) > 0.85 * np.ptp(section, axis=0)).all()
+
+
+def test_neighbours_stay_neighbours_and_do_not_turn_about_each_other(banana):
+    points, triangles = banana
+    corners = np.array([(0.25, 0.25), (0.75, 0.25), (0.75, 0.75), (0.25, 0.75)])
+    cube = TEMPLATES["parallel"].fibres(*corners.T, np.linspace(0, 1, 40))
+    fibres = morph(points, triangles, cube)
+    turned = [np.unwrap(np.angle((f[1:-1, :2] - fibres[:, 1:-1, :2].mean(axis=0)) @ [1, 1j])) for f in fibres]
+    assert np.ptp(turned, axis=1).max() < np.radians(15)
+
+
+def test_everything_moved_gives_the_fibres_moved(banana):
+    points, triangles = banana
+    here = morph(points, triangles)
+    for seed in range(3):
+        move = np.eye(4)
+        move[:3, :3] = Rotation.random(random_state=seed).as_matrix()
+        move[:3, 3] = (100, 200 * seed, -300)
+        there = morph(apply_transform(move, points), triangles, transform=move @ upright_box(points))
+        expected = apply_transform(move, here.reshape(-1, 3)).reshape(here.shape)
+        assert np.abs(there - expected).max() < 1e-6
+
+
+def test_a_scaled_muscle_gives_scaled_fibres(banana):
+    points, triangles = banana
+    assert np.allclose(morph(0.001 * points, triangles), 0.001 * morph(points, triangles), atol=1e-9)
+
+
+def test_the_side_that_triangles_face_does_not_matter(banana):
+    points, triangles = banana
+    assert np.allclose(morph(points, triangles[:, ::-1].copy()), morph(points, triangles), atol=0.3)
+
+
+def test_points_that_no_triangle_uses_do_not_matter(banana):
+    points, triangles = banana
+    more = np.vstack([points, [[500.0, 500, 500]]])
+    transform = upright_box(points)
+    assert np.array_equal(
+        morph(more, triangles, transform=transform), morph(points, triangles, transform=transform)
+    )
+
+
+def test_fibres_stay_in_the_head_that_holds_most(forked):
+    points, triangles = forked
+    cube = template("parallel", 40, 25)
+    fibres = morph(points, triangles, cube)
+    low = fibres[..., 2] < 40
+    assert low.any()
+    assert (fibres[low][:, 0] < 0).all()
+    assert outside(fibres, points, triangles).max() < 0.2
+    # The thin head reaches lower: what was below the thick one is squeezed into its tip, without folds.
+    tip = points[points[:, 0] < -8][:, 2].min()
+    assert fibres[..., 2].min() == pytest.approx(tip, abs=0.01)
+    assert (np.diff(fibres[..., 2], axis=1) > 0).all()
+    assert np.linalg.norm(np.diff(fibres, axis=1), axis=2).min() > 0.1
+
+
+def test_loops_are_never_mixed_in_a_ring():
+    """A ring stood upright: two legs between one loop at the bottom and one at the top."""
+    angles = np.linspace(-np.pi / 2, 3 * np.pi / 2, 13)
+    ring = np.column_stack([40 * np.cos(angles), np.zeros(13), 40 * np.sin(angles)])
+    # A little more to the left.
+    points, triangles = mesh_of(thick_curve(ring, 8 - 2 * np.cos(angles)), 2.5, 4000)
+    fibres = morph(points, triangles, template("parallel", 30, 20))
+    middle = np.abs(fibres[..., 2]) < 25
+    assert (fibres[middle][:, 0] < -15).all()
+    assert outside(fibres, points, triangles)[middle.reshape(-1)].max() < 0.5
+
+
+def test_a_hollow_is_not_taken_for_the_muscle():
+    outer, faces = box((0, 0, 0), (20, 30, 60), 5.0)
+    hollow, inner = box((5, 5, 20), (15, 25, 40), 5.0)
+    points = np.vstack([outer, hollow])
+    triangles = np.vstack([faces, inner[:, ::-1] + len(outer)])
+    assert np.allclose(morph(points, triangles), morph(outer, faces), atol=1e-9)
+
+
+@pytest.mark.parametrize(("n_fibres", "resolution"), [(1, 1), (1, 200), (500, 1), (3, 2)])
+def test_extreme_templates(banana, n_fibres, resolution):
+    points, triangles = banana
+    fibres = morph(points, triangles, template("parallel", n_fibres, resolution))
+    assert np.isfinite(fibres).all()
+    assert outside(fibres, points, triangles).max() < 0.1
+
+
+def test_a_tetrahedron_is_a_muscle():
+    points = np.array([(0.0, 0, 0), (10, 0, 1), (0, 10, 2), (3, 3, 30)])
+    triangles = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])
+    fibres = morph(points, triangles)
+    assert np.isfinite(fibres).all()
+    assert outside(fibres, points, triangles).max() < 1e-9
+
+
+def test_shared_slices_hardly_change_the_fibres(banana):
+    points, triangles = banana
+    cube = template("fan", 30, 10) * [1, 1, 0.97] + [0, 0, 0.015]
+    cube[..., 2] += np.linspace(0, 0.01, 30)[:, None]
+    exact = morph(points, triangles, cube)
+    shared = morph(points, triangles, cube, slice_tolerance=0.1)
+    assert 0 < np.abs(shared - exact).max() < 0.6
+    assert np.abs(shared - exact)[..., 2].max() < 1e-9
+
+
+def test_a_slice_that_is_the_rectangle_maps_to_itself(rng):
+    loop = np.array([(4.0, 0), (4, 3), (2, 3), (0, 3), (0, 1), (0, 0)])
+    places = rng.random((20, 2)) * [4, 3]
+    for mapping in MAPPINGS:
+        section = map_section(loop, np.zeros(2), np.array([4.0, 3.0]), places, mapping=mapping)
+        assert np.allclose(section.places, places, atol=1e-9)
+
+
+@pytest.mark.parametrize("mapping", MAPPINGS)
+def test_corners_of_the_rectangle_go_to_the_boundary_and_its_inside_to_the_inside_of_a_convex_slice(
+    rng, mapping
+):
+    angles = np.linspace(0, 2 * np.pi, 50, endpoint=False)
+    loop = np.column_stack([10 + 9 * np.cos(angles), 4 + 3 * np.sin(angles)])
+    corners = np.array([(0.0, 0), (20, 0), (20, 8), (0, 8)])
+    sides = np.array([20.0, 8.0])
+    ends = map_section(loop, np.zeros(2), sides, corners, mapping=mapping).places
+    radii = np.linalg.norm((ends - (10, 4)) / (9, 3), axis=1)
+    assert np.allclose(radii, 1, atol=0.01)
+    mapped = map_section(loop, np.zeros(2), sides, rng.random((200, 2)) * sides, mapping=mapping).places
+    assert (np.linalg.norm((mapped - (10, 4)) / (9, 3), axis=1) <= 1).all()
+
+
+def test_an_open_muscle_is_refused(banana):
+    points, triangles = banana
+    with pytest.raises(ValueError, match="must be closed"):
+        morph(points, triangles[:-1])
+
+
+def test_a_muscle_without_an_inside_is_refused():
+    points = np.array([(0.0, 0, 0), (10, 0, 1), (3, 0, 30)])
+    with pytest.raises(ValueError, match="no section of the muscle through the template has an inside"):
+        morph(points, np.array([(0, 1, 2), (0, 2, 1)]), transform=np.diag([10.0, 1, 30, 1]))
+
+
+def test_progress_is_told_and_can_stop_the_work(banana):
+    points, triangles = banana
+    told = []
+    morph(points, triangles, report_progress=told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+
+    def stop(fraction):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        morph(points, triangles, report_progress=stop)

@@ -1,0 +1,114 @@
+"""Filters over time: which frames are computed, which are kept, and when they are forgotten."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.data.arrays import field_array, points_of, set_field_array, surface_from, with_points
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.history import HistoryFilter
+from vtkmuscle.filters.base.parameters import Parameter
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
+
+
+@dataclass(frozen=True)
+class Total:
+    value: float
+    nbytes: int = 1_000_000
+
+
+class Clock(Filter):
+    """Give a triangle whose first corner is at x = time."""
+
+    output = OutputPort(vtkPolyData, doc="The triangle.")
+
+    def time_steps(self, _):
+        return [0.0, 1.0, 2.0, 3.0]
+
+    def execute(self):
+        return surface_from(
+            np.array([[self.request_time, 0, 0], [0, 1, 0], [0, 0, 1.0]]), np.array([[0, 1, 2]])
+        )
+
+
+class Sum(HistoryFilter[Total]):
+    """Add up x of the first corner over the times."""
+
+    factor = Parameter(float, default=1.0, doc="What x is multiplied by.")
+    checkpoint_memory = Parameter(float, default=100.0, minimum=0.0, units="MB", doc="Memory for frames.")
+    shape = InputPort(vtkPolyData, doc="The triangle.")
+    output = OutputPort(vtkPolyData, doc="The triangle, with the field array ``Sum``.")
+    moving = ("shape",)
+
+    def execute(self, shape):
+        result = with_points(shape, points_of(shape))
+        set_field_array(result, "Sum", self.frame((shape,), self._add).value)
+        return result
+
+    def _add(self, before, shape):
+        x = self.factor * float(points_of(shape)[0, 0])
+        seen.append(x)
+        return Total(x + (before.value if before else 0.0))
+
+
+seen: list[float] = []
+
+
+@pytest.fixture
+def total():
+    seen.clear()
+    return Sum(shape=Clock())
+
+
+def sum_at(total, time):
+    return float(field_array(total.update(time).output, "Sum")[0])
+
+
+def test_a_frame_is_computed_through_all_time_steps_before_it(total):
+    assert sum_at(total, 3.0) == 6.0
+    assert seen == [0.0, 1.0, 2.0, 3.0]
+
+
+def test_frames_are_kept_and_a_time_between_steps_goes_on_from_the_step_before(total):
+    sum_at(total, 3.0)
+    seen.clear()
+    assert sum_at(total, 1.0) == 1.0
+    assert sum_at(total, 2.5) == 5.5
+    assert seen == [2.5]
+
+
+def test_a_parameter_that_frames_depend_on_drops_them(total):
+    sum_at(total, 2.0)
+    seen.clear()
+    total.factor = 10.0
+    assert sum_at(total, 2.0) == 30.0
+    assert seen == [0.0, 10.0, 20.0]
+
+
+def test_less_memory_drops_frames_and_not_the_result(total):
+    total.checkpoint_memory = 0.0
+    assert sum_at(total, 3.0) == 6.0
+    seen.clear()
+    assert sum_at(total, 1.0) == 1.0
+    assert seen == [0.0, 1.0]
+
+
+def test_progress_goes_up_to_the_whole_over_all_frames(total):
+    parts = []
+
+    class Reporting(Sum):
+        def _add(self, before, shape):
+            self.report_part(0.5)
+            parts.append(self.GetProgress())
+            return super()._add(before, shape)
+
+    sum_at(Reporting(shape=Clock()), 3.0)
+    assert parts == [0.125, 0.375, 0.625, 0.875]
+
+
+def test_the_times_are_those_of_the_moving_input(total):
+    total.UpdateInformation()
+    info = total.GetOutputInformation(0)
+    assert info.Get(total.GetExecutive().TIME_STEPS()) == (0.0, 1.0, 2.0, 3.0)

@@ -1,0 +1,192 @@
+"""What VTK asks of a filter: its ports, its times and its data, with errors and aborts that come through."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
+from vtkmodules.vtkCommonDataModel import vtkDataObject
+from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkDemandDrivenPipeline
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.data.pipeline_times import announce_times
+from vtkmuscle.data.provenance import add_provenance, provenance_entry
+from vtkmuscle.filters.base.failure_messages import silence_after_failure
+from vtkmuscle.filters.base.interrupts import interrupts_deferred
+from vtkmuscle.filters.base.ports import InputPort, OutputPort
+from vtkmuscle.filters.base.time_path import requested_time
+
+
+class AbortedError(Exception):
+    """The filter was asked to stop (``AbortExecute``) and did, leaving its output empty."""
+
+
+class Algorithm(VTKPythonAlgorithmBase):
+    """A VTK algorithm with declared ports: VTK's side of :class:`~vtkmuscle.filters.base.filter.Filter`."""
+
+    input_ports: ClassVar[tuple[InputPort, ...]] = ()
+    output_ports: ClassVar[tuple[OutputPort, ...]] = ()
+
+    #: Pipeline time of the request being executed; None where the pipeline has no time.
+    request_time: float | None = None
+    #: What VTKPythonAlgorithmBase writes.
+    InputType = OutputType = "vtkDataObject"
+
+    def __init__(self) -> None:
+        self._failure: BaseException | None = None
+        self._provenance: tuple[int, str] | None = None
+        self._progress_reached = 0.0
+        super().__init__(nInputPorts=len(self.input_ports), nOutputPorts=len(self.output_ports))
+
+    # ---------------------------------------------------------------- to be defined by subclasses
+
+    def execute(self, *inputs: Any) -> Any:
+        """Compute the output(s) from the inputs, given in port order (None for an open optional port).
+
+        Inputs must not be changed. The result is a new data object (or a tuple, one per output port).
+        """
+        raise NotImplementedError
+
+    def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
+        """Time steps that the output announces; None passes on what the first input announces."""
+        return None
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the parameters by name."""
+        raise NotImplementedError
+
+    # ---------------------------------------------------------------- progress, and what went wrong
+
+    def report_progress(self, fraction: float) -> None:
+        """Tell observers how far the filter is, and stop here if it was asked to abort.
+
+        Parameters
+        ----------
+        fraction : float
+            Part of the work that is done, 0 to 1; never goes back.
+
+        Raises
+        ------
+        AbortedError
+            If ``AbortExecute`` was set; the base class turns it into an empty output.
+        """
+        self._progress_reached = max(self._progress_reached, min(float(fraction), 1.0))
+        if self.HasObserver("ProgressEvent"):
+            with interrupts_deferred():
+                self.UpdateProgress(self._progress_reached)
+        else:
+            self.UpdateProgress(self._progress_reached)
+        if self.GetAbortExecute():
+            raise AbortedError(f"{type(self).__name__} was aborted at {self._progress_reached:.0%}")
+
+    def take_failure(self) -> BaseException | None:
+        """Return what :meth:`execute` raised at the last update, once; None where nothing went wrong."""
+        failure, self._failure = self._failure, None
+        return failure
+
+    def check_connections(self) -> None:
+        """Check that all ports are connected that must be, to data of their kind."""
+        for number, port in enumerate(self.input_ports):
+            if not self.GetNumberOfInputConnections(number):
+                if not port.optional:
+                    where = f"{type(self).__name__}: {port.name}"
+                    raise InputError(where, "it is not connected", f"it must be {port.allowed}")
+                continue
+            connection = self.GetInputConnection(number, 0)
+            data = connection.GetProducer().GetOutputDataObject(connection.GetIndex())
+            if data is not None and not data.IsA(port.type_name):
+                raise TypeError(
+                    f"{type(self).__name__}.{port.name} takes a {port.type_name}, got a {data.GetClassName()}"
+                )
+
+    # ---------------------------------------------------------------- requests
+
+    def FillInputPortInformation(self, port: int, info: Any) -> int:
+        """Tell VTK what the port takes."""
+        declaration = self.input_ports[port]
+        info.Set(vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE(), declaration.type_name)
+        if declaration.optional:
+            info.Set(vtkAlgorithm.INPUT_IS_OPTIONAL(), 1)
+        return 1
+
+    def FillOutputPortInformation(self, port: int, info: Any) -> int:
+        """Tell VTK what the port gives."""
+        info.Set(vtkDataObject.DATA_TYPE_NAME(), self.output_ports[port].type_name)
+        return 1
+
+    def ProcessRequest(self, request: Any, inInfo: Any, outInfo: Any) -> int:
+        """Answer a request of the executive; an exception is kept for :meth:`update`."""
+        try:
+            return int(super().ProcessRequest(request, inInfo, outInfo))
+        except BaseException as error:  # VTK would print and lose it; update() raises it again
+            self._failure = error
+            if isinstance(error, AbortedError):
+                # VTK leaves the flag up, and would stop the next update too.
+                self.SetAbortExecute(0)
+            for port in range(outInfo.GetNumberOfInformationObjects()):
+                info = outInfo.GetInformationObject(port)
+                # Without these two, VTK takes the empty output for good at the next update.
+                info.Set(vtkDemandDrivenPipeline.DATA_NOT_GENERATED(), 1)
+                data = info.Get(vtkDataObject.DATA_OBJECT())
+                if data is not None:
+                    data.ReleaseData()
+            silence_after_failure()
+            return 0
+
+    def RequestInformation(self, request: Any, inInfo: Any, outInfo: Any) -> int:
+        """Announce time steps, if the filter makes its own."""
+        first = [
+            port.GetInformationObject(0) if port.GetNumberOfInformationObjects() else None
+            for port in _items(inInfo)
+        ]
+        steps = self.time_steps(first)
+        if steps is not None:
+            announce_times(outInfo.GetInformationObject(0), steps)
+        return 1
+
+    def RequestData(self, request: Any, inInfo: Any, outInfo: Any) -> int:
+        """Execute, and publish the result."""
+        self._begin(outInfo)
+        # Who asks a filter to stop before it has begun is heard by every filter, also by those that are too
+        # quick to report progress themselves.
+        self.report_progress(0.0)
+        inputs = self._inputs(inInfo)
+        self._publish(self.execute(*inputs), inputs, outInfo)
+        return 1
+
+    def _begin(self, outInfo: Any) -> None:
+        self._failure = None
+        self._progress_reached = 0.0
+        info = outInfo.GetInformationObject(0)
+        self.request_time = requested_time(info)
+
+    def _inputs(self, inInfo: Any) -> list[Any]:
+        inputs: list[Any] = []
+        for port, infos in zip(self.input_ports, _items(inInfo), strict=True):
+            connected = infos.GetNumberOfInformationObjects() > 0
+            data = infos.GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT()) if connected else None
+            if data is not None and data.GetNumberOfElements(vtkDataObject.POINT) == 0:
+                raise InputError(f"{type(self).__name__}: {port.name}", "the input has no points")
+            inputs.append(data)
+        return inputs
+
+    def _publish(self, results: Any, inputs: Sequence[Any], outInfo: Any) -> None:
+        for port, result in enumerate(results if isinstance(results, tuple) else (results,)):
+            output = outInfo.GetInformationObject(port).Get(vtkDataObject.DATA_OBJECT())
+            output.ShallowCopy(result)
+            add_provenance(output, inputs, self._entry_of_provenance())
+            if self.request_time is not None:
+                output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), self.request_time)
+
+    def _entry_of_provenance(self) -> str:
+        """Return what the filter is; it is put into words again only where a parameter has changed."""
+        modified = self.GetMTime()
+        if self._provenance is None or self._provenance[0] != modified:
+            self._provenance = modified, provenance_entry(type(self).__name__, self.parameters())
+        return self._provenance[1]
+
+
+def _items(vector: Any) -> list[Any]:
+    # Sources are given an empty tuple (or None), filters a tuple of information vectors.
+    return list(vector or ())
