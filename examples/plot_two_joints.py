@@ -27,54 +27,32 @@ folder = Path(tempfile.mkdtemp())
 scene_file = Scene.from_phantom(phantom, n_fibres=20, resolution=20).save(folder / "scene")
 
 # %%
-# The scene as it was saved moves its bones by tables. Here it gets joints instead: a hip, which flexes the
-# thigh to the front, and a knee, which flexes the shank to the back.
-
+# The scene as it was saved moves its bones by tables. Here it gets joints instead.
 tables = tomllib.loads(scene_file.read_text())
-tables["joints"] = {
-    "hip": {
-        "parent": "proximal",
-        "child": "middle",
-        "type": "pin",
-        "centre": [0.0, 0.0, 0.0],
-        "axis": [-1.0, 0.0, 0.0],
-        "coordinates": {"hip_flexion": {"range": [-40, 60], "positive": "flexion"}},
-    },
-    "knee": {
-        "parent": "middle",
-        "child": "distal",
-        "type": "pin",
-        "centre": phantom.known["centres"]["lower"].tolist(),
-        "axis": [1.0, 0.0, 0.0],
-        "coordinates": {"knee_angle": {"range": [-20, 90], "positive": "flexion"}},
-    },
-}
+centres = {name: centre.tolist() for name, centre in phantom.known["centres"].items()}
+hip = {"parent": "proximal", "child": "middle", "centre": centres["upper"], "axis": [-1, 0, 0]}
+knee = {"parent": "middle", "child": "distal", "centre": centres["lower"], "axis": [1, 0, 0]}
+hip |= {"type": "pin", "coordinates": {"hip_flexion": {"positive": "flexion", "range": [-40, 60]}}}
+knee |= {"type": "pin", "coordinates": {"knee_angle": {"positive": "flexion", "range": [-20, 90]}}}
+tables["joints"] = {"hip": hip, "knee": knee}
 tables["motion"] = {"grid": {"hip_flexion": [0, 50, 10], "knee_angle": [0, 60, 10]}}
 tables["model"] = "paths"
 scene_file.write_text(tomli_w.dumps(tables))
 result = Scene.load(scene_file).run()
-print(result.moment_arms())
+arms = result.moment_arms()["strap"]
 
 # %%
-# Into OpenSim: one muscle for all fibres, its length a polynomial of both coordinates.
-
+# Into OpenSim: one muscle for all fibres. The model, read again, has the moment arms.
 (written,) = write_opensim(scene_file, folder / "strap.osim", result=result)
 print(written)
-
-# %%
-# The model, read again, has the moment arms.
-
 model = read_osim(folder / "strap.osim")
 values = {name: one.natural for name, one in result.motion.coordinates.items()}
 figure, axes = plt.subplots(1, 2, figsize=(9, 3.5), layout="constrained", sharey=True)
-known = {"hip_flexion": phantom.known["moment_arm_upper"], "knee_angle": phantom.known["moment_arm_lower"]}
-for panel, (name, arm) in zip(axes, known.items(), strict=True):
-    arms = 1000.0 * moment_arm(model.muscle("strap").path, model.tree, values, name)
-    measured = result.moment_arms()["strap"][name]
-    panel.plot(measured.values, measured.mean, "o", color="darkred", label="run, mean of the fibres")
-    panel.plot(result.motion.coordinates[name].values, arms, "k.", label="model of OpenSim")
-    panel.axhline(arm, color="black", linestyle="--", label="known")
-    panel.set(xlabel=f"{name} [deg]", ylim=(-30, 35))
-axes[0].set(ylabel="moment arm, -dl/dq [mm]")
+for panel, name, known in zip(axes, arms, ("moment_arm_upper", "moment_arm_lower"), strict=True):
+    again = 1000.0 * moment_arm(model.muscle("strap").path, model.tree, values, name)
+    panel.plot(arms[name].values, arms[name].mean, "o", color="darkred", label="run, mean of the fibres")
+    panel.plot(result.motion.coordinates[name].values, again, "k.", label="model of OpenSim")
+    panel.axhline(phantom.known[known], color="black", linestyle="--", label="known")
+    panel.set(xlabel=f"{name} [deg]", ylabel="moment arm, -dl/dq [mm]", ylim=(-30, 35))
 axes[0].legend(frameon=False)
 plt.show()
