@@ -136,7 +136,7 @@ def info(
 @app.command()
 def export(
     source: Annotated[Path, typer.Argument(help="Folder of a run's results, a .pvd file, or a scene.toml.")],
-    out: Annotated[Path, typer.Argument(help=".gltf for a web page, .vtkhdf, or .osim for OpenSim.")],
+    out: Annotated[Path, typer.Argument(help=".gltf for a web page, .vtkhdf, .osim, or .xml for MuJoCo.")],
     time: Annotated[float | None, typer.Option("--time", help="Which pose. Default: the last.")] = None,
     form: Annotated[
         str, typer.Option("--form", help="For OpenSim: functions of coordinates, or points on bodies.")
@@ -150,14 +150,18 @@ def export(
 ) -> None:
     """Export a pose of a run's results for a web page (glTF), or a .pvd series as one .vtkhdf file.
 
-    Or the muscles of a scene with joints as a model of OpenSim: the scene is run, and what each path costs
-    in accuracy is said.
+    Or the muscles of a scene with joints as a model of OpenSim or MuJoCo: the scene is run, and what each
+    path costs in accuracy is said.
     """
     with one_clear_error(None):
-        if out.suffix.lower() == ".osim":
-            from vtkmuscle.export import write_opensim
+        if out.suffix.lower() in (".osim", ".xml"):
+            from vtkmuscle.export import write_mujoco, write_opensim
 
-            for one in write_opensim(source, out, form=form, groups=groups, into=into):
+            if out.suffix.lower() == ".xml":
+                written = write_mujoco(source, out, groups=groups)
+            else:
+                written = write_opensim(source, out, form=form, groups=groups, into=into)
+            for one in written:
                 typer.echo(f"{one.out.name}: {one}")
             typer.echo(f"wrote {out}")
         elif out.suffix.lower() == ".vtkhdf":

@@ -4,7 +4,7 @@ What is written here is a :class:`~vtkmuscle.core.motion.tree.KinematicTree` wit
 ask the other program for the same lengths and moment arms.
 """
 
-from vtkmuscle.export.from_run import ExportedMuscle, export_muscles, write_opensim
+from vtkmuscle.export.from_run import ExportedMuscle, export_muscles, write_mujoco, write_opensim
 from vtkmuscle.export.mujoco import mjcf_of
 from vtkmuscle.export.opensim import MuscleOut, enriched, osim_of
 
@@ -15,5 +15,6 @@ __all__ = [
     "export_muscles",
     "mjcf_of",
     "osim_of",
+    "write_mujoco",
     "write_opensim",
 ]

@@ -16,6 +16,7 @@ from vtkmuscle.core.motion.muscle_paths import FunctionPath
 from vtkmuscle.core.motion.tree import KinematicTree, inverses
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
+from vtkmuscle.export.mujoco import mjcf_of
 from vtkmuscle.export.opensim import MuscleOut, enriched, osim_of
 from vtkmuscle.io import write_text
 from vtkmuscle.run.result import Result
@@ -117,7 +118,64 @@ def write_opensim(
     SceneError, ValueError
         If the scene has no joints, is mirrored, or a muscle failed or has no fibres.
     """
-    path = Path(scene_file)
+    scene, joints, found = _exported(
+        Path(scene_file), result, form=form, groups=groups, parameters=parameters, kind=kind
+    )
+    outs = [one.out for one in found]
+    tree = joints.tree.scaled(MILLIMETRES[scene.units] / 1000.0)
+    text = osim_of(tree, outs, name=scene.name) if into is None else enriched(Path(into), outs)
+    write_text(Path(out), text)
+    return found
+
+
+def write_mujoco(
+    scene_file: str | PathLike[str],
+    out: str | PathLike[str],
+    *,
+    result: Result | None = None,
+    groups: int = 1,
+) -> list[ExportedMuscle]:
+    """Write the muscles of a scene with joints as a model of MuJoCo: tendons over points fixed to bones.
+
+    Parameters
+    ----------
+    scene_file : path
+        A scene.toml with ``[joints.NAME]`` or ``[opensim]``.
+    out : path
+        The .xml file (MJCF).
+    result : Result, optional
+        Of a run of the scene; without it the scene is run.
+    groups : int, optional
+        Groups of fibres per muscle, at most.
+
+    Returns
+    -------
+    list of ExportedMuscle
+        What was written and what it cost.
+
+    Raises
+    ------
+    SceneError, ValueError
+        As :func:`write_opensim`; and if the joints have what MuJoCo has not, see
+        :func:`~vtkmuscle.export.mjcf_of`.
+    """
+    scene, joints, found = _exported(Path(scene_file), result, form="points", groups=groups, moving=False)
+    tree = joints.tree.scaled(MILLIMETRES[scene.units] / 1000.0)
+    write_text(Path(out), mjcf_of(tree, [one.out for one in found], name=scene.name))
+    return found
+
+
+def _exported(
+    path: Path,
+    result: Result | None,
+    *,
+    form: str,
+    groups: int,
+    moving: bool = True,
+    parameters: Mapping[str, Mapping[str, float]] | None = None,
+    kind: str = "Millard2012EquilibriumMuscle",
+) -> tuple[Scene, SceneJoints, list[ExportedMuscle]]:
+    """Return a scene, its joints, and its muscles as paths."""
     table = validated(parsed(path), path)
     files = SceneFiles(path)
     joints = joints_of(table, files)
@@ -144,14 +202,11 @@ def write_opensim(
         attached,
         form=form,
         groups=groups,
+        moving=moving,
         parameters=parameters,
         kind=kind,
     )
-    outs = [one.out for one in found]
-    metres = joints.tree.scaled(MILLIMETRES[scene.units] / 1000.0)
-    text = osim_of(metres, outs, name=scene.name) if into is None else enriched(Path(into), outs)
-    write_text(Path(out), text)
-    return found
+    return scene, joints, found
 
 
 def export_muscles(
@@ -162,6 +217,7 @@ def export_muscles(
     *,
     form: str = "functions",
     groups: int = 1,
+    moving: bool = True,
     parameters: Mapping[str, Mapping[str, float]] | None = None,
     kind: str = "Millard2012EquilibriumMuscle",
 ) -> list[ExportedMuscle]:
@@ -179,6 +235,8 @@ def export_muscles(
         The bodies of each muscle's origin and insertion.
     form, groups, parameters, kind
         As of :func:`write_opensim`.
+    moving : bool, optional
+        Whether points of a path may move on their bones.
 
     Raises
     ------
@@ -214,7 +272,9 @@ def export_muscles(
                 errs = (1000.0 * fit.error, 1000.0 * fit.largest_error)
                 held_back = 1000.0 * fit.held_back_error
             else:
-                points = fit_points(lines[:, medoid], tree, values, (ends[0], ends[1]), tolerance=TOLERANCE)
+                points = fit_points(
+                    lines[:, medoid], tree, values, (ends[0], ends[1]), tolerance=TOLERANCE, moving=moving
+                )
                 out = MuscleOut(label, points.path, dict(own), kind)
                 errs = (1000.0 * points.error, 1000.0 * points.largest_error)
             found.append(ExportedMuscle(name, out, tuple(int(i) for i in mine), cost, *errs, held_back))
