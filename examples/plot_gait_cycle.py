@@ -17,8 +17,9 @@ import numpy as np
 import tomli_w
 
 from vtkmuscle import Scene
+from vtkmuscle.core.motion.frames import frame_at
 from vtkmuscle.core.motion.functions import IDENTITY
-from vtkmuscle.core.motion.tree import Joint, JointAxis, JointCoordinate, KinematicTree, frame_at
+from vtkmuscle.core.motion.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.export import osim_of, write_opensim
 from vtkmuscle.phantoms import strap_over_two_joints
 

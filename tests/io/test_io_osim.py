@@ -4,8 +4,8 @@ import numpy as np
 import osim_texts as texts
 import pytest
 
+from vtkmuscle.core.motion.frames import frame_at, turns
 from vtkmuscle.core.motion.functions import CubicSpline, PiecewiseLinear
-from vtkmuscle.core.motion.tree import frame_at, turns
 from vtkmuscle.io import read_osim
 
 

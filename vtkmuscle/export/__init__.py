@@ -4,9 +4,10 @@ What is written here is a :class:`~vtkmuscle.core.motion.tree.KinematicTree` wit
 ask the other program for the same lengths and moment arms.
 """
 
+from vtkmuscle.export.enriching import enriched
 from vtkmuscle.export.from_run import ExportedMuscle, export_muscles, write_mujoco, write_opensim
 from vtkmuscle.export.mujoco import mjcf_of
-from vtkmuscle.export.opensim import MuscleOut, enriched, osim_of
+from vtkmuscle.export.opensim import MuscleOut, osim_of
 
 __all__ = [
     "ExportedMuscle",

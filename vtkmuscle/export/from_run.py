@@ -12,12 +12,14 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.fitted_lengths import fit_length, group_errors, group_fibres
 from vtkmuscle.core.motion.fitted_points import fit_points
+from vtkmuscle.core.motion.frames import inverses
 from vtkmuscle.core.motion.muscle_paths import FunctionPath
-from vtkmuscle.core.motion.tree import KinematicTree, inverses
+from vtkmuscle.core.motion.tree import KinematicTree
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
+from vtkmuscle.export.enriching import enriched
 from vtkmuscle.export.mujoco import mjcf_of
-from vtkmuscle.export.opensim import MuscleOut, enriched, osim_of
+from vtkmuscle.export.opensim import MuscleOut, osim_of
 from vtkmuscle.io import write_text
 from vtkmuscle.run.result import Result
 from vtkmuscle.scene.data import MILLIMETRES

@@ -9,9 +9,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.motion.frames import inverses
 from vtkmuscle.core.motion.functions import Constant, CoordinateFunction, Multiplied, Polynomial
 from vtkmuscle.core.motion.muscle_paths import PointPath
-from vtkmuscle.core.motion.tree import Joint, JointAxis, KinematicTree, inverses
+from vtkmuscle.core.motion.tree import Joint, JointAxis, KinematicTree
 from vtkmuscle.core.types import Floats
 from vtkmuscle.export.opensim import INERTIA, MASS, MuscleOut
 

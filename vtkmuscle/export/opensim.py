@@ -1,11 +1,9 @@
-"""Models of OpenSim: a whole one of a kinematic tree, or muscles put into one that there is."""
+"""Models of OpenSim, made of a kinematic tree and muscles' paths."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
@@ -24,8 +22,6 @@ from vtkmuscle.core.motion.functions import (
 from vtkmuscle.core.motion.muscle_paths import FunctionPath, PathPoint, PointPath
 from vtkmuscle.core.motion.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.core.types import Floats
-from vtkmuscle.io import read_osim
-from vtkmuscle.io.xml_elements import read_xml
 
 #: The version of the format that is written: that of OpenSim 4.6.
 VERSION = 40600
@@ -105,7 +101,7 @@ def osim_of(
     ):
         for one in names:
             _check_name(what, one)
-    paths = _Paths(
+    paths = ComponentPaths(
         {body: "/ground" if body == tree.root else f"/bodyset/{body}" for body in tree.bodies},
         _coordinate_paths(tree),
     )
@@ -124,7 +120,7 @@ def osim_of(
         f"<scale_factor>1</scale_factor></CoordinateCouplerConstraint>\n"
         for one in tree.couplings
     )
-    forces = "".join(_muscle(one, paths) for one in muscles)
+    forces = "".join(muscle_element(one, paths) for one in muscles)
     return f"""<?xml version="1.0" encoding="UTF-8" ?>
 <OpenSimDocument Version="{VERSION}">
 <Model name={quoteattr(name)}>
@@ -145,106 +141,21 @@ def osim_of(
 """
 
 
-def enriched(model: Path, muscles: Sequence[MuscleOut], *, replace: Sequence[str] = ()) -> str:
-    """Return the text of a model of OpenSim with further muscles, all else as it is in the file.
-
-    Parameters
-    ----------
-    model : Path
-        An .osim file of version 4.
-    muscles : sequence of MuscleOut
-        On its bodies, by its coordinates.
-    replace : sequence of str, optional
-        Muscles of the model that are taken out.
-
-    Raises
-    ------
-    ValueError
-        If the file is no such model, has a muscle of that name that is not taken out, or no muscle that is
-        to be taken out.
-    """
-    read = read_osim(model)
-    document = read_xml(model)
-    version = document.attributes.get("Version", "0")
-    if not version.isdecimal() or int(version) < 40000:
-        raise InputError(model, f"the model is of version {version}", "save it again with OpenSim 4")
-    names = {muscle.name for muscle in muscles}
-    for one in replace:
-        read.muscle(one)  # raises where there is none
-    for one in sorted(names & (set(read.muscles) - set(replace))):
-        raise InputError(
-            model, f"the model has a muscle {one!r} already", "call the new one otherwise, or replace"
-        )
-    paths = _Paths(
-        {body: "/ground" if body == read.tree.root else f"/bodyset/{body}" for body in read.tree.bodies},
-        {name: f"/jointset/{joint}/{name}" for name, joint in read.joint_of.items()},
-    )
-    text = _as_utf8(model)
-    forces = "".join(_muscle(one, paths) for one in muscles)
-    return _with_forces(text, forces, set(replace), model)
-
-
-def _as_utf8(path: Path) -> bytes:
-    data = path.read_bytes()
-    try:
-        return data.decode("utf-8-sig").encode()
-    except UnicodeDecodeError:
-        return data.decode("latin-1").encode()
-
-
-def _with_forces(text: bytes, forces: str, replace: set[str], path: Path) -> str:
-    """Return a model's text with forces at the end of its set of them, and some taken out."""
-    parser = expat.ParserCreate("utf-8")
-    stack: list[str] = []
-    cuts: list[tuple[int, int]] = []
-    found: dict[str, int] = {}
-    begun: dict[int, int] = {}
-    place = ["OpenSimDocument", "Model", "ForceSet", "objects"]
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        if stack == place and attributes.get("name") in replace:
-            begun[len(stack)] = parser.CurrentByteIndex
-        stack.append(tag)
-        if stack == place:
-            found["empty"] = parser.CurrentByteIndex
-
-    def end(tag: str) -> None:
-        if stack == place:
-            found["end"] = parser.CurrentByteIndex
-        stack.pop()
-        if len(stack) in begun:
-            closing = text.index(b">", parser.CurrentByteIndex) + 1
-            cuts.append((begun.pop(len(stack)), closing))
-
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.Parse(text, True)
-    if "end" not in found:
-        raise InputError(path, "the model has no ForceSet", "save it again with OpenSim 4")
-    if found["end"] == found["empty"]:  # <objects/>
-        closing = text.index(b">", found["empty"]) + 1
-        pieces = [text[: found["empty"]], b"<objects>\n", forces.encode(), b"</objects>", text[closing:]]
-        return b"".join(pieces).decode()
-    kept, at = [], 0
-    for first, last in cuts:
-        kept.append(text[at:first])
-        at = last
-    kept += [text[at : found["end"]], forces.encode(), text[found["end"] :]]
-    return b"".join(kept).decode()
-
-
 @dataclass(frozen=True)
-class _Paths:
+class ComponentPaths:
     """Where bodies and coordinates are in the model's tree of components."""
 
     bodies: Mapping[str, str]
     coordinates: Mapping[str, str]
 
     def body(self, name: str) -> str:
+        """Return the path of a body; InputError where there is none."""
         if name not in self.bodies:
             raise InputError("", f"there is no body {name!r}; there are {', '.join(self.bodies)}")
         return self.bodies[name]
 
     def coordinate(self, name: str) -> str:
+        """Return the path of a coordinate; InputError where there is none."""
         if name not in self.coordinates:
             raise InputError("", f"there is no coordinate {name!r}; there are {', '.join(self.coordinates)}")
         return self.coordinates[name]
@@ -264,7 +175,7 @@ def _coordinate_paths(tree: KinematicTree) -> dict[str, str]:
     return {name: f"/jointset/{joint}/{name}" for name, joint in _owners(tree).items()}
 
 
-def _joint(joint: Joint, tree: KinematicTree, paths: _Paths) -> str:
+def _joint(joint: Joint, tree: KinematicTree, paths: ComponentPaths) -> str:
     owners = _owners(tree)
     mine = [one for one in tree.coordinates if owners.get(one.name) == joint.name]
     used = {axis.coordinate for axis in joint.axes if axis.coordinate is not None}
@@ -330,7 +241,8 @@ def _turn(frame: Floats) -> Floats:
     return angles
 
 
-def _muscle(muscle: MuscleOut, paths: _Paths) -> str:
+def muscle_element(muscle: MuscleOut, paths: ComponentPaths) -> str:
+    """Return the element of a muscle."""
     path = muscle.path
     written = (
         _function_path(path, paths) if isinstance(path, FunctionPath) else _point_path(muscle, path, paths)
@@ -339,7 +251,7 @@ def _muscle(muscle: MuscleOut, paths: _Paths) -> str:
     return f'<{muscle.kind} name="{muscle.name}">\n{written}{given}</{muscle.kind}>\n'
 
 
-def _function_path(path: FunctionPath, paths: _Paths) -> str:
+def _function_path(path: FunctionPath, paths: ComponentPaths) -> str:
     names = " ".join(paths.coordinate(name) for name in path.names)
     return f"""<FunctionBasedPath name="path">
 <coordinate_paths>{names}</coordinate_paths>
@@ -351,14 +263,14 @@ def _function_path(path: FunctionPath, paths: _Paths) -> str:
 """
 
 
-def _point_path(muscle: MuscleOut, path: PointPath, paths: _Paths) -> str:
+def _point_path(muscle: MuscleOut, path: PointPath, paths: ComponentPaths) -> str:
     points = "".join(_point(f"{muscle.name}-P{i}", one, paths) for i, one in enumerate(path.points, start=1))
     return f"""<GeometryPath name="path"><PathPointSet><objects>
 {points}</objects><groups/></PathPointSet></GeometryPath>
 """
 
 
-def _point(name: str, point: PathPoint, paths: _Paths) -> str:
+def _point(name: str, point: PathPoint, paths: ComponentPaths) -> str:
     body = f"<socket_parent_frame>{paths.body(point.body)}</socket_parent_frame>"
     place = np.asarray(point.place, dtype=np.float64)
     if point.moves:

@@ -9,7 +9,8 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.motion.tree import Coupling, Joint, JointCoordinate, KinematicTree, frame_at
+from vtkmuscle.core.motion.frames import frame_at
+from vtkmuscle.core.motion.tree import Coupling, Joint, JointCoordinate, KinematicTree
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.osim_joints import Frames, coupling_in, joint_in, offset_frames

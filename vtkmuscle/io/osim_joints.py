@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from vtkmuscle.core.motion.frames import frame_at
 from vtkmuscle.core.motion.functions import IDENTITY, CoordinateFunction, Multiplied
-from vtkmuscle.core.motion.tree import Coupling, Joint, JointAxis, JointCoordinate, frame_at
+from vtkmuscle.core.motion.tree import Coupling, Joint, JointAxis, JointCoordinate
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.osim_functions import FUNCTIONS, function_in, function_of
 from vtkmuscle.io.xml_elements import Element

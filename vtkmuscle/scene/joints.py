@@ -9,6 +9,7 @@ from math import pi
 
 import numpy as np
 
+from vtkmuscle.core.motion.frames import frame_at
 from vtkmuscle.core.motion.functions import (
     IDENTITY,
     Constant,
@@ -18,7 +19,7 @@ from vtkmuscle.core.motion.functions import (
     Polynomial,
 )
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.core.motion.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree, frame_at
+from vtkmuscle.core.motion.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.core.motion.tree_motion import grid_of, motion_of_tree, steps_of
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io import read_motion_file, read_osim

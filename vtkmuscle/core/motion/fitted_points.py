@@ -8,9 +8,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from vtkmuscle.core.motion.frames import inverses
 from vtkmuscle.core.motion.functions import CubicSpline
 from vtkmuscle.core.motion.muscle_paths import PathPoint, PointPath
-from vtkmuscle.core.motion.tree import KinematicTree, inverses
+from vtkmuscle.core.motion.tree import KinematicTree
 from vtkmuscle.core.types import Floats
 
 #: Knots of a moving point's splines, at most.

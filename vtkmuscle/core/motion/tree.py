@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS
+from vtkmuscle.core.motion.frames import inverses, turns
 from vtkmuscle.core.motion.functions import CoordinateFunction, Multiplied
 from vtkmuscle.core.motion.rigid import is_rigid
 from vtkmuscle.core.types import Floats
@@ -175,7 +176,7 @@ class KinematicTree:
 
     Examples
     --------
-    >>> from vtkmuscle.core.motion.functions import IDENTITY
+    from vtkmuscle.core.motion.functions import IDENTITY
     >>> from vtkmuscle.core.motion.tree import Joint, JointAxis, JointCoordinate, KinematicTree
     >>> knee = Joint("knee", "femur", "tibia", [JointAxis((0, 0, 1), IDENTITY, "knee_angle")])
     >>> leg = KinematicTree("femur", [knee], [JointCoordinate("knee_angle")])
@@ -346,32 +347,6 @@ class KinematicTree:
             if one.dependent in moved:
                 moved.add(one.independent)
         return tuple(name for name in self.free if name in moved)
-
-
-def turns(axis: Floats, angles: Floats) -> Floats:
-    """Return right-handed turns (f, 3, 3) by angles (f,) [radians] about an axis of length 1 (Rodrigues)."""
-    x, y, z = axis
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    sine, cosine = np.sin(angles)[:, None, None], np.cos(angles)[:, None, None]
-    result: Floats = np.eye(3) * cosine + skew * sine + np.outer(axis, axis) * (1.0 - cosine)
-    return result
-
-
-def inverses(transforms: Floats) -> Floats:
-    """Return the inverses of rigid transforms (f, 4, 4)."""
-    result = np.tile(np.eye(4), (len(transforms), 1, 1))
-    result[:, :3, :3] = transforms[:, :3, :3].transpose(0, 2, 1)
-    result[:, :3, 3] = -np.einsum("fij,fj->fi", result[:, :3, :3], transforms[:, :3, 3])
-    return result
-
-
-def frame_at(centre: ArrayLike, angles: ArrayLike = (0.0, 0.0, 0.0)) -> Floats:
-    """Return a frame at a place, turned about x, y and z in turn, each time about its own axis [radians]."""
-    result = np.eye(4)
-    for axis, angle in zip(np.eye(3), np.asarray(angles, dtype=np.float64), strict=True):
-        result[:3, :3] = result[:3, :3] @ turns(axis, np.array([angle]))[0]
-    result[:3, 3] = centre
-    return result
 
 
 def _scaled(frame: Floats, factor: float) -> Floats:

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import Coordinate
+from vtkmuscle.core.motion.frames import inverses
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.core.motion.tree import KinematicTree, inverses
+from vtkmuscle.core.motion.tree import KinematicTree
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 
