@@ -78,7 +78,7 @@ def bedding_of(
     force = np.zeros_like(course)
     force[:, 1:-1] = 2.0 * course[:, 1:-1] - course[:, :-2] - course[:, 2:]
     off = np.linalg.norm(course - taut, axis=2, keepdims=True)
-    force *= np.clip(off / half_thickness, 0.0, 1.0) ** 2
+    force *= np.clip(0.5 * off / half_thickness, 0.0, 1.0) ** 2
     near = 1.0 / np.maximum(distances, _TOUCHING * half_thickness) ** 2
     forces = (near / near.sum(axis=0))[..., None] * force
     return Bedding(forces, course, np.asarray((forces != 0.0).any(axis=(2, 3))), width)

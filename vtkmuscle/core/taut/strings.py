@@ -355,12 +355,18 @@ def _bed(
         _turn_back(to_rest, rest, at)
         _turn_back(to_rest, forces[j], force)
         i = _nearest_segment(p, at, j)
-        part, length2 = _part_of_segment(p[i], p[i + 1], at)
-        stiffness, ahead = np.sqrt(size2) / give, 0.0
+        part = _part_of_segment(p[i], p[i + 1], at)
+        stiffness, length2, ahead = np.sqrt(size2) / give, 0.0, 0.0
+        before, after = max(i - 1, 0), min(i + 2, len(p) - 1)
         for q in range(3):
-            along[q] = p[i + 1, q] - p[i, q]
-            force[q] += stiffness * (at[q] - p[i, q] - part * along[q])
+            place = (1.0 - part) * p[i, q] + part * p[i + 1, q]
+            # Of the two segments at a point neither counts alone: which one is nearer rounding would say.
+            along[q] = (1.0 - part) * (p[i + 1, q] - p[before, q]) + part * (p[after, q] - p[i, q])
+            force[q] += stiffness * (at[q] - place)
+            length2 += along[q] * along[q]
             ahead += along[q] * force[q]
+        if length2 == 0.0:
+            continue
         for q in range(3):
             force[q] -= ahead / length2 * along[q]
         for end in range(2):
@@ -559,12 +565,12 @@ def _nearest_segment(track: Floats, u: Floats, start: int) -> int:
 
 
 @kernel
-def _part_of_segment(a: Floats, b: Floats, u: Floats) -> tuple[float, float]:
-    """Return how far along a segment the place nearest to a point is, in [0, 1], and its squared length."""
+def _part_of_segment(a: Floats, b: Floats, u: Floats) -> float:
+    """Return how far along a segment the place nearest to a point is, in [0, 1]."""
     lx, ly, lz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    ahead = (u[0] - a[0]) * lx + (u[1] - a[1]) * ly + (u[2] - a[2]) * lz
     length2 = lx * lx + ly * ly + lz * lz
-    part = ((u[0] - a[0]) * lx + (u[1] - a[1]) * ly + (u[2] - a[2]) * lz) / length2
-    return min(max(part, 0.0), 1.0), length2
+    return min(max(ahead / length2, 0.0), 1.0) if length2 > 0.0 else 0.0
 
 
 @kernel
@@ -572,8 +578,7 @@ def _distance2(a: Floats, b: Floats, u: Floats) -> float:
     """Return the squared distance of a point from a segment."""
     lx, ly, lz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     px, py, pz = u[0] - a[0], u[1] - a[1], u[2] - a[2]
-    length2 = lx * lx + ly * ly + lz * lz
-    part = min(max((px * lx + py * ly + pz * lz) / length2, 0.0), 1.0) if length2 > 0.0 else 0.0
+    part = _part_of_segment(a, b, u)
     px, py, pz = px - part * lx, py - part * ly, pz - part * lz
     squared: float = px * px + py * py + pz * pz
     return squared
