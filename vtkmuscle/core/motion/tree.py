@@ -176,7 +176,7 @@ class KinematicTree:
 
     Examples
     --------
-    from vtkmuscle.core.motion.functions import IDENTITY
+    >>> from vtkmuscle.core.motion.functions import IDENTITY
     >>> from vtkmuscle.core.motion.tree import Joint, JointAxis, JointCoordinate, KinematicTree
     >>> knee = Joint("knee", "femur", "tibia", [JointAxis((0, 0, 1), IDENTITY, "knee_angle")])
     >>> leg = KinematicTree("femur", [knee], [JointCoordinate("knee_angle")])
