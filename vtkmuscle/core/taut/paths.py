@@ -254,12 +254,16 @@ class TautPaths:
         x = self._with_bones(start.points, moves)
         x[:, 0] = _carried_by(transforms[self.start_bones], self.fibres[:, 0])
         x[:, -1] = _carried_by(transforms[self.end_bones], self.fibres[:, -1])
+        # About their middle: far from the origin the stiff springs would take the digits.
+        middle = x.mean(axis=(0, 1))
+        x -= middle
         to_rest = np.array([inverse(transforms[bone]) for bone in self._numbers]).reshape(-1, 4, 4)
+        to_rest[:, :3, 3] += to_rest[:, :3, :3] @ middle
         begin = x.copy()
         memory = Memory(start.place.copy(), start.pushed.copy())
         unfinished = np.ones(len(x), dtype=np.bool_)
         missing, done = np.zeros(_MISSING, dtype=np.int64), np.zeros(len(x), dtype=np.int64)
-        rings, tolerance = self._rings_at(transforms), TOLERANCE * self._segment
+        rings, tolerance = self._rings_at(transforms, middle), TOLERANCE * self._segment
         while unfinished.any():
             bones = self._bones
             fields = Fields(bones.to_axes, bones.layout, bones.table, bones.values)
@@ -285,12 +289,14 @@ class TautPaths:
                 memory.place[:, unfinished] = start.place[:, unfinished]
                 memory.pushed[:, unfinished] = start.pushed[:, unfinished]
         unsettled = int((done > ITERATIONS).sum())
-        return TautState(x, transforms, memory.place, memory.pushed, unsettled)
+        return TautState(x + middle, transforms, memory.place, memory.pushed, unsettled)
 
-    def _rings_at(self, transforms: Floats) -> Rings:
-        """Return the via rings where their bones are."""
+    def _rings_at(self, transforms: Floats, middle: Floats) -> Rings:
+        """Return the via rings where their bones are, about a point."""
         moved = [moved_ring(ring, transforms[bone]) for bone, ring in self._rings]
-        frames = np.array([[ring.centre, ring.normal, *ring.axes] for ring in moved]).reshape(-1, 4, 3)
+        frames = np.array([[ring.centre - middle, ring.normal, *ring.axes] for ring in moved]).reshape(
+            -1, 4, 3
+        )
         corners = np.concatenate([np.empty((0, 2)), *(ring.corners for ring in moved)])
         offsets = np.cumsum([0, *(len(ring.corners) for ring in moved)])
         return Rings(frames, corners, offsets, self._outside)
