@@ -255,7 +255,7 @@ class TautPaths:
         x[:, 0] = _carried_by(transforms[self.start_bones], self.fibres[:, 0])
         x[:, -1] = _carried_by(transforms[self.end_bones], self.fibres[:, -1])
         # About their middle: far from the origin the stiff springs would take the digits.
-        middle = x.mean(axis=(0, 1))
+        middle = (x.min(axis=(0, 1)) + x.max(axis=(0, 1))) / 2.0
         x -= middle
         to_rest = np.array([inverse(transforms[bone]) for bone in self._numbers]).reshape(-1, 4, 4)
         to_rest[:, :3, 3] += to_rest[:, :3, :3] @ middle
