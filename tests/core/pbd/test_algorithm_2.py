@@ -13,7 +13,8 @@ from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.motion.rigid import rotation_about
 from vtkmuscle.core.pbd.anisotropy import edge_stiffness, harmonic_directions
 from vtkmuscle.core.pbd.constraints import DIHEDRAL_FLOOR, VOLUME_FLOOR
-from vtkmuscle.core.pbd.solver import MuscleSolver, SolverParameters
+from vtkmuscle.core.pbd.parameters import SolverParameters
+from vtkmuscle.core.pbd.solver import MuscleSolver
 
 
 def dot(a, b):
