@@ -263,7 +263,7 @@ class MuscleTable(Table):
     fibres: Fibres | None = Field(
         None,
         description="Settings of the fibres, e.g. { template = 'parallel', n_fibres = 100, resolution = "
-        "15 }: the kind of template, the number of fibres and that of segments of each; or "
+        "30 }: the kind of template, the number of fibres and that of segments of each; or "
         "template_file = 'FILE.toml', a template of your own. Without this table the muscle "
         "has no fibres.",
     )
