@@ -12,8 +12,8 @@ def smooth_about_course(points: Floats, offsets: Ints, k: float, passes: int) ->
     """Return fibres of which what differs from their common course is smoothed, end points kept.
 
     A three-point mean moves the points of a bend of radius R, h apart, inwards by h^2 / (R (k + 2)): each
-    pass over fibres of 15 segments round a roller costs up to 2 mm. But what fibres have in common, the mean of
-    their points, is the muscle's own course and no noise. So what the passes do to it is taken back.
+    pass over fibres of 15 segments round a roller costs up to 2 mm. But what fibres have in common, the mean
+    of their points, is the muscle's own course and no noise. So what the passes do to it is taken back.
 
     Parameters
     ----------
