@@ -14,6 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     cell_array,
     field_array,
@@ -133,6 +134,8 @@ class MuscleRun:
         if self.folder is not None:
             with self._timed("writing"):
                 self.folder.finish(self.name)
+        if scene.muscle_contact == "off":
+            self.deformer = None  # with all that it keeps of the frames; later muscles do not ask for it
         self._tell("done", 1.0)
 
     def _parameters(self, pipeline: MusclePipeline) -> dict[str, Any]:
@@ -215,9 +218,9 @@ class MuscleRun:
                 **measure.frame(points, transforms),
             }
             if fibres is not None:
-                _add_penetration(fibres, measure, transforms)
+                depths = _add_penetration(fibres, measure, transforms)
                 lines = polylines_of(fibres, "fibres")
-                row |= measure.fibres(lines.points, lines.offsets, points, transforms)
+                row |= measure.fibres(lines.points, lines.offsets, points, depths)
                 row["ms_fibres"] = 1000.0 * fibres_took
         if self.scene.muscle_contact != "off":
             with self._timed("measuring overlap"):
@@ -328,12 +331,18 @@ def _warn_if_none_is_free(name: str, muscle: vtkPolyData) -> None:
         )
 
 
-def _add_penetration(fibres: vtkPolyData, measure: MuscleMeasure, transforms: Mapping[str, Any]) -> None:
-    """Add the cell array ``Penetration``: how deep the deepest point of each fibre is in a bone."""
+def _add_penetration(
+    fibres: vtkPolyData, measure: MuscleMeasure, transforms: Mapping[str, Any]
+) -> Floats | None:
+    """Add the cell array ``Penetration``: how deep the deepest point of each fibre is in a bone.
+
+    Returns how deep each point of them is, None where no bone has an inside.
+    """
     lines = polylines_of(fibres, "fibres")
     depths = measure.depths(lines.points, transforms)
     if depths is not None:
         set_cell_array(fibres, "Penetration", np.maximum.reduceat(depths, lines.offsets[:-1]))
+    return depths
 
 
 def _copy(data: Any) -> Any:
