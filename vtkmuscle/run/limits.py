@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 #: Limits that are lengths are for muscles of this size or larger (diagonal of the box at rest) [mm]; for
 #: smaller ones they are less in proportion.
 FULL_SIZE = 100.0
@@ -118,6 +120,15 @@ CHECKS = {
         "mm",
         "a fibre's length jumps by {}: the muscle buckles or snaps over a bone",
         "use smaller steps of the motion, and do not use moment arms about there",
+    ),
+    # Of a fibre whose length jumps: what moves straight off a bone, as a strap that lifts, goes not aside.
+    "slid off": Check(
+        2.0,
+        np.inf,
+        "mm",
+        "a fibre slides off a bone sideways, by {} in one step",
+        "hold the muscle there as its tissue does, by a via ring on that bone (role = 'via'), or correct its "
+        "attachments; do not use moment arms from there on",
     ),
     # 5 % of a fibre of 100 to 200 mm are 5 to 10 mm that a taut muscle would not have: over 60 degrees a
     # moment arm that is wrong by 5 to 10 mm.
