@@ -146,7 +146,7 @@ def test_fibres_that_hang_loose_are_told_and_where_it_is_not_known_that_is_told(
     bare = verdict(lengths=None, rest_lengths=None)
     assert bare["verdict"] == "ok"
     assert bare["not_checked"] == dict.fromkeys(
-        ("long fibres", "short fibres", "jumps", "slack"), "it has no fibres"
+        ("long fibres", "short fibres", "jumps", "slid off", "slack"), "it has no fibres"
     )
 
 

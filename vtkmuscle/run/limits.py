@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 #: Limits that are lengths are for muscles of this size or larger (diagonal of the box at rest) [mm]; for
 #: smaller ones they are less in proportion.
 FULL_SIZE = 100.0
@@ -121,10 +119,11 @@ CHECKS = {
         "a fibre's length jumps by {}: the muscle buckles or snaps over a bone",
         "use smaller steps of the motion, and do not use moment arms about there",
     ),
-    # Of a fibre whose length jumps: what moves straight off a bone, as a strap that lifts, goes not aside.
+    # Of a fibre whose length jumps: what moves straight off a bone, as a strap that lifts, is not aside.
+    # Beyond 100 mm it is on another bone.
     "slid off": Check(
         2.0,
-        np.inf,
+        100.0,
         "mm",
         "a fibre slides off a bone sideways, by {} in one step",
         "hold the muscle there as its tissue does, by a via ring on that bone (role = 'via'), or correct its "

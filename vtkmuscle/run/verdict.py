@@ -105,10 +105,7 @@ def judge(
         JSON-able: ``verdict``, the worst of its ``reasons``, which are those of :class:`Reason` from the
         worst on, and ``not_checked``, what was not judged and why.
     """
-    values, missing = _series(rows, lengths, rest_lengths, slackness, motion, n_edges)
-    if slides:
-        values["slid off"] = np.array([0.0 if one is None else one[0] for one in slides])
-        missing.pop("slid off", None)
+    values, missing = _series(rows, lengths, rest_lengths, slackness, slides, motion, n_edges)
     reasons = [
         reason
         for name, series in values.items()
@@ -169,6 +166,7 @@ def _series(
     lengths: Floats | None,
     rest_lengths: Floats | None,
     slackness: Floats | None,
+    slides: Sequence[tuple[float, str] | None],
     motion: RigidMotion | None,
     n_edges: int,
 ) -> tuple[dict[str, Floats], dict[str, str]]:
@@ -205,6 +203,9 @@ def _series(
         of_motion = () if motion is None else (even_stretches(motion), largest_turns(motion))
         jumps = length_jumps(lengths, times, *of_motion)
         values["jumps"] = np.concatenate([[0.0], jumps.max(axis=1)]) if len(jumps) else np.zeros(len(times))
+        values["slid off"] = np.array(
+            [0.0 if one is None else one[0] for one in slides or [None] * len(times)]
+        )
         if slackness is not None:
             values["slack"] = np.percentile(slackness, 90, axis=1)
     unknown = [name for name in CHECKS if name not in values or np.isnan(values[name]).all()]
