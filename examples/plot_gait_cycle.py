@@ -3,9 +3,8 @@ A gait cycle on a whole leg
 ===========================
 
 A model of OpenSim has the joints of a leg, a ``.mot`` file its walk, and the scene names both: it needs no
-OpenSim to be run. Ten muscles are followed as taut fibres over the cycle, from mid-stance on.
-Bones and muscles are those of :func:`vtkmuscle.phantoms.leg`; the walk is two harmonics per joint, made to
-look like walking and measured on nobody. With your own model and motion, begin at the scene.
+OpenSim to be run. Bones and muscles are those of :func:`vtkmuscle.phantoms.leg`; the walk is two harmonics
+per joint, made to look like walking and measured on nobody. With your own files, begin at the scene.
 """
 
 import tempfile
@@ -18,48 +17,41 @@ import pyvista as pv
 import tomli_w
 
 from vtkmuscle import Scene
-from vtkmuscle.core.motion.frames import frame_at
-from vtkmuscle.core.motion.functions import IDENTITY
-from vtkmuscle.core.motion.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.export import osim_of
-from vtkmuscle.phantoms.leg import JOINTS, leg
+from vtkmuscle.phantoms.leg import JOINTS, leg, leg_tree
 
 folder = Path(tempfile.mkdtemp())
 scene_file = Scene.from_phantom(leg(coordinates=[(0, 0, 0)]), n_fibres=4).save(folder)
-joints = []
-for name, (parent, child, centre, axis) in JOINTS.items():
-    place = frame_at(np.array(centre) / 1000.0)
-    joints.append(Joint(f"{child}_joint", parent, child, [JointAxis(axis, IDENTITY, name)], (), place, place))
-tree = KinematicTree("pelvis", joints, [JointCoordinate(name) for name in JOINTS])
-(folder / "leg.osim").write_text(osim_of(tree, name="leg"))
+(folder / "leg.osim").write_text(osim_of(leg_tree()))
 
 # %%
 # The walk, in degrees: a constant, then cosine and sine of the cycle and of its double.
-cycle = np.linspace(0.0, 1.0, 33)
-turns = 2.0 * np.pi * (cycle + 0.35)  # of heel strike
-waves = [np.ones(33), np.cos(turns), np.sin(turns), np.cos(2.0 * turns), np.sin(2.0 * turns)]
+cycle = np.linspace(0.0, 1.0, 41)
+turns = 2.0 * np.pi * (cycle + 0.25)  # of heel strike
+waves = [np.ones(41), np.cos(turns), np.sin(turns), np.cos(2.0 * turns), np.sin(2.0 * turns)]
 hip, knee, ankle = (12, 20, -6, -2, -1), (25, -3.5, -16, -17, 5), (-0.7, -0.8, 7, 1, -10)
-angles = np.array([hip, knee, ankle]) @ waves
+walk = np.vstack([cycle, np.array([hip, knee, ankle]) @ waves]).T
 columns = "inDegrees=yes\nendheader\ntime " + " ".join(JOINTS)
-np.savetxt(folder / "walk.mot", np.column_stack([cycle, angles.T]), header=columns, comments="")
-tables = tomllib.loads(scene_file.read_text()) | {"motion": {"file": "walk.mot"}, "model": "paths"}
-tables["opensim"] = {"model": "leg.osim", "bodies": {"pelvis": "ground"}}
-scene_file.write_text(tomli_w.dumps(tables))
+np.savetxt(folder / "walk.mot", walk, header=columns, comments="")
+model = {"model": "leg.osim", "bodies": {"pelvis": "ground"}}
+tables = {"opensim": model, "motion": {"file": "walk.mot"}, "model": "paths"}
+scene_file.write_text(tomli_w.dumps(tomllib.loads(scene_file.read_text()) | tables))
 result = Scene.load(scene_file).run()
 
 # %%
 # The leg in mid-stance, at toe-off, in swing and at heel strike, and the change of each muscle's length.
 plotter = pv.Plotter(shape=(1, 4), window_size=(1200, 500), border=False)
-for panel, frame in enumerate((0, 8, 12, 21)):
+for panel, frame in enumerate((0, 15, 22, 30)):
     plotter.subplot(0, panel)
     plotter.add_mesh(result.bones(frame=frame), color="ivory")
     for name in result.muscle_names:
         plotter.add_mesh(result.fibres(name, frame=frame), color="firebrick", line_width=3)
     plotter.view_vector((-1, -0.3, 0), viewup=(0, 0, 1))
+    plotter.camera.zoom(1.5)
 plotter.show()
 _, axes = plt.subplots(figsize=(8, 4), layout="constrained")
 for name, lengths in result.lengths.items():
     axes.plot(100.0 * cycle, 100.0 * (lengths.mean(axis=1) / lengths[0].mean() - 1.0), label=name)
-axes.set(xlabel="gait cycle from mid-stance [%]", ylabel="change of length since mid-stance [%]")
+axes.set(xlabel="gait cycle from mid-stance [%]", ylabel="change of length [%]")
 axes.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1, 0.5))
 plt.show()
