@@ -4,6 +4,7 @@ from constraint_oracles import dihedral_and_gradient, dihedral_angle, distance_a
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from one_by_one import sweep_dihedrals, sweep_distances
 from spindle import spindle
 
 from vtkmuscle.core.mesh.surface import signed_volume
@@ -11,10 +12,7 @@ from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.pbd.constraints import (
     ARCTANGENT,
     LARGEST_TURN,
-    per_iteration_stiffness,
     project_volume,
-    sweep_dihedrals,
-    sweep_distances,
     volume_and_gradient,
 )
 
@@ -203,12 +201,6 @@ def test_projections_of_any_four_points_are_finite(points, rest):
     sweep_dihedrals(p, w, np.arange(4)[None], np.cos([rest]), np.sin([rest]), 1.0)
     sweep_distances(p, w, np.array([[0, 1], [2, 3]]), np.ones(2), np.ones(2))
     assert np.isfinite(p).all()
-
-
-@pytest.mark.parametrize("k", [0.0, 0.3, 0.9, 1.0])
-@pytest.mark.parametrize("n", [1, 10, 100])
-def test_stiffness_means_the_same_for_any_number_of_iterations(k, n):
-    assert (1.0 - per_iteration_stiffness(k, n)) ** n == pytest.approx(1.0 - k, abs=1e-12)
 
 
 def test_the_polynomial_is_the_arctangent_to_the_last_digits():

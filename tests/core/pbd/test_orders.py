@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from one_by_one import sweep_dihedrals, sweep_distances
 from spindle import spindle
 
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.topology import mesh_topology
-from vtkmuscle.core.pbd.constraints import sweep_dihedrals, sweep_distances
 from vtkmuscle.core.pbd.orders import BUFFER, ColourOrder, SequentialOrder, Stiffness, Volume, sweep_batches
 from vtkmuscle.core.pbd.rest_shape import RestShape
 

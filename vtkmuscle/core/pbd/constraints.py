@@ -8,6 +8,9 @@ A projection moves points p with inverse masses w against a constraint C(p) = 0 
 doi:10.1016/j.jvcir.2007.01.005, eq. 6-8). :func:`distance` is section 2.1, :func:`project_volume` section
 2.2, :func:`dihedral` section 2.3.
 
+These are the constraints of the default order; those of the paper, to the letter, are in
+:mod:`~vtkmuscle.core.pbd.as_printed`.
+
 The formulas of a single edge are *lanes*: functions of plain numbers without a branch, which become part of
 the loop that calls them (:mod:`~vtkmuscle.core.pbd.orders`). A loop over edges that share no point is made
 into vector instructions by the compiler.
@@ -61,27 +64,6 @@ ARCTANGENT = (
     0.0004611471226395625,
     -4.572466752859746e-05,
 )
-
-
-def per_iteration_stiffness(stiffness: Floats | float, iterations: int) -> Floats:
-    """Return the stiffness per iteration that leaves (1 - k) of an error after all of them.
-
-    k' = 1 - (1 - k)^(1 / n), so that a setting means the same at 1 and at 100 iterations (Müller et al.
-    2007, section 3.3).
-
-    Parameters
-    ----------
-    stiffness : float or array
-        k in [0, 1].
-    iterations : int
-        n >= 1.
-
-    Returns
-    -------
-    array
-        k' in [0, 1], of the shape of ``stiffness``.
-    """
-    return 1.0 - (1.0 - np.asarray(stiffness, dtype=np.float64)) ** (1.0 / iterations)
 
 
 # -------------------------------------------------------------------------------- distance
@@ -175,6 +157,17 @@ def hinge(
 
 
 @lane
+def gradient_squares(
+    cosine: float, ee: float, a1: float, a2: float, b1: float, b2: float, n11: float, n22: float
+) -> tuple[float, ...]:
+    """Return |dphi/dp_i|^2 |e|^2 |n1|^2 |n2|^2 of the four points of a :func:`hinge`; a1 = |e|^2 - a2."""
+    cross = 2.0 * cosine
+    g1 = a1 * (a1 * n22 + b1 * cross) + b1 * (b1 * n11)
+    g2 = a2 * (a2 * n22 + b2 * cross) + b2 * (b2 * n11)
+    return g1, g2, ee * ee * n22, ee * ee * n11
+
+
+@lane
 def dihedral(
     x1: float, y1: float, z1: float, w1: float,
     x2: float, y2: float, z2: float, w2: float,
@@ -207,10 +200,7 @@ def dihedral(
     c = c if c > -LARGEST_TURN else -LARGEST_TURN
 
     a1, b1 = ee - a2, ee - b2
-    cross = 2.0 * cosine
-    g1 = a1 * (a1 * n22 + b1 * cross) + b1 * (b1 * n11)
-    g2 = a2 * (a2 * n22 + b2 * cross) + b2 * (b2 * n11)
-    g3, g4 = ee * ee * n22, ee * ee * n11
+    g1, g2, g3, g4 = gradient_squares(cosine, ee, a1, a2, b1, b2, n11, n22)
     weighted = w1 * g1 + w2 * g2 + w3 * g3 + w4 * g4
     floor = DIHEDRAL_FLOOR * ((g1 + g2) + (g3 + g4))
     s = stiffness * c * math.sqrt(ee) / (weighted if weighted > floor else floor)
@@ -318,41 +308,3 @@ def project_volume(
             p[i, 1] -= s * w[i] * gradient[i, 1]
             p[i, 2] -= s * w[i] * gradient[i, 2]
     return volume
-
-
-# -------------------------------------------------------------------------------- one by one
-
-
-@vector_kernel
-def sweep_distances(p: Floats, w: Floats, edges: Ints, rest: Floats, stiffness: Floats) -> None:
-    """Project the distance constraint of edges (k, 2) one by one, each seeing what the last one moved.
-
-    p : (n, 3) positions [mm], changed in place; w : (n,) inverse masses; rest : (k,) lengths [mm];
-    stiffness : (k,) per iteration.
-    """
-    for e in range(len(edges)):
-        i, j = edges[e, 0], edges[e, 1]
-        p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2] = distance(
-            p[i, 0], p[i, 1], p[i, 2], w[i], p[j, 0], p[j, 1], p[j, 2], w[j], rest[e], stiffness[e]
-        )
-
-
-@vector_kernel
-def sweep_dihedrals(
-    p: Floats, w: Floats, quads: Ints, cosines: Floats, sines: Floats, stiffness: float
-) -> None:
-    """Project the dihedral constraint of quadruples of points (q, 4) one by one.
-
-    p : (n, 3) positions [mm], changed in place; w : (n,) inverse masses; cosines, sines : (q,) of the rest
-    angles; stiffness : per iteration.
-    """
-    for q in range(len(quads)):
-        i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
-        (
-            p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2],
-            p[k, 0], p[k, 1], p[k, 2], p[m, 0], p[m, 1], p[m, 2],
-        ) = dihedral(
-            p[i, 0], p[i, 1], p[i, 2], w[i], p[j, 0], p[j, 1], p[j, 2], w[j],
-            p[k, 0], p[k, 1], p[k, 2], w[k], p[m, 0], p[m, 1], p[m, 2], w[m],
-            cosines[q], sines[q], stiffness,
-        )  # fmt: skip

@@ -50,18 +50,9 @@ class DeformerSettings:
     )
     dt = Parameter(float, default=_DEFAULT.dt, above=0.0, units="s", doc="Time of a step.")
     velocity_kept = _part("velocity_kept", "Part of its velocity that a point keeps from step to step.")
-    stiffness = _part(
-        "stiffness",
-        "Stiffness of edge lengths, per step (solver 'gauss-seidel') or per iteration ('anderson').",
-    )
-    shape_stiffness = _part(
-        "shape_stiffness",
-        "Stiffness of the angles between triangles, per step or per iteration as that of the edges.",
-    )
-    volume_stiffness = _part(
-        "volume_stiffness",
-        "Stiffness of the muscle's volume, per step or per iteration as that of the edges.",
-    )
+    stiffness = _part("stiffness", "Stiffness of edge lengths, per iteration.")
+    shape_stiffness = _part("shape_stiffness", "Stiffness of the angles between triangles, per iteration.")
+    volume_stiffness = _part("volume_stiffness", "Stiffness of the muscle's volume, per iteration.")
     anisotropy = Parameter(
         str,
         default="taut",
@@ -156,8 +147,8 @@ class DeformerSettings:
     )
     projection_order = _choice(
         "projection_order",
-        "Order of projections: edges many at once and the volume last, or all one by one "
-        "and the volume before angles and bones (published), which keeps it less well.",
+        "Order of projections: edges many at once and the volume last, or one by one as printed (published): "
+        "the volume before angles and bones, which keeps it less well, and angles without a sign.",
     )
     measure_penetration = Parameter(
         bool,
