@@ -26,8 +26,8 @@ OUTSIDE, BOUNDARY, INSIDE = 0, 1, 2
 #: Number of cells in the experiments of Kohout and Cervenka 2021, section 4.
 DEFAULT_N_MAX = 8 * 64**3
 
-#: A point this near to an outside cell, in cells, is outside. One that a bone has stopped is on the face of one
-#: of its cells, and rounding would decide whether the bone moves over it in the next step.
+#: A point this near to an outside cell, in cells, is outside. One that a bone has stopped is on the face of
+#: one of its cells, and rounding would decide whether the bone moves over it in the next step.
 ON_A_FACE = 1e-9
 
 #: Slack of the triangle-box test, in cells: rounding must not open a gap in the boundary.
@@ -226,7 +226,7 @@ def _flood_outside(cells: Cells) -> None:
     """Mark as outside what can be reached from the corner cell (0, 0, 0) without entering the boundary.
 
     Kohout and Cervenka fill "with 8-directions", the diagonal neighbourhood of a plane, which says nothing of
-    space. We go to the 6 face neighbours: no step then passes between two boundary cells that meet in an edge.
+    space. We go to the 6 face neighbours: no step passes between two boundary cells that meet in an edge.
 
     cells : (nx, ny, nz), changed in place.
     """

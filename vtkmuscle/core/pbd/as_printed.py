@@ -2,25 +2,25 @@
 
 doi:10.1007/978-3-030-72379-8_24. They differ from those of :mod:`~vtkmuscle.core.pbd.constraints`:
 
-* Eq. 1 divides by the squares of the gradients of *all* points, "assuming that every point has the same mass":
-  also of the fixed ones, which Algorithm 1 gives a mass of 1, and which do not move ("updating [...] the
-  position of the moveable points"). A constraint beside a fixed point so is met by half in an iteration, and
-  no denominator can vanish there.
-* The angle of eq. 6 is an arccosine, which does not know a ridge from a groove: an edge that was folded to the
-  other side stays there. It is pi - abs(phi), with the signed angle phi of
+* Eq. 1 divides by the squares of the gradients of *all* points, "assuming that every point has the same
+  mass": also of the fixed ones, which Algorithm 1 gives a mass of 1, and which do not move ("updating [...]
+  the position of the moveable points"). A constraint beside a fixed point so is met by half in an iteration,
+  and no denominator can vanish there.
+* The angle of eq. 6 is an arccosine, which does not know a ridge from a groove: an edge that was folded to
+  the other side stays there. It is pi - abs(phi), with the signed angle phi of
   :func:`~vtkmuscle.core.pbd.constraints.hinge`.
 * A stiffness multiplies the correction of each iteration.
 
 Where the paper cannot be run as it reads:
 
-* Section 3.1, "we multiply the distance constraint (see Eq. 2) with the result": eq. 1 gives the same for k C as
-  for C. The correction is multiplied.
-* Eq. 4 without a sixth is six times the volume, so that its V0, "its original volume", has to be six times that,
-  too. A sixth in value and gradient alike changes nothing.
-* Eq. 7 divides by sqrt(1 - d^2), which is 0 where two triangles are in one plane: such an edge has no direction
-  to turn to, and stays as it is.
-* Algorithm 2, line 39, puts each vertex to its x_i, which lines 33 to 36 keep as they were at fixed points: these
-  would be drawn at rest for ever. They are drawn where line 9 takes them.
+* Section 3.1, "we multiply the distance constraint (see Eq. 2) with the result": eq. 1 gives the same for
+  k C as for C. The correction is multiplied.
+* Eq. 4 without a sixth is six times the volume, so that its V0, "its original volume", has to be six times
+  that, too. A sixth in value and gradient alike changes nothing.
+* Eq. 7 divides by sqrt(1 - d^2), which is 0 where two triangles are in one plane: such an edge has no
+  direction to turn to, and stays as it is.
+* Algorithm 2, line 39, puts each vertex to its x_i, which lines 33 to 36 keep as they were at fixed points:
+  these would be drawn at rest for ever. They are drawn where line 9 takes them.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ def sweep_distances(p: Floats, w: Floats, edges: Ints, rest: Floats, stiffness: 
 def sweep_angles(p: Floats, w: Floats, quads: Ints, rest: Floats, stiffness: float) -> None:
     """Project the local shape constraint, eq. 6 and 7, of quadruples of points (q, 4) one by one.
 
-    With psi = arccos(n1 . n2) = pi - abs(phi), C = psi - psi0 = abs(phi0) - abs(phi), and its gradient is that
-    of phi, times -sign(phi): the same as eq. 7 without its cancellation beside flat pairs.
+    With psi = arccos(n1 . n2) = pi - abs(phi), C = psi - psi0 = abs(phi0) - abs(phi), and its gradient is
+    that of phi, times -sign(phi): the same as eq. 7 without its cancellation beside flat pairs.
 
     Parameters
     ----------

@@ -21,8 +21,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from vtkmuscle.core.jit import lane, vector_kernel
 from vtkmuscle.core.types import Floats, Ints
 
