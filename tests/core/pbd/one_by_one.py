@@ -1,5 +1,7 @@
 """The constraints of the default order one by one, which the batches are tested against."""
 
+import numpy as np
+
 from vtkmuscle.core.jit import vector_kernel
 from vtkmuscle.core.pbd.constraints import dihedral, distance
 
@@ -18,13 +20,18 @@ def sweep_distances(p, w, edges, rest, stiffness):
         )
 
 
-@vector_kernel
-def sweep_dihedrals(p, w, quads, cosines, sines, stiffness):
+def sweep_dihedrals(p, w, quads, cosines, sines, stiffness, squares=None):
     """Project the dihedral constraint of quadruples of points (q, 4) one by one.
 
     p : (n, 3) positions [mm], changed in place; w : (n,) inverse masses; cosines, sines : (q,) of the rest
-    angles; stiffness : per iteration.
+    angles; stiffness : per iteration; squares : (q,) of the angles' gradients at rest, 0 for no length scale.
     """
+    squares = np.zeros(len(quads)) if squares is None else squares
+    _sweep_dihedrals(p, w, quads, np.asarray(cosines), np.asarray(sines), stiffness, squares)
+
+
+@vector_kernel
+def _sweep_dihedrals(p, w, quads, cosines, sines, stiffness, squares):
     for q in range(len(quads)):
         i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
         (
@@ -33,5 +40,5 @@ def sweep_dihedrals(p, w, quads, cosines, sines, stiffness):
         ) = dihedral(
             p[i, 0], p[i, 1], p[i, 2], w[i], p[j, 0], p[j, 1], p[j, 2], w[j],
             p[k, 0], p[k, 1], p[k, 2], w[k], p[m, 0], p[m, 1], p[m, 2], w[m],
-            cosines[q], sines[q], stiffness,
+            cosines[q], sines[q], stiffness, squares[q],
         )  # fmt: skip

@@ -33,6 +33,12 @@ DIHEDRAL_FLOOR = 0.1
 #: to twice their height, would grow from iteration to iteration.
 LARGEST_TURN = 0.3
 
+#: Where the squares of an angle's gradients are this part of what they are at rest, that is, where the
+#: triangles are 8 times as tall, the angle is left alone; where they are four times that, 4 times as tall, it
+#: has its whole stiffness. An angle knows no length, and its corrections grow with the triangles: where no edge
+#: holds these, as along soft fibres, both would grow together, without end.
+FAR_TOO_LARGE = 1.0 / 64.0
+
 #: A volume projection's denominator is at least this part of its value at rest, so that a muscle crushed
 #: to nothing is blown up over several iterations rather than to infinity in one.
 VOLUME_FLOOR = 0.01
@@ -171,7 +177,7 @@ def dihedral(
     x2: float, y2: float, z2: float, w2: float,
     x3: float, y3: float, z3: float, w3: float,
     x4: float, y4: float, z4: float, w4: float,
-    cosine0: float, sine0: float, stiffness: float,
+    cosine0: float, sine0: float, stiffness: float, squares0: float,
 ) -> tuple[float, ...]:  # fmt: skip
     """Return four points moved so that the angle between two triangles is as at rest: C = phi - phi0.
 
@@ -183,7 +189,8 @@ def dihedral(
     doi:10.1016/j.gmod.2013.07.001, finite at flat and at concave edges. Multiplied by |e| |n1|^2 |n2|^2,
     which leaves two divisions, it is n1 |n2|^2 |e|^2 at p3, n2 |n1|^2 |e|^2 at p4, minus their mean by
     (p3 - p1) . e and (p4 - p1) . e at p2, and at p1 what makes the sum zero. Its squares follow from |n1|^2,
-    |n2|^2 and n1 . n2, without the vectors. Degenerate triangles move nothing: the correction is proportional
+    |n2|^2 and n1 . n2, without the vectors. squares0, the sum of the gradient's squares at rest [1 / mm^2], is
+    the length scale (:data:`FAR_TOO_LARGE`). Degenerate triangles move nothing: the correction is proportional
     to 1 / |gradient|, their height.
     """
     proper, sine, cosine, ee, a2, b2, n11, n22, n1x, n1y, n1z, n2x, n2y, n2z = hinge(
@@ -200,8 +207,14 @@ def dihedral(
     a1, b1 = ee - a2, ee - b2
     g1, g2, g3, g4 = gradient_squares(cosine, ee, a1, a2, b1, b2, n11, n22)
     weighted = w1 * g1 + w2 * g2 + w3 * g3 + w4 * g4
-    floor = DIHEDRAL_FLOOR * ((g1 + g2) + (g3 + g4))
-    s = stiffness * c * math.sqrt(ee) / (weighted if weighted > floor else floor)
+    squares = (g1 + g2) + (g3 + g4)
+    floor = DIHEDRAL_FLOOR * squares
+    weighted = weighted if weighted > floor else floor
+    far = FAR_TOO_LARGE * squares0 * (ee * n11 * n22)
+    part, whole = squares - far, 3.0 * far
+    part = part if part > 0.0 else 0.0
+    s = stiffness * c * math.sqrt(ee) * (part if part < whole else 1.0)
+    s = s / (weighted * (whole if part < whole else 1.0))
     s = s if proper else 0.0
     s1, s2 = s * n22, s * n11
     u1, v1 = w1 * (s1 * a1), w1 * (s2 * b1)

@@ -357,6 +357,7 @@ def sweep_batches(p: Floats, edge_at: Offsets, constants: Floats, buffer: Floats
             x1, y1, z1, x2, y2, z2, x3, y3, z3, x4, y4, z4 = dihedral(
                 x1, y1, z1, w1, x2, y2, z2, w2, x3, y3, z3, w3, x4, y4, z4, w4,
                 buffer[at + 2 * WIDTH], buffer[at + 3 * WIDTH], buffer[at + 4 * WIDTH],
+                buffer[at + 5 * WIDTH],
             )  # fmt: skip
             # To other places than they came from: whole records are stored, masses too, by plain moves.
             at = _AFTER + RECORD * i

@@ -10,7 +10,7 @@ import numpy as np
 from vtkmuscle.core.jit import kernel, vector_kernel
 from vtkmuscle.core.mesh.surface import check_volume, edge_lengths, signed_volume
 from vtkmuscle.core.mesh.topology import MeshTopology
-from vtkmuscle.core.pbd.constraints import hinge, volume_and_gradient
+from vtkmuscle.core.pbd.constraints import gradient_squares, hinge, volume_and_gradient
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 _Spread = tuple[float, float, float]
@@ -68,6 +68,8 @@ class RestShape:
         Of the edges [mm].
     angles, angle_defined : (q,) arrays
         Signed dihedral angles of the quadruples [radians], and False beside degenerate triangles.
+    angle_squares : (q,) array
+        Sums of the squares of the gradients of these angles [1 / mm^2].
     volume : float
         [mm^3].
     volume_gradient : (n, 3) array
@@ -92,6 +94,7 @@ class RestShape:
         self._long_edges = np.ascontiguousarray(topology.edges[self._long])
         self._long_lengths: Floats = self.lengths[self._long]
         self.angles, self.angle_defined = dihedral_angles(points, topology.quads)
+        self.angle_squares: Floats = _angle_squares(points, topology.quads)
         self._cosines, self._sines = np.cos(self.angles), np.sin(self.angles)
         #: Directions of fibres, and which of the long edges are along and across them.
         self._directed: tuple[Floats | None, Ints, Ints] = None, np.empty(0, np.int64), np.empty(0, np.int64)
@@ -197,6 +200,24 @@ def _cosines_and_sines(p: Floats, quads: Ints) -> tuple[Floats, Floats, Bools]:
             size = math.sqrt(sine * sine + cosine * cosine)
             cosines[q], sines[q], defined[q] = cosine / size, sine / size, True
     return cosines, sines, defined
+
+
+@vector_kernel
+def _angle_squares(p: Floats, quads: Ints) -> Floats:
+    """Return the sums of the squares of the gradients of the angles of quadruples (q, 4), 0 where none is."""
+    squares = np.zeros(len(quads))
+    for q in range(len(quads)):
+        i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
+        found = hinge(
+            p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2],
+            p[k, 0], p[k, 1], p[k, 2], p[m, 0], p[m, 1], p[m, 2],
+        )  # fmt: skip
+        proper, cosine, ee, a2, b2 = found[0], found[2], found[3], found[4], found[5]
+        n11, n22 = found[6], found[7]
+        if proper:
+            g1, g2, g3, g4 = gradient_squares(cosine, ee, ee - a2, a2, ee - b2, b2, n11, n22)
+            squares[q] = (g1 + g2 + g3 + g4) / (ee * n11 * n22)
+    return squares
 
 
 @kernel
