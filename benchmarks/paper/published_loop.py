@@ -68,6 +68,16 @@ def _project_angles(p, w, quads, angles):
 
 
 @kernel
+def _project_lengths(p, w, edges, lengths, powers):
+    """Project the lengths of edges one by one, by the masses of their ends."""
+    for e in range(len(edges)):
+        i, j = edges[e, 0], edges[e, 1]
+        (p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2]) = constraints.distance(
+            p[i, 0], p[i, 1], p[i, 2], w[i], p[j, 0], p[j, 1], p[j, 2], w[j], lengths[e], powers[e]
+        )
+
+
+@kernel
 def _angles(p, quads):
     """Return the angles at rest."""
     q, found = np.empty((4, 3)), np.empty(len(quads))
@@ -114,7 +124,7 @@ def run(
         for _ in range(iterations):
             v *= DAMPING
             p = x + v
-            constraints.sweep_distances(p, w, edges, lengths, powers)
+            _project_lengths(p, w, edges, lengths, powers)
             # Fixed points take their part of the volume's correction there, and are put back.
             constraints.project_volume(p, ones, triangles, volume, 0.0, 1.0, gradient)
             corrected += _project_angles(p, w, quads, angles)

@@ -23,8 +23,8 @@ WIDTH = 16
 #: Numbers of a point's record: x, y, z and the inverse mass.
 RECORD = 4
 
-#: Constants of an edge: rest length, stiffness, cosine and sine of the rest angle, shape stiffness, and the sum
-#: of the squares of the angle's gradient at rest.
+#: Constants of an edge: rest length, stiffness, cosine and sine of the rest angle, shape stiffness, and the
+#: sum of the squares of the angle's gradient at rest.
 CONSTANTS = 6
 
 #: Edges that are coloured together: their points' records fill about half a second-level cache.
