@@ -44,6 +44,26 @@ def lhdl_hip():
     return folder
 
 
+@pytest.fixture(scope="session")
+def opensim_data():
+    """Folder of OpenSim's own models and a walk; a test that needs it is skipped without."""
+    root = Path(os.environ.get("VTKMUSCLE_DATA", REPOSITORY.parent / "shared" / "data"))
+    folder = root / "opensim"
+    if not (folder / "arm26.osim").is_file():
+        pytest.skip(f"OpenSim's models are not at {folder}; set VTKMUSCLE_DATA to the folder it is in")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def bp3d_knee():
+    """Folder of a second subject's thigh and knee; a test that needs it is skipped without."""
+    root = Path(os.environ.get("VTKMUSCLE_DATA", REPOSITORY.parent / "shared" / "data"))
+    folder = root / "bp3d_knee"
+    if not (folder / "scene.toml").is_file():
+        pytest.skip(f"the second subject is not at {folder}; set VTKMUSCLE_DATA to the folder it is in")
+    return folder
+
+
 @pytest.fixture
 def spindle():
     """A new spindle over a hinge."""

@@ -164,6 +164,21 @@ def test_info_says_what_a_mesh_is(scene_file, tmp_path):
     assert "polylines   1" in ring
 
 
+def test_info_says_and_draws_what_it_understood_of_landmarks(tmp_path):
+    (tmp_path / "origin.csv").write_text("name,x,y,z\nA,0,0,0\nB,30,0,0\nC,30,40,0\nA,0,0,0\n")
+    said = vtkmuscle_("info", tmp_path / "origin.csv", "--draw", tmp_path / "origin.png").stdout
+    assert "yes, 120 round" in said
+    assert "A, B, C" in said
+    assert (tmp_path / "origin.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_info_says_what_it_understood_of_a_motion(tmp_path):
+    (tmp_path / "walk.mot").write_text("w\ninDegrees=yes\nendheader\ntime knee\n0 1\n1 60\n")
+    said = vtkmuscle_("info", tmp_path / "walk.mot").stdout
+    assert "degrees" in said
+    assert "knee (1 .. 60)" in said
+
+
 def test_info_of_what_is_not_there_is_status_2(tmp_path):
     done = vtkmuscle_("info", tmp_path / "no.stl")
     assert done.exit_code == 2

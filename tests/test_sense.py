@@ -88,7 +88,13 @@ def sheet():
 
 
 #: What is tried: a name, how the scene is made, whether it is an error, and what is said.
+def unsure(scene):
+    """Return a scene whose first muscle has an origin that was estimated, and may be on another bone."""
+    return areas(scene, lambda old: [replace(old[0], estimated=True, sureness=0.1), *old[1:]])
+
+
 NONSENSE = {
+    "estimate that is not sure": (unsure, False, r"estimated to be on .* but is not sure \(0.10\)"),
     "origin and insertion exchanged": (
         lambda s: areas(s, lambda a: [replace(a[0], bone=a[1].bone), replace(a[1], bone=a[0].bone)]),
         True,

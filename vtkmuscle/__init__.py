@@ -26,12 +26,15 @@ if TYPE_CHECKING:
     from vtkmuscle.scene.data import Muscle
     from vtkmuscle.scene.faults import SceneError
     from vtkmuscle.scenes import Scene
+    from vtkmuscle.sensitivity import LandmarkError, landmark_errors
 
 _MODULES = ("filters", "phantoms", "pipelines", "plotting")
 _SOURCES = {
     "RigidMotion": "vtkmuscle.core.motion.rigid",
     "hinge": "vtkmuscle.core.motion.rigid",
     "InputError": "vtkmuscle.core.errors",
+    "LandmarkError": "vtkmuscle.sensitivity",
+    "landmark_errors": "vtkmuscle.sensitivity",
     "MomentArmTable": "vtkmuscle.run.moment_arms",
     "Muscle": "vtkmuscle.scene.data",
     "Result": "vtkmuscle.run.result",
@@ -42,6 +45,7 @@ _SOURCES = {
 
 __all__ = [
     "InputError",
+    "LandmarkError",
     "MomentArmTable",
     "Muscle",
     "Result",
@@ -52,6 +56,7 @@ __all__ = [
     "__version__",
     "filters",
     "hinge",
+    "landmark_errors",
     "phantoms",
     "pipelines",
     "plotting",

@@ -111,7 +111,8 @@ class SceneTable(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         lines = [".. list-table::", "   :header-rows: 1", "   :widths: 22 58 20", ""]
         lines += ["   * - key", "     - what", "     - default"]
-        for name, field in getattr(vtkmuscle.scene.schema, self.arguments[0]).model_fields.items():
+        known = {**vars(vtkmuscle.scene.joint_schema), **vars(vtkmuscle.scene.schema)}
+        for name, field in known[self.arguments[0]].model_fields.items():
             plain = isinstance(field.default, str | bool)
             default = f"``{json.dumps(field.default)}``" if plain else "none"
             lines += [f"   * - ``{name}``", f"     - {field.description}"]

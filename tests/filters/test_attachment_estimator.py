@@ -81,7 +81,7 @@ def test_the_bone_of_the_origin_may_be_given(spindle):
     for bone in ("proximal", "distal"):
         areas = attachments_of(estimate(spindle.muscles["spindle"], spindle.bones, origin=bone), "test")
         assert {area.role: area.bone for area in areas}["origin"] == bone
-    with pytest.raises(ValueError, match=r"origin is 'ulna', but .* 'proximal' and 'distal'"):
+    with pytest.raises(ValueError, match=r"origin is 'ulna', but .* proximal, distal"):
         estimate(spindle.muscles["spindle"], spindle.bones, origin="ulna")
 
 
@@ -120,3 +120,24 @@ def test_estimates_of_the_real_muscles_cover_the_large_origins(lhdl_hip):
         assert area < 1.5, name
         assert apart < gap, name
         assert found["femur_r"][0] > 0.6, name
+
+
+def test_two_joint_muscles_are_attached_beyond_the_bone_they_slide_over(bp3d_knee):
+    scene = Scene.load(bp3d_knee / "scene.toml")
+    bones = scene.bones_data()
+    for name, muscle in scene.muscles.items():
+        true = {area.role: area.bone for area in muscle.attachments}
+        areas = attachments_of(estimate(muscle.surface, bones), name)
+        assert {area.bone for area in areas} == set(true.values()), name
+        named = attachments_of(estimate(muscle.surface, bones, **true), name)
+        assert {area.role: area.bone for area in named} == true
+        assert all(0.0 <= area.sureness <= 1.0 for area in (*areas, *named))
+
+
+def test_both_bones_may_be_named(spindle):
+    muscle = spindle.muscles["spindle"]
+    areas = attachments_of(estimate(muscle, spindle.bones, origin="distal", insertion="proximal"), "test")
+    assert [(area.role, area.bone) for area in areas] == [("origin", "distal"), ("insertion", "proximal")]
+    assert all(area.sureness > 0.8 for area in areas)
+    with pytest.raises(ValueError, match="both 'distal'"):
+        estimate(muscle, spindle.bones, origin="distal", insertion="distal")

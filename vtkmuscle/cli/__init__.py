@@ -106,12 +106,18 @@ def demo(
 def info(
     files: Annotated[
         list[Path],
-        typer.Argument(help="Meshes, or folders of results."),
+        typer.Argument(help="Meshes, landmarks, OpenSim models or motions, or folders of results."),
     ],
+    draw: Annotated[
+        Path | None,
+        typer.Option("--draw", metavar="PNG", help="Draw the first file, landmarks or an OpenSim model."),
+    ] = None,
 ) -> None:
     """Describe meshes: size, whether closed and manifold, pieces, volume, and the likely unit.
 
-    For a folder of results, list the frames that are there.
+    For landmarks, say how many, whether they are a ring, and in which frame; for an OpenSim model, list its
+    bodies, joints, coordinates and muscles; for a motion, its columns; for a folder of results, the frames
+    that are there.
     """
     with one_clear_error(None):
         from vtkmuscle.cli.facts import facts_of
@@ -120,17 +126,45 @@ def info(
             typer.echo(f"{file}")
             for word, value in facts_of(file).items():
                 typer.echo(f"  {word:<12}{value}")
+        if draw is not None:
+            from vtkmuscle.cli.text_facts import draw_text
+
+            draw_text(files[0], draw)
+            typer.echo(f"wrote {draw}")
 
 
 @app.command()
 def export(
-    source: Annotated[Path, typer.Argument(help="Folder of a run's results, or a .pvd file.")],
-    out: Annotated[Path, typer.Argument(help=".gltf for a web page, or .vtkhdf.")],
+    source: Annotated[Path, typer.Argument(help="Folder of a run's results, a .pvd file, or a scene.toml.")],
+    out: Annotated[Path, typer.Argument(help=".gltf for a web page, .vtkhdf, .osim, or .xml for MuJoCo.")],
     time: Annotated[float | None, typer.Option("--time", help="Which pose. Default: the last.")] = None,
+    form: Annotated[
+        str, typer.Option("--form", help="For OpenSim: functions of coordinates, or points on bodies.")
+    ] = "functions",
+    groups: Annotated[
+        int, typer.Option("--groups", min=1, help="For OpenSim: groups of fibres per muscle, at most.")
+    ] = 1,
+    into: Annotated[
+        Path | None, typer.Option("--into", help="For OpenSim: a model to put the muscles into.")
+    ] = None,
 ) -> None:
-    """Export a pose of a run's results for a web page (glTF), or a .pvd series as one .vtkhdf file."""
+    """Export a pose of a run's results for a web page (glTF), or a .pvd series as one .vtkhdf file.
+
+    Or the muscles of a scene with joints as a model of OpenSim or MuJoCo: the scene is run, and what each
+    path costs in accuracy is said.
+    """
     with one_clear_error(None):
-        if out.suffix.lower() == ".vtkhdf":
+        if out.suffix.lower() in (".osim", ".xml"):
+            from vtkmuscle.export import write_mujoco, write_opensim
+
+            if out.suffix.lower() == ".xml":
+                written = write_mujoco(source, out, groups=groups)
+            else:
+                written = write_opensim(source, out, form=form, groups=groups, into=into)
+            for one in written:
+                typer.echo(f"{one.out.name}: {one}")
+            typer.echo(f"wrote {out}")
+        elif out.suffix.lower() == ".vtkhdf":
             from vtkmuscle.io import read_series, write_vtkhdf
             from vtkmuscle.run.poses import merged
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from vtkmuscle.cli.text_facts import text_facts
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.io import read_polydata
@@ -31,6 +32,9 @@ def facts_of(file: Path) -> dict[str, str]:
     """Return what is known of a file or folder, in words."""
     if file.is_dir():
         return _facts_of_run(file)
+    known = text_facts(file)
+    if known is not None:
+        return dict(known)
     data = read_polydata(file)
     points = points_of(data)
     if not np.isfinite(points).all():

@@ -48,6 +48,8 @@ class AttachmentArea:
         points: then the attachment is what lies near the curve. A via ring is closed.
     estimated : bool
         True where the landmarks were not digitised but made from where the muscle touches the bone.
+    sureness : float or None
+        Of an estimate, how sure it is, from 0 to 1; see :class:`~vtkmuscle.filters.AttachmentEstimator`.
     """
 
     role: str
@@ -55,6 +57,7 @@ class AttachmentArea:
     landmarks: NDArray[np.float64]
     closed: bool
     estimated: bool = False
+    sureness: float | None = None
 
 
 def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
@@ -69,6 +72,8 @@ def attachments_from(areas: Sequence[AttachmentArea]) -> vtkMultiBlockDataSet:
         set_field_array(block, "Bone", area.bone)
         set_field_array(block, "Role", area.role)
         set_field_array(block, "Estimated", int(area.estimated))
+        if area.sureness is not None:
+            set_field_array(block, "Sureness", area.sureness)
         blocks[f"{area.role}_{i}"] = block
     return multiblock_from(blocks)
 
@@ -121,9 +126,10 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
         if role == VIA:
             _check_ring(landmarks, closed, label)
         estimated = field_array(block, "Estimated")
-        areas.append(
-            AttachmentArea(role, bone, landmarks, closed, bool(estimated is not None and estimated[0]))
-        )
+        sure = field_array(block, "Sureness")
+        made = bool(estimated is not None and estimated[0])
+        sureness = None if sure is None else float(sure[0])
+        areas.append(AttachmentArea(role, bone, landmarks, closed, made, sureness))
     return areas
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.attachments.contact_areas import ContactArea, attached_contacts, contact_areas, outline
+from vtkmuscle.core.attachments.contact_areas import AttachedEnd, attached_ends, contact_areas, outline
 from vtkmuscle.core.attachments.patches import FACING, approach, outward_normals
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import checked_surface
@@ -25,10 +25,11 @@ DISTANCE_PER_DIAGONAL = 0.015
 class AttachmentEstimator(Filter):
     """Propose the attachments of a muscle, from where it touches the bones at rest.
 
-    A point touches a bone within the distance of which it is, and which it faces. Of the connected areas
-    of such points, those two of different bones are the main attachments that are large and far from each
-    other along the muscle, for between its ends a muscle slides over bones; other areas of the same bones
-    at the same ends are added. The landmarks are points on the areas' boundaries.
+    A point touches a bone within the distance of which it is, and which it faces. A bone beyond which the
+    muscle touches others at both its ends is passed over. Of the connected areas of such points on the other
+    bones, those two of different bones are the main attachments that are large and far from each other along
+    the muscle; other areas of the same bones at the same ends are added. The landmarks are points on the
+    areas' boundaries. ``origin`` and ``insertion`` name the bones where you know them.
 
     It is a start where landmarks are missing, no replacement: what touches a bone without being attached to
     it is fixed with it. How far from the other end an attachment may begin was set to what suits the four
@@ -37,7 +38,7 @@ class AttachmentEstimator(Filter):
     Raises
     ------
     ValueError
-        If the muscle touches fewer than two bones, or ``origin`` is not one of the two.
+        If the muscle touches fewer than two bones, or not those that ``origin`` and ``insertion`` name.
 
     Examples
     --------
@@ -60,13 +61,17 @@ class AttachmentEstimator(Filter):
     origin: Parameter[str | None] = Parameter(
         str, default=None, doc="Name of the origin's bone; None is the one that is touched more."
     )
+    insertion: Parameter[str | None] = Parameter(
+        str, default=None, doc="Name of the insertion's bone; None is the other one that is likely."
+    )
 
     muscle = InputPort(vtkPolyData, doc="Triangles, in the rest pose.")
     bones = InputPort(vtkMultiBlockDataSet, doc="Named blocks of vtkPolyData, at rest.")
     output = OutputPort(
         vtkMultiBlockDataSet,
         doc="Attachments: a block per area, a closed polyline through its landmarks, with the field arrays "
-        "``Bone``, ``Role`` and ``Estimated`` (1).",
+        "``Bone``, ``Role``, ``Estimated`` (1) and ``Sureness`` (0 to 1): 0 where the end is as likely on "
+        "another bone, or far from the muscle's end.",
     )
 
     def execute(self, muscle: vtkPolyData, bones: vtkMultiBlockDataSet) -> vtkMultiBlockDataSet:
@@ -82,25 +87,52 @@ class AttachmentEstimator(Filter):
             touching.append(_touching(points, triangles, bone, within))
             self.report_progress((number + 1) / (len(surfaces) + 1))
         names = list(surfaces)
-        ends = attached_contacts(points, triangles, contact_areas(points, triangles, touching))
-        self._check(names, ends, touching, within)
-        if names[ends[1][0].bone] == self.origin:
+        named = self._named(names, touching, within)
+        contacts = [
+            one for one in contact_areas(points, triangles, touching) if not named or names[one.bone] in named
+        ]
+        ends = attached_ends(points, triangles, contacts)
+        ends = self._checked(names, ends, touching, within)
+        on = [names[end.contacts[0].bone] for end in ends]
+        if self.origin == on[1] or self.insertion == on[0]:
             ends = ends[::-1]
         areas = []
-        for role, contacts in zip(("origin", "insertion"), ends, strict=True):
-            for contact in contacts:
+        for role, end in zip(("origin", "insertion"), ends, strict=True):
+            for contact in end.contacts:
                 landmarks, closed = outline(points, triangles, contact.points)
-                areas.append(AttachmentArea(role, names[contact.bone], landmarks, closed, estimated=True))
+                on_bone = names[contact.bone]
+                areas.append(
+                    AttachmentArea(role, on_bone, landmarks, closed, estimated=True, sureness=end.sureness)
+                )
         return attachments_from(areas)
 
-    def _check(
+    def _named(self, names: list[str], touching: list[NDArray[np.bool_]], within: float) -> set[str]:
+        """Return both bones where both are named, none else."""
+        for what, bone in (("origin", self.origin), ("insertion", self.insertion)):
+            if bone is not None and bone not in names:
+                problem = f"{what} is {bone!r}, but there is no such bone"
+                raise InputError("AttachmentEstimator", problem, f"the bones are {', '.join(names)}")
+            if bone is not None and not touching[names.index(bone)].any():
+                raise InputError(
+                    "AttachmentEstimator",
+                    f"{what} is {bone!r}, but within {within:.4g} the muscle does not touch it",
+                    "name another bone, give a larger distance, or landmarks",
+                )
+        if self.origin is None or self.insertion is None:
+            return set()
+        if self.origin == self.insertion:
+            problem = f"origin and insertion are both {self.origin!r}"
+            raise InputError("AttachmentEstimator", problem, "name two bones")
+        return {self.origin, self.insertion}
+
+    def _checked(
         self,
         names: list[str],
-        ends: tuple[list[ContactArea], list[ContactArea]],
+        ends: tuple[AttachedEnd, AttachedEnd] | None,
         touching: list[NDArray[np.bool_]],
         within: float,
-    ) -> None:
-        if not ends[0]:
+    ) -> tuple[AttachedEnd, AttachedEnd]:
+        if ends is None:
             touched = [repr(name) for name, mask in zip(names, touching, strict=True) if mask.any()]
             raise InputError(
                 "AttachmentEstimator",
@@ -109,14 +141,16 @@ class AttachmentEstimator(Filter):
                 "two bones",
                 "give a larger distance, or landmarks",
             )
-        found = [names[end[0].bone] for end in ends]
-        if self.origin is not None and self.origin not in found:
-            raise InputError(
-                "AttachmentEstimator",
-                f"origin is {self.origin!r}, but the muscle seems to be attached to "
-                f"{' and '.join(map(repr, found))}",
-                "choose one of these, or another distance",
-            )
+        found = [names[end.contacts[0].bone] for end in ends]
+        for what, bone in (("origin", self.origin), ("insertion", self.insertion)):
+            if bone is not None and bone not in found:
+                raise InputError(
+                    "AttachmentEstimator",
+                    f"{what} is {bone!r}, but the muscle seems to be attached to "
+                    f"{' and '.join(map(repr, found))}",
+                    "name both origin and insertion, or choose another distance",
+                )
+        return ends
 
 
 def _touching(

@@ -87,7 +87,7 @@ class TautFibres(HistoryFilter[TautState]):
         minimum=0.0,
         units="mm",
         doc="Gap between the muscle and the bone of its origin up to which a fibre is kept from slipping off "
-        "sideways; None is V / A of the muscle, half its mean thickness; 0 lets all fibres slip.",
+        "sideways; None is V / A of the muscle, half its mean thickness; 0: never.",
     )
     checkpoint_memory = Parameter(
         float,

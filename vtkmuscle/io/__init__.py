@@ -7,7 +7,7 @@ keeps VTK's own messages off the terminal.
 from __future__ import annotations
 
 from vtkmuscle.io.fibre_table import fibre_summary, muscle_summary, write_fibre_table
-from vtkmuscle.io.landmarks import read_landmarks
+from vtkmuscle.io.landmarks import read_landmarks, read_named_points
 from vtkmuscle.io.literature import (
     LITERATURE_COLUMNS,
     LiteratureCurve,
@@ -15,7 +15,9 @@ from vtkmuscle.io.literature import (
     read_literature,
     write_literature,
 )
+from vtkmuscle.io.motion_file import MotionFile, read_motion_file
 from vtkmuscle.io.motion_table import motion_columns, read_motion_table, write_motion_table
+from vtkmuscle.io.osim import OsimModel, read_osim
 from vtkmuscle.io.series import Collection, Series
 from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, read_polydata, read_surface
 from vtkmuscle.io.temporal import SERIES_SUFFIXES, TimeSeries, read_series, write_vtkhdf
@@ -27,6 +29,8 @@ __all__ = [
     "SURFACE_SUFFIXES",
     "Collection",
     "LiteratureCurve",
+    "MotionFile",
+    "OsimModel",
     "Series",
     "TimeSeries",
     "curves_for",
@@ -35,7 +39,10 @@ __all__ = [
     "muscle_summary",
     "read_landmarks",
     "read_literature",
+    "read_motion_file",
     "read_motion_table",
+    "read_named_points",
+    "read_osim",
     "read_polydata",
     "read_series",
     "read_surface",

@@ -14,19 +14,25 @@ from vtkmuscle.core.files import MOST_TEXT, check_is_file
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import landmarks_of
 from vtkmuscle.io.csv_table import csv_rows
+from vtkmuscle.io.nrrd_points import read_nrrd_points
+from vtkmuscle.io.slicer import NamedPoints, markups_of, read_fcsv
 from vtkmuscle.io.surfaces import read_polydata
 
 
-def read_landmarks(path: str | PathLike[str]) -> tuple[Floats, bool]:
+def read_landmarks(path: str | PathLike[str], *, frame: str = "LPS") -> tuple[Floats, bool]:
     """Read landmarks in boundary order, and whether they close to a ring.
 
     Parameters
     ----------
     path : path
         A .vtp or .vtk file with one polyline (a ring where it ends at the point it began with, an open
-        curve otherwise) or with points alone; a .csv file of x, y, z (a header line and further columns
-        are passed over); or a .json file with a list of [x, y, z]. A .csv or .json ring repeats its first
-        point at the end.
+        curve otherwise) or with points alone; a .csv file of x, y, z, or of a name, x, y, z (a header
+        line may name the columns, else it and further columns are passed over); a .json file with a list
+        of [x, y, z]; a .mrk.json or .fcsv file of 3D Slicer; or a .nrrd file of 3 x n numbers. A ring
+        repeats its first point at the end, or is a closed curve of Slicer.
+    frame : str, optional
+        ``"LPS"`` or ``"RAS"``: the frame of the scene, to which files are turned that say theirs, as
+        those of Slicer do. Slicer saves surfaces in LPS.
 
     Returns
     -------
@@ -44,36 +50,67 @@ def read_landmarks(path: str | PathLike[str]) -> tuple[Floats, bool]:
         not finite.
     """
     path = Path(path)
-    suffix = path.suffix.lower()
-    if suffix in (".vtp", ".vtk"):
+    if path.suffix.lower() in (".vtp", ".vtk"):
         return landmarks_of(read_polydata(path), str(path))
-    if suffix not in (".csv", ".json"):
-        raise InputError(
-            path, f"landmarks are read from .vtp, .vtk, .csv or .json files, not from {path.suffix!r}"
-        )
-    check_is_file(path, most=MOST_TEXT)
-    points = _from_csv(path) if suffix == ".csv" else _from_json(path)
-    if not np.isfinite(points).all():
-        row = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
-        raise InputError(path, f"landmark {row} has a coordinate that is not finite", "correct it")
+    found = read_named_points(path)
+    points = found.within(frame)
+    if found.closed:
+        return points, True
     closed = len(points) > 3 and bool(np.array_equal(points[0], points[-1]))
     return (points[:-1] if closed else points), closed
 
 
-def _from_csv(path: Path) -> Floats:
+def read_named_points(path: str | PathLike[str]) -> NamedPoints:
+    """Read points with their names and their frame, as a file that is text has them.
+
+    Parameters
+    ----------
+    path : path
+        A .csv, .json, .mrk.json, .fcsv or .nrrd file, see :func:`read_landmarks`.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the file cannot be read, or has no points.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    readers = {".csv": _from_csv, ".json": _from_json, ".fcsv": read_fcsv, ".nrrd": read_nrrd_points}
+    if suffix not in readers:
+        allowed = ", ".join([".vtp", ".vtk", *readers])
+        raise InputError(path, f"landmarks are read from {allowed} files, not from {path.suffix!r}")
+    check_is_file(path, most=MOST_TEXT)
+    found = readers[suffix](path)
+    points = found.points
+    if not np.isfinite(points).all():
+        row = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
+        raise InputError(path, f"landmark {row} has a coordinate that is not finite", "correct it")
+    return found
+
+
+def _from_csv(path: Path) -> NamedPoints:
     rows: list[list[float]] = []
+    names: list[str] = []
     widths: dict[int, int] = {}
     header_passed = False
+    places: tuple[int, ...] | None = None
     for number, cells in csv_rows(path):
+        at = places or _numbers_in(cells)
         try:
-            rows.append([float(cell) for cell in cells[:3]])
+            rows.append([float(cells[i]) for i in at if i < len(cells)])
         except ValueError:
             if rows or header_passed:
                 problem = f"line {number} does not begin with three numbers x, y, z"
                 raise InputError(path, problem, "correct it") from None
             header_passed = True
+            lower = [cell.casefold() for cell in cells]
+            if all(lower.count(name) == 1 for name in "xyz"):
+                places = tuple(lower.index(name) for name in "xyz")
             continue
-        if len(cells) < 3:
+        names.append(cells[0] if 0 not in at else "")
+        if len(rows[-1]) < 3:
             raise InputError(path, f"line {number} has fewer than three numbers", "give x, y, z")
         widths.setdefault(len(cells), number)
     if len(widths) > 1:
@@ -91,15 +128,29 @@ def _from_csv(path: Path) -> Floats:
         )
     if not rows:
         raise InputError(path, "the file holds no landmarks", "give a line x, y, z for each")
-    return np.array(rows, dtype=np.float64)
+    return NamedPoints(tuple(names), np.array(rows, dtype=np.float64))
 
 
-def _from_json(path: Path) -> Floats:
+def _numbers_in(cells: list[str]) -> tuple[int, ...]:
+    """Return which cells of a line without a header are x, y and z: after a name they are the next ones."""
     try:
-        points = np.array(json.loads(path.read_text(encoding="utf-8-sig")), dtype=np.float64)
+        float(cells[0])
+    except ValueError:
+        return (1, 2, 3) if len(cells) > 3 else (0, 1, 2)
+    return (0, 1, 2)
+
+
+def _from_json(path: Path) -> NamedPoints:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8-sig"))
+        if isinstance(content, dict) and "markups" in content:
+            return markups_of(content, path)
+        points = np.array(content, dtype=np.float64)
+    except InputError:
+        raise
     except (ValueError, TypeError, OverflowError, RecursionError) as error:
         why = str(error).partition("\n")[0]
         raise InputError(path, f"the file is not a JSON list of [x, y, z]: {why}") from error
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):
         raise InputError(path, "the file must hold a list of [x, y, z], one per landmark")
-    return points
+    return NamedPoints(("",) * len(points), points)

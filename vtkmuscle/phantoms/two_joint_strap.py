@@ -57,7 +57,7 @@ def strap_over_two_joints(*, coordinates: ArrayLike | None = None) -> Phantom:
         Its motion's times are the numbers of the frames. Known answers: ``known["coordinates"]``, by name,
         their values at each frame [degrees]; ``known["length"](upper, lower)`` [mm] of the strap's middle
         line at angles [degrees]; ``known["moment_arm_upper"]``, 26 mm, and ``known["moment_arm_lower"]``,
-        -18 mm, -dl/dq by each angle, at every pose.
+        -18 mm, -dl/dq by each angle, at every pose; ``known["centres"]``, points on both axes at rest [mm].
 
     Raises
     ------
@@ -95,6 +95,7 @@ def strap_over_two_joints(*, coordinates: ArrayLike | None = None) -> Phantom:
             "length": strap_length,
             "moment_arm_upper": ARMS[0],
             "moment_arm_lower": -ARMS[1],
+            "centres": {"upper": np.zeros(3), "lower": np.array([0.0, *flexed(LOWER, -WRAPS[0])])},
         },
     )
 

@@ -115,6 +115,8 @@ class MuscleRun:
             track.report.update(measure.at_rest())
         areas = scene.muscles[name].attachments
         track.report["estimated_attachments"] = sum(area.estimated for area in areas)
+        sureness = [area.sureness for area in areas if area.sureness is not None]
+        track.report["attachment_sureness"] = min(sureness, default=None)
         if pipeline.fibres is not None:
             self._fill(rest, pipeline.fibres, measure)
         track.report["parameters"] = self._parameters(pipeline)

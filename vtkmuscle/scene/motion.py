@@ -10,52 +10,61 @@ import numpy as np
 
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, hinge
+from vtkmuscle.core.motion.tree_motion import steps_of
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io import motion_columns, read_motion_table
 from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.files import SceneFiles
-from vtkmuscle.scene.schema import ALONE, Hinge, Motion
+from vtkmuscle.scene.joints import joints_of, motion_by_joints
+from vtkmuscle.scene.schema import ALONE, Hinge, SceneTable
 
 
-def motion_from(table: Motion, files: SceneFiles) -> RigidMotion:
-    """Return the motion that a scene's table is of.
+def motion_from(scene: SceneTable, files: SceneFiles) -> RigidMotion:
+    """Return the motion of a scene.
 
     Raises
     ------
     SceneError
         If a file cannot be read, or tables do not agree.
     """
+    table = scene.motion
+    joints = joints_of(scene, files)
+    if joints is not None:
+        return motion_by_joints(scene, joints, files)
     if table.hinge is not None:
         return _turned(table.hinge)
     coordinates = table.coordinates
     options: dict[str, Any] = {
         "time": table.time,
-        "centre": table.centre,
+        "centre": _centre(table.centre, table.bone),
         "coordinates": None
         if coordinates is None
         else {name: one.model_dump(exclude_unset=True) for name, one in coordinates.items()},
     }
     transforms = table.transforms or {}
     if ALONE not in transforms:
-        return _of_several(transforms, files, options)
+        return _of_several(transforms, files, options, table.centre)
     read = partial(read_motion_table, bone=str(table.bone), **options)
     return files.read("motion.transforms", transforms[ALONE], read)
 
 
+def _centre(centres: dict[str, list[float]] | None, bone: str | None) -> list[float] | None:
+    """Return the centre of a bone's motion."""
+    if centres is None:
+        return None
+    return centres.get(ALONE, centres.get(str(bone)))
+
+
 def _turned(table: Hinge) -> RigidMotion:
-    start, stop, step = table.angles
-    # A stop that is a whole number of steps away, up to rounding, is reached by the last step.
-    count = (stop - start) / step
-    whole = int(np.floor(count + 1e-9))
-    angles = start + step * np.arange(whole + 1)
-    if count - whole > 1e-9:
-        angles = np.append(angles, stop)
-    else:
-        angles[-1] = stop
-    return hinge(table.bone, table.centre, table.axis, angles, coordinate=table.coordinate)
+    return hinge(table.bone, table.centre, table.axis, steps_of(*table.angles), coordinate=table.coordinate)
 
 
-def _of_several(tables: dict[str, str], files: SceneFiles, options: dict[str, Any]) -> RigidMotion:
+def _of_several(
+    tables: dict[str, str],
+    files: SceneFiles,
+    options: dict[str, Any],
+    centres: dict[str, list[float]] | None,
+) -> RigidMotion:
     """Return the motion of several bones, each with a table, which takes those coordinates that it has."""
     motions: list[RigidMotion] = []
     seen: set[str] = set()
@@ -65,7 +74,8 @@ def _of_several(tables: dict[str, str], files: SceneFiles, options: dict[str, An
         columns = motion_columns(path)
         seen.update(columns)
         own = wanted and {name: kind for name, kind in wanted.items() if name in columns}
-        return read_motion_table(path, bone, **{**options, "coordinates": own})
+        centre = _centre(centres, bone)
+        return read_motion_table(path, bone, **{**options, "coordinates": own, "centre": centre})
 
     faults = Faults()
     for bone, text in tables.items():
@@ -89,4 +99,5 @@ def _of_several(tables: dict[str, str], files: SceneFiles, options: dict[str, An
     if missing:
         problem = f"no table has the column {missing[0]!r}"
         raise SceneError(problem, "motion.coordinates", suggestion(missing[0], sorted(seen)), scene)
-    return RigidMotion(motions[0].times, transforms, motions[0].centre, coordinates)
+    found = {bone: one.centre_of(bone) for bone, one in zip(tables, motions, strict=True)}
+    return RigidMotion(motions[0].times, transforms, found if centres else None, coordinates)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -24,8 +25,9 @@ from vtkmuscle.io import (
 from vtkmuscle.scene.data import Muscle
 from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.files import SceneFiles, parsed
+from vtkmuscle.scene.mirror import mirrored_fields
 from vtkmuscle.scene.motion import motion_from
-from vtkmuscle.scene.schema import Area, MuscleTable
+from vtkmuscle.scene.schema import Area, Estimate, MuscleTable
 from vtkmuscle.scene.validation import validated
 
 T = TypeVar("T")
@@ -41,13 +43,13 @@ def read_fields(path: Path) -> dict[str, Any]:
             bones[name] = files.read(f"bones.{name}.surface", bone.surface, read_surface)
     motion = None
     with faults.gathered():
-        motion = motion_from(table.motion, files)
+        motion = motion_from(table, files)
     muscles = {}
     for name, muscle in table.muscles.items():
         with faults.gathered():
-            muscles[name] = _muscle(name, muscle, files, bones, motion)
+            muscles[name] = _muscle(name, muscle, files, bones, motion, table.frame)
     faults.raise_any()
-    return {
+    fields = {
         "name": table.name or path.stem,
         "bones": bones,
         "muscles": muscles,
@@ -60,6 +62,7 @@ def read_fields(path: Path) -> dict[str, Any]:
         "quality": table.quality,
         "files": files.paths,
     }
+    return fields if table.mirror is None else mirrored_fields(fields, table.mirror)
 
 
 def read_motion(path: Path) -> RigidMotion:
@@ -70,7 +73,7 @@ def read_motion(path: Path) -> RigidMotion:
     SceneError
         If the file cannot be read, or is not right; the message says where and why.
     """
-    return motion_from(validated(parsed(path), path).motion, SceneFiles(path))
+    return motion_from(validated(parsed(path), path), SceneFiles(path))
 
 
 def _muscle(
@@ -79,6 +82,7 @@ def _muscle(
     files: SceneFiles,
     bones: dict[str, vtkPolyData],
     motion: RigidMotion | None,
+    frame: str,
 ) -> Muscle:
     key, faults = f"muscles.{name}", Faults()
     surface = superficial = None
@@ -87,10 +91,11 @@ def _muscle(
     fibres = None if table.fibres is None else table.fibres.given()
     with faults.gathered():
         surface = files.read(f"{key}.surface", table.surface, read_surface)
-        if table.attachments is None and motion is not None:
-            areas = _estimated(f"{key}.attachments", files, surface, bones, motion)
-    if table.attachments is not None:
-        areas = _areas(f"{key}.attachments", table.attachments, files, faults)
+        estimate = table.attachments
+        if isinstance(estimate, Estimate) and motion is not None:
+            areas = _estimated(f"{key}.attachments", estimate.bones, files, surface, bones, motion)
+    if not isinstance(table.attachments, Estimate):
+        areas = _areas(f"{key}.attachments", table.attachments, files, faults, frame)
     if fibres is not None and fibres.get("template_file") is not None:
         with faults.gathered():
             where = f"{key}.fibres.template_file"
@@ -107,11 +112,14 @@ def _muscle(
     return Muscle(surface, areas, fibres, table.solver.given(), table.fixing.given(), superficial, literature)
 
 
-def _areas(key: str, tables: list[Area], files: SceneFiles, faults: Faults) -> tuple[AttachmentArea, ...]:
+def _areas(
+    key: str, tables: list[Area], files: SceneFiles, faults: Faults, frame: str
+) -> tuple[AttachmentArea, ...]:
     areas = []
+    read = partial(read_landmarks, frame=frame)
     for number, area in enumerate(tables):
         with faults.gathered():
-            landmarks, closed = files.read(f"{key}[{number}].landmarks", area.landmarks, read_landmarks)
+            landmarks, closed = files.read(f"{key}[{number}].landmarks", area.landmarks, read)
             # A via ring is one whether or not its file repeats the first landmark.
             closed = closed or area.role == VIA if area.closed is None else area.closed
             areas.append(AttachmentArea(area.role, area.bone, landmarks, closed, area.estimated))
@@ -130,14 +138,23 @@ def _literature(key: str, muscle: str, text: str, files: SceneFiles) -> tuple[Li
 
 
 def _estimated(
-    key: str, files: SceneFiles, surface: vtkPolyData, bones: dict[str, vtkPolyData], motion: RigidMotion
+    key: str,
+    between: tuple[str, ...],
+    files: SceneFiles,
+    surface: vtkPolyData,
+    bones: dict[str, vtkPolyData],
+    motion: RigidMotion,
 ) -> tuple[AttachmentArea, ...]:
-    """Return estimated attachments; of two bones the one that moves has the insertion."""
+    """Return estimated attachments; of two bones that are not named the moving one has the insertion."""
+    origin, insertion = between or (None, None)
+    estimator = AttachmentEstimator(muscle=surface, bones=bones, origin=origin, insertion=insertion)
     try:
-        areas = attachments_of(AttachmentEstimator(muscle=surface, bones=bones).output, key)
+        areas = attachments_of(estimator.output, key)
     except ValueError as error:
         problem, remedy = fault_of(error)
         raise SceneError(problem, key, remedy, files.paths[""]) from error
+    if between:
+        return tuple(areas)
     moving = {area.role: area.bone in motion.transforms for area in areas}
     if moving["origin"] and not moving["insertion"]:
         other = {"origin": "insertion", "insertion": "origin"}

@@ -7,30 +7,24 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterable
-from math import isfinite
+from collections.abc import Callable
 from typing import Annotated, Any
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
-    PlainValidator,
-    StringConstraints,
-    WithJsonSchema,
     WrapValidator,
 )
-from pydantic_core import CoreSchema
-from pydantic_core.core_schema import no_info_plain_validator_function
 
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS
-from vtkmuscle.core.words import shown, suggestion
+from vtkmuscle.core.words import shown
 from vtkmuscle.data.attachments import ROLES, VIA
 from vtkmuscle.filters.deformer.quality import PRESETS
+from vtkmuscle.io.slicer import FRAMES
 from vtkmuscle.scene.data import MILLIMETRES
-from vtkmuscle.scene.names import checked_name
+from vtkmuscle.scene.joint_schema import JointTable, OpenSimTable
+from vtkmuscle.scene.schema_types import Name, OneOf, Table, Text, Triple, direction, three
 from vtkmuscle.scene.settings import Fibres, Fixing, Solver, fault
 
 #: What a scene file has in place of a muscle's attachments, to have them estimated.
@@ -41,28 +35,6 @@ ALONE = ""
 MOST_FRAMES = 10_000
 
 _AREA = '{ role = "origin", bone = "NAME", landmarks = "FILE.vtp" }'
-
-
-def _three(value: Any) -> list[float]:
-    good = isinstance(value, list | tuple) and len(value) == 3
-    if not good or not all(
-        isinstance(v, int | float) and not isinstance(v, bool) and _finite(v) for v in value
-    ):
-        raise fault(f"must be 3 finite numbers, not {shown(value)}", "")
-    return [float(v) for v in value]
-
-
-def _finite(value: float) -> bool:
-    try:
-        return isfinite(value)
-    except OverflowError:  # an integer that no float is as large as
-        return False
-
-
-def _direction(axis: list[float]) -> list[float]:
-    if not any(axis):
-        raise fault("has no length", "write axis = [1.0, 0.0, 0.0], or another direction")
-    return axis
 
 
 def _ascending(angles: list[float]) -> list[float]:
@@ -96,53 +68,29 @@ def _file_or_files(value: Any, handler: Callable[[Any], Any]) -> Any:
 
 def _list_or_estimate(value: Any, handler: Callable[[Any], Any]) -> Any:
     if value == ESTIMATE:
-        return None
+        return Estimate()
+    if isinstance(value, dict):
+        named = value.get(ESTIMATE)
+        bones = [one for one in named if isinstance(one, str)] if isinstance(named, list) else []
+        if len(bones) != 2 or named != bones or len(value) > 1:
+            remedy = '{ estimate = ["BONE OF THE ORIGIN", "BONE OF THE INSERTION"] }'
+            raise fault(f"must name two bones, not {shown(value)}", f"write {remedy}")
+        return Estimate(*bones)
     if not isinstance(value, list):
         raise fault(f"must be a list, not {shown(value)}", f'write [{_AREA}], or "{ESTIMATE}"')
     return handler(value)
 
 
+def _or_estimates(schema: Any) -> None:
+    names = {"type": "array", "items": {"type": "string"}, "minItems": 2, "maxItems": 2}
+    table = {"type": "object", "properties": {ESTIMATE: names}, "required": [ESTIMATE]}
+    areas = {key: schema.pop(key) for key in ("type", "items")}
+    schema["anyOf"] = [{"const": ESTIMATE}, {**table, "additionalProperties": False}, areas]
+
+
 def _or(**other: Any) -> Callable[[Any], None]:
     """Return what adds a choice to the JSON schema of a key."""
     return lambda schema: schema["anyOf"].insert(0, other)
-
-
-class _OneOf:
-    """Marks a text that is one of some words; ``what`` is what each of them is."""
-
-    def __init__(self, words: Iterable[str], what: str = "") -> None:
-        self.words, self.what = list(words), what
-
-    def __get_pydantic_core_schema__(self, *_: Any) -> CoreSchema:
-        return no_info_plain_validator_function(self._check)
-
-    def __get_pydantic_json_schema__(self, *_: Any) -> dict[str, Any]:
-        return {"enum": self.words}
-
-    def _check(self, value: Any) -> str:
-        if not isinstance(value, str) or not value:
-            raise fault(f"must be a text, not {shown(value)}", "")
-        if value not in self.words:
-            what = (
-                f"there is no {self.what} {shown(value)}" if self.what else f"{shown(value)} is not allowed"
-            )
-            raise fault(what, suggestion(value, self.words))
-        return value
-
-
-Text = Annotated[str, StringConstraints(min_length=1)]
-Name = Annotated[Text, AfterValidator(checked_name)]
-Triple = Annotated[
-    list[float],
-    PlainValidator(_three),
-    WithJsonSchema({"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}),
-]
-
-
-class Table(BaseModel):
-    """A table of a scene file: strict in its types, and without unknown keys."""
-
-    model_config = ConfigDict(extra="forbid", strict=True)
 
 
 class Bone(Table):
@@ -158,10 +106,21 @@ class Bone(Table):
 class Coordinate(Table):
     """A column of a table of transforms that is a joint coordinate."""
 
-    unit: Annotated[str, _OneOf((*ANGLES, *TRANSLATIONS), "unit")] = Field(
+    unit: Annotated[str, OneOf((*ANGLES, *TRANSLATIONS), "unit")] = Field(
         "deg", examples=["deg"], description="Unit of the column."
     )
     positive: Text | None = Field(None, examples=["flexion"], description="The positive direction, in words.")
+
+
+def _grids(value: Any) -> Any:
+    if not isinstance(value, dict) or not value:
+        remedy = "write { knee_angle = [0, 90, 5] }"
+        raise fault(f"must be a table of coordinates, not {shown(value)}", remedy)
+    return value
+
+
+def _centre_or_centres(value: Any, handler: Callable[[Any], Any]) -> Any:
+    return handler(value) if isinstance(value, dict) else {ALONE: three(value)}
 
 
 class Hinge(Table):
@@ -169,7 +128,7 @@ class Hinge(Table):
 
     bone: Text = Field(examples=["NAME"], description="The bone that moves.")
     centre: Triple = Field(examples=[[0.0, 0.0, 0.0]], description="A point on the axis, in the rest pose.")
-    axis: Annotated[Triple, AfterValidator(_direction)] = Field(
+    axis: Annotated[Triple, AfterValidator(direction)] = Field(
         examples=[[1.0, 0.0, 0.0]],
         description="Direction of the axis, of any length; positive angles turn right-handed about it.",
     )
@@ -186,7 +145,29 @@ class Hinge(Table):
 
 
 class Motion(Table):
-    """How the bones move: a table of transforms, or a hinge."""
+    """How the bones move: coordinates of joints, a table of transforms, or a hinge."""
+
+    file: Text | None = Field(
+        None,
+        examples=["walk.mot"],
+        description="With [joints.NAME] or [opensim]: a .mot or .sto file of OpenSim with the coordinates of "
+        "the joints. Its time is the pipeline's.",
+    )
+    every: Annotated[int, Field(ge=1)] = Field(
+        1, examples=[2], description="Take every so manieth row of the file only."
+    )
+    grid: (
+        Annotated[
+            dict[str, Annotated[Triple, AfterValidator(_ascending)]],
+            BeforeValidator(_grids),
+        ]
+        | None
+    ) = Field(
+        None,
+        description="Or coordinates on a grid, { knee_angle = [0, 120, 5], hip_flexion = [0, 90, 10] }: "
+        "start, stop (included) and step, in degrees, or the scene's unit for a translation. All values of "
+        "the last one are gone through for each value of the one before it, there and back in turn.",
+    )
 
     bone: Text | None = Field(
         None, examples=["NAME"], description="The bone that moves; every other bone stays where it is."
@@ -207,10 +188,12 @@ class Motion(Table):
         description="The column that is the pipeline's time; it must ascend (degrees, seconds, per cent "
         "of a gait cycle). Without it rows are numbered from 0.",
     )
-    centre: Triple | None = Field(
+    centre: Annotated[dict[str, Triple], WrapValidator(_centre_or_centres)] | None = Field(
         None,
         examples=[[0.0, 0.0, 0.0]],
-        description="The joint's centre in the rest pose, for poses between two rows.",
+        description="The joint's centre in the rest pose, for poses between two rows; or a table of them by "
+        "bone.",
+        json_schema_extra=_or(type="array", items={"type": "number"}, minItems=3, maxItems=3),
     )
     coordinates: Annotated[dict[str, Coordinate], BeforeValidator(_columns)] | None = Field(
         None,
@@ -218,7 +201,8 @@ class Motion(Table):
         "['hip_flexion_r'], in degrees, or { hip_flexion_r = { unit = 'deg', positive = "
         "'flexion' } }, with a unit (deg, rad, mm, cm or m) and the positive direction in "
         "words. Columns that do not change are left out. Without this key the column of the "
-        "time is one, unless it is called time, frame or the like, or counts the rows.",
+        "time is one, unless it is called time, frame or the like, or counts the rows. With a file or a "
+        "grid: which coordinates of the joints count; without it all that move a bone of the scene.",
         json_schema_extra=_or(type="array", items={"type": "string"}),
     )
     hinge: Hinge | None = Field(None, description="A hinge, instead of all other keys.")
@@ -227,7 +211,7 @@ class Motion(Table):
 class Area(Table):
     """Where a muscle is attached, or a ring that it passes through."""
 
-    role: Annotated[str, _OneOf((*ROLES, VIA), "role")] = Field(
+    role: Annotated[str, OneOf((*ROLES, VIA), "role")] = Field(
         examples=["origin"],
         description="Origin or insertion; or via, a ring that the muscle passes through. Several areas "
         "may share a role.",
@@ -237,8 +221,9 @@ class Area(Table):
     )
     landmarks: Text = Field(
         examples=["FILE.vtp"],
-        description="A .vtp or .vtk file with one polyline, or with points; a .csv of x, y, z; or a .json "
-        "list of [x, y, z]. Landmarks stand in the order of the boundary.",
+        description="A .vtp or .vtk file with one polyline, or with points; a .csv of x, y, z, or of name, "
+        "x, y, z; a .json list of [x, y, z]; a .mrk.json or .fcsv file of 3D Slicer; or a .nrrd array of "
+        "3 x n. Landmarks stand in the order of the boundary.",
     )
     closed: bool | None = Field(
         None,
@@ -254,17 +239,26 @@ class Area(Table):
     )
 
 
+class Estimate(list[Area]):
+    """Attachments that are to be estimated: no areas yet, but both bones, origin first, where named."""
+
+    def __init__(self, *bones: str) -> None:
+        super().__init__()
+        self.bones = bones
+
+
 class MuscleTable(Table):
     """A muscle."""
 
     surface: Text = Field(
         examples=["FILE.vtp"], description="A closed surface of triangles in one piece, in the rest pose."
     )
-    attachments: Annotated[list[Area] | None, WrapValidator(_list_or_estimate)] = Field(
+    attachments: Annotated[list[Area], WrapValidator(_list_or_estimate)] = Field(
         default_factory=list,
         description="A list of areas; an origin and an insertion are needed for fibres. Or 'estimate', "
-        "where there are no landmarks: areas where the muscle touches the bones.",
-        json_schema_extra=_or(const=ESTIMATE),
+        "where there are no landmarks: areas where the muscle touches the bones; or { estimate = "
+        "['hip_bone', 'shank'] }, likewise, with the bones of the origin and of the insertion.",
+        json_schema_extra=_or_estimates,
     )
     fibres: Fibres | None = Field(
         None,
@@ -294,26 +288,26 @@ class SceneTable(Table):
     name: Name | None = Field(
         None, examples=["hip"], description="Name of the scene, for titles. Without it the name of the file."
     )
-    units: Annotated[str, _OneOf(MILLIMETRES, "unit")] = Field(
+    units: Annotated[str, OneOf(MILLIMETRES, "unit")] = Field(
         "mm",
         examples=["mm"],
         description="Unit of all coordinates, translations and lengths in the scene. What a run reports "
         "is in millimetres where its name says so.",
     )
-    quality: Annotated[str, _OneOf(PRESETS, "preset")] | None = Field(
+    quality: Annotated[str, OneOf(PRESETS, "preset")] | None = Field(
         None,
         examples=["balanced"],
         description="A preset of the solver; what [solver] and the muscles set counts more. On the "
         "command line --quality takes its place.",
     )
-    model: Annotated[str, _OneOf(("volume", "paths"))] = Field(
+    model: Annotated[str, OneOf(("volume", "paths"))] = Field(
         "volume",
         examples=["volume"],
         description="volume deforms each muscle. paths pulls its fibres taut round the bones and deforms "
         "nothing: lengths, moment arms and pictures of the fibres; every muscle needs fibres "
         "then, and muscle_contact must be off.",
     )
-    muscle_contact: Annotated[str, _OneOf(("off", "on", "measure"))] = Field(
+    muscle_contact: Annotated[str, OneOf(("off", "on", "measure"))] = Field(
         "off",
         examples=["on"],
         description="on keeps each muscle out of those that stand before it in the file, measure reports "
@@ -321,6 +315,25 @@ class SceneTable(Table):
     )
     bones: dict[Name, Bone] = Field(description="The bones, by name; at least one.")
     motion: Motion = Field(description="How the bones move.")
+    joints: dict[str, JointTable] = Field(
+        default_factory=dict, description="Joints between the bones, by name, which [motion] moves."
+    )
+    opensim: OpenSimTable | None = Field(
+        None, description="A model of OpenSim that has the joints, in place of [joints.NAME]."
+    )
+    frame: Annotated[str, OneOf(FRAMES, "frame")] = Field(
+        "LPS",
+        examples=["LPS"],
+        description="The frame of the surfaces: LPS (x to the left, y to the back), as 3D Slicer saves them, "
+        "or RAS. Landmarks whose file says its frame, as those of 3D Slicer, are turned to it; others "
+        "stay.",
+    )
+    mirror: Annotated[str, OneOf("xyz")] | None = Field(
+        None,
+        examples=["x"],
+        description="x, y or z: all that was read, motion included, is mirrored along this axis, to make the "
+        "other side of the body. Names and coordinates stay.",
+    )
     muscles: dict[Name, MuscleTable] = Field(description="The muscles, by name; at least one.")
     solver: Solver = Field(default_factory=Solver, description="Parameters of PBDDeformer for all muscles.")
     fixing: Fixing = Field(

@@ -36,6 +36,8 @@ CROSSED_RING = 0.6
 STRAY, SURE_STRAY = 30.0, 1000.0
 #: Distance from the origin, in sizes of the surface, at which double precision has lost it.
 LOST_PRECISION = 1e9
+#: An estimated attachment that is less sure may well be on another bone.
+SURE_ESTIMATE = 0.2
 #: Roles of areas that lie on a bone; a ring that a muscle passes through need not.
 ENDS = ("origin", "insertion")
 #: Points of a ring that are looked at.
@@ -81,6 +83,7 @@ def findings(scene: SceneData) -> Iterator[Finding]:
         for number, area in enumerate(muscle.attachments):
             yield from _ring(f"muscles.{name}.attachments[{number}].landmarks", area, muscle, scene)
         yield from _on_bones(scene, name, muscle, distances)
+        yield from _estimates(name, muscle)
     yield from motion_findings(scene)
 
 
@@ -164,6 +167,18 @@ def _ring(key: str, area: AttachmentArea, muscle: Muscle, scene: SceneData) -> I
         yield key, "the ring through the landmarks encloses hardly any area", remedy, False
     elif ring_area(landmarks) < CROSSED_RING * ring_area(best):
         yield key, "the ring through the landmarks crosses itself, as an 8 does", remedy, False
+
+
+def _estimates(name: str, muscle: Muscle) -> Iterator[Finding]:
+    """Give estimated attachments that may well be on another bone."""
+    for area in muscle.attachments:
+        if area.sureness is not None and area.sureness < SURE_ESTIMATE:
+            problem = (
+                f"the {area.role} was estimated to be on {area.bone!r}, but is not sure ({area.sureness:.2f})"
+            )
+            remedy = 'name both bones, { estimate = ["ORIGIN", "INSERTION"] }, or give landmarks'
+            yield f"muscles.{name}.attachments", problem, remedy, False
+            return
 
 
 def _on_bones(

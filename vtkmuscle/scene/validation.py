@@ -14,7 +14,8 @@ from vtkmuscle.core.words import shown, suggestion
 from vtkmuscle.data.attachments import ROLES, VIA
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.scene.faults import Faults, SceneError
-from vtkmuscle.scene.schema import ALONE, ESTIMATE, Motion, MuscleTable, SceneTable
+from vtkmuscle.scene.joint_validation import joint_faults
+from vtkmuscle.scene.schema import ALONE, ESTIMATE, Estimate, Motion, MuscleTable, SceneTable
 from vtkmuscle.scene.settings import Settings
 
 #: Names that the run writes itself, beside those of the muscles.
@@ -24,7 +25,8 @@ _RESERVED = ("bones", "figures", "scene")
 _TABLES = {
     "bones": "a table [bones.NAME]",
     "muscles": "a table [muscles.NAME]",
-    "motion": "a table [motion] with bone and transforms, or [motion.hinge]",
+    "motion": "a table [motion] with bone and transforms, or with file or grid and [joints.NAME], or "
+    "[motion.hinge]",
 }
 _KINDS = {"string_type": "a text", "string_too_short": "a text", "bool_type": "true or false"}
 
@@ -127,7 +129,8 @@ def _disagreements(scene: SceneTable) -> Iterator[_Fault]:
             if other != name:
                 problem = f"{name!r} and {other!r} are the same file name on some systems"
                 yield f"{kind}.{name}", problem, "rename one of them"
-    yield from _of_motion(scene.motion, list(scene.bones))
+    yield from joint_faults(scene)
+    yield from _of_motion(scene.motion, list(scene.bones), jointed=bool(scene.joints or scene.opensim))
     if scene.model == "paths" and scene.muscle_contact != "off":
         problem = f"model is 'paths', in which no muscle has a surface, but this is {scene.muscle_contact!r}"
         yield "muscle_contact", problem, "leave it out, or use model 'volume'"
@@ -143,15 +146,18 @@ def _disagreements(scene: SceneTable) -> Iterator[_Fault]:
         yield from _of_attachments(f"muscles.{name}.attachments", muscle, scene)
 
 
-def _of_motion(motion: Motion, bones: list[str]) -> Iterator[_Fault]:
-    given = [name for name in Motion.model_fields if getattr(motion, name) is not None and name != "hinge"]
+def _of_motion(motion: Motion, bones: list[str], *, jointed: bool) -> Iterator[_Fault]:
+    if jointed or motion.file is not None or motion.grid is not None:
+        return
+    named = [name for name in Motion.model_fields if name in motion.model_fields_set]
+    given = [name for name in named if getattr(motion, name) is not None and name != "hinge"]
     if motion.hinge is not None:
         if given:
             remedy = "leave out one of them; a hinge has its keys in [motion.hinge]"
             yield f"motion.{given[0]}", "cannot be combined with motion.hinge", remedy
         moving = {"motion.hinge.bone": motion.hinge.bone}
     elif motion.transforms is None:
-        remedy = 'add transforms = "FILE.csv", or a table [motion.hinge]'
+        remedy = 'add transforms = "FILE.csv", or a table [motion.hinge]; or joints, and file or grid'
         yield "motion.transforms", "the key is missing", remedy
         return
     elif ALONE not in motion.transforms:
@@ -172,7 +178,10 @@ def _of_motion(motion: Motion, bones: list[str]) -> Iterator[_Fault]:
 
 
 def _of_attachments(key: str, muscle: MuscleTable, scene: SceneTable) -> Iterator[_Fault]:
-    if muscle.attachments is None:
+    if isinstance(muscle.attachments, Estimate):
+        for bone in muscle.attachments.bones:
+            if bone not in scene.bones:
+                yield key, f"there is no bone {shown(bone)}", suggestion(bone, scene.bones)
         return
     for number, area in enumerate(muscle.attachments):
         if area.bone not in scene.bones:

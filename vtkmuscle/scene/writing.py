@@ -8,6 +8,7 @@ from typing import Any
 
 import tomli_w
 
+from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.attachments import VIA, attachments_from
 from vtkmuscle.io import write_literature, write_motion_table, write_polydata, write_text
 from vtkmuscle.scene.data import Muscle, SceneData
@@ -86,13 +87,18 @@ def _motion(scene: SceneData) -> dict[str, Any]:
         "bone": alone,
         "transforms": files if alone is None else files[alone],
         "time": "time",
-        "centre": motion.centre,
+        "centre": _centre(motion, alone),
         "coordinates": {
             name: {"unit": one.unit, "positive": one.positive or None}
             for name, one in motion.coordinates.items()
         }
         or None,
     }
+
+
+def _centre(motion: RigidMotion, alone: str | None) -> Any:
+    """Return the centre of the only bone that moves, or of all."""
+    return motion.centre_of(alone) if alone and isinstance(motion.centre, Mapping) else motion.centre
 
 
 def _landmark_file(name: str, number: int, muscle: Muscle) -> str:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vtkmuscle.core.attachments.contact_areas import attached_contacts, contact_areas, outline
+from vtkmuscle.core.attachments.contact_areas import attached_ends, contact_areas, outline
 from vtkmuscle.core.mesh.surface import triangle_normals
 
 LONG, WIDE = 60, 12
@@ -32,10 +32,15 @@ def test_contacts_are_connected_and_noise_is_left_out():
     assert small.area == pytest.approx(5.0 * WIDE)
 
 
+def contacts_of(touching):
+    """Return the contacts of both ends."""
+    return [end.contacts for end in attached_ends(*STRIP, contact_areas(*STRIP, touching))]
+
+
 def test_attachments_are_at_the_ends_not_where_the_muscle_slides():
     """The second bone touches the muscle in its middle, more than at its end."""
     touching = [X < 15, ((X > 25) & (X < 40)) | (X > 54)]
-    first, second = attached_contacts(*STRIP, contact_areas(*STRIP, touching))
+    first, second = contacts_of(touching)
     assert [contact.bone for contact in first] == [0]
     np.testing.assert_array_equal(first[0].points, np.flatnonzero(X < 15))
     assert [contact.bone for contact in second] == [1]
@@ -44,25 +49,43 @@ def test_attachments_are_at_the_ends_not_where_the_muscle_slides():
 
 def test_of_a_long_contact_the_far_part_is_the_attachment():
     touching = [X <= 30, X >= 55]
-    first, _ = attached_contacts(*STRIP, contact_areas(*STRIP, touching))
+    first, _ = contacts_of(touching)
     np.testing.assert_array_equal(first[0].points, np.flatnonzero(X <= 22))  # 0.6 * 55 mm from x = 55
 
 
 def test_areas_at_one_end_are_one_attachment():
     touching = [(X < 8) & (np.abs(Y - 6) > 2), X > 50]
-    larger, smaller = attached_contacts(*STRIP, contact_areas(*STRIP, touching))
+    larger, smaller = contacts_of(touching)
     assert [contact.bone for contact in larger] == [1]
     assert [contact.bone for contact in smaller] == [0, 0]
 
 
 def test_of_three_bones_the_two_at_the_ends_are_chosen():
     touching = [X < 8, (X > 20) & (X < 40), X > 50]
-    first, second = attached_contacts(*STRIP, contact_areas(*STRIP, touching))
+    first, second = contacts_of(touching)
     assert {first[0].bone, second[0].bone} == {0, 2}
 
 
 def test_one_bone_makes_no_pair():
-    assert attached_contacts(*STRIP, contact_areas(*STRIP, [X < 8])) == ([], [])
+    assert attached_ends(*STRIP, contact_areas(*STRIP, [X < 8])) is None
+
+
+def test_a_bone_that_the_muscle_passes_is_not_taken_however_large_the_contact():
+    """As semimembranosus lies on the femur's condyle, and rectus femoris on its shaft."""
+    touching = [X < 2, (X > 6) & (X < 52), X > 56]
+    first, second = contacts_of(touching)
+    assert {first[0].bone, second[0].bone} == {0, 2}
+
+
+def test_an_end_is_surer_the_farther_out_and_the_less_another_bone_rivals_it():
+    far = attached_ends(*STRIP, contact_areas(*STRIP, [X < 8, X > 52]))
+    near = attached_ends(*STRIP, contact_areas(*STRIP, [(X > 12) & (X < 20), X > 52]))
+    assert min(end.sureness for end in far) > 0.9
+    sure = {end.contacts[0].bone: end.sureness for end in near}
+    assert sure[0] < 0.85 < sure[1]
+    rivals = attached_ends(*STRIP, contact_areas(*STRIP, [X < 8, (X > 44) & (X < 51), X > 52]))
+    sure = {end.contacts[0].bone: end.sureness for end in rivals}
+    assert sure[2] < 0.4
 
 
 def test_the_outline_of_a_patch_goes_round_it_once():

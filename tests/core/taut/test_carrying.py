@@ -16,7 +16,7 @@ TURN = rotation_about((10.0, -20.0, 30.0), np.array([1.0, 2.0, 2.0]) / 3.0, 65.0
 
 def carrier_of(make, paths):
     made = strung_phantom(make)
-    return Carrier(paths, made.points, made.triangles, made.fixed_to)
+    return Carrier(paths, made.points, made.fixed_to)
 
 
 def flexed(make, bone, *angles):

@@ -140,13 +140,12 @@ def test_the_flexor_flexes_over_its_brim(groove):
     assert max(np.abs(state.points[:, :, 0]).max() for state in states) < 4.0
 
 
-def test_without_a_guide_a_string_slips_off_a_ridge():
+def test_without_a_guide_only_the_tissue_around_keeps_a_string_on_a_ridge():
     groove = {"groove": -5.0}
     free, held = (known_paths("flexor_over_brim", hold=hold, **groove) for hold in (0.0, None))
     aside = [np.abs(paths.rest.points[:, :, 0]).max() for paths in (free, held)]
-    assert aside[0] > 10.0
-    assert aside[1] < 4.0
-    assert free.rest.lengths.mean() < held.rest.lengths.mean() - 1.0
+    assert max(aside) < 4.0
+    np.testing.assert_allclose(free.rest.lengths, held.rest.lengths, rtol=0.005)
 
 
 def test_a_ring_holds_the_tendon_and_without_it_the_tendon_bowstrings():

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.taut.strings import _add_spring, _along, _leaves_ring, _nearest_segment, _solve
+from vtkmuscle.core.taut.places import nearest_segment, value_along
+from vtkmuscle.core.taut.ring_contact import _leaves_ring
+from vtkmuscle.core.taut.springs import add_spring, solve
 
 RING = np.array([[-3.0, -3.0], [3.0, -3.0], [3.0, 3.0], [-3.0, 3.0]])
 FRAME = np.zeros(3), np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
@@ -14,7 +16,7 @@ def test_the_elimination_solves_the_whole_system(rng):
     p, y = rng.normal(size=(n, 3)), np.zeros((n, 3))
     matrices, right = np.tile([2.0, 0.0, 0.0, 2.0, 0.0, 2.0], (n, 1)), np.zeros((n, 3))
     for i in rng.choice(np.arange(1, n - 1), size=5, replace=False):
-        _add_spring(
+        add_spring(
             rng.normal(size=3), float(rng.uniform(1.0, 1e4)), float(rng.normal()), matrices[i], right[i]
         )
     whole, target = np.zeros((n, 3, n, 3)), right.copy()
@@ -25,14 +27,14 @@ def test_the_elimination_solves_the_whole_system(rng):
     for end in (0, n - 1):
         whole[end, :, end], target[end] = np.eye(3), p[end]
     expected = np.linalg.solve(whole.reshape(3 * n, 3 * n), target.reshape(-1)).reshape(n, 3)
-    _solve(p, matrices, right, y)
+    solve(p, matrices, right, y)
     np.testing.assert_allclose(y[1:-1], expected[1:-1], atol=1e-9)
 
 
 def test_a_spring_is_the_slope_of_its_energy(rng):
     n, x, stiffness, at = rng.normal(size=3), rng.normal(size=3), 7.0, 0.4
     matrix, right = np.zeros(6), np.zeros(3)
-    _add_spring(n, stiffness, at, matrix, right)
+    add_spring(n, stiffness, at, matrix, right)
     a, b, c, d, e, g = matrix
     force = np.array([[a, b, c], [b, d, e], [c, e, g]]) @ x - right
     energy = [0.5 * stiffness * (n @ (x + s * np.eye(3)).T - at) ** 2 for s in (1e-6, -1e-6)]
@@ -42,13 +44,15 @@ def test_a_spring_is_the_slope_of_its_energy(rng):
 def test_what_is_between_points_of_a_track_is_smooth_and_goes_through_no_kink(rng):
     values = rng.normal(size=9)
     places = np.linspace(0.0, 8.0, 4001)
-    found = np.array([_along(values, at) for at in places])
+    found = np.array([value_along(values, at) for at in places])
     slopes = np.gradient(found[:, 0], places)
     np.testing.assert_allclose(found[5:-5, 1], slopes[5:-5], atol=5e-3)
     assert np.abs(np.diff(found[:, 1])).max() < 0.02
     assert found[:, 0].max() <= values.max()
     assert found[:, 0].min() >= values.min()
-    np.testing.assert_allclose([_along(np.arange(9.0), at) for at in (2.0, 3.7)], [[2.0, 1.0], [3.7, 1.0]])
+    np.testing.assert_allclose(
+        [value_along(np.arange(9.0), at) for at in (2.0, 3.7)], [[2.0, 1.0], [3.7, 1.0]]
+    )
 
 
 @pytest.mark.parametrize("start", [0, 7, 18])
@@ -57,7 +61,7 @@ def test_the_nearest_segment_is_found_from_anywhere(start):
     track = np.column_stack([np.cos(turn), np.sin(turn), 0.0 * turn])
     for segment in (0, 4, 18):
         middle = 1.2 * (track[segment] + track[segment + 1]) / 2.0
-        assert _nearest_segment(track, middle, start) == segment
+        assert nearest_segment(track, middle, start) == segment
 
 
 @pytest.mark.parametrize(("x", "point"), [(0.0, 0), (2.9, 0), (3.1, 3), (-9.0, 3)])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from vtkmuscle.core.mesh.surface import (
@@ -78,15 +78,35 @@ def contact_areas(points: Floats, triangles: Ints, touching: Sequence[Bools]) ->
     return found
 
 
-def attached_contacts(
+@dataclass(frozen=True, eq=False)
+class AttachedEnd:
+    """One end of a muscle: its contacts with the bone that it is likely to be attached to.
+
+    Attributes
+    ----------
+    contacts : list of ContactArea
+        The largest first; all on one bone.
+    sureness : float
+        From 0, as likely on another bone, or as far from the muscle's end as can be, to 1.
+    """
+
+    contacts: list[ContactArea]
+    sureness: float
+
+
+def attached_ends(
     points: Floats, triangles: Ints, contacts: Sequence[ContactArea]
-) -> tuple[list[ContactArea], list[ContactArea]]:
+) -> tuple[AttachedEnd, AttachedEnd] | None:
     """Return the contacts that are likely to be attachments: those on one bone, and those on another.
 
-    A muscle is attached at its ends, and slides over bones between. So the two contacts, of different
-    bones, are sought that are large and far from each other along the surface: with the largest product of
-    that distance and the root of both areas. Of all contacts of these two bones what is far from the other
-    one is kept.
+    A muscle is attached at its ends, and slides over bones between: a bone beyond which the muscle touches
+    another one at either end is passed over, however large the contact is. Of the others the two contacts, of
+    different bones, are sought that are large and far from each other along the surface: with the largest
+    product of that distance and the root of both areas. Of all contacts of these two bones what is far from
+    the other one is kept.
+
+    How sure an end is, is the product of two parts: 1 - the likelihood of the best pair that has this end on
+    another bone, against that of the pair taken; and 1 - the part of the muscle's length that lies beyond it.
 
     Parameters
     ----------
@@ -97,8 +117,8 @@ def attached_contacts(
 
     Returns
     -------
-    first, second : lists of ContactArea
-        Those of the bone with the larger area first; both empty where fewer than two bones are touched.
+    first, second : AttachedEnd
+        That of the bone with the larger area first; None where fewer than two bones are touched.
     """
     edges = unique_edges(triangles)
     lengths = edge_lengths(points, edges)
@@ -115,8 +135,10 @@ def attached_contacts(
     numbers = range(len(contacts))
     pairs = [pair for pair in product(numbers, numbers) if contacts[pair[0]].bone < contacts[pair[1]].bone]
     if not pairs:
-        return [], []
-    best = max(pairs, key=likelihood)
+        return None
+    along = _along(graph)
+    passed = passed_over(along, contacts)
+    best = max((pair for pair in pairs if not passed & {contacts[one].bone for one in pair}), key=likelihood)
     ends = []
     for chosen, opposite in (best, best[::-1]):
         bone = contacts[chosen].bone
@@ -125,9 +147,60 @@ def attached_contacts(
             touching[contact.points] |= contact.bone == bone
         far = ways[opposite] >= SAME_END * ways[opposite][contacts[chosen].points].max()
         masks = [touching & far if number == bone else np.zeros_like(far) for number in range(bone + 1)]
-        ends.append(contact_areas(points, triangles, masks))
-    first, second = sorted(ends, key=lambda end: -sum(contact.area for contact in end))
+        kept = contact_areas(points, triangles, masks)
+        others = [
+            likelihood(pair)
+            for pair in pairs
+            if contacts[opposite].bone in {contacts[one].bone for one in pair}
+            and bone not in {contacts[one].bone for one in pair}
+        ]
+        margin = max(0.0, 1.0 - max(others, default=0.0) / likelihood(best))
+        at = along[np.concatenate([contact.points for contact in kept])]
+        ends.append(AttachedEnd(kept, margin * (1.0 - float(min(at.min(), 1.0 - at.max())))))
+    first, second = sorted(ends, key=lambda end: -sum(contact.area for contact in end.contacts))
     return first, second
+
+
+def passed_over(along: Floats, contacts: Sequence[ContactArea]) -> set[int]:
+    """Return the bones that a muscle passes: at either end it touches another one farther out.
+
+    Parameters
+    ----------
+    along : (n,) array
+        How far along the muscle each of its points is, from 0 to 1.
+    contacts : sequence of ContactArea
+        Of all bones.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from vtkmuscle.core.attachments.contact_areas import ContactArea, passed_over
+    >>> ends = [ContactArea(bone, np.array([bone]), 9.0) for bone in range(3)]
+    >>> passed_over(np.array([0.0, 0.7, 1.0]), ends)
+    {1}
+    """
+    reach = {
+        bone: np.concatenate([along[one.points] for one in contacts if one.bone == bone])
+        for bone in {contact.bone for contact in contacts}
+    }
+    return {
+        bone
+        for bone, mine in reach.items()
+        if any(other.min() < mine.min() for other in reach.values())
+        and any(other.max() > mine.max() for other in reach.values())
+        and len(reach) > 2
+    }
+
+
+def _along(graph: csr_array) -> Floats:
+    """Return how far each point is from one end of the surface to the other, from 0 to 1, along it."""
+    start = dijkstra(graph, directed=False, indices=0)
+    one = int(np.argmax(np.where(np.isfinite(start), start, -1.0)))
+    first = dijkstra(graph, directed=False, indices=one)
+    first = np.where(np.isfinite(first), first, 0.0)
+    second = dijkstra(graph, directed=False, indices=int(np.argmax(first)))
+    second = np.where(np.isfinite(second), second, 0.0)
+    return np.asarray(first / np.maximum(first + second, np.finfo(np.float64).tiny))
 
 
 def outline(points: Floats, triangles: Ints, patch: Ints) -> tuple[Floats, bool]:

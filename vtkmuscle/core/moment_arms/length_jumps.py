@@ -106,8 +106,8 @@ def even_stretches(motion: RigidMotion) -> Ints:
     if not len(durations):
         return np.zeros(0, dtype=np.int64)
     begins = np.zeros(len(durations), dtype=np.bool_)
-    centre = np.zeros(3) if motion.centre is None else motion.centre
-    for table in motion.transforms.values():
+    for bone, table in motion.transforms.items():
+        centre = motion.centre_of(bone)
         rotations = Rotation.from_matrix(table[:, :3, :3].copy())
         turned = (rotations[1:] * rotations[:-1].inv()).as_rotvec()
         shifted = np.diff(table[:, :3, :3] @ centre + table[:, :3, 3], axis=0)

@@ -90,8 +90,8 @@ class RigidMotion:
         Ascending pipeline times, in any unit (degrees of flexion, seconds).
     transforms : mapping of str to (k, 4, 4) array
         Per bone name, row major, mm.
-    centre : (3,) array, optional
-        Joint centre in the rest pose [mm]; the origin where it is not known.
+    centre : (3,) array or mapping of str to (3,) array, optional
+        Joint centre in the rest pose [mm], of all bones or per bone; the origin where it is not known.
     coordinates : mapping of str to Coordinate, optional
         Joint coordinates by name, a value for each time: what moment arms are taken by.
 
@@ -103,7 +103,7 @@ class RigidMotion:
 
     times: Floats
     transforms: Mapping[str, Floats]
-    centre: Floats | None = None
+    centre: Floats | Mapping[str, Floats] | None = None
     coordinates: Mapping[str, Coordinate] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -130,11 +130,10 @@ class RigidMotion:
                     )
             checked[bone] = _frozen(array)
         object.__setattr__(self, "transforms", checked)
-        if self.centre is not None:
-            centre = np.array(self.centre, dtype=np.float64)
-            if centre.shape != (3,) or not np.isfinite(centre).all():
-                raise InputError("", "the centre of a motion must be three finite numbers")
-            object.__setattr__(self, "centre", _frozen(centre))
+        if isinstance(self.centre, Mapping):
+            object.__setattr__(self, "centre", {bone: _centre(one) for bone, one in self.centre.items()})
+        elif self.centre is not None:
+            object.__setattr__(self, "centre", _centre(self.centre))
         for name, coordinate in self.coordinates.items():
             if len(coordinate.values) != len(times):
                 raise InputError(
@@ -151,7 +150,15 @@ class RigidMotion:
             return {bone: table[upper] for bone, table in self.transforms.items()}
         ends = slice(upper - 1, upper + 1)
         fraction = (time - self.times[upper - 1]) / (self.times[upper] - self.times[upper - 1])
-        return {bone: self._between(table[ends], fraction) for bone, table in self.transforms.items()}
+        return {
+            bone: self._between(table[ends], fraction, self.centre_of(bone))
+            for bone, table in self.transforms.items()
+        }
+
+    def centre_of(self, bone: str) -> Floats:
+        """Return the joint centre of a bone in the rest pose (3,)."""
+        centre = self.centre.get(bone) if isinstance(self.centre, Mapping) else self.centre
+        return np.zeros(3) if centre is None else centre
 
     def part(self, frames: ArrayLike) -> RigidMotion:
         """Return the motion at some of its times only, given by their numbers, ascending."""
@@ -163,8 +170,8 @@ class RigidMotion:
             {name: replace(one, values=one.values[kept]) for name, one in self.coordinates.items()},
         )
 
-    def _between(self, pair: Floats, fraction: float) -> Floats:
-        centre = np.zeros(3) if self.centre is None else self.centre
+    @staticmethod
+    def _between(pair: Floats, fraction: float, centre: Floats) -> Floats:
         result = np.eye(4)
         rotations = Rotation.from_matrix(pair[:, :3, :3].copy())  # SciPy < 1.17 wants to write
         result[:3, :3] = Slerp([0.0, 1.0], rotations)(fraction).as_matrix()
@@ -222,6 +229,13 @@ def hinge(
     return RigidMotion(
         times, {bone: table}, np.asarray(centre, dtype=np.float64), {coordinate or f"{bone}_angle": angle}
     )
+
+
+def _centre(values: ArrayLike) -> Floats:
+    centre = np.array(values, dtype=np.float64)
+    if centre.shape != (3,) or not np.isfinite(centre).all():
+        raise InputError("", "the centre of a motion must be three finite numbers")
+    return _frozen(centre)
 
 
 def _frozen(array: Floats) -> Floats:

@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.taut.bundles import Bundle
+from vtkmuscle.core.taut.places import nearest_segment, part_of_segment, turn_back
 from vtkmuscle.core.types import Bools, Floats
 
 #: Passes of averaging along the fibre, 1 : 2 : 1, of the course that is held: strings have corners on bones.
@@ -78,7 +80,7 @@ def bedding_of(
     force = np.zeros_like(course)
     force[:, 1:-1] = 2.0 * course[:, 1:-1] - course[:, :-2] - course[:, 2:]
     off = np.linalg.norm(course - taut, axis=2, keepdims=True)
-    force *= np.clip(off / half_thickness, 0.0, 1.0) ** 2
+    force *= np.clip(0.5 * off / half_thickness, 0.0, 1.0) ** 2
     near = 1.0 / np.maximum(distances, _TOUCHING * half_thickness) ** 2
     forces = (near / near.sum(axis=0))[..., None] * force
     return Bedding(forces, course, np.asarray((forces != 0.0).any(axis=(2, 3))), width)
@@ -98,3 +100,56 @@ def _bow(off: Floats, bundle: Bundle, width: float) -> Floats:
         weights = bundle.parts / (1.0 + differ2 / width**2) ** 2
         mean = np.einsum("pk,pki->pi", weights / weights.sum(axis=1, keepdims=True), beside)
     return mean.reshape(off.shape)
+
+
+@kernel
+def bed(
+    p: Floats,
+    f: int,
+    k: int,
+    to_rest: Floats,
+    bedding: Bedding,
+    matrices: Floats,
+    right: Floats,
+    work: Floats,
+) -> None:
+    """Add what the tissue along the course of string f, ``p``, as it moves with bone k, does to it.
+
+    The tissue at each point of the course has hold of the place of the string that is nearest to it, and acts
+    across the string: along it there is only the string's own tension. The two points beside that place share
+    the force.
+    """
+    at, force, along, rest = work
+    course, forces = bedding.course[f], bedding.force[k, f]
+    for j in range(1, len(course) - 1):
+        size2 = 0.0
+        for q in range(3):
+            rest[q] = course[j, q] - to_rest[q, 3]
+            size2 += forces[j, q] ** 2
+        if size2 == 0.0:
+            continue
+        turn_back(to_rest, rest, at)
+        turn_back(to_rest, forces[j], force)
+        i = nearest_segment(p, at, j)
+        part = part_of_segment(p[i], p[i + 1], at)
+        stiffness, length2, ahead = np.sqrt(size2) / bedding.give, 0.0, 0.0
+        before, after = max(i - 1, 0), min(i + 2, len(p) - 1)
+        for q in range(3):
+            place = (1.0 - part) * p[i, q] + part * p[i + 1, q]
+            # Of the two segments at a point neither counts alone: which one is nearer rounding would say.
+            along[q] = (1.0 - part) * (p[i + 1, q] - p[before, q]) + part * (p[after, q] - p[i, q])
+            force[q] += stiffness * (at[q] - place)
+            length2 += along[q] * along[q]
+            ahead += along[q] * force[q]
+        if length2 == 0.0:
+            continue
+        for q in range(3):
+            force[q] -= ahead / length2 * along[q]
+        for end in range(2):
+            share = part if end == 1 else 1.0 - part
+            matrix, spring = matrices[i + end], share * stiffness
+            matrix[0] += spring
+            matrix[3] += spring
+            matrix[5] += spring
+            for q in range(3):
+                right[i + end, q] += share * force[q] + spring * p[i + end, q]

@@ -38,7 +38,7 @@ class Bundle:
 
 
 def bundle_of(fibres: Floats, width: float) -> Bundle:
-    """Return what lies beside points (f, n, 3) of fibres within about a width [mm], as far along as they are."""
+    """Return what lies beside points (f, n, 3) of fibres, as far along, within about a width [mm]."""
     f, n, _ = fibres.shape
     beside = np.empty((f, n, min(BESIDE, f)), dtype=np.int64)
     parts = np.empty(beside.shape)

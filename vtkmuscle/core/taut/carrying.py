@@ -10,13 +10,13 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.ring_rotations import nearest_rotation
-from vtkmuscle.core.taut.paths import TautPaths, TautState, half_thickness
+from vtkmuscle.core.taut.bundles import nearest, to_nothing
+from vtkmuscle.core.taut.paths import TautPaths, TautState
 from vtkmuscle.core.taut.tissue import directions_along
 from vtkmuscle.core.types import Floats, Ints
 
-#: Points of strings that a point of the surface goes with; that a string's point shares its turn with; and
-#: strings beside it that it keeps its place among.
-CARRIERS, COMPANIONS, BESIDE = 32, 24, 64
+#: Points of strings that a point of the surface goes with, and that a string's point shares its turn with.
+CARRIERS, COMPANIONS = 32, 24
 
 #: Part p of a constant volume's thinning that a muscle has across its fibres where they carry it:
 #: l^(-p / 2) for a stretch l. With 1 all of it would come from the width; a broad muscle, held along its
@@ -31,9 +31,6 @@ FROM_BONES = 0.02
 
 #: Companions that are all within this part of the muscle's width of each other do not tell how it turns.
 LEAST_APART = 1e-3
-
-#: Weights that differ by less are the same.
-SAME = 1e-9
 
 #: Rounds in which strings that stray from those beside them lose weight.
 _ROUNDS = 5
@@ -53,41 +50,28 @@ class Carrier:
         The strings.
     surface : (v, 3) array
         The muscle at rest [mm].
-    triangles : (m, 3) int array
-        Point ids.
     fixed_to : (v,) int array
         Bone that each point is fixed to, -1 for free ones.
     """
 
-    def __init__(self, paths: TautPaths, surface: Floats, triangles: Ints, fixed_to: Ints) -> None:
+    def __init__(self, paths: TautPaths, surface: Floats, fixed_to: Ints) -> None:
         fibres = paths.fibres
-        f, n, _ = fibres.shape
         self._paths = paths
         # Twice the mean thickness: over less, strings that have slipped would dent the surface.
-        self._width = 4.0 * half_thickness(surface, triangles)
+        self._width = paths.width
         self._rest: Floats = fibres.reshape(-1, 3)
         self._tangents: Floats = directions_along(fibres).reshape(-1, 3)
         self._tree = cKDTree(self._rest)
         least = LEAST_APART * self._width
-        near, self._companions = _nearest(self._tree, self._rest, COMPANIONS)
+        near, self._companions = nearest(self._tree, self._rest, COMPANIONS)
         self._shares = _falling_off(near, least)
-        beside = np.empty((f, n, min(BESIDE, f)), dtype=np.int64)
-        parts = np.empty(beside.shape)
-        for i in range(n):
-            apart, found = _nearest(cKDTree(fibres[:, i]), fibres[:, i], BESIDE)
-            falling = np.exp(-0.5 * (apart / self._width) ** 2)
-            if f > BESIDE:
-                falling = _to_nothing(falling)
-            beside[:, i], parts[:, i] = found * n + i, falling / falling.sum(axis=1, keepdims=True)
-        self._beside: Ints = beside.reshape(f * n, -1)
-        self._parts: Floats = parts.reshape(f * n, -1)
         fixed = np.flatnonzero(fixed_to >= 0)
-        near, carriers = _nearest(self._tree, surface, CARRIERS)
-        apart, nearest = cKDTree(surface[fixed]).query(surface)
+        near, carriers = nearest(self._tree, surface, CARRIERS)
+        apart, holding = cKDTree(surface[fixed]).query(surface)
         with_bone = np.exp(-0.5 * (4.0 * apart / self._width) ** 2)
         shares = _falling_off(near, least)
         itself = np.arange(len(surface))[:, None]
-        bone = fixed_to[fixed][nearest]
+        bone = fixed_to[fixed][holding]
         self._surface = Passengers(
             np.ascontiguousarray(surface), carriers, shares, bone, itself, with_bone[:, None]
         )
@@ -119,7 +103,7 @@ class Carrier:
 
     def at(self, state: TautState) -> Carried:
         """Return the muscle carried by the strings in a pose."""
-        paths = self._paths
+        paths, bundle = self._paths, self._paths.bundle
         n = paths.fibres.shape[1]
         stretch = np.repeat(state.lengths / paths.rest.lengths, n).clip(LEAST_STRETCH, GREATEST_STRETCH)
         taut_rest, taut = paths.rest.points.reshape(-1, 3), state.points.reshape(-1, 3)
@@ -130,9 +114,9 @@ class Carrier:
         _frames(taut_rest, taut, *near, turns, least, self._tangents, stretch, THINNING, frames)
         places = np.empty_like(taut)
         _keep_among(
-            self._rest, taut_rest, taut, frames, self._beside, self._parts, self._width, _ROUNDS, places
+            self._rest, taut_rest, taut, frames, bundle.beside, bundle.parts, self._width, _ROUNDS, places
         )
-        stretch = (stretch[self._beside] * self._parts).sum(axis=1)
+        stretch = bundle.mean(stretch)
         _frames(self._rest, places, *near, turns, least, self._tangents, stretch, THINNING, frames)
         return Carried(self._rest, places, frames, state.transforms, self._surface)
 
@@ -197,27 +181,15 @@ class Carried:
         return moved
 
 
-def _nearest(tree: cKDTree, points: Floats, count: int) -> tuple[Floats, Ints]:
-    """Return distances and numbers of the nearest points, (q, count) or as many as there are."""
-    distances, found = tree.query(points, k=range(1, min(count, tree.n) + 1))
-    return distances, found
-
-
 def _falling_off(near: Floats, least: float) -> Floats:
     """Return weights for distances (m, k), ascending: Gaussian, 0 at the last, rows sum to 1.
 
     Distances below ``least`` are all the same.
     """
     width = np.maximum(near[:, -1:] / 2.0, least)
-    values = _to_nothing(np.exp(-0.5 * (near / width) ** 2))
+    values = to_nothing(np.exp(-0.5 * (near / width) ** 2))
     values /= values.sum(axis=1, keepdims=True)
     return values
-
-
-def _to_nothing(values: Floats) -> Floats:
-    """Return values (m, k), descending, less the last: of those equally far rounding would choose one."""
-    falling: Floats = values - values[:, -1:]
-    return np.where(falling[:, :1] > SAME, falling, values)
 
 
 def _turns(paths: TautPaths, transforms: Floats) -> Floats:

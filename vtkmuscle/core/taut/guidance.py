@@ -56,7 +56,7 @@ class Guidance:
 
     def __init__(self, paths: TautPaths, surface: Floats, topology: MeshTopology, fixed_to: Ints) -> None:
         self.paths = paths
-        self._carrier = Carrier(paths, surface, topology.triangles, fixed_to)
+        self._carrier = Carrier(paths, surface, fixed_to)
         middles = surface[topology.edges].mean(axis=1)
         f, n, _ = paths.fibres.shape
         points = paths.fibres.reshape(-1, 3)

@@ -15,7 +15,8 @@ from vtkmuscle.core.motion.rigid import inverse
 from vtkmuscle.core.taut.bedding import bedding_of, no_bedding
 from vtkmuscle.core.taut.bone_fields import BoneFields
 from vtkmuscle.core.taut.bundles import bundle_of
-from vtkmuscle.core.taut.strings import Fields, Memory, Rings, Tissue, pull_taut
+from vtkmuscle.core.taut.ring_contact import Rings
+from vtkmuscle.core.taut.strings import Fields, Memory, Tissue, pull_taut
 from vtkmuscle.core.taut.tissue import directions_along, tissue_between
 from vtkmuscle.core.taut.via_rings import ViaRing, in_ring_plane, is_inside, moved_ring, nearest_on_polygon
 from vtkmuscle.core.types import Bools, Floats, Ints
@@ -118,6 +119,10 @@ class TautPaths:
     ----------
     rest : TautState
         Pulled taut at rest.
+    width : float
+        Of the muscle as a fibre sees it, twice its mean thickness [mm].
+    bundle : Bundle
+        Which fibres lie beside which, within about that.
 
     Raises
     ------
@@ -160,12 +165,13 @@ class TautPaths:
         at_rest = TautState(self.fibres, still, start, np.zeros((len(bones), f, n), dtype=np.bool_))
         self._bedding = no_bedding(len(bones), self.fibres)
         self.rest: TautState = self._pulled(at_rest, still)
+        half = half_thickness(surface, triangles)
+        self.width = 4.0 * half
+        self.bundle = bundle_of(self.fibres, self.width)
         if bones:
-            half = half_thickness(surface, triangles)
-            #: Of the muscle, as the fibres beside a fibre see it: twice its mean thickness.
-            width = 4.0 * half
-            bundle = bundle_of(self.fibres, width)
-            self._bedding = bedding_of(self.fibres, self.rest.points, distances, bundle, half, width)
+            self._bedding = bedding_of(
+                self.fibres, self.rest.points, distances, self.bundle, half, self.width
+            )
             self.rest = self._pulled(at_rest, still)
 
     def _between(

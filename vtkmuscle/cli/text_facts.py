@@ -1,0 +1,156 @@
+"""What ``vtkmuscle info`` says, and draws, of landmarks, models of OpenSim and their motions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.motion.tree import KinematicTree
+from vtkmuscle.core.types import Floats
+from vtkmuscle.io import read_landmarks, read_motion_file, read_named_points, read_osim
+from vtkmuscle.io.osim import OsimModel
+
+#: Suffixes of what is known here.
+LANDMARKS = (".csv", ".json", ".fcsv", ".nrrd")
+MOTIONS = (".mot", ".sto")
+MODELS = (".osim",)
+#: Names that are listed, at most.
+_MOST = 12
+
+
+def text_facts(file: Path) -> Mapping[str, str] | None:
+    """Return what is known of a file of text; None where its suffix is no such."""
+    suffix = file.suffix.lower()
+    if suffix in LANDMARKS:
+        return _of_landmarks(file)
+    if suffix in MOTIONS:
+        return _of_motion(file)
+    return _of_model(read_osim(file)) if suffix in MODELS else None
+
+
+def draw_text(file: Path, picture: Path) -> None:
+    """Draw landmarks from three sides, or the bodies, markers and muscles of a model where it is at rest.
+
+    Raises
+    ------
+    ValueError
+        If the file is neither.
+    """
+    suffix = file.suffix.lower()
+    lines: list[Floats] = []
+    names: dict[str, Floats] = {}
+    unit, title = "", file.name
+    if suffix in LANDMARKS:
+        points, closed = read_landmarks(file)
+        lines = [np.vstack([points, points[:1]]) if closed else points]
+        given = read_named_points(file).names
+        names = {name or str(i): point for i, (name, point) in enumerate(zip(given, points, strict=False))}
+    elif suffix in MODELS:
+        model = read_osim(file)
+        lines, names, unit = _model_lines(model), _places(model.tree), " [m]"
+    else:
+        raise InputError("", f"{file}: landmarks and models of OpenSim are drawn, not {file.suffix!r}")
+    _draw(lines, names, title, unit, picture)
+
+
+def _of_landmarks(file: Path) -> dict[str, str]:
+    found = read_named_points(file)
+    points, closed = read_landmarks(file)
+    bounds = "  ".join(
+        f"{a:.6g} .. {b:.6g}" for a, b in zip(points.min(axis=0), points.max(axis=0), strict=True)
+    )
+    around = np.vstack([points, points[:1]]) if closed else points
+    length = float(np.linalg.norm(np.diff(around, axis=0), axis=1).sum())
+    names = [name for name in found.names if name]
+    return {
+        "landmarks": str(len(points)),
+        "ring": f"{'yes' if closed else 'no'}, {length:.6g} {'round' if closed else 'along'}",
+        "names": _listed(names) if names else "none",
+        "frame": f"{found.frame}, turned to LPS" if found.frame == "RAS" else found.frame or "not said",
+        "bounds": bounds,
+    }
+
+
+def _of_motion(file: Path) -> dict[str, str]:
+    found = read_motion_file(file)
+    units = {True: "degrees", False: "radians", None: "not said"}
+    return {
+        "rows": f"{len(found.times)}, {found.times[0]:g} .. {found.times[-1]:g} s",
+        "angles": units[found.degrees],
+        "columns": _listed(
+            [
+                f"{label} ({column.min():.4g} .. {column.max():.4g})"
+                for label, column in zip(found.labels, found.table.T, strict=True)
+            ]
+        ),
+    }
+
+
+def _of_model(model: OsimModel) -> dict[str, str]:
+    tree = model.tree
+    joints = [f"{joint.name} ({joint.kind})" for joint in tree.joints]
+    coordinates = [f"{one.name} [{one.unit}]" for one in tree.coordinates]
+    facts = {
+        "model": model.name,
+        "bodies": _listed(list(tree.bodies)),
+        "joints": _listed(joints),
+        "coordinates": _listed(coordinates),
+        "coupled": _listed([f"{one.dependent} to {one.independent}" for one in tree.couplings]),
+        "markers": str(len(model.markers)),
+        "muscles": _listed(list(model.muscles)),
+        "wrapped": _listed([name for name, one in model.muscles.items() if getattr(one.path, "wraps", ())]),
+        "meshes": _listed([mesh.file for mesh in model.meshes]),
+        "not used": _listed(list(model.not_used)),
+    }
+    return {word: value for word, value in facts.items() if value != "none"}
+
+
+def _listed(names: list[str]) -> str:
+    more = f", and {len(names) - _MOST} more" if len(names) > _MOST else ""
+    counted = f"{len(names)}: " if len(names) > 1 else ""
+    return counted + ", ".join(names[:_MOST]) + more if names else "none"
+
+
+def _places(tree: KinematicTree) -> dict[str, Floats]:
+    return {body: pose[0, :3, 3] for body, pose in tree.poses({}).items()}
+
+
+def _model_lines(model: OsimModel) -> list[Floats]:
+    """Return lines from body to body, and the muscles' paths."""
+    places = _places(model.tree)
+    poses = model.tree.poses({})
+    full = model.tree.completed({})
+    ranges = {one.name: one.range for one in model.tree.coordinates}
+    lines = [np.array([places[joint.parent], places[joint.child]]) for joint in model.tree.joints]
+    for muscle in model.muscles.values():
+        points = [point for point in getattr(muscle.path, "points", ()) if point.counts(full, 1)[0]]
+        at = [
+            poses[point.body][0, :3, :3] @ point.places(full, 1, ranges)[0] + poses[point.body][0, :3, 3]
+            for point in points
+        ]
+        if at:
+            lines.append(np.array(at))
+    return lines
+
+
+def _draw(lines: list[Floats], names: dict[str, Floats], title: str, unit: str, picture: Path) -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12.0, 4.5), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title)
+    for axes, (across, up) in zip(figure.subplots(1, 3), ((0, 1), (0, 2), (1, 2)), strict=True):
+        for line in lines:
+            axes.plot(line[:, across], line[:, up], "-", linewidth=1.0)
+        for name, place in names.items():
+            axes.plot(place[across], place[up], "k.", markersize=4.0)
+            if len(names) <= 3 * _MOST:
+                axes.annotate(name.replace("$", r"\$"), (place[across], place[up]), fontsize=7)
+        axes.set_xlabel("xyz"[across] + unit)
+        axes.set_ylabel("xyz"[up] + unit)
+        axes.set_aspect("equal", adjustable="datalim")
+    figure.savefig(picture, dpi=150)

@@ -1,0 +1,200 @@
+"""XML of other programs, read into plain elements: no entities, no document types, every line known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.parsers import expat
+
+import numpy as np
+
+from vtkmuscle.core.errors import InputError, fault_of
+from vtkmuscle.core.files import MOST_TEXT, check_is_file
+from vtkmuscle.core.types import Floats
+from vtkmuscle.core.words import shown
+
+#: Elements within elements, at most.
+DEEPEST = 100
+
+
+@dataclass
+class Element:
+    """An element: its tag, its name where it has one, what is in it, and where it stands.
+
+    Attributes
+    ----------
+    tag, name, text : str
+        Name and text are "" where there is none.
+    attributes : dict of str to str
+        All of its attributes.
+    children : list of Element
+        In the order of the file.
+    line : int
+        In the file.
+    path : Path
+        The file.
+    """
+
+    tag: str
+    path: Path
+    line: int
+    attributes: dict[str, str] = field(default_factory=dict)
+    children: list[Element] = field(default_factory=list)
+    text: str = ""
+
+    @property
+    def name(self) -> str:
+        """Its attribute ``name``."""
+        return self.attributes.get("name", "")
+
+    def __str__(self) -> str:
+        return f"line {self.line}: {self.tag}" + (f" {shown(self.name)}" if self.name else "")
+
+    def error(self, problem: str, remedy: str = "") -> InputError:
+        """Return an error that names the file, the line and the element."""
+        return InputError(self.path, f"{self}: {problem}", remedy)
+
+    def placed(self, error: ValueError) -> ValueError:
+        """Return an error with the place of this element, where it has none of its own."""
+        if isinstance(error, InputError) and error.where:
+            return error
+        return self.error(*fault_of(error))
+
+    def only(self, allowed: Sequence[str] | set[str] | frozenset[str]) -> None:
+        """Raise an InputError where there is a child of another tag."""
+        for child in self.children:
+            if child.tag not in allowed:
+                raise child.error(f"is not understood in {self.tag} {shown(self.name)}")
+
+    def find(self, *tags: str) -> Element | None:
+        """Return the child of one of the tags, None where there is none.
+
+        Raises
+        ------
+        InputError
+            If there are several.
+        """
+        found = [child for child in self.children if child.tag in tags]
+        if len(found) > 1:
+            raise found[1].error(f"{self.tag} {shown(self.name)} has it twice", "remove one")
+        return found[0] if found else None
+
+    def need(self, *tags: str) -> Element:
+        """Return the child of one of the tags; raise an InputError where there is none."""
+        found = self.find(*tags)
+        if found is None:
+            raise self.error(f"has no {' or '.join(tags)}")
+        return found
+
+    def words(self, tag: str) -> list[str]:
+        """Return the words in a child, none where there is no such child."""
+        found = self.find(tag)
+        return [] if found is None else found.text.split()
+
+    def word(self, *tags: str) -> str:
+        """Return the text of a child; "" where there is none."""
+        found = self.find(*tags)
+        return "" if found is None else found.text.strip()
+
+    def numbers(self, count: int | None = None) -> Floats:
+        """Return the finite numbers that it holds.
+
+        Raises
+        ------
+        InputError
+            If there are others than that many, or what is no finite number.
+        """
+        cells = self.text.replace(",", " ").split()
+        try:
+            values = np.array([float(cell) for cell in cells], dtype=np.float64)
+        except ValueError:
+            values = np.array([np.nan])
+        if not np.isfinite(values).all() or (count is not None and len(values) != count):
+            what = "finite numbers" if count is None else f"{count} finite number{'s' * (count > 1)}"
+            raise self.error(f"holds {shown(self.text.strip())}, but must hold {what}")
+        return values
+
+    def number(self, tag: str, default: float) -> float:
+        """Return the number in a child; the default where there is none."""
+        found = self.find(tag)
+        return default if found is None else float(found.numbers(1)[0])
+
+    def vector(self, tag: str, count: int = 3, default: Sequence[float] | None = None) -> Floats:
+        """Return the numbers in a child; the default (zeros) where there is none."""
+        found = self.find(tag)
+        if found is None:
+            return np.zeros(count) if default is None else np.array(default, dtype=np.float64)
+        return found.numbers(count)
+
+    def flag(self, tag: str, *, default: bool = False) -> bool:
+        """Return the true or false in a child; the default where there is none."""
+        found = self.find(tag)
+        if found is None or not found.text.strip():
+            return default
+        word = found.text.strip().lower()
+        if word not in ("true", "false"):
+            raise found.error(f"holds {shown(word)}, but must hold true or false")
+        return word == "true"
+
+    def objects(self) -> Iterator[Element]:
+        """Give what is in a set's ``objects``."""
+        self.only(("objects", "groups"))
+        holder = self.find("objects")
+        if holder is not None:
+            yield from holder.children
+
+
+def read_xml(path: Path) -> Element:
+    """Return the outermost element of an XML file.
+
+    The file is UTF-8, or Latin-1, whatever it says. Document types, and with them entities, are refused.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    InputError
+        If it is no XML of this kind; the message names the line.
+    """
+    check_is_file(path, most=MOST_TEXT)
+    data = path.read_bytes()
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    parser = expat.ParserCreate("utf-8")
+    parser.buffer_text = True
+    stack: list[Element] = []
+    outermost: list[Element] = []
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        element = Element(tag, path, parser.CurrentLineNumber, attributes)
+        if len(stack) >= DEEPEST:
+            raise element.error(f"is deeper than {DEEPEST} elements")
+        (stack[-1].children if stack else outermost).append(element)
+        stack.append(element)
+
+    def end(_: str) -> None:
+        stack.pop()
+
+    def characters(words: str) -> None:
+        if stack:
+            stack[-1].text += words
+
+    def refused(*_: object) -> None:
+        problem = f"line {parser.CurrentLineNumber}: the file has a document type (<!DOCTYPE>)"
+        raise InputError(path, problem, "remove it: entities are not read")
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = characters
+    parser.StartDoctypeDeclHandler = refused
+    try:
+        parser.Parse(text.encode("utf-8"), True)
+    except expat.ExpatError as error:
+        why = expat.errors.messages.get(error.code, "") if isinstance(error.code, int) else str(error)
+        problem = f"line {error.lineno}: the file is not XML: {why}"
+        raise InputError(path, problem, "export it again") from error
+    except UnicodeEncodeError as error:
+        raise InputError(path, "the file is not text", "export it again") from error
+    return outermost[0]
