@@ -1,12 +1,14 @@
-"""Fibre ends of Kohout, Clapworthy, Martelli, Viceconti 2012, *Muscle Fibres Modelling*, section 3.4, as printed.
+"""Fibre ends of Kohout, Clapworthy, Martelli, Viceconti 2012, section 3.4, as printed.
 
-Each fibre is cut at the plane through the extremal landmark and gets one more segment, to the point of the area
-that is closest to the ray of its last one. Other than in :mod:`~vtkmuscle.core.fibres.trimming`, fibres do not
-share the area out, so that many may end in one point of its rim; a fibre of which the plane leaves nothing keeps
-its end; and points are not spaced anew, so that fibres have different numbers of them.
+Each fibre is cut at the plane through the extremal landmark and gets one more segment, to the point of the
+area that is closest to the ray of its last one. Other than in :mod:`~vtkmuscle.core.fibres.trimming`, fibres
+do not share the area out, so that many may end in one point of its rim; a fibre of which the plane leaves
+nothing keeps its end; and points are not spaced anew, so that fibres have different numbers of them.
 """
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 
@@ -40,7 +42,7 @@ def ends_as_printed(
     """
     lines = []
     sides = [(_area_triangles(insertion), axis, insertion), (_area_triangles(origin), -axis, origin)]
-    for first, last in zip(offsets[:-1], offsets[1:], strict=True):
+    for first, last in pairwise(offsets):
         line = points[first:last]
         for corners, direction, area in sides:
             line = _led_on(line, direction, float((area.landmarks @ direction).min()), corners)[::-1]
@@ -97,7 +99,8 @@ def closest_to_ray(start: Floats, ahead: Floats, corners: Floats) -> Floats:
     (3,) array
         [mm].
     """
-    best, along, found = np.inf, np.inf, corners[0, 0].copy()
+    best, along = np.inf, np.inf
+    found: Floats = corners[0, 0].copy()
     for triangle in range(len(corners)):
         a = corners[triangle, 0]
         e, f = corners[triangle, 1] - a, corners[triangle, 2] - a
