@@ -24,7 +24,7 @@ FIBRE_SETTINGS: dict[str, tuple[type[Filter], str]] = {
 }
 #: Fibres as published; settings that are given beside a name count more. The planes, maps, ends and smoothing
 #: of Kohout et al. 2012 as printed, with the axis between the centroids; and slices along isolines of a
-#: harmonic function (Kohout and Kukacka 2014), as Kohout and Cervenka 2021 have them. Neither fills the muscle.
+#: harmonic function (Kohout and Kukacka 2014), which Kohout and Cervenka 2021 took. Neither fills the muscle.
 PUBLISHED_FIBRES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "kohout2012": {
