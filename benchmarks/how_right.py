@@ -3,11 +3,13 @@
     python benchmarks/how_right.py
     python benchmarks/how_right.py --rst docs/how_right_tables
     python benchmarks/how_right.py --fine --rst docs/how_right_tables/fine
-    python benchmarks/how_right.py --hip FOLDER
+    python benchmarks/how_right.py --hip FOLDER --rst docs/how_right_tables
+    python benchmarks/how_right.py --knee FOLDER --rst docs/how_right_tables
 
 Each figure is given twice: of the taut paths alone (TautFibres) and of the fibres that PBDDeformer and
 FibreTransport carry, both with their defaults. ``--hip`` names a folder of the LHDL hip, with ``scene.toml``,
-``motions`` and ``reference``; docs/how_right.rst says what is measured.
+``motions`` and ``reference``, ``--knee`` one of a knee with a hinge in its ``scene.toml``. The page
+docs/how_right.rst says what is measured.
 """
 
 from __future__ import annotations
@@ -17,16 +19,18 @@ import csv
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from vtkmuscle import RigidMotion, Scene, phantoms
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.derivatives import moment_arms, quartic_moment_arms
-from vtkmuscle.data.arrays import polylines_of
+from vtkmuscle.data.arrays import Polylines, polylines_of
 from vtkmuscle.io import curves_for, read_literature
 from vtkmuscle.phantoms import Phantom
 from vtkmuscle.pipelines import MusclePipeline, pull_taut
@@ -80,21 +84,31 @@ class Table:
             csv.writer(file, lineterminator="\n").writerows([self.header, *self.rows])
 
 
-def lengths_of_both(
+def fibres_of_both(
     muscle: Any,
     bones: Any,
     attachments: Any,
     motion: RigidMotion,
     **fibre_settings: Any,
-) -> dict[str, Floats]:
-    """Return the lengths of a muscle's fibres (frames, fibres) [mm], by each of the models."""
+) -> dict[str, list[Polylines]]:
+    """Return a muscle's fibres in each frame, by each of the models."""
     volume = MusclePipeline(muscle, bones, motion, attachments, fixing={}, fibres=fibre_settings)
     paths = pull_taut(volume.fixed, bones, motion, volume.fibres, attachments, fixing=None)
-    found: dict[str, Floats] = {}
-    for model, chain in zip(MODELS, (paths, volume.transport), strict=True):
-        frames = (polylines_of(chain.update(time=time).output, model) for time in motion.times)
-        found[model] = np.array([polyline_lengths(lines.points, lines.offsets) for lines in frames])
-    return found
+    return {
+        model: [polylines_of(chain.update(time=time).output, model) for time in motion.times]
+        for model, chain in zip(MODELS, (paths, volume.transport), strict=True)
+    }
+
+
+def lengths_of(frames: Sequence[Polylines]) -> Floats:
+    """Return the lengths of fibres, (frames, fibres) [mm]."""
+    return np.array([polyline_lengths(lines.points, lines.offsets) for lines in frames])
+
+
+def lengths_of_both(*scene: Any, **fibre_settings: Any) -> dict[str, Floats]:
+    """Return the lengths of a muscle's fibres (frames, fibres) [mm], by each of the models."""
+    found = fibres_of_both(*scene, **fibre_settings)
+    return {model: lengths_of(frames) for model, frames in found.items()}
 
 
 # ---------------------------------------------------------------------- phantoms
@@ -282,16 +296,60 @@ def _poses(path: Path, coordinate: str) -> list[tuple[float, Floats]]:
     return [(float(row[coordinate]), np.array([float(row[c]) for c in cells]).reshape(4, 4)) for row in rows]
 
 
+# ------------------------------------------------------------------------- knee
+
+
+def knee_table(folder: Path) -> Table:
+    """Return moment arms of the muscles over a hinge, by lengths and by levers, means over the fibres."""
+    scene = Scene.load(folder / "scene.toml")
+    angles, motion = scene.motion.times, scene.motion
+    (moves,) = motion.transforms.values()
+    turn = Rotation.from_matrix(moves[-1, :3, :3]).as_rotvec()
+    axis, centre = turn / np.linalg.norm(turn), motion.centre
+    shown = np.linspace(0, len(angles) - 1, HANDFUL).round().astype(int)
+    header = ("muscle", "model", *(f"at {angles[frame]:g}" for frame in shown), "largest difference [mm]")
+    table = Table("knee", header, [])
+    for name, muscle in scene.muscles.items():
+        print(f"{name} ...", file=sys.stderr, flush=True)
+        given = muscle.surface, scene.bones_data(), scene.attachments_data(name), motion
+        for model, frames in fibres_of_both(*given, **(muscle.fibres or {})).items():
+            arms = -np.gradient(lengths_of(frames), np.radians(angles), axis=0).mean(axis=1)
+            levers = np.array([_levers(lines, centre, axis).mean() for lines in frames])
+            both = (f"{arms[frame]:.1f} / {levers[frame]:.1f}" for frame in shown)
+            table.rows.append((name, model, *both, f"{np.abs(arms - levers).max():.1f}"))
+    return table
+
+
+def _levers(lines: Polylines, centre: Floats, axis: Floats) -> Floats:
+    """Return the levers of fibres' pulls where they pass nearest to an axis, (fibres,) [mm]."""
+    levers = []
+    for begin, end in pairwise(lines.offsets):
+        points = lines.points[begin:end]
+        across = points - centre
+        across -= (across @ axis)[:, None] * axis
+        near = int(np.linalg.norm(across, axis=1).argmin())
+        along = points[min(near + 1, len(points) - 1)] - points[max(near - 1, 0)]
+        # The end on the moving bone is the last: it is pulled towards the first.
+        levers.append(-np.cross(across[near], along / np.linalg.norm(along)) @ axis)
+    return np.array(levers)
+
+
 def main() -> None:
     """Print the tables, and write them where asked to."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--hip", type=Path, metavar="FOLDER", help="the LHDL hip, instead of the phantoms")
+    parser.add_argument("--knee", type=Path, metavar="FOLDER", help="a knee, instead of the phantoms")
     parser.add_argument("--rst", type=Path, metavar="FOLDER", help="write the tables there as CSV files")
     parser.add_argument("--fine", action="store_true", help="phantoms with finer fibres, along isolines")
     asked = parser.parse_args()
-    tables = [hip_table(asked.hip)] if asked.hip else phantom_tables(**(FINE if asked.fine else {}))
+    tables: Sequence[Table] = [
+        *([hip_table(asked.hip)] if asked.hip else []),
+        *([knee_table(asked.knee)] if asked.knee else []),
+    ]
+    if not tables:
+        tables = phantom_tables(**(FINE if asked.fine else {}))
     for table in tables:
         print(table.text(), end="\n\n", flush=True)
         if asked.rst:

@@ -34,34 +34,30 @@ def rng():
     return np.random.default_rng(20210615)
 
 
+def data_folder(name, file, what):
+    """Return a folder of real data, by a file in it; a test that needs it is skipped without."""
+    root = Path(os.environ.get("VTKMUSCLE_DATA", REPOSITORY.parent / "shared" / "data"))
+    if not (root / name / file).is_file():
+        pytest.skip(f"{what} not at {root / name}; set VTKMUSCLE_DATA to the folder it is in")
+    return root / name
+
+
 @pytest.fixture(scope="session")
 def lhdl_hip():
-    """Folder of the real hip (see its README for the licence); a test that needs it is skipped without."""
-    root = Path(os.environ.get("VTKMUSCLE_DATA", REPOSITORY.parent / "shared" / "data"))
-    folder = root / "lhdl_hip"
-    if not (folder / "scene.toml").is_file():
-        pytest.skip(f"the real hip data set is not at {folder}; set VTKMUSCLE_DATA to the folder it is in")
-    return folder
+    """Folder of the real hip (see its README for the licence)."""
+    return data_folder("lhdl_hip", "scene.toml", "the real hip data set is")
 
 
 @pytest.fixture(scope="session")
 def opensim_data():
-    """Folder of OpenSim's own models and a walk; a test that needs it is skipped without."""
-    root = Path(os.environ.get("VTKMUSCLE_DATA", REPOSITORY.parent / "shared" / "data"))
-    folder = root / "opensim"
-    if not (folder / "arm26.osim").is_file():
-        pytest.skip(f"OpenSim's models are not at {folder}; set VTKMUSCLE_DATA to the folder it is in")
-    return folder
+    """Folder of OpenSim's own models and a walk."""
+    return data_folder("opensim", "arm26.osim", "OpenSim's models are")
 
 
 @pytest.fixture(scope="session")
 def bp3d_knee():
-    """Folder of a second subject's thigh and knee; a test that needs it is skipped without."""
-    root = Path(os.environ.get("VTKMUSCLE_DATA", REPOSITORY.parent / "shared" / "data"))
-    folder = root / "bp3d_knee"
-    if not (folder / "scene.toml").is_file():
-        pytest.skip(f"the second subject is not at {folder}; set VTKMUSCLE_DATA to the folder it is in")
-    return folder
+    """Folder of a second subject's thigh and knee."""
+    return data_folder("bp3d_knee", "scene.toml", "the second subject is")
 
 
 @pytest.fixture

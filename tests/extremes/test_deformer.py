@@ -11,7 +11,8 @@ from scenes import bending, box, figure, fixed_ends, run, tube
 
 from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, unique_edges
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, rotation_about
-from vtkmuscle.core.pbd.solver import MuscleSolver, SolverParameters
+from vtkmuscle.core.pbd.parameters import SolverParameters
+from vtkmuscle.core.pbd.solver import MuscleSolver
 from vtkmuscle.filters import PBDDeformer
 
 VOLUME = "V/V0 - 1"

@@ -26,13 +26,15 @@ def environment(tmp_path_factory):
         pytest.skip("pvpython is not installed")
     shown = ["pvpython", "-c", "import sys; print('%d.%d' % sys.version_info[:2])"]
     theirs = subprocess.run(shown, capture_output=True, text=True, check=True).stdout.split()[-1]
-    ours = f"{sys.version_info.major}.{sys.version_info.minor}"
-    if theirs != ours:
-        pytest.skip(f"pvpython has Python {theirs}, but numba here is for Python {ours}")
+    python = f"{sys.version_info.major}.{sys.version_info.minor}"
+    if theirs != python:
+        pytest.skip(f"pvpython has Python {theirs}, but numba here is for Python {python}")
     folder = tmp_path_factory.mktemp("packages")
     link_packages(folder)
     variables = {name: os.pathsep.join(map(str, paths)) for name, paths in settings(folder).items()}
-    return {**os.environ, **variables}
+    # pvpython runs scripts that import others beside them.
+    ours = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
+    return {**ours, **variables}
 
 
 @pytest.fixture(scope="module")

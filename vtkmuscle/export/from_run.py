@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -120,12 +121,10 @@ def write_opensim(
     SceneError, ValueError
         If the scene has no joints, is mirrored, or a muscle failed or has no fibres.
     """
-    scene, joints, found = _exported(
-        Path(scene_file), result, form=form, groups=groups, parameters=parameters, kind=kind
-    )
+    run = _run_of(Path(scene_file), result)
+    found = export_muscles(*run.muscles, form=form, groups=groups, parameters=parameters, kind=kind)
     outs = [one.out for one in found]
-    tree = joints.tree.scaled(MILLIMETRES[scene.units] / 1000.0)
-    text = osim_of(tree, outs, name=scene.name) if into is None else enriched(Path(into), outs)
+    text = osim_of(run.tree, outs, name=run.name) if into is None else enriched(Path(into), outs)
     write_text(Path(out), text)
     return found
 
@@ -161,23 +160,22 @@ def write_mujoco(
         As :func:`write_opensim`; and if the joints have what MuJoCo has not, see
         :func:`~vtkmuscle.export.mjcf_of`.
     """
-    scene, joints, found = _exported(Path(scene_file), result, form="points", groups=groups, moving=False)
-    tree = joints.tree.scaled(MILLIMETRES[scene.units] / 1000.0)
-    write_text(Path(out), mjcf_of(tree, [one.out for one in found], name=scene.name))
+    run = _run_of(Path(scene_file), result)
+    found = export_muscles(*run.muscles, form="points", groups=groups, moving=False)
+    write_text(Path(out), mjcf_of(run.tree, [one.out for one in found], name=run.name))
     return found
 
 
-def _exported(
-    path: Path,
-    result: Result | None,
-    *,
-    form: str,
-    groups: int,
-    moving: bool = True,
-    parameters: Mapping[str, Mapping[str, float]] | None = None,
-    kind: str = "Millard2012EquilibriumMuscle",
-) -> tuple[Scene, SceneJoints, list[ExportedMuscle]]:
-    """Return a scene, its joints, and its muscles as paths."""
+class _Run(NamedTuple):
+    """A run of a scene with joints: its name, tree [m], and what :func:`export_muscles` takes of it."""
+
+    name: str
+    tree: KinematicTree
+    muscles: tuple[Result, SceneJoints, Mapping[str, Floats], Mapping[str, tuple[str, ...]]]
+
+
+def _run_of(path: Path, result: Result | None) -> _Run:
+    """Return a run of a scene; without a result it is run."""
     table = validated(parsed(path), path)
     files = SceneFiles(path)
     joints = joints_of(table, files)
@@ -197,18 +195,8 @@ def _exported(
         for name, muscle in scene.muscles.items()
         if name in result.lengths
     }
-    found = export_muscles(
-        result,
-        joints,
-        now,
-        attached,
-        form=form,
-        groups=groups,
-        moving=moving,
-        parameters=parameters,
-        kind=kind,
-    )
-    return scene, joints, found
+    tree = joints.tree.scaled(MILLIMETRES[scene.units] / 1000.0)
+    return _Run(scene.name, tree, (result, joints, now, attached))
 
 
 def export_muscles(

@@ -14,7 +14,8 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.collision.muscle_contact import Neighbour
 from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.pbd.muscle_model import FixedMuscle, MuscleModel, MuscleShape
-from vtkmuscle.core.pbd.solver import MuscleSolver, MuscleState
+from vtkmuscle.core.pbd.solver import MuscleSolver
+from vtkmuscle.core.pbd.state import MuscleState
 from vtkmuscle.core.taut.via_rings import ViaRing
 from vtkmuscle.core.types import Ints
 from vtkmuscle.data.arrays import (

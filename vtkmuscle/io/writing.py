@@ -59,13 +59,23 @@ def replacing(path: Path) -> Iterator[Path]:
         partial.unlink(missing_ok=True)
 
 
-def left_behind(folder: Path) -> list[Path]:
-    """Return what processes that were killed have left in a folder of what they were writing."""
+def left_behind(folder: Path, *, deep: bool = False) -> list[Path]:
+    """Return what processes that were killed have left of what they were writing.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to look.
+    deep : bool, optional
+        Look in the folders inside as well; links are not followed.
+    """
     found = []
-    for path in folder.glob(".*.partial"):
-        match = _PARTIAL.fullmatch(path.name)
-        if match and not path.is_symlink() and not _alive(int(match["process"]), path):
-            found.append(path)
+    for parent, folders, files in os.walk(folder):
+        for name in (*folders, *files):
+            path, match = Path(parent, name), _PARTIAL.fullmatch(name)
+            if match and not path.is_symlink() and not _alive(int(match["process"]), path):
+                found.append(path)
+        folders[:] = [name for name in folders if deep and Path(parent, name) not in found]
     return found
 
 

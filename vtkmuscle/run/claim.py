@@ -9,6 +9,7 @@ import shutil
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
@@ -57,9 +58,9 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
         for path in _places(scene.muscles, folder=False):
             if (folder / path).is_dir() and not (folder / path).is_symlink():
                 raise IsADirectoryError(f"{folder / path} is a folder, where a file of results goes; move it")
-        for parent in (folder, *(folder / name for name in _places(scene.muscles, folder=True))):
-            for left in left_behind(parent):
-                shutil.rmtree(left) if left.is_dir() else left.unlink(missing_ok=True)
+        inside = (left_behind(folder / name, deep=True) for name in _places(scene.muscles, folder=True))
+        for left in chain(left_behind(folder), *inside):
+            shutil.rmtree(left) if left.is_dir() else left.unlink(missing_ok=True)
         if not overwrite:
             _check_results(folder, scene)
         yield

@@ -9,7 +9,8 @@ from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, rotation_about
 from vtkmuscle.core.pbd.anisotropy import edge_stiffness, harmonic_directions
-from vtkmuscle.core.pbd.solver import MuscleSolver, SolverParameters
+from vtkmuscle.core.pbd.parameters import SolverParameters
+from vtkmuscle.core.pbd.solver import MuscleSolver
 
 
 def solver_of(mesh=None, *, obstacles=(), anisotropy=True, **settings):

@@ -7,7 +7,8 @@ import pytest
 from spindle import spindle
 
 from vtkmuscle.core.motion.rigid import rotation_about
-from vtkmuscle.core.pbd.solver import MuscleSolver, SolverParameters
+from vtkmuscle.core.pbd.parameters import SolverParameters
+from vtkmuscle.core.pbd.solver import MuscleSolver
 from vtkmuscle.core.pbd.stages import STAGES, StageClock, add_stages
 
 

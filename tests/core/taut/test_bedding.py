@@ -4,9 +4,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from shapes import box
+from taut_phantoms import fibres_along
 
-from tests.shapes import box
-from tests.taut_phantoms import fibres_along
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.taut.bedding import bedding_of
 from vtkmuscle.core.taut.bundles import bundle_of

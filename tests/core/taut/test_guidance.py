@@ -12,7 +12,8 @@ from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
 from vtkmuscle.core.pbd.anisotropy import following_stiffness
-from vtkmuscle.core.pbd.solver import MuscleSolver, SolverParameters
+from vtkmuscle.core.pbd.parameters import SolverParameters
+from vtkmuscle.core.pbd.solver import MuscleSolver
 from vtkmuscle.core.taut.guidance import Guidance
 
 MAKE = "lifting_strap"

@@ -27,9 +27,6 @@ from vtkmuscle.core.pbd.state import MuscleState
 from vtkmuscle.core.taut.guidance import Guidance, Guided
 from vtkmuscle.core.types import Bools, Floats, Ints
 
-__all__ = ["MuscleSolver", "MuscleState", "SolverParameters"]
-
-
 #: After the iterations, volume and bones are attended to alternately, this often at most.
 SETTLING_PASSES = 6
 

@@ -9,15 +9,16 @@ import numpy as np
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.taut.bundles import Bundle
 from vtkmuscle.core.taut.places import nearest_segment, part_of_segment, turn_back
+from vtkmuscle.core.taut.tissue import smoothed_along
 from vtkmuscle.core.types import Bools, Floats
 
-#: Passes of averaging along the fibre, 1 : 2 : 1, of the course that is held: strings have corners on bones.
+#: Passes of averaging along the fibre of the course that is held: strings have corners on bones.
 _PASSES = 4
 
 #: Rounds in which fibres that are pulled taut elsewhere than those beside them lose weight.
 _ROUNDS = 5
 
-#: Least distance of a fibre from a bone, in thicknesses of the muscle, by which its share is told.
+#: Fibres nearer to a bone than this, in thicknesses of the muscle, touch it: distances below are the same.
 _TOUCHING = 1e-3
 
 
@@ -34,7 +35,7 @@ class Bedding(NamedTuple):
     bedded : (b, f) bool array
         Where any force is not 0.
     give : float
-        How far aside a fibre is moved by the force that it has at rest [mm].
+        How far aside a fibre has to move for the tissue's force to grow by what it is at rest [mm].
     """
 
     force: Floats
@@ -60,8 +61,8 @@ def bedding_of(
     fibre (a Winkler foundation that has a load at rest). It moves with the bones, each bone's share falling
     with the square of the fibre's distance from it (Shepard 1968, doi:10.1145/800186.810616).
 
-    The bow is that of the bundle: how its fibres lie apart is the muscle's own affair. Where the bundle is on
-    its shortest way, by less than half the muscle's thickness, bones hold it.
+    The bow is that of a bundle: how its fibres lie apart is the muscle's own shape, as is a bow within its
+    thickness. The force fades with the square of the bow below that.
 
     Parameters
     ----------
@@ -72,16 +73,15 @@ def bedding_of(
     bundle : Bundle
         Which fibres lie beside which.
     half_thickness, width : float
-        Of the muscle [mm]; by its width the tissue gives to the force that it has at rest.
+        Of the muscle [mm]; the width is the tissue's ``give``.
     """
-    course = taut + _bow(fibres - taut, bundle, 2.0 * half_thickness)
-    for _ in range(_PASSES):
-        course[:, 1:-1] = 0.25 * course[:, :-2] + 0.5 * course[:, 1:-1] + 0.25 * course[:, 2:]
+    thickness = 2.0 * half_thickness
+    course = smoothed_along(taut + _bow(fibres - taut, bundle, thickness), _PASSES)
     force = np.zeros_like(course)
     force[:, 1:-1] = 2.0 * course[:, 1:-1] - course[:, :-2] - course[:, 2:]
     off = np.linalg.norm(course - taut, axis=2, keepdims=True)
-    force *= np.clip(0.5 * off / half_thickness, 0.0, 1.0) ** 2
-    near = 1.0 / np.maximum(distances, _TOUCHING * half_thickness) ** 2
+    force *= np.clip(off / thickness, 0.0, 1.0) ** 2
+    near = 1.0 / np.maximum(distances, _TOUCHING * thickness) ** 2
     forces = (near / near.sum(axis=0))[..., None] * force
     return Bedding(forces, course, np.asarray((forces != 0.0).any(axis=(2, 3))), width)
 

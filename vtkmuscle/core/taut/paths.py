@@ -17,7 +17,7 @@ from vtkmuscle.core.taut.bone_fields import BoneFields
 from vtkmuscle.core.taut.bundles import bundle_of
 from vtkmuscle.core.taut.ring_contact import Rings
 from vtkmuscle.core.taut.strings import Fields, Memory, Tissue, pull_taut
-from vtkmuscle.core.taut.tissue import directions_along, tissue_between
+from vtkmuscle.core.taut.tissue import directions_along, smoothed_along, tissue_between
 from vtkmuscle.core.taut.via_rings import ViaRing, in_ring_plane, is_inside, moved_ring, nearest_on_polygon
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -145,7 +145,8 @@ class TautPaths:
         self.fibres: Floats = np.ascontiguousarray(fibres, dtype=np.float64)
         self.start_bones, self.end_bones = start_bones, end_bones
         #: See the parameter. It looks at the surface, before fibres that may be made from that are.
-        self.hold = half_thickness(surface, triangles) if hold is None else hold
+        half = half_thickness(surface, triangles)
+        self.hold = half if hold is None else hold
         f, n, _ = self.fibres.shape
         segments = np.linalg.norm(np.diff(self.fibres, axis=1), axis=2)
         if not (segments.sum(axis=1) > 0.0).all():
@@ -165,7 +166,6 @@ class TautPaths:
         at_rest = TautState(self.fibres, still, start, np.zeros((len(bones), f, n), dtype=np.bool_))
         self._bedding = no_bedding(len(bones), self.fibres)
         self.rest: TautState = self._pulled(at_rest, still)
-        half = half_thickness(surface, triangles)
         self.width = 4.0 * half
         self.bundle = bundle_of(self.fibres, self.width)
         if bones:
@@ -186,15 +186,15 @@ class TautPaths:
         for bone, number in enumerate(self._numbers):
             distance, outward, tissue = tissue_between(self.fibres, tangents, bones, bone, muscle)
             distances[bone] = distance
-            thickness[bone] = np.minimum(_smoothed(tissue, THICKNESS_PASSES), distance)
-            side = _smoothed(np.cross(tangents, outward), ASIDE_PASSES)
+            thickness[bone] = np.minimum(smoothed_along(tissue, THICKNESS_PASSES), distance)
+            side = smoothed_along(np.cross(tangents, outward), ASIDE_PASSES)
             across = np.linalg.norm(side, axis=2)
             aside[bone] = side / np.maximum(across, np.finfo(float).tiny)[:, :, None]
             if self.hold > 0.0:
                 gap = np.clip((distance - thickness[bone]) / self.hold, 0.0, 1.0)
                 sure = np.clip(2.0 * (across - LEAST_ACROSS), 0.0, 1.0)
                 from_here = (self.start_bones == number)[:, None]
-                guide[bone] = _smoothed(from_here * sure * (1.0 - gap**2) ** 2, THICKNESS_PASSES)
+                guide[bone] = smoothed_along(from_here * sure * (1.0 - gap**2) ** 2, THICKNESS_PASSES)
         within = thickness.max(axis=2)
         guided: Bools = np.asarray((guide > 0.0).any(axis=2))
         within[guided] += self.hold
@@ -254,12 +254,16 @@ class TautPaths:
         x = self._with_bones(start.points, moves)
         x[:, 0] = _carried_by(transforms[self.start_bones], self.fibres[:, 0])
         x[:, -1] = _carried_by(transforms[self.end_bones], self.fibres[:, -1])
+        # About their middle: far from the origin the stiff springs would take the digits.
+        middle = (x.min(axis=(0, 1)) + x.max(axis=(0, 1))) / 2.0
+        x -= middle
         to_rest = np.array([inverse(transforms[bone]) for bone in self._numbers]).reshape(-1, 4, 4)
+        to_rest[:, :3, 3] += to_rest[:, :3, :3] @ middle
         begin = x.copy()
         memory = Memory(start.place.copy(), start.pushed.copy())
         unfinished = np.ones(len(x), dtype=np.bool_)
         missing, done = np.zeros(_MISSING, dtype=np.int64), np.zeros(len(x), dtype=np.int64)
-        rings, tolerance = self._rings_at(transforms), TOLERANCE * self._segment
+        rings, tolerance = self._rings_at(transforms, middle), TOLERANCE * self._segment
         while unfinished.any():
             bones = self._bones
             fields = Fields(bones.to_axes, bones.layout, bones.table, bones.values)
@@ -285,12 +289,14 @@ class TautPaths:
                 memory.place[:, unfinished] = start.place[:, unfinished]
                 memory.pushed[:, unfinished] = start.pushed[:, unfinished]
         unsettled = int((done > ITERATIONS).sum())
-        return TautState(x, transforms, memory.place, memory.pushed, unsettled)
+        return TautState(x + middle, transforms, memory.place, memory.pushed, unsettled)
 
-    def _rings_at(self, transforms: Floats) -> Rings:
-        """Return the via rings where their bones are."""
+    def _rings_at(self, transforms: Floats, middle: Floats) -> Rings:
+        """Return the via rings where their bones are, about a point."""
         moved = [moved_ring(ring, transforms[bone]) for bone, ring in self._rings]
-        frames = np.array([[ring.centre, ring.normal, *ring.axes] for ring in moved]).reshape(-1, 4, 3)
+        frames = np.array([[ring.centre - middle, ring.normal, *ring.axes] for ring in moved]).reshape(
+            -1, 4, 3
+        )
         corners = np.concatenate([np.empty((0, 2)), *(ring.corners for ring in moved)])
         offsets = np.cumsum([0, *(len(ring.corners) for ring in moved)])
         return Rings(frames, corners, offsets, self._outside)
@@ -326,14 +332,6 @@ def half_thickness(surface: Floats, triangles: Ints) -> float:
     volume = signed_volume(surface, triangles)
     check_volume(surface, volume)
     return abs(volume) / area
-
-
-def _smoothed(values: Floats, passes: int) -> Floats:
-    """Return values (f, n, ...) averaged along n with their neighbours, 1 : 2 : 1, some times over."""
-    result = values.copy()
-    for _ in range(passes):
-        result[:, 1:-1] = 0.25 * result[:, :-2] + 0.5 * result[:, 1:-1] + 0.25 * result[:, 2:]
-    return result
 
 
 def _known(before: Floats, now: Floats) -> Floats:

@@ -24,6 +24,14 @@ def directions_along(points: Floats) -> Floats:
     return unit
 
 
+def smoothed_along(values: Floats, passes: int) -> Floats:
+    """Return values (f, n, ...) averaged along n with their neighbours, 1 : 2 : 1, some times over."""
+    result = values.copy()
+    for _ in range(passes):
+        result[:, 1:-1] = 0.25 * result[:, :-2] + 0.5 * result[:, 1:-1] + 0.25 * result[:, 2:]
+    return result
+
+
 def tissue_between(
     points: Floats, tangents: Floats, fields: BoneFields, bone: int, muscle: TriangleTree
 ) -> tuple[Floats, Floats, Floats]:

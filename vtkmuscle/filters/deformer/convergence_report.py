@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from vtkmuscle.core.pbd.rest_shape import ShapeReport
-from vtkmuscle.core.pbd.solver import MuscleState
 from vtkmuscle.core.pbd.stages import STAGES
+from vtkmuscle.core.pbd.state import MuscleState
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import field_array
 
