@@ -240,7 +240,6 @@ def test_superficial_fibres_give_the_direction_whatever_fills_the_muscle(anisotr
         frame(made(point), 30.0)
 
 
-@pytest.mark.filterwarnings("ignore:.*by its own velocity, but it is 10 mm thick")
 @pytest.mark.parametrize("collision", ["sdf", "voxel"])
 def test_points_are_kept_out_of_a_bone_that_is_not_fixed_to_anything(collision):
     muscle = spindle()
@@ -250,13 +249,7 @@ def test_points_are_kept_out_of_a_bone_that_is_not_fixed_to_anything(collision):
     swing = hinge("upper", (0.0, 25.0, 50.0), (1, 0, 0), np.arange(0.0, -61.0, -5.0)[::-1])
     swing = RigidMotion(np.arange(13.0), {"upper": swing.transforms["upper"][::-1]})
     pushed = deformer_of(
-        muscle,
-        swing,
-        collision=collision,
-        bone_push="transform",
-        prediction="inertial",
-        iterations=10,
-        shape_stiffness=0.2,
+        muscle, swing, collision=collision, bone_push="transform", prediction="inertial", iterations=10
     )
     passed = deformer_of(muscle, swing, collision="off", prediction="inertial", iterations=10)
     depths = []
@@ -267,7 +260,7 @@ def test_points_are_kept_out_of_a_bone_that_is_not_fixed_to_anything(collision):
     assert field_array(pushed.update(12.0).output, "CollidingPoints")[0] > 0
     assert depths[1] > 1.0
     # The distances of a grid round the bone's edges, by a small part of its cells of 0.1 mm.
-    assert depths[0] <= (0.02 if collision == "sdf" else 1e-9)
+    assert depths[0] <= (0.02 if collision == "sdf" else 0.0)
 
 
 def swinging(**parameters):
@@ -321,14 +314,8 @@ def test_penetration_is_not_measured_unless_asked_for_and_asking_computes_no_fra
 def test_friction_holds_points_on_the_bone():
     """With more friction a point that the bone presses goes less far along it; with much, not at all."""
     ways = []
-    for friction in (0.0, 0.2, 100.0):
-        deformer, swing, free = swinging(
-            friction=friction,
-            prediction="inertial",
-            solver="gauss-seidel",
-            shape_stiffness=0.2,
-            stiffness=0.3,
-        )
+    for friction in (0.0, 0.5, 100.0):
+        deformer, swing, free = swinging(friction=friction, prediction="inertial", solver="gauss-seidel")
         met, on_bone = free.copy(), []
         for time in (3.0, 4.0, 5.0):
             out = deformer.update(time).output

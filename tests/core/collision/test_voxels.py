@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, label
 from shapes import ball, box, ring
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
@@ -140,7 +140,7 @@ def read_bone(folder, bone):
 
 @pytest.mark.realdata
 @pytest.mark.parametrize("bone", ["pelvis", "femur_r"])
-def test_voxels_of_real_bones_miss_nothing_and_fill_next_to_nothing(lhdl_hip, bone):
+def test_voxels_of_real_bones_miss_nothing_and_fill_nothing_but_pockets(lhdl_hip, bone):
     """The pelvis has 21 tunnels, of which a few are as narrow as a cell: what is left of them is cut off."""
     points, triangles = read_bone(lhdl_hip, bone)
     grid = build_voxel_grid(points, triangles)
@@ -155,7 +155,10 @@ def test_voxels_of_real_bones_miss_nothing_and_fill_next_to_nothing(lhdl_hip, bo
     codes = grid.cells[tuple(chosen.T)]
     solid = np.max(winding, axis=0) > 0.5
     assert (codes[solid] == INSIDE).all()
-    assert (codes[~solid] == INSIDE).sum() <= 100
+    # What else is inside are cells of which no way leads out, but round the boundary through faces.
+    rooms, _ = label(grid.cells != BOUNDARY)
+    assert np.array_equal(grid.cells == OUTSIDE, rooms == rooms[0, 0, 0])
+    assert (codes[~solid] == INSIDE).sum() <= 3e-4 * (grid.cells != OUTSIDE).sum()
 
 
 def test_every_point_of_the_surface_is_contained_and_nothing_far_from_it_on_the_outside():
@@ -173,6 +176,7 @@ def test_every_point_of_the_surface_is_contained_and_nothing_far_from_it_on_the_
     st.sampled_from([1, 2, 1000, 64**3]),
 )
 @settings(deadline=None, max_examples=30)
+@pytest.mark.filterwarnings("ignore:.*enclose no volume")
 def test_n_max_is_shared_out_by_the_sides_in_nearly_cubic_cells(sides, n_max):
     points, triangles = box(high=sides)
     grid = build_voxel_grid(points, triangles, n_max=n_max)

@@ -65,9 +65,11 @@ def eq2_3(p1, p2, d):
 def eq4_5(p, triangles, v0):
     """Value and gradients of the volume constraint.
 
-    Reading: the sum is six times the volume, and so V0 has to be.
+    Reading: the sum is six times the volume, and so V0 has to be. It does not depend on where the origin is,
+    but its digits do: here it is among the points.
     """
     total, gradients = -v0, [(0.0, 0.0, 0.0)] * len(p)
+    p = [sub(point, p[0]) for point in p]
     for a, b, c in triangles:
         total += dot(p[a], cross(p[b], p[c]))
         for i, j, k in ((a, b, c), (b, c, a), (c, a, b)):
@@ -79,8 +81,9 @@ def eq6_7(p1, p2, p3, p4, phi0):
     """Value and gradients of the local shape constraint, or None where eq. 7 has none.
 
     Reading: eq. 7 divides by sqrt(1 - d^2), 0 where the triangles are in a plane: no correction there. That
-    root is the sine |n1 x n2| of the angle, by which neither it nor the arccosine loses its digits near 0 and
-    pi.
+    root is the sine |n1 x n2| of the angle, by which the arccosine loses no digits near 0 and pi. What is
+    divided by it, the part of one normal that is across the other, has its length, and is across the edge:
+    the quotient is that direction of length 1, which does not lose them either.
     """
     e, a, b = sub(p2, p1), sub(p3, p1), sub(p4, p1)
     normal1, normal2 = cross(e, a), cross(e, b)
@@ -95,11 +98,13 @@ def eq6_7(p1, p2, p3, p4, phi0):
     if root == 0.0:
         return value, None
     # m . grad n, for n = (e x a) / |e x a| and m the other normal: only what is across n counts.
-    across1, across2 = plus(n2, n1, -d), plus(n1, n2, -d)
+    across1, across2 = cross(e, n1), cross(e, n2)
+    across1 = times(math.copysign(1.0, dot(across1, n2)) / math.sqrt(dot(e, e)), across1)
+    across2 = times(math.copysign(1.0, dot(across2, n1)) / math.sqrt(dot(e, e)), across2)
     at3 = times(1.0 / size1, cross(across1, e))
     at4 = times(1.0 / size2, cross(across2, e))
     at2 = plus(times(1.0 / size1, cross(a, across1)), times(1.0 / size2, cross(b, across2)))
-    g2, g3, g4 = (times(-1.0 / root, g) for g in (at2, at3, at4))
+    g2, g3, g4 = (times(-1.0, g) for g in (at2, at3, at4))
     g1 = times(-1.0, plus(plus(g2, g3), g4))
     return value, (g1, g2, g3, g4)
 

@@ -12,6 +12,7 @@ from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.pbd.constraints import (
     ARCTANGENT,
     LARGEST_TURN,
+    per_iteration_stiffness,
     project_volume,
     volume_and_gradient,
 )
@@ -201,6 +202,16 @@ def test_projections_of_any_four_points_are_finite(points, rest):
     sweep_dihedrals(p, w, np.arange(4)[None], np.cos([rest]), np.sin([rest]), 1.0)
     sweep_distances(p, w, np.array([[0, 1], [2, 3]]), np.ones(2), np.ones(2))
     assert np.isfinite(p).all()
+
+
+@pytest.mark.parametrize("k", [0.0, 0.3, 0.9, 1.0])
+@pytest.mark.parametrize("n", [1, 10, 100])
+def test_stiffness_means_the_same_for_any_number_of_iterations(k, n):
+    assert (1.0 - per_iteration_stiffness(k, n)) ** n == pytest.approx(1.0 - k, abs=1e-12)
+
+
+def test_rounding_of_a_stiffness_of_one_is_not_seen_in_that_of_an_iteration():
+    assert per_iteration_stiffness(1.0 - 1e-15, 100) == 1.0
 
 
 def test_the_polynomial_is_the_arctangent_to_the_last_digits():

@@ -203,8 +203,8 @@ class VoxelObstacle(Obstacle):
 def bone_axes(points: Floats) -> Floats:
     """Return the rigid transform from the scene to a bone's principal axes.
 
-    Voxels along the axes of the scene would make the result depend on how the scene is turned; along the
-    bone's own they are also fewer around it. Where the principal axes are not determined (a bone that is
+    A grid along the axes of the scene would make the result depend on how the scene is turned; along the
+    bone's own it has also fewer cells around it. Where the principal axes are not determined (a bone that is
     round), the order of its points decides: they are weighted a little unevenly.
 
     Parameters

@@ -21,6 +21,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from vtkmuscle.core.jit import lane, vector_kernel
 from vtkmuscle.core.types import Floats, Ints
 
@@ -38,6 +40,9 @@ LARGEST_TURN = 0.3
 #: it has its whole stiffness. An angle knows no length, and its corrections grow with the triangles: where no
 #: edge holds these, as along soft fibres, both would grow together, without end.
 FAR_TOO_LARGE = 1.0 / 64.0
+
+#: A stiffness per step that differs from 1 by less is 1.
+RIGID = 1e-6
 
 #: A volume projection's denominator is at least this part of its value at rest, so that a muscle crushed
 #: to nothing is blown up over several iterations rather than to infinity in one.
@@ -68,6 +73,30 @@ ARCTANGENT = (
     0.0004611471226395625,
     -4.572466752859746e-05,
 )
+
+
+def per_iteration_stiffness(stiffness: Floats | float, iterations: int) -> Floats:
+    """Return the stiffness per iteration that leaves (1 - k) of an error after all of them.
+
+    k' = 1 - (1 - k)^(1 / n), so that a setting means the same at 1 and at 100 iterations (Müller et al.
+    2007, section 3.3). Its slope is infinite at 1: what is within :data:`RIGID` of 1 counts as 1, lest the
+    rounding of a cosine that should be 0 be seen in the result.
+
+    Parameters
+    ----------
+    stiffness : float or array
+        k in [0, 1].
+    iterations : int
+        n >= 1.
+
+    Returns
+    -------
+    array
+        k' in [0, 1], of the shape of ``stiffness``.
+    """
+    left = 1.0 - np.asarray(stiffness, dtype=np.float64)
+    per_iteration: Floats = 1.0 - np.where(left < RIGID, 0.0, left) ** (1.0 / iterations)
+    return per_iteration
 
 
 # -------------------------------------------------------------------------------- distance

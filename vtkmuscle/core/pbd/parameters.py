@@ -43,7 +43,8 @@ class SolverParameters:
     velocity_kept : float
         Part of the velocity that is left after a (sub)step, in [0, 1].
     stiffness, shape_stiffness, volume_stiffness : float
-        Of the distance, dihedral and volume constraints per iteration, in [0, 1].
+        Of the distance, dihedral and volume constraints, in [0, 1]: per iteration, but per (sub)step with
+        ``"gauss-seidel"`` and ``"batched"``.
     external_force : (3,) tuple
         Force per mass on each free point [mm / s^2].
     guidance : float

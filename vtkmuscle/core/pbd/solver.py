@@ -19,6 +19,7 @@ from vtkmuscle.core.mesh.topology import MeshTopology, mesh_topology
 from vtkmuscle.core.motion.blending import blend_motions, screw_between
 from vtkmuscle.core.motion.rigid import apply_transform, centred, inverse
 from vtkmuscle.core.pbd.anderson import Workspace, anderson
+from vtkmuscle.core.pbd.constraints import per_iteration_stiffness
 from vtkmuscle.core.pbd.orders import ColourOrder, Iteration, Order, SequentialOrder, Stiffness, Volume
 from vtkmuscle.core.pbd.parameters import SolverParameters
 from vtkmuscle.core.pbd.rest_shape import RestShape, ShapeReport, dihedral_angles
@@ -139,7 +140,11 @@ class MuscleSolver:
     def _prepare_order(self, edge_stiffness: Floats | None) -> None:
         settings = self.parameters
         edges = np.ones(len(self.topology.edges)) if edge_stiffness is None else edge_stiffness
-        stiffness = Stiffness(settings.stiffness * edges, settings.shape_stiffness, settings.volume_stiffness)
+        stiffness = Stiffness(
+            self._per_iteration(settings.stiffness * edges),
+            float(self._per_iteration(settings.shape_stiffness)),
+            float(self._per_iteration(settings.volume_stiffness)),
+        )
         # The order keeps the rest lengths that the guidance gave it last.
         made_from = self._guidance, settings.projection_order, stiffness.shape, stiffness.volume
         before = self._order_made_from
@@ -165,6 +170,17 @@ class MuscleSolver:
         cosines[bent], sines[bent] = np.cos(angles[defined]), np.sin(angles[defined])
         self._order.set_rest(edge_lengths(surface, topology.edges), cosines, sines)
         return guided
+
+    def _per_iteration(self, stiffness: Floats | float) -> Floats:
+        """Return a stiffness per iteration.
+
+        A solve that runs to convergence ends where the ratios of the stiffnesses have it; if they depended on
+        the number of iterations, so would the shape. Algorithm 2 as printed has them per iteration, too.
+        """
+        settings = self.parameters
+        if settings.solver != "gauss-seidel" or settings.projection_order == "sequential":
+            return np.asarray(stiffness, dtype=np.float64)
+        return per_iteration_stiffness(stiffness, settings.iterations)
 
     @cached_property
     def _workspaces(self) -> dict[str, Workspace]:

@@ -50,9 +50,18 @@ class DeformerSettings:
     )
     dt = Parameter(float, default=_DEFAULT.dt, above=0.0, units="s", doc="Time of a step.")
     velocity_kept = _part("velocity_kept", "Part of its velocity that a point keeps from step to step.")
-    stiffness = _part("stiffness", "Stiffness of edge lengths, per iteration.")
-    shape_stiffness = _part("shape_stiffness", "Stiffness of the angles between triangles, per iteration.")
-    volume_stiffness = _part("volume_stiffness", "Stiffness of the muscle's volume, per iteration.")
+    stiffness = _part(
+        "stiffness",
+        "Stiffness of edge lengths, per iteration; per step with solver 'gauss-seidel' on batched edges.",
+    )
+    shape_stiffness = _part(
+        "shape_stiffness",
+        "Stiffness of the angles between triangles, per iteration or per step as that of the edges.",
+    )
+    volume_stiffness = _part(
+        "volume_stiffness",
+        "Stiffness of the muscle's volume, per iteration or per step as that of the edges.",
+    )
     anisotropy = Parameter(
         str,
         default="taut",
