@@ -148,7 +148,7 @@ def test_a_degenerate_rest_shape_keeps_lengths_only_where_no_angle_is_defined(ro
 def test_the_muscle_stays_within_bounds_whatever_stiffness_iterations_and_anisotropy(
     seed, size, shape_stiffness, anisotropy, count
 ):
-    """Angles have a length scale: without one the example grows by 10^5 times."""
+    """Angles keep triangles of up to 8 times their size; without that the example grows by 10^5 times."""
     rng = np.random.default_rng(seed)
     points, triangles, fixed_to = spindle(seed=4)
     mass = (fixed_to < 0).astype(float)
@@ -157,7 +157,7 @@ def test_the_muscle_stays_within_bounds_whatever_stiffness_iterations_and_anisot
     muscle = Colours(points, triangles, mass, edge_stiffness=stiffness, shape_stiffness=shape_stiffness)
     start = points + size * rng.normal(size=points.shape) * mass[:, None]
     reach = np.linalg.norm(start, axis=1).max()
-    assert np.linalg.norm(muscle.iterations(start, count), axis=1).max() < 3.0 * (reach + 100.0)
+    assert np.linalg.norm(muscle.iterations(start, count), axis=1).max() < 8.0 * (reach + 100.0)
 
 
 def test_fixed_points_do_not_move(rough, rng):

@@ -24,7 +24,7 @@ WIDTH = 16
 RECORD = 4
 
 #: Constants of an edge: rest length, stiffness, cosine and sine of the rest angle, shape stiffness, and the
-#: sum of the squares of the angle's gradient at rest.
+#: length scale of the angle.
 CONSTANTS = 6
 
 #: Edges that are coloured together: their points' records fill about half a second-level cache.
@@ -50,7 +50,7 @@ class PackedEdges:
         ``quads``).
     constants : (b * CONSTANTS * WIDTH,) array
         Per batch the rest lengths [mm], the stiffnesses, the cosines and the sines of the rest angles, the
-        shape stiffnesses, and the sums of the squares of the angles' gradients at rest [1 / mm^2].
+        shape stiffnesses, and the angles' length scales [1 / mm^2].
     """
 
     n_points: int

@@ -35,10 +35,10 @@ DIHEDRAL_FLOOR = 0.1
 #: to twice their height, would grow from iteration to iteration.
 LARGEST_TURN = 0.3
 
-#: Where the squares of an angle's gradients are this part of what they are at rest, that is, where the
-#: triangles are 8 times as tall, the angle is left alone; where they are four times that, 4 times as tall,
-#: it has its whole stiffness. An angle knows no length, and its corrections grow with the triangles: where no
-#: edge holds these, as along soft fibres, both would grow together, without end.
+#: An angle is left alone where the squares of its gradients are this part of what they would be with
+#: triangles as tall as their longest edge at rest: where these are 8 times as tall. It has all its stiffness
+#: where they are four times that: 4 times as tall. An angle knows no length, and its corrections grow with
+#: the triangles: where no edge holds these, as along soft fibres, both would grow together, without end.
 FAR_TOO_LARGE = 1.0 / 64.0
 
 #: A stiffness per step that differs from 1 by less is 1.
@@ -218,9 +218,9 @@ def dihedral(
     doi:10.1016/j.gmod.2013.07.001, finite at flat and at concave edges. Multiplied by |e| |n1|^2 |n2|^2,
     which leaves two divisions, it is n1 |n2|^2 |e|^2 at p3, n2 |n1|^2 |e|^2 at p4, minus their mean by
     (p3 - p1) . e and (p4 - p1) . e at p2, and at p1 what makes the sum zero. Its squares follow from |n1|^2,
-    |n2|^2 and n1 . n2, without the vectors. squares0, the sum of their values at rest [1 / mm^2], is the
-    length scale (:data:`FAR_TOO_LARGE`). Degenerate triangles move nothing: the correction is proportional to
-    1 / |gradient|, their height.
+    |n2|^2 and n1 . n2, without the vectors. squares0, their sum with triangles as tall as their longest edge
+    at rest [1 / mm^2], is the length scale (:data:`FAR_TOO_LARGE`). Degenerate triangles move nothing: the
+    correction is proportional to 1 / |gradient|, their height.
     """
     proper, sine, cosine, ee, a2, b2, n11, n22, n1x, n1y, n1z, n2x, n2y, n2z = hinge(
         x1, y1, z1, x2, y2, z2, x3, y3, z3, x4, y4, z4

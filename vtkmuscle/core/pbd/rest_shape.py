@@ -10,7 +10,7 @@ import numpy as np
 from vtkmuscle.core.jit import kernel, vector_kernel
 from vtkmuscle.core.mesh.surface import check_volume, edge_lengths, signed_volume
 from vtkmuscle.core.mesh.topology import MeshTopology
-from vtkmuscle.core.pbd.constraints import gradient_squares, hinge, volume_and_gradient
+from vtkmuscle.core.pbd.constraints import hinge, volume_and_gradient
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 _Spread = tuple[float, float, float]
@@ -69,7 +69,8 @@ class RestShape:
     angles, angle_defined : (q,) arrays
         Signed dihedral angles of the quadruples [radians], and False beside degenerate triangles.
     angle_squares : (q,) array
-        Sums of the squares of the gradients of these angles [1 / mm^2].
+        Length scales of the quadruples: the sum of the squares of the angle's gradients where both triangles
+        are as tall as the longest of their edges at rest [1 / mm^2].
     volume : float
         [mm^3].
     volume_gradient : (n, 3) array
@@ -202,21 +203,12 @@ def _cosines_and_sines(p: Floats, quads: Ints) -> tuple[Floats, Floats, Bools]:
     return cosines, sines, defined
 
 
-@vector_kernel
 def _angle_squares(p: Floats, quads: Ints) -> Floats:
-    """Return the sums of the squares of the gradients of the angles of quadruples (q, 4), 0 where none is."""
-    squares = np.zeros(len(quads))
-    for q in range(len(quads)):
-        i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
-        found = hinge(
-            p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2],
-            p[k, 0], p[k, 1], p[k, 2], p[m, 0], p[m, 1], p[m, 2],
-        )  # fmt: skip
-        proper, cosine, ee, a2, b2 = found[0], found[2], found[3], found[4], found[5]
-        n11, n22 = found[6], found[7]
-        if proper:
-            g1, g2, g3, g4 = gradient_squares(cosine, ee, ee - a2, a2, ee - b2, b2, n11, n22)
-            squares[q] = (g1 + g2 + g3 + g4) / (ee * n11 * n22)
+    """Return 2 / L^2 of the longest edges L of quadruples (q, 4), 0 where all four points are one."""
+    corners = p[quads]
+    sides = corners[:, [0, 0, 0, 1, 1]] - corners[:, [1, 2, 3, 2, 3]]
+    longest = np.einsum("qsk,qsk->qs", sides, sides).max(axis=1)
+    squares: Floats = np.divide(2.0, longest, out=np.zeros(len(quads)), where=longest > 0.0)
     return squares
 
 
