@@ -15,7 +15,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.pbd import constraints
 
@@ -28,7 +28,7 @@ LEAST, MOST, FLAT = 0.1, 10.0, 1e-10
 FLOOR = 1e-4
 
 
-@kernel
+@array_kernel
 def _gradients(p, quad, q):
     """Write q of Müller et al. 2007, Appendix A, minus the gradients of cos (4, 3); return cos, or 2."""
     a = p[quad[0]]
@@ -47,7 +47,7 @@ def _gradients(p, quad, q):
     return d
 
 
-@kernel
+@array_kernel
 def _project_angles(p, w, quads, angles):
     """Project dihedral angles as the code does; return how many pairs were corrected."""
     q, corrected = np.empty((4, 3)), 0
@@ -77,7 +77,7 @@ def _project_lengths(p, w, edges, lengths, powers):
         )
 
 
-@kernel
+@array_kernel
 def _angles(p, quads):
     """Return the angles at rest."""
     q, found = np.empty((4, 3)), np.empty(len(quads))

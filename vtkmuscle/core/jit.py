@@ -19,12 +19,17 @@ F = TypeVar("F", bound=Callable[..., object])
 
 
 def kernel(function: F) -> F:
-    """Compile a numeric kernel with numba, and keep the machine code on disk.
+    """Compile a numeric kernel that makes no arrays with numba, and keep the machine code on disk.
+
+    The views that it takes of the arrays it is given, ``points[i]``, are not counted as references. Counting
+    is an atomic operation: in a loop over points it takes longer than the arithmetic, and longer still where
+    threads share the array.
 
     Parameters
     ----------
     function : callable
-        A function of plain arrays and numbers.
+        A function of plain arrays and numbers. Numba refuses to compile one that makes an array; that is
+        an :func:`array_kernel`.
 
     Returns
     -------
@@ -46,6 +51,11 @@ def kernel(function: F) -> F:
     return _compiled(function)
 
 
+def array_kernel(function: F) -> F:
+    """Compile as :func:`kernel` does a function that makes arrays; its inner loops are kernels."""
+    return _compiled(function, _nrt=True)
+
+
 def reduction(function: F) -> F:
     """Compile as :func:`kernel` does; sums may be taken in several parts at a time."""
     return _compiled(function, fastmath={"contract", "reassoc"})
@@ -58,13 +68,18 @@ def vector_kernel(function: F) -> F:
 
 def lane(function: F) -> F:
     """Compile what one lane of a batch computes; it becomes part of the loop that calls it."""
-    options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "forceinline": True}
+    options: dict[str, Any] = {
+        "error_model": "numpy",
+        "fastmath": {"contract"},
+        "forceinline": True,
+        "_nrt": False,
+    }
     compiled: F = numba.njit(**options)(function)
     return compiled
 
 
 def _compiled(function: F, **options: Any) -> F:
-    compiled: Any = numba.njit(nogil=True, error_model="numpy", **options)(function)
+    compiled: Any = numba.njit(nogil=True, error_model="numpy", **{"_nrt": False, **options})(function)
     kept = kernel_cache(function)
     if kept is not None and not numba.config.DISABLE_JIT:
         compiled._cache = kept  # as Dispatcher.enable_caching does

@@ -6,12 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.mesh.polylines import resample_polyline
 from vtkmuscle.core.types import Floats, Ints
 
 
-@kernel
+@array_kernel
 def polyline_curvatures(points: Floats, offsets: Ints) -> tuple[Floats, Floats, Floats]:
     """Return the curvature of polylines: that of the circle through a point and its two neighbours.
 
@@ -115,7 +115,7 @@ def section_areas(points: Floats, triangles: Ints, places: Floats, normals: Floa
     return np.array([_section_area(points, triangles, *plane) for plane in zip(places, normals, strict=True)])
 
 
-@kernel
+@array_kernel
 def _section_area(points: Floats, triangles: Ints, place: Floats, normal: Floats) -> float:
     """Return half the sum of n . (a x b) over the segments from a to b in which triangles meet the plane."""
     heights = np.zeros(len(points))
@@ -139,7 +139,7 @@ def _section_area(points: Floats, triangles: Ints, place: Floats, normal: Floats
     return area
 
 
-@kernel
+@array_kernel
 def plane_crossings(points: Floats, offsets: Ints, place: Floats, normal: Floats) -> int:
     """Return how many polylines cross a plane, given by a point in it and its normal (3,)."""
     count = 0

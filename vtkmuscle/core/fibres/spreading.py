@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.bins import sorted_into_bins
 from vtkmuscle.core.mesh.polylines import resample_polyline
 from vtkmuscle.core.types import Floats, Ints
@@ -59,7 +59,7 @@ def steps_to_centres(points: Floats, offsets: Ints, samples: Floats) -> Floats:
     return _between(points, offsets, _station_steps(lines, samples))
 
 
-@kernel
+@array_kernel
 def move_ends(points: Floats, ends: Ints, others: Ints, places: Floats) -> None:
     """Move one end of each fibre to a given place, and what is beside it with it.
 
@@ -83,7 +83,7 @@ def move_ends(points: Floats, ends: Ints, others: Ints, places: Floats) -> None:
             points[ends[i] + step * j] += max(1.0 - j / (REACH * count), 0.0) * way
 
 
-@kernel
+@array_kernel
 def _stations(points: Floats, offsets: Ints) -> Floats:
     """Return places (k, STATIONS, 3) at equal distances along each fibre."""
     result = np.empty((len(offsets) - 1, STATIONS, 3))
@@ -96,7 +96,7 @@ def _stations(points: Floats, offsets: Ints) -> Floats:
     return result
 
 
-@kernel
+@array_kernel
 def _between(points: Floats, offsets: Ints, shifts: Floats) -> Floats:
     """Return what is given for places (k, STATIONS, 3) at equal distances along fibres, for their points."""
     result = np.zeros(points.shape)
@@ -150,7 +150,7 @@ def _blur(passes: int) -> Floats:
     return blur
 
 
-@kernel
+@array_kernel
 def _sorted_pieces(
     lines: Floats, pieces: int, low: Floats, size: float, shape: Ints
 ) -> tuple[Floats, Ints, Ints]:
@@ -206,7 +206,7 @@ def _nearest_square(
     return least
 
 
-@kernel
+@array_kernel
 def _pulls(
     lines: Floats,
     pieces: int,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.types import Ints
 
 
-@kernel
+@array_kernel
 def sorted_into_bins(bins: Ints, n_bins: int) -> tuple[Ints, Ints]:
     """Return the numbers 0 to n - 1 bin by bin, and where each bin starts: a stable counting sort.
 

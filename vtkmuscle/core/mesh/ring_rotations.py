@@ -26,35 +26,62 @@ def nearest_rotation(matrix: Floats, work: Floats) -> None:
     The identity where M is 0. work : (6, 3) working memory.
     """
     u, v = work[:3], work[3:]  # columns of M V and of V: each a row
-    greatest = np.abs(matrix).max()
+    greatest = 0.0
+    for a in range(3):
+        for b in range(3):
+            greatest = max(greatest, abs(matrix[a, b]))
     scale = 1.0 / greatest if greatest > 0.0 else 1.0
     for a in range(3):
         for b in range(3):
             u[b, a] = scale * matrix[a, b]
             v[b, a] = 1.0 if a == b else 0.0
     _orthogonalise(u, v)
-    lengths = np.sqrt((u * u).sum(axis=1))
-    least, most = lengths.argmin(), lengths.argmax()
-    if not lengths[most] > 0.0:
+    least, most = 0, 0
+    for a in range(1, 3):
+        least = a if _length(u[a]) < _length(u[least]) else least
+        most = a if _length(u[a]) > _length(u[most]) else most
+    longest = _length(u[most])
+    if least == most:  # all equal
         least, most = 0, 2
-        u[:] = v
-        lengths[:] = 1.0
-    elif least == most:  # all equal
-        least, most = 0, 2
+    if not longest > 0.0:
+        longest = 1.0
+        for a in range(3):
+            for b in range(3):
+                u[a, b] = v[a, b]
     middle = 3 - least - most
-    u[most] /= lengths[most]
-    if lengths[middle] > _NOTHING * lengths[most]:
-        u[middle] /= lengths[middle]
-    else:  # any direction across will do
-        u[middle] = 0.0
-        u[middle, np.abs(u[most]).argmin()] = 1.0
-        u[middle] -= (u[middle] * u[most]).sum() * u[most]
-        u[middle] /= np.sqrt((u[middle] ** 2).sum())
+    _shorten(u[most], longest)
+    length = _length(u[middle])
+    if length <= _NOTHING * longest:  # any direction across will do
+        _put_across(u[most], u[middle])
+        length = _length(u[middle])
+    _shorten(u[middle], length)
     _cross(u[most], u[middle], u[least])
     _cross(v[most], v[middle], v[least])
     for a in range(3):
         for b in range(3):
             matrix[a, b] = u[0, a] * v[0, b] + u[1, a] * v[1, b] + u[2, a] * v[2, b]
+
+
+@kernel
+def _length(a: Floats) -> float:
+    length: float = np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+    return length
+
+
+@kernel
+def _shorten(a: Floats, times: float) -> None:
+    a[0], a[1], a[2] = a[0] / times, a[1] / times, a[2] / times
+
+
+@kernel
+def _put_across(a: Floats, out: Floats) -> None:
+    """Write a vector at right angles to a unit vector, by the axis that is the farthest from it."""
+    axis = 0
+    for k in range(1, 3):
+        axis = k if abs(a[k]) < abs(a[axis]) else axis
+    along = a[axis]
+    for k in range(3):
+        out[k] = (1.0 if k == axis else 0.0) - along * a[k]
 
 
 @kernel

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.taut.springs import PUSH, add_spring
 from vtkmuscle.core.taut.via_rings import is_inside, nearest_on_polygon
 from vtkmuscle.core.types import Floats, Ints
@@ -33,7 +33,7 @@ class Rings(NamedTuple):
     outside: Floats
 
 
-@kernel
+@array_kernel
 def hold_in_ring(
     rings: Rings, ring: int, f: int, p: Floats, held: Floats, matrices: Floats, right: Floats
 ) -> None:
@@ -68,7 +68,7 @@ def hold_in_ring(
     add_spring(normal, PUSH, at, matrices[i], right[i])
 
 
-@kernel
+@array_kernel
 def _leaves_ring(
     centre: Floats, normal: Floats, first: Floats, second: Floats, corners: Floats, outside: float, p: Floats
 ) -> int:
