@@ -26,30 +26,29 @@ def nearest_rotation(matrix: Floats, work: Floats) -> None:
     The identity where M is 0. work : (6, 3) working memory.
     """
     u, v = work[:3], work[3:]  # columns of M V and of V: each a row
-    greatest = np.abs(matrix).max()
+    greatest = _greatest(matrix)
     scale = 1.0 / greatest if greatest > 0.0 else 1.0
     for a in range(3):
         for b in range(3):
             u[b, a] = scale * matrix[a, b]
             v[b, a] = 1.0 if a == b else 0.0
     _orthogonalise(u, v)
-    lengths = np.sqrt((u * u).sum(axis=1))
-    least, most = lengths.argmin(), lengths.argmax()
+    lengths = np.empty(3)
+    least, most = 0, 0
+    for a in range(3):
+        lengths[a] = np.sqrt(u[a, 0] * u[a, 0] + u[a, 1] * u[a, 1] + u[a, 2] * u[a, 2])
+        least, most = a if lengths[a] < lengths[least] else least, a if lengths[a] > lengths[most] else most
     if not lengths[most] > 0.0:
         least, most = 0, 2
-        u[:] = v
-        lengths[:] = 1.0
+        for a in range(3):
+            lengths[a], u[a, 0], u[a, 1], u[a, 2] = 1.0, v[a, 0], v[a, 1], v[a, 2]
     elif least == most:  # all equal
         least, most = 0, 2
     middle = 3 - least - most
-    u[most] /= lengths[most]
-    if lengths[middle] > _NOTHING * lengths[most]:
-        u[middle] /= lengths[middle]
-    else:  # any direction across will do
-        u[middle] = 0.0
-        u[middle, np.abs(u[most]).argmin()] = 1.0
-        u[middle] -= (u[middle] * u[most]).sum() * u[most]
-        u[middle] /= np.sqrt((u[middle] ** 2).sum())
+    _divide(u[most], lengths[most])
+    if not lengths[middle] > _NOTHING * lengths[most]:
+        lengths[middle] = _set_across(u[most], u[middle])
+    _divide(u[middle], lengths[middle])
     _cross(u[most], u[middle], u[least])
     _cross(v[most], v[middle], v[least])
     for a in range(3):
@@ -87,6 +86,34 @@ def _orthogonalise(u: Floats, v: Floats) -> None:
                 v[first, k], v[second, k] = cosine * x - sine * y, sine * x + cosine * y
         if done:
             break
+
+
+@kernel
+def _greatest(matrix: Floats) -> float:
+    """Return the size of the greatest entry of a matrix (3, 3)."""
+    greatest = 0.0
+    for a in range(3):
+        for b in range(3):
+            greatest = max(greatest, abs(matrix[a, b]))
+    return greatest
+
+
+@kernel
+def _divide(vector: Floats, length: float) -> None:
+    for a in range(3):
+        vector[a] /= length
+
+
+@kernel
+def _set_across(unit: Floats, out: Floats) -> float:
+    """Write some vector across a unit vector, and return its length."""
+    smallest, square = 0, 0.0
+    for a in range(1, 3):
+        smallest = a if abs(unit[a]) < abs(unit[smallest]) else smallest
+    for a in range(3):
+        out[a] = (1.0 if a == smallest else 0.0) - unit[smallest] * unit[a]
+        square += out[a] * out[a]
+    return float(np.sqrt(square))
 
 
 @kernel

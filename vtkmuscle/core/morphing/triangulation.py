@@ -44,7 +44,8 @@ def triangulate(polygon: Floats, inner: Floats) -> tuple[Floats, Ints, Ints]:
     """
     n = len(polygon)
     points = np.empty((n + len(inner), 2))
-    points[:n] = polygon
+    for i in range(n):
+        points[i, 0], points[i, 1] = polygon[i, 0], polygon[i, 1]
     # Half-edge 3 t + i runs from corner i of triangle t to the next one; the other one along it, or -1.
     largest = max(n - 2 + 2 * len(inner), 1)
     corners, across = np.empty(3 * largest, dtype=np.int64), np.full(3 * largest, -1, dtype=np.int64)
@@ -181,14 +182,23 @@ def _clip_ears(polygon: Floats, flat: float, corners: Ints, across: Ints) -> boo
 
 
 @kernel
+def extremes(points: Floats, axis: int) -> tuple[float, float]:
+    """Return the least and the greatest coordinate of points (n, k) along an axis."""
+    low, high = points[0, axis], points[0, axis]
+    for i in range(1, len(points)):
+        low, high = min(low, points[i, axis]), max(high, points[i, axis])
+    return low, high
+
+
+@kernel
 def _sorted_into_cells(polygon: Floats) -> tuple[Floats, Floats, int, Ints, Ints]:
     """Return a grid's lowest corner, cells' size and number along a side, and the vertices cell by cell."""
     n = len(polygon)
     side = max(int(np.sqrt(n)), 1)
     low, cell = np.empty(2), np.empty(2)
     for axis in range(2):
-        low[axis] = polygon[:, axis].min()
-        cell[axis] = max((polygon[:, axis].max() - low[axis]) / side, 1e-300)
+        low[axis], high = extremes(polygon, axis)
+        cell[axis] = max((high - low[axis]) / side, 1e-300)
     cells = np.empty(n, dtype=np.int64)
     for i in range(n):
         column = min(int((polygon[i, 0] - low[0]) / cell[0]), side - 1)
