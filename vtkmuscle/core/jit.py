@@ -13,11 +13,11 @@ the million, hardly any of which is garbage before a kernel is done.
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import numba
-from numba.core import event
+from numba.core import event, types
 
 from vtkmuscle.core.kernel_cache import kernel_cache
 
@@ -92,7 +92,7 @@ def lane(function: F) -> F:
     """Compile what one lane of a batch computes; it becomes part of the loop that calls it."""
     options: dict[str, Any] = {"fastmath": {"contract"}, "forceinline": True}
     compiled: F = numba.njit(**_OF_ALL, **options)(function)
-    return compiled
+    return _for_types_alone(compiled)
 
 
 def _compiled(function: F, **options: Any) -> F:
@@ -100,5 +100,19 @@ def _compiled(function: F, **options: Any) -> F:
     kept = kernel_cache(function)
     if kept is not None and not numba.config.DISABLE_JIT:
         compiled._cache = kept  # as Dispatcher.enable_caching does
-    result: F = compiled
+    result: F = _for_types_alone(compiled)
     return result
+
+
+def _for_types_alone(compiled: Any) -> Any:
+    """Let a function be compiled once for ``int``, and not for each constant that kernels call it with."""
+    call_template = compiled.get_call_template
+
+    def without_constants(args: Sequence[Any], keywords: Mapping[str, Any]) -> Any:
+        return call_template(
+            tuple(map(types.unliteral, args)),
+            {name: types.unliteral(value) for name, value in keywords.items()},
+        )
+
+    compiled.get_call_template = without_constants
+    return compiled

@@ -163,7 +163,9 @@ def _resolve(
         distance = distance_at(field, end[0], end[1], end[2])
         # A cell, for what the interpolation between nodes can be wrong by. Beyond the grid there is nothing.
         clear = max(distance, np.sqrt(beyond)) - (field.cell + skin)
-        seen_at[i], squares[i] = p[i], max(clear, 0.0) ** 2
+        squares[i] = max(clear, 0.0) ** 2
+        for k in range(3):
+            seen_at[i, k] = p[i, k]
         height = distance - (skin - allowance[i])
         if apart or (height >= 0.0 and height - zone >= length):
             continue  # too short a way to meet the bone

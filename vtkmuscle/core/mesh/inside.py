@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.bins import sorted_into_bins
+from vtkmuscle.core.mesh.bins import extremes, sorted_into_bins
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Triangles per cell of the grid, about as many.
@@ -38,9 +38,9 @@ def points_inside(queries: Floats, points: Floats, triangles: Ints) -> Bools:
     if n == 0:
         return above
     side = max(int(np.sqrt(len(triangles) / PER_CELL)), 1)
-    low_x, low_y = queries[:, 0].min(), queries[:, 1].min()
-    wide = max(queries[:, 0].max() - low_x, 1e-300) * (1.0 + 1e-9)
-    deep = max(queries[:, 1].max() - low_y, 1e-300) * (1.0 + 1e-9)
+    low_x, high_x = extremes(queries, 0)
+    low_y, high_y = extremes(queries, 1)
+    wide, deep = max(high_x - low_x, 1e-300) * (1.0 + 1e-9), max(high_y - low_y, 1e-300) * (1.0 + 1e-9)
     cells = np.empty(n, dtype=np.int64)
     for q in range(n):
         column = min(int((queries[q, 0] - low_x) / wide * side), side - 1)

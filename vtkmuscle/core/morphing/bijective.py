@@ -16,8 +16,8 @@ from __future__ import annotations
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.bins import sorted_into_bins, stable_order
-from vtkmuscle.core.morphing.triangulation import extremes, triangulate
+from vtkmuscle.core.mesh.bins import extremes, sorted_into_bins, stable_order
+from vtkmuscle.core.morphing.triangulation import triangulate
 from vtkmuscle.core.types import Floats, Ints
 
 #: Points inside of a section, about as many.
@@ -283,7 +283,9 @@ def _interpolated(nodes: Floats, triangles: Ints, values: Floats, points: Floats
         line = min(max(int((points[p, 1] - low_y) / high * side), 0), side - 1)
         cells[p] = line * side + column
     order, starts = sorted_into_bins(cells, side * side)
-    best, home = np.full(m, -np.inf), np.full(m, -1, dtype=np.int64)
+    best, home = np.empty(m), np.empty(m, dtype=np.int64)
+    for p in range(m):
+        best[p], home[p] = -np.inf, -1
     for t in range(len(triangles)):
         a, b, c = triangles[t]
         left, right = min(nodes[a, 0], nodes[b, 0], nodes[c, 0]), max(nodes[a, 0], nodes[b, 0], nodes[c, 0])
@@ -296,14 +298,16 @@ def _interpolated(nodes: Floats, triangles: Ints, values: Floats, points: Floats
             for i in range(starts[line * side + first], starts[line * side + last + 1]):
                 p = order[i]
                 if best[p] < 0.0:
-                    least = min(_shares(nodes, a, b, c, points[p, 0], points[p, 1]))
+                    one, two, three = _shares(nodes, a, b, c, points[p, 0], points[p, 1])
+                    least = min(one, two, three)
                     if least > best[p]:
                         best[p], home[p] = least, t
     for p in range(m):
         x, y = points[p, 0], points[p, 1]
         if not best[p] >= 0.0:
             for t in range(len(triangles)):
-                least = min(_shares(nodes, triangles[t, 0], triangles[t, 1], triangles[t, 2], x, y))
+                one, two, three = _shares(nodes, triangles[t, 0], triangles[t, 1], triangles[t, 2], x, y)
+                least = min(one, two, three)
                 if least > best[p]:
                     best[p], home[p] = least, t
         a, b, c = triangles[home[p]]

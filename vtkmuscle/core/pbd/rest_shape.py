@@ -184,8 +184,8 @@ def dihedral_angles(points: Floats, quads: Ints) -> tuple[Floats, Bools]:
 @vector_kernel
 def _cosines_and_sines(p: Floats, quads: Ints) -> tuple[Floats, Floats, Bools]:
     """Return cosines and sines of the angles of quadruples (q, 4), 1 and 0 where one is not defined."""
-    cosines, sines = np.ones(len(quads)), np.zeros(len(quads))
-    defined = np.zeros(len(quads), dtype=np.bool_)
+    cosines, sines = np.empty(len(quads)), np.empty(len(quads))
+    defined = np.empty(len(quads), dtype=np.bool_)
     for q in range(len(quads)):
         i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
         found = hinge(
@@ -193,6 +193,7 @@ def _cosines_and_sines(p: Floats, quads: Ints) -> tuple[Floats, Floats, Bools]:
             p[k, 0], p[k, 1], p[k, 2], p[m, 0], p[m, 1], p[m, 2],
         )  # fmt: skip
         proper, sine, cosine = found[0], found[1], found[2]
+        cosines[q], sines[q], defined[q] = 1.0, 0.0, False
         if proper:
             size = math.sqrt(sine * sine + cosine * cosine)
             cosines[q], sines[q], defined[q] = cosine / size, sine / size, True
