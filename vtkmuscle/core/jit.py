@@ -17,7 +17,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import numba
-from numba.core import event, types
+from numba.core import event
+from numba.core.types import unliteral  # type: ignore[attr-defined]
 
 from vtkmuscle.core.kernel_cache import kernel_cache
 
@@ -26,7 +27,7 @@ F = TypeVar("F", bound=Callable[..., object])
 _OF_ALL: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
 
-class _WithoutCollection(event.Listener):
+class _WithoutCollection(event.Listener):  # type: ignore[misc]
     """Holds Python's search for garbage while a kernel is compiled: one at a time, under numba's lock."""
 
     def __init__(self) -> None:
@@ -92,7 +93,8 @@ def lane(function: F) -> F:
     """Compile what one lane of a batch computes; it becomes part of the loop that calls it."""
     options: dict[str, Any] = {"fastmath": {"contract"}, "forceinline": True}
     compiled: F = numba.njit(**_OF_ALL, **options)(function)
-    return _for_types_alone(compiled)
+    result: F = _for_types_alone(compiled)
+    return result
 
 
 def _compiled(function: F, **options: Any) -> F:
@@ -110,8 +112,8 @@ def _for_types_alone(compiled: Any) -> Any:
 
     def without_constants(args: Sequence[Any], keywords: Mapping[str, Any]) -> Any:
         return call_template(
-            tuple(map(types.unliteral, args)),
-            {name: types.unliteral(value) for name, value in keywords.items()},
+            tuple(map(unliteral, args)),
+            {name: unliteral(value) for name, value in keywords.items()},
         )
 
     compiled.get_call_template = without_constants
