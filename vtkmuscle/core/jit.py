@@ -24,7 +24,7 @@ from vtkmuscle.core.kernel_cache import kernel_cache
 
 F = TypeVar("F", bound=Callable[..., object])
 
-_OF_ALL: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
+_OF_ALL: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
 
 
 class _WithoutCollection(event.Listener):  # type: ignore[misc]
@@ -52,12 +52,17 @@ event.register("numba:compile", _WithoutCollection())
 
 
 def kernel(function: F) -> F:
-    """Compile a numeric kernel with numba, and keep the machine code on disk.
+    """Compile a numeric kernel that makes no arrays with numba, and keep the machine code on disk.
+
+    The views that it takes of the arrays it is given, ``points[i]``, are not counted as references. Counting
+    is an atomic operation: in a loop over points it takes longer than the arithmetic, and longer still where
+    threads share the array.
 
     Parameters
     ----------
     function : callable
-        A function of plain arrays and numbers.
+        A function of plain arrays and numbers. Numba refuses to compile one that makes an array; that is
+        an :func:`array_kernel`.
 
     Returns
     -------
@@ -79,6 +84,11 @@ def kernel(function: F) -> F:
     return _compiled(function)
 
 
+def array_kernel(function: F) -> F:
+    """Compile as :func:`kernel` does a function that makes arrays; its inner loops are kernels."""
+    return _compiled(function, _nrt=True)
+
+
 def reduction(function: F) -> F:
     """Compile as :func:`kernel` does; sums may be taken in several parts at a time."""
     return _compiled(function, fastmath={"contract", "reassoc"})
@@ -98,7 +108,7 @@ def lane(function: F) -> F:
 
 
 def _compiled(function: F, **options: Any) -> F:
-    compiled: Any = numba.njit(nogil=True, **_OF_ALL, **options)(function)
+    compiled: Any = numba.njit(nogil=True, **{**_OF_ALL, **options})(function)
     kept = kernel_cache(function)
     if kept is not None and not numba.config.DISABLE_JIT:
         compiled._cache = kept  # as Dispatcher.enable_caching does

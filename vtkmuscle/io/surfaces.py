@@ -67,10 +67,12 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
     data: Any
     if suffix == ".ply":
         data = read_ply(path)
-    elif suffix == ".vtk" or (suffix == ".vtp" and not check_vtp(path)):
+    elif suffix == ".vtk":
         data, kind, said = read_in_child(path, _READERS[suffix].__name__)
         _check_read(path, data, kind, first_line(said))
     else:
+        if suffix == ".vtp":
+            check_vtp(path)
         reader = _READERS[suffix]()
         reader.SetFileName(str(path))
         with vtk_messages() as messages:

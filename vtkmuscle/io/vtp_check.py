@@ -14,8 +14,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkIOCore import vtkLZ4DataCompressor
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.io.messages import vtk_messages
 
 _TYPES = {
     "Int8": "i1",
@@ -44,13 +47,8 @@ class _FaultError(Exception):
     """What is wrong with a file."""
 
 
-def check_vtp(path: Path) -> bool:
+def check_vtp(path: Path) -> None:
     """Check that a .vtp file is whole: every array is as long as it must be, and cells name points there are.
-
-    Returns
-    -------
-    bool
-        False where it is compressed in a way that cannot be looked into here: read it in another process.
 
     Raises
     ------
@@ -58,7 +56,7 @@ def check_vtp(path: Path) -> bool:
         If it is not; says what is wrong.
     """
     try:
-        return _check(path.read_bytes())
+        _check(path.read_bytes())
     except _FaultError as fault:
         raise InputError(
             path,
@@ -67,7 +65,7 @@ def check_vtp(path: Path) -> bool:
         ) from None
 
 
-def _check(content: bytes) -> bool:
+def _check(content: bytes) -> None:
     at = content.find(b"<AppendedData")
     head = content if at < 0 else content[:at] + b"</VTKFile>"
     if b"<!DOCTYPE" in head or b"<!ENTITY" in head:
@@ -79,7 +77,7 @@ def _check(content: bytes) -> bool:
     if root.tag != "VTKFile" or root.get("type") != "PolyData":
         raise _FaultError(f"it holds {root.get('type') or root.tag!r}, not PolyData")
     if root.get("compressor") not in (None, *_UNPACKERS):
-        return False
+        raise _FaultError(f"it is compressed by {root.get('compressor')!r}, which no VTK file is")
     file = _File(content, root, at)
     for piece in root.iter("Piece"):
         _check_piece(piece, file)
@@ -90,7 +88,6 @@ def _check(content: bytes) -> bool:
             if file.size(array) < least:
                 name = array.get("Name", "without a name")
                 raise _FaultError(f"the array {name!r} says that it has {values} values, but holds fewer")
-    return True
 
 
 def _check_piece(piece: ElementTree.Element, file: _File) -> None:
@@ -189,7 +186,7 @@ class _File:
             if self._unpack is not None:
                 try:
                     block = self._unpack(block, unpacked)
-                except (zlib.error, lzma.LZMAError) as error:
+                except (zlib.error, lzma.LZMAError, ValueError) as error:
                     raise _FaultError(f"its data are damaged: {error}") from None
             if len(block) != unpacked:
                 raise _FaultError("its data are damaged")
@@ -258,4 +255,12 @@ def _lzma(block: bytes, size: int) -> bytes:
     return lzma.LZMADecompressor().decompress(block, size + 1)
 
 
-_UNPACKERS = {"vtkZLibDataCompressor": _zlib, "vtkLZMADataCompressor": _lzma}
+def _lz4(block: bytes, size: int) -> bytes:
+    with vtk_messages():
+        found = vtkLZ4DataCompressor().Uncompress(block, len(block), size)
+    if found is None:
+        raise ValueError("LZ4 cannot unpack them")
+    return bytes(vtk_to_numpy(found))
+
+
+_UNPACKERS = {"vtkZLibDataCompressor": _zlib, "vtkLZMADataCompressor": _lzma, "vtkLZ4DataCompressor": _lz4}

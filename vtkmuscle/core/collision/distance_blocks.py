@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.triangle_distance import nearest_on_triangle
 from vtkmuscle.core.types import Bools, Floats, Ints, Singles
 
@@ -51,7 +51,7 @@ def triangles_of_blocks(
     return offsets, members
 
 
-@kernel
+@array_kernel
 def _list_triangles(
     corners: Floats, origin: Floats, cell: float, band: float, counts: Ints, next_free: Ints, members: Members
 ) -> None:
@@ -92,7 +92,7 @@ def _list_triangles(
                         next_free[block] += 1
 
 
-@kernel
+@array_kernel
 def fill_band(
     blocks: Ints,
     positions: Ints,
@@ -146,7 +146,7 @@ def fill_band(
             values[n] = band
 
 
-@kernel
+@array_kernel
 def _measure(
     triangle: int, corners: Floats, base: Floats, cell: float, band: float, distance: Floats, nearest: Ints
 ) -> None:
@@ -184,7 +184,7 @@ def _measure(
                     nearest[i, j, k] = triangle
 
 
-@kernel
+@array_kernel
 def _spread_sides(values: Singles, band: float, left: int) -> None:
     """Replace NaN by the band, on the side of a node next to it; values : (8, 8, 8), in place.
 
@@ -209,7 +209,7 @@ def _spread_sides(values: Singles, band: float, left: int) -> None:
                         before = here
 
 
-@kernel
+@array_kernel
 def fill_inside(  # noqa: PLR0912 -- a queue in one piece
     values: Singles, neighbours: Ints, cell: float, band: float
 ) -> None:

@@ -8,7 +8,7 @@ from vtkmuscle.core.collision.clearance import Clearance
 from vtkmuscle.core.collision.distance_grid import DistanceGrid, Field
 from vtkmuscle.core.collision.distance_lookup import distance_at, normal_at
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.motion.rigid import transform_point
 from vtkmuscle.core.types import Bools, Floats
 
@@ -120,11 +120,12 @@ def resolve_distance_collisions(
         known.seen_at,
         known.squares,
         moved,
+        np.empty((13, 3)),
     )
     return moved
 
 
-@kernel
+@array_kernel
 def _resolve(
     field: Field,
     now: Floats,
@@ -139,10 +140,13 @@ def _resolve(
     seen_at: Floats,
     squares: Floats,
     moved: Bools,
+    work: Floats,
 ) -> None:
-    """Do what :func:`resolve_distance_collisions` says; seen_at, squares, moved : changed in place."""
-    start, end, wanted = np.empty(3), np.empty(3), np.empty(3)
-    work = np.empty((9, 3))
+    """Do what :func:`resolve_distance_collisions` says; seen_at, squares, moved : changed in place.
+
+    work : (13, 3), working memory, of which the first ten rows are also that of what is called.
+    """
+    start, end, wanted = work[10], work[11], work[12]
     zone = _ZONE * field.cell
     for i in range(len(p)):
         way = (p[i, 0] - seen_at[i, 0]) ** 2 + (p[i, 1] - seen_at[i, 1]) ** 2 + (p[i, 2] - seen_at[i, 2]) ** 2
@@ -190,7 +194,7 @@ def _respond(  # noqa: PLR0912 -- loops over axes compile faster than array expr
         first[k], wanted[k] = start[k], end[k]
     slides = 0
     while _crosses(field, start, end, level, contact, landing, work):
-        _push_out(field, contact, level)
+        _push_out(field, contact, level, work[9])
         for k in range(3):
             start[k] = contact[k]
         slides += 1
@@ -215,15 +219,17 @@ def _respond(  # noqa: PLR0912 -- loops over axes compile faster than array expr
             part = min(1.0, friction * np.sqrt(push / slip)) if slip > 0.0 else 0.0
             for k in range(3):
                 landing[k] -= part * (landing[k] - first[k] - along * normal[k])
-            _push_out(field, landing, level)
+            _push_out(field, landing, level, work[9])
     for k in range(3):
         end[k] = landing[k]
 
 
 @kernel
-def _push_out(field: Field, at: Floats, level: float) -> None:
-    """Move a position that is deeper than a level to the level, along the gradient; at : (3,), in place."""
-    normal = np.empty(3)
+def _push_out(field: Field, at: Floats, level: float, normal: Floats) -> None:
+    """Move a position that is deeper than a level to the level, along the gradient.
+
+    at : (3,), in place; normal : (3,), working memory.
+    """
     depth = level - distance_at(field, at[0], at[1], at[2])
     if depth <= _TOLERANCE * field.cell:
         return
@@ -265,7 +271,7 @@ def _crosses(  # noqa: PLR0912 -- one walk along a path
     if last >= 0.0 and max(last, height) - zone >= length:
         return False  # too short to meet the bone
     if last < 0.0:
-        _push_out(field, landing, level)
+        _push_out(field, landing, level, work[9])
     if not length > 0.0:
         return False
     for k in range(3):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.closed_shells import ClosedShells, closed_shells
 from vtkmuscle.core.mesh.triangle_distance import winding_number
 from vtkmuscle.core.types import Bools, Floats, Ints
@@ -185,7 +185,7 @@ def _shared_out(sides: Floats, n_max: int) -> Ints:
     return counts
 
 
-@kernel
+@array_kernel
 def _mark_boundary(corners: Floats, cells: Cells) -> None:
     """Mark the cells that a triangle meets.
 
@@ -247,7 +247,7 @@ def _edge_misses(
     return min(p, q) > reach or max(p, q) < -reach
 
 
-@kernel
+@array_kernel
 def _flood_outside(cells: Cells) -> None:
     """Mark as outside what can be reached from the corner cell (0, 0, 0) without entering the boundary.
 

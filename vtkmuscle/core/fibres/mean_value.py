@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.surface import numbered_edges
 from vtkmuscle.core.types import Floats, Ints
 
@@ -173,7 +173,7 @@ def transport(weights: Floats, points: Floats) -> Floats:
     return moved
 
 
-@kernel
+@array_kernel
 def _weights_of_chunk(
     mesh: MeshArrays, queries: Floats, tolerance: float, weights: Floats, residuals: Floats
 ) -> None:

@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.bins import sorted_into_bins
 from vtkmuscle.core.mesh.polylines import distance_between, even_arcs, resample_polyline
 from vtkmuscle.core.types import Floats, Ints
@@ -84,7 +84,7 @@ def move_ends(points: Floats, ends: Ints, others: Ints, places: Floats) -> None:
                 points[ends[i] + step * j, axis] += max(1.0 - j / (REACH * count), 0.0) * way
 
 
-@kernel
+@array_kernel
 def _stations(points: Floats, offsets: Ints) -> Floats:
     """Return places (k, STATIONS, 3) at equal distances along each fibre."""
     result = np.empty((len(offsets) - 1, STATIONS, 3))
@@ -97,7 +97,7 @@ def _stations(points: Floats, offsets: Ints) -> Floats:
     return result
 
 
-@kernel
+@array_kernel
 def _between(points: Floats, offsets: Ints, shifts: Floats) -> Floats:
     """Return what is given for places (k, STATIONS, 3) at equal distances along fibres, for their points."""
     result = np.zeros(points.shape)
@@ -153,7 +153,7 @@ def _blur(passes: int) -> Floats:
     return blur
 
 
-@kernel
+@array_kernel
 def _sorted_pieces(
     lines: Floats, pieces: int, low: Floats, size: float, shape: Ints
 ) -> tuple[Floats, Ints, Ints]:
@@ -213,7 +213,7 @@ def _nearest_square(
     return least
 
 
-@kernel
+@array_kernel
 def _pulls(
     lines: Floats,
     pieces: int,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.bins import extremes, sorted_into_bins
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -12,7 +12,7 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 PER_CELL = 4.0
 
 
-@kernel
+@array_kernel
 def points_inside(queries: Floats, points: Floats, triangles: Ints) -> Bools:
     """Return which points are inside of a closed surface, by the number of triangles above them.
 

@@ -26,34 +26,62 @@ def nearest_rotation(matrix: Floats, work: Floats) -> None:
     The identity where M is 0. work : (6, 3) working memory.
     """
     u, v = work[:3], work[3:]  # columns of M V and of V: each a row
-    greatest = _greatest(matrix)
+    greatest = 0.0
+    for a in range(3):
+        for b in range(3):
+            greatest = max(greatest, abs(matrix[a, b]))
     scale = 1.0 / greatest if greatest > 0.0 else 1.0
     for a in range(3):
         for b in range(3):
             u[b, a] = scale * matrix[a, b]
             v[b, a] = 1.0 if a == b else 0.0
     _orthogonalise(u, v)
-    lengths = np.empty(3)
     least, most = 0, 0
-    for a in range(3):
-        lengths[a] = np.sqrt(u[a, 0] * u[a, 0] + u[a, 1] * u[a, 1] + u[a, 2] * u[a, 2])
-        least, most = a if lengths[a] < lengths[least] else least, a if lengths[a] > lengths[most] else most
-    if not lengths[most] > 0.0:
+    for a in range(1, 3):
+        least = a if _length(u[a]) < _length(u[least]) else least
+        most = a if _length(u[a]) > _length(u[most]) else most
+    longest = _length(u[most])
+    if least == most:  # all equal
         least, most = 0, 2
+    if not longest > 0.0:
+        longest = 1.0
         for a in range(3):
-            lengths[a], u[a, 0], u[a, 1], u[a, 2] = 1.0, v[a, 0], v[a, 1], v[a, 2]
-    elif least == most:  # all equal
-        least, most = 0, 2
+            for b in range(3):
+                u[a, b] = v[a, b]
     middle = 3 - least - most
-    _divide(u[most], lengths[most])
-    if not lengths[middle] > _NOTHING * lengths[most]:
-        lengths[middle] = _set_across(u[most], u[middle])
-    _divide(u[middle], lengths[middle])
+    _shorten(u[most], longest)
+    length = _length(u[middle])
+    if length <= _NOTHING * longest:  # any direction across will do
+        _put_across(u[most], u[middle])
+        length = _length(u[middle])
+    _shorten(u[middle], length)
     _cross(u[most], u[middle], u[least])
     _cross(v[most], v[middle], v[least])
     for a in range(3):
         for b in range(3):
             matrix[a, b] = u[0, a] * v[0, b] + u[1, a] * v[1, b] + u[2, a] * v[2, b]
+
+
+@kernel
+def _length(a: Floats) -> float:
+    length: float = np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+    return length
+
+
+@kernel
+def _shorten(a: Floats, times: float) -> None:
+    a[0], a[1], a[2] = a[0] / times, a[1] / times, a[2] / times
+
+
+@kernel
+def _put_across(a: Floats, out: Floats) -> None:
+    """Write a vector at right angles to a unit vector, by the axis that is the farthest from it."""
+    axis = 0
+    for k in range(1, 3):
+        axis = k if abs(a[k]) < abs(a[axis]) else axis
+    along = a[axis]
+    for k in range(3):
+        out[k] = (1.0 if k == axis else 0.0) - along * a[k]
 
 
 @kernel
@@ -86,34 +114,6 @@ def _orthogonalise(u: Floats, v: Floats) -> None:
                 v[first, k], v[second, k] = cosine * x - sine * y, sine * x + cosine * y
         if done:
             break
-
-
-@kernel
-def _greatest(matrix: Floats) -> float:
-    """Return the size of the greatest entry of a matrix (3, 3)."""
-    greatest = 0.0
-    for a in range(3):
-        for b in range(3):
-            greatest = max(greatest, abs(matrix[a, b]))
-    return greatest
-
-
-@kernel
-def _divide(vector: Floats, length: float) -> None:
-    for a in range(3):
-        vector[a] /= length
-
-
-@kernel
-def _set_across(unit: Floats, out: Floats) -> float:
-    """Write some vector across a unit vector, and return its length."""
-    smallest, square = 0, 0.0
-    for a in range(1, 3):
-        smallest = a if abs(unit[a]) < abs(unit[smallest]) else smallest
-    for a in range(3):
-        out[a] = (1.0 if a == smallest else 0.0) - unit[smallest] * unit[a]
-        square += out[a] * out[a]
-    return float(np.sqrt(square))
 
 
 @kernel

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.stats import qmc
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.mesh.surface import triangle_normals, unique_edges
 from vtkmuscle.core.types import Floats, Ints
 
@@ -57,7 +57,7 @@ def even_samples(candidates: Floats, count: int) -> Floats:
     return samples[np.arange(count) % len(samples)]
 
 
-@kernel
+@array_kernel
 def _nearest(candidates: Floats, places: Floats) -> Ints:
     """Return which candidate is nearest to each place."""
     result = np.empty(len(places), dtype=np.int64)
@@ -71,7 +71,7 @@ def _nearest(candidates: Floats, places: Floats) -> Ints:
     return result
 
 
-@kernel
+@array_kernel
 def _farthest(candidates: Floats, count: int) -> Ints:
     """Return which candidates are the farthest from those before, again and again; first the central one."""
     n = len(candidates)

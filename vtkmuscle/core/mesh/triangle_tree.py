@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.triangle_distance import FACE, nearest_on_triangle, pseudonormals
 from vtkmuscle.core.types import Floats, Ints
 
@@ -144,7 +144,7 @@ def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
     return TriangleTree(points, triangles, order, corners, _boxes(corners, 2**levels))
 
 
-@kernel
+@array_kernel
 def _z_order(cells: Ints) -> Ints:
     """Return the number along the Z curve of cells (m, 3)."""
     result = np.zeros(len(cells), dtype=np.int64)
@@ -155,7 +155,7 @@ def _z_order(cells: Ints) -> Ints:
     return result
 
 
-@kernel
+@array_kernel
 def _boxes(corners: Floats, n_leaves: int) -> Floats:
     boxes = np.empty((2 * n_leaves - 1, 6))
     n = len(corners)
@@ -203,15 +203,30 @@ def _foot(corners: Floats, query: Floats, foot: Floats) -> float:
     return length
 
 
-@kernel
 def _nearest(corners: Floats, boxes: Floats, queries: Floats) -> tuple[Ints, Floats, Floats, Ints]:
     """Return the nearest triangle (its place in the order), the point on it, its distance and region."""
-    n, n_leaves = len(corners), (len(boxes) + 1) // 2
     places = np.zeros(len(queries), dtype=np.int64)
     regions = np.zeros(len(queries), dtype=np.int64)
     closest, distances = np.zeros((len(queries), 3)), np.zeros(len(queries))
-    stack = np.empty(64, dtype=np.int64)
-    near = np.empty(64)
+    stack, near = np.empty(64, dtype=np.int64), np.empty(64)
+    _search(corners, boxes, queries, places, closest, distances, regions, stack, near)
+    return places, closest, distances, regions
+
+
+@kernel
+def _search(
+    corners: Floats,
+    boxes: Floats,
+    queries: Floats,
+    places: Ints,
+    closest: Floats,
+    distances: Floats,
+    regions: Ints,
+    stack: Ints,
+    near: Floats,
+) -> None:
+    """Write what :func:`_nearest` returns; the last two are working memory, as deep as the tree."""
+    n, n_leaves = len(corners), (len(boxes) + 1) // 2
     place = 0  # the last query's answer is a good guess: neighbours follow each other along a fibre
     for q in range(len(queries)):
         x, y, z = queries[q, 0], queries[q, 1], queries[q, 2]
@@ -248,4 +263,3 @@ def _nearest(corners: Floats, boxes: Floats, queries: Floats) -> tuple[Ints, Flo
         closest[q, 0], closest[q, 1], closest[q, 2] = cx, cy, cz
         if region == FACE:
             distances[q] = _foot(corners[place], queries[q], closest[q])
-    return places, closest, distances, regions

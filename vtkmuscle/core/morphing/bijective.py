@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.bins import extremes, sorted_into_bins, stable_order
 from vtkmuscle.core.morphing.triangulation import triangulate
 from vtkmuscle.core.types import Floats, Ints
@@ -28,7 +28,7 @@ CLEARANCE = 0.4
 WEIGHTS = (1e-6, 1e6)
 
 
-@kernel
+@array_kernel
 def from_rectangle(contour: Floats, image: Floats, points: Floats) -> tuple[Floats, bool]:
     """Return the places in a section that a harmonic map takes to points of a convex region.
 
@@ -68,7 +68,7 @@ def from_rectangle(contour: Floats, image: Floats, points: Floats) -> tuple[Floa
     return _interpolated(images, triangles, values, points), True
 
 
-@kernel
+@array_kernel
 def _lattice(polygon: Floats) -> Floats:
     """Return points of a triangular lattice in a polygon, with a clearance from its edges."""
     n = len(polygon)
@@ -122,7 +122,7 @@ def _lattice(polygon: Floats) -> Floats:
     return result[:found]
 
 
-@kernel
+@array_kernel
 def _edge_weights(nodes: Floats, triangles: Ints, neighbours: Ints) -> tuple[Ints, Floats]:
     """Return the edges of a triangulation and (cot a + cot b) / 2 for each, bounded to be positive."""
     edges = np.empty((3 * len(triangles), 2), dtype=np.int64)
@@ -155,7 +155,7 @@ def _cotangent(nodes: Floats, a: int, b: int, c: int) -> float:
     return float(cosine / max(sine, 1e-9 * abs(cosine) + 1e-300))
 
 
-@kernel
+@array_kernel
 def _harmonic(nodes: Floats, edges: Ints, weights: Floats, known: Floats) -> Floats:
     """Return the values at all nodes, those of the first len(known) given, by Cholesky's factors.
 
@@ -201,7 +201,7 @@ def _harmonic(nodes: Floats, edges: Ints, weights: Floats, known: Floats) -> Flo
     return result
 
 
-@kernel
+@array_kernel
 def _system(
     places: Ints, weights: Floats, edges: Ints, known: Floats, n_free: int
 ) -> tuple[Ints, Ints, Floats, Floats]:
@@ -236,7 +236,7 @@ def _system(
     return first, diagonal, entries, values
 
 
-@kernel
+@array_kernel
 def _factorised(entries: Floats, diagonal: Ints, first: Ints) -> None:
     """Replace the lower half of a positive definite matrix by its factor L, column by column."""
     n = len(diagonal)
@@ -264,7 +264,7 @@ def _factorised(entries: Floats, diagonal: Ints, first: Ints) -> None:
                     entries[start + k] -= factor * factors[k]
 
 
-@kernel
+@array_kernel
 def _interpolated(nodes: Floats, triangles: Ints, values: Floats, points: Floats) -> Floats:
     """Return values at points of a triangulated convex region, linear on each triangle.
 

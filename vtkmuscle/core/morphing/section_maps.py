@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.morphing.bijective import from_rectangle
 from vtkmuscle.core.morphing.correspondence import (
     N_PLACES,
@@ -77,7 +77,7 @@ def map_section(loop: Floats, target: Floats, sides: Floats, points: Floats, *, 
     return Section(mean_value_map(rectangle, ring, points), error, False)
 
 
-@kernel
+@array_kernel
 def _matched(loop: Floats, target: Floats, width: float, depth: float) -> tuple[Floats, Floats, float]:
     """Return the refined loop, the point of the rectangle for each of its vertices, and the split's error."""
     ring = cornered_loop(refined_loop(loop, N_PLACES), target, width, depth)
@@ -87,7 +87,7 @@ def _matched(loop: Floats, target: Floats, width: float, depth: float) -> tuple[
     return ring, rectangle, np.sqrt(error) / (2.0 * (width + depth))
 
 
-@kernel
+@array_kernel
 def mean_value_map(polygon: Floats, images: Floats, points: Floats) -> Floats:
     """Return sum_i w_i(p) q_i, the mean value coordinates w_i of points applied to the polygon's images.
 

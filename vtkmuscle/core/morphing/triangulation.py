@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.bins import extremes, sorted_into_bins
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -21,7 +21,7 @@ FLAT = 1e-14
 MOST_FLIPS = 100
 
 
-@kernel
+@array_kernel
 def triangulate(polygon: Floats, inner: Floats) -> tuple[Floats, Ints, Ints]:
     """Return the constrained Delaunay triangulation of a polygon and of points in it.
 
@@ -125,7 +125,7 @@ def _product(points: Floats, a: int, b: int, c: int) -> float:
     return float(x + (points[a, 1] - points[c, 1]) * (points[b, 1] - points[c, 1]))
 
 
-@kernel
+@array_kernel
 def _clip_ears(polygon: Floats, flat: float, corners: Ints, across: Ints) -> bool:
     """Triangulate a polygon by clipping ears; return False where there is none though corners are left."""
     n = len(polygon)
@@ -194,7 +194,7 @@ def _corners_left(after: Ints, corners: Ints) -> int:
     return n
 
 
-@kernel
+@array_kernel
 def _sorted_into_cells(polygon: Floats) -> tuple[Floats, Floats, int, Ints, Ints]:
     """Return a grid's lowest corner, cells' size and number along a side, and the vertices cell by cell."""
     n = len(polygon)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel, reduction
+from vtkmuscle.core.jit import array_kernel, reduction
 from vtkmuscle.core.types import Bools, Floats
 
 #: An accelerated step is taken back where its residual exceeds that of the step before so many times.
@@ -242,7 +242,7 @@ def _add_step(
             dots[1, j] += b
 
 
-@kernel
+@array_kernel
 def _least_squares(products: Floats, dots: Floats) -> Floats:
     """Return the weights w with products w = dots, by elimination; not finite where there are none.
 

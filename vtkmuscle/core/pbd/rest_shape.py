@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel, vector_kernel
+from vtkmuscle.core.jit import array_kernel, vector_kernel
 from vtkmuscle.core.mesh.surface import check_volume, edge_lengths, signed_volume
 from vtkmuscle.core.mesh.topology import MeshTopology
 from vtkmuscle.core.pbd.constraints import hinge, volume_and_gradient
@@ -181,11 +181,16 @@ def dihedral_angles(points: Floats, quads: Ints) -> tuple[Floats, Bools]:
     return np.where(angles == -np.pi, np.pi, angles), defined
 
 
-@vector_kernel
-def _cosines_and_sines(p: Floats, quads: Ints) -> tuple[Floats, Floats, Bools]:
+def _cosines_and_sines(points: Floats, quads: Ints) -> tuple[Floats, Floats, Bools]:
     """Return cosines and sines of the angles of quadruples (q, 4), 1 and 0 where one is not defined."""
-    cosines, sines = np.empty(len(quads)), np.empty(len(quads))
-    defined = np.empty(len(quads), dtype=np.bool_)
+    cosines, sines = np.ones(len(quads)), np.zeros(len(quads))
+    defined = np.zeros(len(quads), dtype=np.bool_)
+    _hinges(points, quads, cosines, sines, defined)
+    return cosines, sines, defined
+
+
+@vector_kernel
+def _hinges(p: Floats, quads: Ints, cosines: Floats, sines: Floats, defined: Bools) -> None:
     for q in range(len(quads)):
         i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
         found = hinge(
@@ -193,14 +198,12 @@ def _cosines_and_sines(p: Floats, quads: Ints) -> tuple[Floats, Floats, Bools]:
             p[k, 0], p[k, 1], p[k, 2], p[m, 0], p[m, 1], p[m, 2],
         )  # fmt: skip
         proper, sine, cosine = found[0], found[1], found[2]
-        cosines[q], sines[q], defined[q] = 1.0, 0.0, False
         if proper:
             size = math.sqrt(sine * sine + cosine * cosine)
             cosines[q], sines[q], defined[q] = cosine / size, sine / size, True
-    return cosines, sines, defined
 
 
-@kernel
+@array_kernel
 def _stretches(p: Floats, edges: Ints, lengths: Floats) -> Floats:
     """Return the lengths of edges (k, 2), each divided by its length at rest."""
     stretch = np.empty(len(edges))

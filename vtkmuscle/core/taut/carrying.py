@@ -110,14 +110,15 @@ class Carrier:
         turns = _turns(paths, state.transforms)
         frames = np.empty((len(taut), 3, 3))
         near = self._companions, self._shares
+        work = np.empty((11, 3))
         least = (LEAST_APART * self._width) ** 2
-        _frames(taut_rest, taut, *near, turns, least, self._tangents, stretch, THINNING, frames)
+        _frames(taut_rest, taut, *near, turns, least, self._tangents, stretch, THINNING, frames, work)
         places = np.empty_like(taut)
-        _keep_among(
-            self._rest, taut_rest, taut, frames, bundle.beside, bundle.parts, self._width, _ROUNDS, places
-        )
+        beside, parts = bundle.beside, bundle.parts
+        said = np.empty((4, beside.shape[1]))
+        _keep_among(self._rest, taut_rest, taut, frames, beside, parts, self._width, _ROUNDS, places, said)
         stretch = bundle.mean(stretch)
-        _frames(self._rest, places, *near, turns, least, self._tangents, stretch, THINNING, frames)
+        _frames(self._rest, places, *near, turns, least, self._tangents, stretch, THINNING, frames, work)
         return Carried(self._rest, places, frames, state.transforms, self._surface)
 
 
@@ -212,16 +213,17 @@ def _frames(
     stretch: Floats,
     thinning: float,
     frames: Floats,
+    work: Floats,
 ) -> None:
     """Write how the muscle turns and stretches at each point: F = R (g I + (l - g) t t^T).
 
     R is the rotation that takes a point's companions from before to after best, in the least squares sense
     (Arun, Huang, Blostein 1987, doi:10.1109/TPAMI.1987.4767965), and a little the bones' turn: of companions
-    in one place, their variance below ``least`` [mm^2], that decides.
+    in one place, their variance below ``least`` [mm^2], that decides. work : (11, 3) working memory.
     """
-    r, work, a, b = np.empty((3, 3)), np.empty((6, 3)), np.empty(3), np.empty(3)
+    r, a, b = work[6:9], work[9], work[10]
     for i in range(len(before)):
-        a[:], b[:], r[:] = 0.0, 0.0, 0.0
+        a[:], b[:], r[:, :] = 0.0, 0.0, 0.0
         for j in range(companions.shape[1]):
             k, w = companions[i, j], shares[i, j]
             for q in range(3):
@@ -237,7 +239,7 @@ def _frames(
         for q in range(3):
             for s in range(3):
                 r[q, s] += FROM_BONES * size * turns[i, q, s]
-        nearest_rotation(r, work)
+        nearest_rotation(r, work[:6])
         along, across = stretch[i], stretch[i] ** (-0.5 * thinning)
         for q in range(3):
             turned = r[q, 0] * tangents[i, 0] + r[q, 1] * tangents[i, 1] + r[q, 2] * tangents[i, 2]
@@ -256,29 +258,31 @@ def _keep_among(
     width: float,
     rounds: int,
     places: Floats,
+    work: Floats,
 ) -> None:
     """Write the mean of where the strings beside a point say that it is; those far off count the less.
 
     Weights 1 / (1 + d^2 / width^2)^2 by the distance d from the mean, taken anew in each round (iteratively
     reweighted least squares; Holland, Welsch 1977, doi:10.1080/03610927708827533).
+    work : (4, k) working memory for k strings beside a point.
     """
     count = beside.shape[1]
-    said, w = np.empty((count, 3)), np.empty(count)
+    said, w = work[:3], work[3]
     for i in range(len(rest)):
         for j in range(count):
             g, w[j] = beside[i, j], parts[i, j]
             f = frames[g]
             x, y, z = rest[i, 0] - taut_rest[g, 0], rest[i, 1] - taut_rest[g, 1], rest[i, 2] - taut_rest[g, 2]
             for q in range(3):
-                said[j, q] = taut[g, q] + f[q, 0] * x + f[q, 1] * y + f[q, 2] * z
+                said[q, j] = taut[g, q] + f[q, 0] * x + f[q, 1] * y + f[q, 2] * z
         for _ in range(rounds):
             total, x, y, z = 0.0, 0.0, 0.0, 0.0
             for j in range(count):
                 total += w[j]
-                x, y, z = x + w[j] * said[j, 0], y + w[j] * said[j, 1], z + w[j] * said[j, 2]
+                x, y, z = x + w[j] * said[0, j], y + w[j] * said[1, j], z + w[j] * said[2, j]
             x, y, z = x / total, y / total, z / total
             for j in range(count):
-                off2 = (said[j, 0] - x) ** 2 + (said[j, 1] - y) ** 2 + (said[j, 2] - z) ** 2
+                off2 = (said[0, j] - x) ** 2 + (said[1, j] - y) ** 2 + (said[2, j] - z) ** 2
                 w[j] = parts[i, j] / (1.0 + off2 / (width * width)) ** 2
         places[i, 0], places[i, 1], places[i, 2] = x, y, z
 

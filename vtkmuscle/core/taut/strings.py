@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.taut.bedding import Bedding, bed
 from vtkmuscle.core.taut.bone_fields import FAR, field_at, slope_at
 from vtkmuscle.core.taut.places import apply, nearest_segment, turn_back, value_along
 from vtkmuscle.core.taut.ring_contact import Rings, hold_in_ring, let_go
 from vtkmuscle.core.taut.springs import PUSH, add_spring, solve
-from vtkmuscle.core.types import Bools, Floats, Ints, Table
+from vtkmuscle.core.taut.string_arrays import Fields, Memory, Tissue, Work
+from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Stiffness of the guide that keeps a point on its track over a bone: that of the string's springs.
 #: With 100, strings of a real muscle over an edge stay on their tracks in zigzags, and leave them in jumps.
@@ -30,71 +29,8 @@ SURE = 0.5
 LARGEST_BEND = 0.5
 
 
-class Fields(NamedTuple):
-    """Distances from the bones, as of :class:`~vtkmuscle.core.taut.bone_fields.BoneFields`.
-
-    Attributes
-    ----------
-    to_axes : (b, 4, 4) array
-        From the scene at rest to the axes of each bone's field.
-    layout : (b, 8) array
-    table : (t,) int32 array
-    values : (v, 9, 9, 9) array
-    """
-
-    to_axes: Floats
-    layout: Floats
-    table: Table
-    values: Floats
-
-
-class Tissue(NamedTuple):
-    """What lies between fibres and bones at rest.
-
-    Attributes
-    ----------
-    track : (f, n, 3) array
-        The fibres at rest [mm].
-    thickness : (b, f, n) array
-        Of the tissue between each point of a track and each bone [mm].
-    within : (b, f) array
-        How near a string comes to a bone before anything is asked of it [mm]; -inf where nothing ever is.
-    guide : (b, f, n) array
-        How firmly a string is kept on its track at each point of it: 0 for not at all, 1 for :data:`HOLD`.
-    aside : (b, f, n, 3) array
-        Unit direction aside of the track over the bone.
-    guided : (b, f) bool array
-        Where any ``guide`` is more than 0.
-    hold : float
-        How far off the tissue below a string is from the bone when the guide lets go [mm].
-    """
-
-    track: Floats
-    thickness: Floats
-    within: Floats
-    guide: Floats
-    aside: Floats
-    guided: Bools
-    hold: float
-
-
-class Memory(NamedTuple):
-    """What is known of strings' points from the pose before; it saves iterations.
-
-    Attributes
-    ----------
-    place : (b, f, n) int array
-        Segment of the track over each bone that a point is nearest to.
-    pushed : (b, f, n) bool array
-        Which bones push which points.
-    """
-
-    place: Ints
-    pushed: Bools
-
-
-@kernel
-def pull_taut(  # noqa: PLR0912, PLR0915 - one loop, whose parts share all that they know
+@array_kernel
+def pull_taut(
     x: Floats,
     to_rest: Floats,
     fields: Fields,
@@ -153,84 +89,148 @@ def pull_taut(  # noqa: PLR0912, PLR0915 - one loop, whose parts share all that 
         How many blocks are missing, at most m. Strings that came to one stay unfinished: fill these and call
         again.
     """
-    n_bones, n = len(to_rest), x.shape[1]
-    gap, away = np.empty((n_bones, n)), np.empty((n_bones, n))
-    normal, pressure = np.zeros((n_bones, n, 3)), np.zeros((n_bones, n))
-    used = np.zeros((n_bones, n), dtype=np.bool_)
-    matrices, right, y = np.empty((n, 6)), np.empty((n, 3)), np.zeros((n, 3))
-    held = np.zeros((len(rings.frames), 5))
-    work, last = np.empty((4, 3)), np.empty((n, 3))
-    n_missing = 0
+    b, n = len(to_rest), x.shape[1]
+    work = Work(
+        np.empty((b, n)),
+        np.empty((b, n)),
+        np.zeros((b, n, 3)),
+        np.empty((b, n)),
+        np.zeros((b, n), dtype=np.bool_),
+        np.empty((n, 6)),
+        np.empty((n, 3)),
+        np.zeros((n, 3)),
+        np.empty((n, 3)),
+        np.empty((len(rings.frames), 5)),
+        np.empty((4, 3)),
+    )
+    found = 0
     for f in range(len(x)):
-        if not unfinished[f]:
-            continue
-        p = x[f]
-        gap[:], away[:], pressure[:], held[:] = np.inf, 0.0, 0.0, 0.0
-        pace, most, lacking, rests = 1.0, 1.0, False, False
-        last[:] = 0.0
-        for count in range(iterations):
-            done[f] = count + 1
-            for i in range(1, n - 1):
-                a, r = matrices[i], right[i]
-                a[0], a[1], a[2], a[3], a[4], a[5] = 2.0, 0.0, 0.0, 2.0, 0.0, 2.0
-                r[:] = 0.0
-                for k in range(n_bones):
-                    used[k, i] = False
-                    if tissue.within[k, f] == -np.inf or away[k, i] > 0.0:
-                        continue
-                    lack = _push(
-                        k, f, i, p[i], to_rest, fields, tissue, memory, gap, away, normal, used, a, r, work
-                    )
-                    if lack >= 0:
-                        lacking = True
-                        if n_missing < len(missing):
-                            missing[n_missing] = lack
-                            n_missing += 1
-                    if used[k, i]:
-                        _bend(p, normal[k], pressure[k], i, a, r, work[0])
-            if lacking:
-                break
-            for k in range(n_bones):
-                if bedding.bedded[k, f]:
-                    bed(p, f, k, to_rest[k], bedding, matrices, right, work)
-            for ring in range(len(rings.frames)):
-                hold_in_ring(rings, ring, f, p, held[ring], matrices, right)
-            solve(p, matrices, right, y)
-            for ring in range(len(rings.frames)):
-                let_go(held[ring], y)
-            wanted, onward = 0.0, 0.0
-            for i in range(1, n - 1):
-                dx, dy, dz = y[i, 0] - p[i, 0], y[i, 1] - p[i, 1], y[i, 2] - p[i, 2]
-                room = np.inf
-                for k in range(n_bones):
-                    gone = gap[k, i]
-                    if used[k, i]:
-                        gone += normal[k, i, 0] * dx + normal[k, i, 1] * dy + normal[k, i, 2] * dz
-                        room = 0.0
-                    elif tissue.within[k, f] != -np.inf:
-                        room = min(room, max(gap[k, i], 0.0))
-                    memory.pushed[k, f, i] = used[k, i] and gone < 0.0
-                    pressure[k, i] = max(-PUSH * gone, 0.0) if used[k, i] else 0.0
-                length = np.sqrt(dx * dx + dy * dy + dz * dz)
-                part = min(1.0, (stride + room) / length) if length > 0.0 else 1.0
-                wanted = max(wanted, part * length)
-                onward += part * (dx * last[i, 0] + dy * last[i, 1] + dz * last[i, 2])
-                last[i, 0], last[i, 1], last[i, 2] = part * dx, part * dy, part * dz
-                part *= pace
-                p[i, 0], p[i, 1], p[i, 2] = p[i, 0] + part * dx, p[i, 1] + part * dy, p[i, 2] + part * dz
-                for k in range(n_bones):
-                    away[k, i] -= part * length
-                    gap[k, i] -= part * length
-            if pace * wanted <= tolerance:
-                rests = True
-                break
-            if onward < 0.0:
-                most *= CALMER
-            pace = min(most, SLOWER * pace if onward < 0.0 else FASTER * pace)
-        if not (lacking or rests):
-            done[f] = iterations + 1
-        unfinished[f] = lacking
-    return n_missing
+        if unfinished[f]:
+            known = found
+            done[f], found = _pull(
+                f, x[f], to_rest, fields, tissue, bedding, rings, memory, stride, tolerance, iterations,
+                missing, found, work,
+            )  # fmt: skip
+            unfinished[f] = found > known
+    return min(found, len(missing))
+
+
+@kernel
+def _pull(
+    f: int,
+    p: Floats,
+    to_rest: Floats,
+    fields: Fields,
+    tissue: Tissue,
+    bedding: Bedding,
+    rings: Rings,
+    memory: Memory,
+    stride: float,
+    tolerance: float,
+    iterations: int,
+    missing: Ints,
+    found: int,
+    work: Work,
+) -> tuple[int, int]:
+    """Pull string f, whose points are p; return its ``done`` and how many blocks are known to be missing."""
+    work.gap[:], work.away[:], work.pressure[:], work.held[:], work.last[:] = np.inf, 0.0, 0.0, 0.0, 0.0
+    pace, most = 1.0, 1.0
+    for count in range(iterations):
+        known = found
+        found = _set_up(f, p, to_rest, fields, tissue, bedding, rings, memory, missing, found, work)
+        if found > known:
+            return count + 1, found
+        solve(p, work.matrices, work.right, work.solved)
+        for ring in range(len(rings.frames)):
+            let_go(work.held[ring], work.solved)
+        farthest, onward = _go_on(f, p, tissue, memory, stride, pace, work)
+        if pace * farthest <= tolerance:
+            return count + 1, found
+        if onward < 0.0:
+            most *= CALMER
+        pace = min(most, SLOWER * pace if onward < 0.0 else FASTER * pace)
+    return iterations + 1, found
+
+
+@kernel
+def _set_up(
+    f: int,
+    p: Floats,
+    to_rest: Floats,
+    fields: Fields,
+    tissue: Tissue,
+    bedding: Bedding,
+    rings: Rings,
+    memory: Memory,
+    missing: Ints,
+    found: int,
+    work: Work,
+) -> int:
+    """Write the equations of an iteration; return how many missing blocks are known."""
+    known = found
+    for i in range(1, len(p) - 1):
+        a, r = work.matrices[i], work.right[i]
+        a[0], a[1], a[2], a[3], a[4], a[5] = 2.0, 0.0, 0.0, 2.0, 0.0, 2.0
+        r[0], r[1], r[2] = 0.0, 0.0, 0.0
+        for k in range(len(to_rest)):
+            work.used[k, i] = False
+            if tissue.within[k, f] == -np.inf or work.away[k, i] > 0.0:
+                continue
+            lack = _push(k, f, i, p[i], to_rest, fields, tissue, memory, work)
+            if lack >= 0:
+                if found < len(missing):
+                    missing[found] = lack
+                found += 1
+            if work.used[k, i]:
+                _bend(p, work.normal[k], work.pressure[k], i, a, r, work.vectors[0])
+    if found > known:
+        return found
+    for k in range(len(to_rest)):
+        if bedding.bedded[k, f]:
+            bed(p, f, k, to_rest[k], bedding, work.matrices, work.right, work.vectors)
+    for ring in range(len(rings.frames)):
+        hold_in_ring(rings, ring, f, p, work.held[ring], work.matrices, work.right)
+    return found
+
+
+@kernel
+def _go_on(
+    f: int, p: Floats, tissue: Tissue, memory: Memory, stride: float, pace: float, work: Work
+) -> tuple[float, float]:
+    """Move points towards where the equations have them, as far as is safe, and note which bones push.
+
+    Returns
+    -------
+    farthest : float
+        How far a point would go at full pace, at most [mm].
+    onward : float
+        How much the points go on as they went before; negative where they turn back.
+    """
+    farthest, onward = 0.0, 0.0
+    gap, last, normal = work.gap, work.last, work.normal
+    for i in range(1, len(p) - 1):
+        dx, dy, dz = work.solved[i, 0] - p[i, 0], work.solved[i, 1] - p[i, 1], work.solved[i, 2] - p[i, 2]
+        room = np.inf
+        for k in range(len(gap)):
+            gone, used = gap[k, i], work.used[k, i]
+            if used:
+                gone += normal[k, i, 0] * dx + normal[k, i, 1] * dy + normal[k, i, 2] * dz
+                room = 0.0
+            elif tissue.within[k, f] != -np.inf:
+                room = min(room, max(gap[k, i], 0.0))
+            memory.pushed[k, f, i] = used and gone < 0.0
+            work.pressure[k, i] = max(-PUSH * gone, 0.0) if used else 0.0
+        length = np.sqrt(dx * dx + dy * dy + dz * dz)
+        part = min(1.0, (stride + room) / length) if length > 0.0 else 1.0
+        farthest = max(farthest, part * length)
+        onward += part * (dx * last[i, 0] + dy * last[i, 1] + dz * last[i, 2])
+        last[i, 0], last[i, 1], last[i, 2] = part * dx, part * dy, part * dz
+        part *= pace
+        p[i, 0], p[i, 1], p[i, 2] = p[i, 0] + part * dx, p[i, 1] + part * dy, p[i, 2] + part * dz
+        for k in range(len(gap)):
+            work.away[k, i] -= part * length
+            gap[k, i] -= part * length
+    return farthest, onward
 
 
 @kernel
@@ -243,16 +243,11 @@ def _push(
     fields: Fields,
     tissue: Tissue,
     memory: Memory,
-    gap: Floats,
-    away: Floats,
-    normal: Floats,
-    used: Bools,
-    matrix: Floats,
-    right: Floats,
-    work: Floats,
+    work: Work,
 ) -> int:
     """Add what bone k does to point i of string f, which is ``at``; return a block that is missing, or -1."""
-    u, v, slope, side = work
+    u, v, slope, side = work.vectors[0], work.vectors[1], work.vectors[2], work.vectors[3]
+    gap, away, matrix, right = work.gap, work.away, work.matrices[i], work.right[i]
     apply(to_rest[k], at, u)
     apply(fields.to_axes[k], u, v)
     layout = fields.layout[k]
@@ -275,11 +270,11 @@ def _push(
         lack = slope_at(layout, fields.table, fields.values, v[0], v[1], v[2], slope)
         if lack >= 0:
             return lack
-        used[k, i] = True
+        work.used[k, i] = True
         m = fields.to_axes[k]
         for q in range(3):
             side[q] = m[0, q] * slope[0] + m[1, q] * slope[1] + m[2, q] * slope[2] - rise * (q1[q] - q0[q])
-        n = normal[k, i]
+        n = work.normal[k, i]
         turn_back(to_rest[k], side, n)
         add_spring(n, PUSH, n[0] * at[0] + n[1] * at[1] + n[2] * at[2] - gap[k, i], matrix, right)
     else:
