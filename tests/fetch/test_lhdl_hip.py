@@ -13,7 +13,6 @@ from vtkmuscle import InputError, Scene
 from vtkmuscle.data.arrays import cell_array, points_of, surface_from, triangles_of
 from vtkmuscle.fetch import DATA_SETS, fetch
 from vtkmuscle.io import read_surface
-from vtkmuscle.io.msf import read_landmark_clouds
 
 LANDMARK = (
     '<Node Id="{i}" Name="{i}" Type="albaVMELandmark"><MatrixVector NumberOfItems="1"><Matrix TimeStamp="0">'
@@ -132,12 +131,3 @@ def test_files_are_pinned():
         assert all(re.fullmatch("[0-9a-f]{40}", one.commit) for one in data.files)
         assert all(re.fullmatch("([0-9a-f]{64})?", one.sha256) for one in data.files)
         assert len({one.name for one in data.files}) == len(data.files)
-
-
-def test_landmarks_stand_in_the_frame_of_the_root(tmp_path):
-    path = tmp_path / "clouds.nms"
-    moved = "<MatrixVector><Matrix>1 0 0 10 0 1 0 0 0 0 1 0 0 0 0 1</Matrix></MatrixVector>"
-    moved += "</Node></Children></Root>"
-    text = tree_of({"A": [(1, 2, 3), (4, 5, 6)]}).decode().replace("</Node></Children></Root>", moved)
-    path.write_text(text)
-    np.testing.assert_array_equal(read_landmark_clouds(path)["A"], [(11, 2, 3), (14, 5, 6)])

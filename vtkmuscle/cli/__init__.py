@@ -74,6 +74,9 @@ def run(
     Without --out it writes to NAME_out, in the folder you are in.
     """
     with one_clear_error(None):
+        from vtkmuscle.core.compile_ahead import compile_ahead
+
+        compile_ahead()
         from vtkmuscle.scenes import Scene
 
         loaded = Scene.load(scene)
@@ -93,6 +96,9 @@ def demo(
     """
     folder = out or Path("vtkmuscle_demo")
     with one_clear_error(folder):
+        from vtkmuscle.core.compile_ahead import compile_ahead
+
+        compile_ahead()
         from vtkmuscle import phantoms
         from vtkmuscle.run.unchanged import save_unless_changed
         from vtkmuscle.scenes import Scene
@@ -108,7 +114,9 @@ def demo(
 def info(
     files: Annotated[
         list[Path],
-        typer.Argument(help="Meshes, landmarks, OpenSim models or motions, or folders of results."),
+        typer.Argument(
+            help="Meshes, landmarks, OpenSim models or motions, MAF trees, or folders of results."
+        ),
     ],
     draw: Annotated[
         Path | None,
@@ -118,8 +126,8 @@ def info(
     """Describe meshes: size, whether closed and manifold, pieces, volume, and the likely unit.
 
     For landmarks, say how many, whether they are a ring, and in which frame; for an OpenSim model, list its
-    bodies, joints, coordinates and muscles; for a motion, its columns; for a folder of results, the frames
-    that are there.
+    bodies, joints, coordinates and muscles; for a motion, its columns; for a tree of MAF or ALBA (.msf), its
+    surfaces and landmarks; for a folder of results, the frames that are there.
     """
     with one_clear_error(None):
         from vtkmuscle.cli.facts import facts_of

@@ -19,7 +19,7 @@ from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from
 from vtkmuscle.fetch.datasets import AGAIN, DataSet, RemoteFile, SurfaceFigures
 from vtkmuscle.io import read_surface, write_polydata, write_text
-from vtkmuscle.io.msf import read_landmark_clouds
+from vtkmuscle.io.msf import landmarks_of, read_msf
 
 _LICENCE = """\
 LHDL right hip: bones, muscles and landmarks of the Living Human Digital Library
@@ -144,13 +144,14 @@ def _attachments(muscle: str, clouds: Mapping[str, Floats], folder: Path) -> Any
 
 def _checked_clouds(tree: Path) -> dict[str, Floats]:
     """Return the clouds that are used; raise an InputError where one is another one."""
-    found = read_landmark_clouds(tree)
+    found = landmarks_of(read_msf(tree))
     clouds = {}
     for name, (count, middle) in _CLOUDS.items():
-        points = found.get(f"LC_SET_{name}")
-        if points is None or len(points) != count:
-            has = "is not there" if points is None else f"has {len(points)} landmarks, not {count}"
+        cloud = found.get(f"LC_SET_{name}")
+        if cloud is None or len(cloud) != count:
+            has = "is not there" if cloud is None else f"has {len(cloud)} landmarks, not {count}"
             raise InputError(tree.name, f"the cloud LC_SET_{name} {has}", AGAIN)
+        points = np.array(list(cloud.values()))
         if np.abs(points.mean(axis=0) - middle).max() > _CENTRE_TOLERANCE:
             problem = (
                 f"the middle of LC_SET_{name} is {points.mean(axis=0).round(2).tolist()}, not {list(middle)}"
