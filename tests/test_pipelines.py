@@ -164,3 +164,27 @@ def test_the_pipeline_of_a_scene_has_the_scenes_settings(scene):
     assert pipeline.deformer.iterations == scene.solver["iterations"]
     run = scene.run(frames="0:3", figures=False)
     np.testing.assert_array_equal(lengths(pipeline.metrics, run.times[2]), run.lengths["spindle"][2])
+
+
+@pytest.mark.filterwarnings("ignore:SliceMorpher. the muscle is bent too much")
+@pytest.mark.parametrize("published", ["kohout2012", "kohout2014"])
+def test_published_fibres_run_from_area_to_area_of_any_muscle(hip, published):
+    from vtkmuscle.data.arrays import polylines_of
+    from vtkmuscle.pipelines import decompose
+
+    for name, muscle in hip.muscles.items():
+        chain = decompose(muscle, hip.attachments[name], published=published, n_fibres=12)
+        lines = polylines_of(chain.output, name)
+        assert len(lines) == 12
+        assert np.isfinite(lines.points).all()
+        assert (np.diff(lines.offsets) >= 3).all()
+
+
+def test_settings_beside_the_name_of_published_fibres_count_more(hip):
+    from vtkmuscle.pipelines import decompose
+
+    muscle, areas = hip.muscles["iliacus"], hip.attachments["iliacus"]
+    assert decompose(muscle, areas, published="kohout2014").spreading == 0.0
+    assert decompose(muscle, areas, published="kohout2014", spreading=1.0).spreading == 1.0
+    with pytest.raises(ValueError, match="no published fibres 'kohout2013'; did you mean"):
+        decompose(muscle, areas, published="kohout2013")

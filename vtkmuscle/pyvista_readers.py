@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pyvista
 
 from vtkmuscle.data.arrays import multiblock_from
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from
 from vtkmuscle.io.landmarks import read_landmarks
+from vtkmuscle.io.msf import landmarks_of, read_msf, surfaces_of
 from vtkmuscle.scenes import Scene
 
 
@@ -67,3 +69,31 @@ def read_landmark_file(path: str, **_: Any) -> Any:
     block = attachments_from([AttachmentArea("origin", "", points, closed)]).GetBlock(0)
     block.GetFieldData().Initialize()  # the file says neither role nor bone
     return pyvista.wrap(block)
+
+
+def read_tree_file(path: str, **_: Any) -> Any:
+    """Return the surfaces and the landmarks of a tree of MAF or ALBA, at the first time of each.
+
+    Parameters
+    ----------
+    path : str
+        A .msf or .nms file; see :mod:`vtkmuscle.io.msf`.
+
+    Returns
+    -------
+    pyvista.MultiBlock
+        The blocks ``surfaces``, a block per name, and ``landmarks``, a block of points per cloud, with their
+        names in the field array ``Names``; all in the frame of the tree.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be read.
+    """
+    root = read_msf(path)
+    clouds = {}
+    for name, points in landmarks_of(root).items():
+        clouds[name] = pyvista.PolyData(np.reshape(list(points.values()), (-1, 3)))
+        clouds[name].field_data["Names"] = np.array(list(points), dtype=str)
+    blocks = {"surfaces": multiblock_from(surfaces_of(root)), "landmarks": multiblock_from(clouds)}
+    return pyvista.wrap(multiblock_from(blocks))

@@ -16,6 +16,7 @@ from common import case_of, case_options
 EXPERIMENTS = (
     "kohout2021_fig3",
     "kohout2021_fig4_5",
+    "kohout2021_fig6",
     "kohout2021_fig7",
     "kohout2021_table1",
     "kohout2021_fig8",

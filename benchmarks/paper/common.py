@@ -28,7 +28,7 @@ from vtkmuscle.core.mesh.surface import edge_lengths
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.data.arrays import checked_surface, field_array, points_of
 from vtkmuscle.filters import FixedPointDetector
-from vtkmuscle.pipelines import MusclePipeline
+from vtkmuscle.pipelines import MusclePipeline, decompose
 from vtkmuscle.plotting import can_render, choose_view, make_plotter
 from vtkmuscle.plotting.views import View
 from vtkmuscle.run import muscle_pipeline
@@ -84,9 +84,11 @@ class Chain(MusclePipeline):
     def __init__(self, case: Case, name: str, surface: Any, fixing: dict[str, Any], solver: dict[str, Any]):
         bones, areas = case.scene.bones_data(), case.scene.attachments_data(name)
         fixed = FixedPointDetector(**fixing).apply(surface, bones, areas)
-        super().__init__(fixed, bones, case.motion, fibres=case.fibres(name), solver=solver)
-        if solver.get("quality") == AS_PUBLISHED["quality"]:
-            self.transport.weight_tolerance = 0.0  # published: it carries fibres with all weights (its eq. 8)
+        published = solver.get("quality") == AS_PUBLISHED["quality"]
+        fibres = case.fibres(name, published="kohout2014" if published else None)
+        super().__init__(fixed, bones, case.motion, fibres=fibres, solver=solver)
+        if published:
+            self.transport.weight_tolerance = 0.0  # it carries fibres with all weights (its eq. 8)
         self._times = case.motion.times
 
     def at(self, degrees: float) -> Any:
@@ -97,9 +99,12 @@ class Chain(MusclePipeline):
         """Return the fibres so many degrees from rest; they change with the next call."""
         return self.transport.update(time=float(self._times[round(degrees / STEP)])).output
 
-    def pose(self, degrees: float) -> tuple[Any, Any]:
-        """Return bones and muscle so many degrees from rest, to be kept."""
-        muscle = pv.wrap(self.at(degrees)).copy()
+    def pose(self, degrees: float) -> tuple[Any, Any] | None:
+        """Return bones and muscle so many degrees from rest, to be kept; None if it has left the numbers."""
+        try:
+            muscle = pv.wrap(self.at(degrees)).copy()
+        except ValueError:
+            return None
         return pv.wrap(self.deformer.GetInputDataObject(1, 0)).copy(), muscle
 
     def step_times(self, degrees: Sequence[float]) -> Floats:
@@ -107,13 +112,17 @@ class Chain(MusclePipeline):
 
         A step is all of Algorithm 2, bones and fibres with it. What is prepared once is left out: the first
         step is made before the clock runs. The clock is that of the processor, all threads together: other
-        work on the machine would count as ours otherwise, and the paper's code has one thread.
+        work on the machine would count as ours otherwise, and the paper's code has one thread. Steps end
+        where a muscle leaves the range of numbers.
         """
         self.fibres_at(degrees[0])
         taken = []
         for angle in degrees[1:]:
             before = time.process_time()
-            self.fibres_at(angle)
+            try:
+                self.fibres_at(angle)
+            except ValueError:
+                break
             taken.append(1e3 * (time.process_time() - before))
         return np.array(taken)
 
@@ -149,15 +158,22 @@ class Case:
         return "adductor_brevis" if "adductor_brevis" in self.scene.muscles else "gluteus_medius"
 
     @cached_property
-    def _fibres(self) -> dict[str, Any]:
+    def _fibres(self) -> dict[tuple[str, str | None], Any]:
         return {}
 
-    def fibres(self, name: str) -> Any:
-        """Return the fibres of a muscle at rest: 100 of 15 segments, as in the paper."""
-        if name not in self._fibres:
+    def fibres(self, name: str, *, published: str | None = None) -> Any:
+        """Return the fibres of a muscle at rest, 100 of 15 segments: the scene's, or those of a paper."""
+        key = name, published
+        if key not in self._fibres:
             fibres = muscle_pipeline(self.scene, name).fibres
-            self._fibres[name] = pv.wrap(fibres.update().output).copy()
-        return self._fibres[name]
+            if published is not None:
+                muscle, areas = self.scene.muscles[name].surface, self.scene.attachments_data(name)
+                count = 20 if self.short else 100
+                fibres = decompose(muscle, areas, published=published, n_fibres=count, resolution=15)
+            with warnings.catch_warnings():  # mean value maps warn of points outside
+                warnings.simplefilter("ignore")
+                self._fibres[key] = pv.wrap(fibres.update().output).copy()
+        return self._fibres[key]
 
     def chain(
         self,
@@ -220,12 +236,19 @@ def picture(bones: Any, muscles: Sequence[Any], view: View | None = None, **opti
     return np.asarray(pixels)
 
 
-def seen_alike(rows: Sequence[Sequence[tuple[str, tuple[Any, Any]]]]) -> list[list[tuple[str, Any]]]:
+def seen_alike(rows: Sequence[Sequence[tuple[str, tuple[Any, Any] | None]]]) -> list[list[tuple[str, Any]]]:
     """Return titled pictures of bones and muscles, all from where the last shows most."""
-    bones, muscle = rows[-1][-1][1]
+    last = rows[-1][-1][1]
+    assert last is not None
+    bones, muscle = last
     # The others may be anywhere: some settings throw points to where no picture would hold the rest.
     view = choose_view([muscle], [bones])
-    return [[(title, picture(pose[0], [pose[1]], view)) for title, pose in row] for row in rows]
+    blank = np.full((8, 8, 3), 255, dtype=np.uint8)
+    return [[(t, blank if p is None else picture(p[0], [p[1]], view)) for t, p in row] for row in rows]
+
+
+#: What is said of a muscle that is nowhere.
+LEFT = "left the range of numbers"
 
 
 def rms(a: Any, b: Any) -> float:

@@ -6,10 +6,11 @@ their mean, beside that of the points of the attachment patch: ends that meet in
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from common import Case, Floats, Table, main, picture
+from common import Case, Floats, Table, main, picture, quietly
 from scipy.spatial import cKDTree
 
 from vtkmuscle.data.arrays import multiblock_from, point_array, points_of, polylines_of
@@ -21,6 +22,8 @@ from vtkmuscle.filters import (
     SliceMorpher,
     TemplateFitter,
 )
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.pipelines.fibres import PUBLISHED_FIBRES
 
 NAME = "gluteus_medius"
 
@@ -28,6 +31,11 @@ NAME = "gluteus_medius"
 def spread(points: Floats) -> float:
     """Return the root mean square distance from the mean."""
     return float(np.sqrt(np.mean(np.sum((points - points.mean(axis=0)) ** 2, axis=1))))
+
+
+def own(kind: type[Filter], chosen: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those of some settings that a filter has."""
+    return {name: value for name, value in chosen.items() if name in kind.parameter_declarations}
 
 
 def tables(case: Case) -> list[Table]:
@@ -41,11 +49,16 @@ def tables(case: Case) -> list[Table]:
     )
     table = Table(f"Figs. 8 and 9: ends of the fibres, {NAME}", columns)
     muscle, areas = case.scene.muscles[NAME].surface, case.scene.attachments_data(NAME)
-    fitted = TemplateFitter()(FibreTemplateSource(n_fibres=100, resolution=19)(), muscle, areas)
-    morphed = SliceMorpher()(fitted, muscle, areas)
-    trimmed = FibreTrimmer()(morphed, muscle, areas)
-    stages = {"before (Fig. 8)": morphed, "trimmed (Fig. 9)": trimmed}
-    stages["smoothed"] = FibreSmoother()(trimmed, muscle)
+    template = FibreTemplateSource(n_fibres=100, resolution=19)()
+    stages = {}
+    for title, chosen in (("as published", PUBLISHED_FIBRES["kohout2012"]), ("defaults", {})):
+        fitted = TemplateFitter(**own(TemplateFitter, chosen))(template, muscle, areas)
+        morphed = quietly(SliceMorpher(**own(SliceMorpher, chosen)), fitted, muscle, areas)
+        trimmed = FibreTrimmer(**own(FibreTrimmer, chosen))(morphed, muscle, areas)
+        stages[f"{title}: before (Fig. 8)"] = morphed
+        stages[f"{title}: trimmed (Fig. 9)"] = trimmed
+        smoother = FibreSmoother(**own(FibreSmoother, chosen))
+        stages[f"{title}: smoothed"] = smoother(trimmed) if chosen else smoother(trimmed, muscle)
     marked = FixedPointDetector().apply(muscle, case.scene.bones_data(), areas)
     fixed, places = point_array(marked, "FixedTo", NAME), points_of(marked) * case.scene.millimetres
     for bone, end in enumerate(("origin", "insertion")):
@@ -54,7 +67,7 @@ def tables(case: Case) -> list[Table]:
         for stage, fibres in stages.items():
             ends = ends_of(fibres, end) * case.scene.millimetres
             far = tree.query(ends)[0]
-            published = "meet in a point" if stage.startswith("before") else "spread over the area"
+            published = "meet in a point" if "before" in stage else "spread over the area"
             ratio = spread(ends) / spread(patch)
             table.add(end, published, stage, f"{ratio:.2f}", f"{far.mean():.1f} / {far.max():.1f}")
     if case.draws:

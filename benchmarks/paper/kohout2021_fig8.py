@@ -6,7 +6,9 @@ neighbouring triangles (how crumpled the surface is), and how far anisotropy mov
 
 from __future__ import annotations
 
-from common import AS_PUBLISHED, FINE, Case, Table, main, rms, roughness, seen_alike, value
+from typing import Any
+
+from common import AS_PUBLISHED, FINE, LEFT, Case, Table, main, rms, roughness, seen_alike, value
 
 ITERATIONS = (1, 3, 5, 10, 100)
 FLEXION = 40.0
@@ -40,18 +42,24 @@ def tables(case: Case) -> list[Table]:
             rows.append(
                 [(f"{fixed}, anisotropy {anisotropy}, {n}", p) for n, p in zip(counts, poses, strict=True)]
             )
-        for count, (_, off), (_, on) in zip(counts, *kinds, strict=True):
-            edges = " / ".join(f"{value(m, 'EdgeStretchMax'):.1f}" for m in (off, on))
-            rough = " / ".join(f"{roughness(m):.1f}" for m in (off, on))
-            table.add(fixed, count, edges, rough, f"{rms(off, on) * case.scene.millimetres:.2f}")
+        for count, off, on in zip(counts, *kinds, strict=True):
+            edges = " / ".join(longest_edge(pose) for pose in (off, on))
+            rough = " / ".join(LEFT if pose is None else f"{roughness(pose[1]):.1f}" for pose in (off, on))
+            apart = "" if off is None or on is None else f"{rms(off[1], on[1]) * case.scene.millimetres:.3g}"
+            table.add(fixed, count, edges, rough, apart)
     ours = [case.chain(case.adductor, iterations=count).pose(flexion) for count in counts]
     rows.append([(f"defaults, {count}", pose) for count, pose in zip(counts, ours, strict=True)])
-    for count, (_, muscle) in zip(counts, ours, strict=True):
-        edge, rough = value(muscle, "EdgeStretchMax"), roughness(muscle)
-        table.add("attachment, defaults", count, f"{edge:.1f}", f"{rough:.1f}", "")
+    for count, pose in zip(counts, ours, strict=True):
+        assert pose is not None
+        table.add("attachment, defaults", count, longest_edge(pose), f"{roughness(pose[1]):.1f}", "")
     if case.draws:
         case.draw("kohout2021_fig8.png", seen_alike(rows))
     return [table]
+
+
+def longest_edge(pose: tuple[Any, Any] | None) -> str:
+    """Return the longest edge over its length at rest, as text."""
+    return LEFT if pose is None else f"{value(pose[1], 'EdgeStretchMax'):.3g}"
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.pbd import constraints
 
@@ -28,7 +28,7 @@ LEAST, MOST, FLAT = 0.1, 10.0, 1e-10
 FLOOR = 1e-4
 
 
-@kernel
+@array_kernel
 def _gradients(p, quad, q):
     """Write q of Müller et al. 2007, Appendix A, minus the gradients of cos (4, 3); return cos, or 2."""
     a = p[quad[0]]
@@ -47,7 +47,7 @@ def _gradients(p, quad, q):
     return d
 
 
-@kernel
+@array_kernel
 def _project_angles(p, w, quads, angles):
     """Project dihedral angles as the code does; return how many pairs were corrected."""
     q, corrected = np.empty((4, 3)), 0
@@ -68,6 +68,16 @@ def _project_angles(p, w, quads, angles):
 
 
 @kernel
+def _project_lengths(p, w, edges, lengths, powers):
+    """Project the lengths of edges one by one, by the masses of their ends."""
+    for e in range(len(edges)):
+        i, j = edges[e, 0], edges[e, 1]
+        (p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2]) = constraints.distance(
+            p[i, 0], p[i, 1], p[i, 2], w[i], p[j, 0], p[j, 1], p[j, 2], w[j], lengths[e], powers[e]
+        )
+
+
+@array_kernel
 def _angles(p, quads):
     """Return the angles at rest."""
     q, found = np.empty((4, 3)), np.empty(len(quads))
@@ -114,7 +124,7 @@ def run(
         for _ in range(iterations):
             v *= DAMPING
             p = x + v
-            constraints.sweep_distances(p, w, edges, lengths, powers)
+            _project_lengths(p, w, edges, lengths, powers)
             # Fixed points take their part of the volume's correction there, and are put back.
             constraints.project_volume(p, ones, triangles, volume, 0.0, 1.0, gradient)
             corrected += _project_angles(p, w, quads, angles)

@@ -240,6 +240,7 @@ def test_superficial_fibres_give_the_direction_whatever_fills_the_muscle(anisotr
         frame(made(point), 30.0)
 
 
+@pytest.mark.filterwarnings("ignore:.*by its own velocity, but it is 10 mm thick")
 @pytest.mark.parametrize("collision", ["sdf", "voxel"])
 def test_points_are_kept_out_of_a_bone_that_is_not_fixed_to_anything(collision):
     muscle = spindle()
@@ -252,15 +253,20 @@ def test_points_are_kept_out_of_a_bone_that_is_not_fixed_to_anything(collision):
         muscle, swing, collision=collision, bone_push="transform", prediction="inertial", iterations=10
     )
     passed = deformer_of(muscle, swing, collision="off", prediction="inertial", iterations=10)
-    depths = []
+    hits, depths = 0, []
     for deformer in (pushed, passed):
-        out = deformer.update(12.0).output
-        back = apply_transform(inverse(swing.at(12.0)["upper"]), points_of(out)[marks < 0]) - [0, 25, 30]
-        depths.append(float((np.array([5.0, 5.0, 20.0]) - np.abs(back)).min(axis=1).max()))
-    assert field_array(pushed.update(12.0).output, "CollidingPoints")[0] > 0
+        deepest = []
+        for time in range(13):
+            out = deformer.update(float(time)).output
+            hits += int(field_array(out, "CollidingPoints")[0]) if deformer is pushed else 0
+            moved = apply_transform(inverse(swing.at(float(time))["upper"]), points_of(out)[marks < 0])
+            deepest.append((np.array([5.0, 5.0, 20.0]) - np.abs(moved - [0, 25, 30])).min(axis=1).max())
+        depths.append(float(max(deepest)))
+    assert hits > 0
     assert depths[1] > 1.0
-    # The distances of a grid round the bone's edges, by a small part of its cells of 0.1 mm.
-    assert depths[0] <= (0.02 if collision == "sdf" else 0.0)
+    # The distances of a grid round the bone's edges, by a small part of its cells of 0.1 mm; voxels stop a
+    # point on a face, which is where single precision has put the bone.
+    assert depths[0] <= (0.02 if collision == "sdf" else 4e-6)
 
 
 def swinging(**parameters):

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import osim_texts as texts
 import pytest
+import test_io_msf as trees
 
-from vtkmuscle.io import read_landmarks, read_motion_file, read_osim
+from vtkmuscle.io import landmarks_of, read_landmarks, read_motion_file, read_msf, read_osim
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from mutations import mutated
@@ -36,6 +37,7 @@ KINDS = {
     "F.mrk.json": json.dumps(MARKUPS).encode(),
     "F.fcsv": FCSV.encode(),
     "F.nrrd": NRRD,
+    "hip.msf": trees.WHOLE.replace(trees.STATE, "").encode(),
 }
 
 
@@ -46,6 +48,13 @@ def use(path):
         sweep = {name: np.linspace(-1, 1, 5) for name in model.tree.free}
         lengths = [one.path.lengths(model.tree, sweep) for one in model.muscles.values()]
         return [*model.tree.poses(sweep).values(), *lengths]
+    if path.suffix == ".msf":
+        root = read_msf(path)
+        clouds = landmarks_of(root, 0.5).values()
+        return [
+            *(pose for _, pose in root.walk(0.5)),
+            *(place for cloud in clouds for place in cloud.values()),
+        ]
     if path.suffix in (".mot", ".sto"):
         return [read_motion_file(path).table]
     return [read_landmarks(path)[0]]

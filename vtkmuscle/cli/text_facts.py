@@ -1,4 +1,4 @@
-"""What ``vtkmuscle info`` says, and draws, of landmarks, models of OpenSim and their motions."""
+"""What ``vtkmuscle info`` says of landmarks, OpenSim models and motions, and trees of MAF; what it draws."""
 
 from __future__ import annotations
 
@@ -10,7 +10,16 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.tree import KinematicTree
 from vtkmuscle.core.types import Floats
-from vtkmuscle.io import read_landmarks, read_motion_file, read_named_points, read_osim
+from vtkmuscle.io import (
+    TREE_SUFFIXES,
+    MsfNode,
+    landmarks_of,
+    read_landmarks,
+    read_motion_file,
+    read_msf,
+    read_named_points,
+    read_osim,
+)
 from vtkmuscle.io.osim import OsimModel
 
 #: Suffixes of what is known here.
@@ -28,6 +37,8 @@ def text_facts(file: Path) -> Mapping[str, str] | None:
         return _of_landmarks(file)
     if suffix in MOTIONS:
         return _of_motion(file)
+    if suffix in TREE_SUFFIXES:
+        return _of_tree(read_msf(file))
     return _of_model(read_osim(file)) if suffix in MODELS else None
 
 
@@ -104,6 +115,25 @@ def _of_model(model: OsimModel) -> dict[str, str]:
         "wrapped": _listed([name for name, one in model.muscles.items() if getattr(one.path, "wraps", ())]),
         "meshes": _listed([mesh.file for mesh in model.meshes]),
         "not used": _listed(list(model.not_used)),
+    }
+    return {word: value for word, value in facts.items() if value != "none"}
+
+
+def _of_tree(root: MsfNode) -> dict[str, str]:
+    nodes = [node for node, _ in root.walk()]
+    with_files = [node for node in nodes if node.files and node.kind != "LandmarkCloud"]
+    shapes = [node.name for node in with_files if node.files[0].kind == "vtkPolyData"]
+    missing = [file.path.name for node in nodes for file in node.files if not file.path.is_file()]
+    clouds = [f"{name} ({len(points)})" for name, points in landmarks_of(root).items()]
+    times = np.unique([time for node in nodes for time in node.times])
+    facts = {
+        "tree": root.name,
+        "nodes": str(len(nodes)),
+        "surfaces": _listed(shapes),
+        "landmarks": _listed(clouds),
+        "times": f"{len(times)}, {times[0]:g} .. {times[-1]:g} s" if len(times) > 1 else "none",
+        "not used": _listed([f"{node.name} ({node.kind})" for node in with_files if node.name not in shapes]),
+        "not there": _listed(missing),
     }
     return {word: value for word, value in facts.items() if value != "none"}
 

@@ -9,6 +9,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.attachments.discs import discs_over
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.fibres.ends_as_printed import ends_as_printed
 from vtkmuscle.core.fibres.trimming import EndArea, trim_fibres
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Floats, Ints
@@ -43,6 +44,9 @@ class FibreTrimmer(Filter):
     The axis is that of the fitted template where the fibres carry its field array ``Transform``, otherwise
     the direction from the origin's to the insertion's centroid. Each fibre keeps its number of points,
     spaced evenly along it; a point that would be outside of the muscle is moved to its surface.
+
+    ``end_rule="closest"`` is the rule of the paper as printed: each fibre is cut at the plane and ends at the
+    point of the area that is closest to its own ray, wherever the others do.
 
     Raises
     ------
@@ -79,6 +83,14 @@ class FibreTrimmer(Filter):
         "muscle that nothing would be left between the planes.",
     )
 
+    end_rule = Parameter(
+        str,
+        default="shared",
+        choices=("shared", "closest"),
+        doc="Where fibres end: the area is shared out among them, or each ends at the point of it that is "
+        "closest to its own ray (Kohout et al. 2012), cut at the plane, its points not spaced anew.",
+    )
+
     fibres = InputPort(vtkPolyData, doc="Polylines from the origin to the insertion.")
     muscle = InputPort(vtkPolyData, doc="The muscle's surface, triangles.")
     attachments = InputPort(vtkMultiBlockDataSet, doc="Areas of both roles, landmarks near the muscle.")
@@ -109,10 +121,16 @@ class FibreTrimmer(Filter):
         origin = _end_area("origin", areas, geometry, lines.points[lines.offsets[:-1]])
         insertion = _end_area("insertion", areas, geometry, lines.points[lines.offsets[1:] - 1])
         self.report_progress(0.2)
+        axis = _axis(fibres, origin, insertion)
+        if self.end_rule == "closest":
+            printed = ends_as_printed(
+                lines.points, lines.offsets, axis=axis, origin=origin, insertion=insertion
+            )
+            return with_polylines(fibres, Polylines(*printed))
         trimmed = trim_fibres(
             lines.points,
             lines.offsets,
-            axis=_axis(fibres, origin, insertion),
+            axis=axis,
             origin=origin,
             insertion=insertion,
             into_muscle=geometry.distance.into,

@@ -73,6 +73,12 @@ class FixedPointDetector(Filter):
     n_voxels = Parameter(
         int, default=DEFAULT_N_MAX, minimum=1, doc="Number of voxels of a bone, about (collision)."
     )
+    n_voxels_per_axis: Parameter[int | None] = Parameter(
+        int,
+        default=None,
+        minimum=1,
+        doc="Number of voxels along each axis of a bone's box, instead of n_voxels (collision).",
+    )
 
     muscle = InputPort(vtkPolyData, doc="Triangles, in the rest pose.")
     bones = InputPort(vtkMultiBlockDataSet, doc="Named blocks of vtkPolyData, at rest.")
@@ -177,9 +183,8 @@ class FixedPointDetector(Filter):
             reachable = in_box(points, bone, 0.0)
             if len(reachable):
                 surface = checked_surface(bone, f"FixedPointDetector: bones, block {name!r}")
-                claimed[index, reachable] = build_voxel_grid(*surface, n_max=self.n_voxels).contains(
-                    points[reachable]
-                )
+                grid = build_voxel_grid(*surface, n_max=self.n_voxels, n_equal=self.n_voxels_per_axis)
+                claimed[index, reachable] = grid.contains(points[reachable])
             self.report_progress((index + 1) / len(bones))
         if not claimed.any():
             raise InputError(

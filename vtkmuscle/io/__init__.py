@@ -17,6 +17,7 @@ from vtkmuscle.io.literature import (
 )
 from vtkmuscle.io.motion_file import MotionFile, read_motion_file
 from vtkmuscle.io.motion_table import motion_columns, read_motion_table, write_motion_table
+from vtkmuscle.io.msf import TREE_SUFFIXES, MsfNode, landmarks_of, read_msf, surfaces_of
 from vtkmuscle.io.osim import OsimModel, read_osim
 from vtkmuscle.io.series import Collection, Series
 from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, read_polydata, read_surface
@@ -27,25 +28,30 @@ __all__ = [
     "LITERATURE_COLUMNS",
     "SERIES_SUFFIXES",
     "SURFACE_SUFFIXES",
+    "TREE_SUFFIXES",
     "Collection",
     "LiteratureCurve",
     "MotionFile",
+    "MsfNode",
     "OsimModel",
     "Series",
     "TimeSeries",
     "curves_for",
     "fibre_summary",
+    "landmarks_of",
     "motion_columns",
     "muscle_summary",
     "read_landmarks",
     "read_literature",
     "read_motion_file",
     "read_motion_table",
+    "read_msf",
     "read_named_points",
     "read_osim",
     "read_polydata",
     "read_series",
     "read_surface",
+    "surfaces_of",
     "write_fibre_table",
     "write_literature",
     "write_motion_table",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from vtkmuscle.core.words import suggestion
@@ -20,9 +22,35 @@ FIBRE_CHAIN: tuple[type[Filter], ...] = (
 FIBRE_SETTINGS: dict[str, tuple[type[Filter], str]] = {
     name: (kind, name) for kind in FIBRE_CHAIN for name in kind.parameter_declarations
 }
+#: Fibres as published; settings that are given beside a name count more. The planes, maps, ends and smoothing
+#: of Kohout et al. 2012 as printed, with the axis between the centroids; and slices along isolines of a
+#: harmonic function (Kohout and Kukacka 2014), which Kohout and Cervenka 2021 took. Neither fills the muscle.
+PUBLISHED_FIBRES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {
+        "kohout2012": {
+            "axis": "attachments",
+            "angle_step": 5.0,
+            "refine": False,
+            "method": "plane",
+            "mapping": "mean-value",
+            "continuity": 0.0,
+            "end_rule": "closest",
+            "smoothing_weight": 4.0,
+            "spreading": 0.0,
+        },
+        "kohout2014": {"method": "harmonic", "mapping": "mean-value", "spreading": 0.0},
+    }
+)
 
 
-def decompose(muscle: Any, attachments: Any, superficial: Any = None, **settings: Any) -> FibreSmoother:
+def decompose(
+    muscle: Any,
+    attachments: Any,
+    superficial: Any = None,
+    *,
+    published: str | None = None,
+    **settings: Any,
+) -> FibreSmoother:
     """Return the chain of filters that fills a muscle with fibres.
 
     The chain is FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer and FibreSmoother; nothing
@@ -37,6 +65,9 @@ def decompose(muscle: Any, attachments: Any, superficial: Any = None, **settings
     superficial : vtkPolyData or algorithm, optional
         Fibres that are seen on the muscle's surface, a few polylines: the template is turned and twisted such
         that its fibres follow them.
+    published : str, optional
+        A name of :data:`PUBLISHED_FIBRES`: ``"kohout2012"`` or ``"kohout2014"``, fibres as in those papers.
+        Those of 2012 are smoothed without regard to the muscle.
     **settings
         Parameters of the five filters: ``template``, ``n_fibres``, ``smoothing_passes`` and so on.
 
@@ -62,6 +93,12 @@ def decompose(muscle: Any, attachments: Any, superficial: Any = None, **settings
     >>> fibres.GetNumberOfCells()
     10
     """
+    if published is not None:
+        if published not in PUBLISHED_FIBRES:
+            raise ValueError(
+                f"decompose has no published fibres {published!r}; {suggestion(published, PUBLISHED_FIBRES)}"
+            )
+        settings = {**PUBLISHED_FIBRES[published], **settings}
     for name in settings:
         if name not in FIBRE_SETTINGS:
             raise TypeError(f"decompose has no setting {name!r}; {suggestion(name, FIBRE_SETTINGS)}")
@@ -74,4 +111,6 @@ def decompose(muscle: Any, attachments: Any, superficial: Any = None, **settings
     fitted = TemplateFitter(template=source, superficial=superficial, **where, **own(TemplateFitter))
     morphed = SliceMorpher(template=fitted, superficial=superficial, **where, **own(SliceMorpher))
     trimmed = FibreTrimmer(fibres=morphed, **where, **own(FibreTrimmer))
+    if published == "kohout2012":
+        return FibreSmoother(fibres=trimmed, **own(FibreSmoother))
     return FibreSmoother(fibres=trimmed, **where, **own(FibreSmoother))

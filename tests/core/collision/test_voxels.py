@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, label
 from shapes import ball, box, ring
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
@@ -47,7 +47,8 @@ def test_boundary_cells_are_exactly_those_that_a_triangle_meets():
     met = missed = 0
     for _ in range(60):
         corners = rng.uniform(-5.0, 5.0, (3, 3)) * rng.choice([1.0, 0.01], 3)
-        grid = build_voxel_grid(corners, np.array([[0, 1, 2]]), n_equal=6, pockets=False)
+        with pytest.warns(UserWarning, match="the surface is open"):
+            grid = build_voxel_grid(corners, np.array([[0, 1, 2]]), n_equal=6)
         for cell in np.ndindex(*grid.cells.shape):
             low = grid.origin + grid.spacing * cell
             high = low + grid.spacing
@@ -80,7 +81,8 @@ def test_cells_agree_with_winding_numbers_but_for_the_boundary(shape):
 def test_the_volume_lies_between_the_inside_and_the_inside_with_the_boundary(shape):
     grid = build_voxel_grid(*shape, n_max=100_000)
     cell = grid.spacing.prod()
-    assert cell * (grid.cells == INSIDE).sum() < signed_volume(*shape) < cell * (grid.cells != OUTSIDE).sum()
+    filled = cell * (grid.cells != OUTSIDE).sum() * (1.0 + 1e-12)  # of a box it is all
+    assert cell * (grid.cells == INSIDE).sum() < signed_volume(*shape) <= filled
 
 
 def test_the_hole_of_a_ring_is_outside():
@@ -95,8 +97,8 @@ def joined(*shapes):
     return np.vstack([points for points, _ in shapes]), np.vstack(triangles)
 
 
-def test_a_room_between_shells_is_outside_though_it_cannot_be_reached():
-    """Six walls that overlap: no wall has the room inside it."""
+def test_a_room_between_shells_counts_as_bone():
+    """Six walls that overlap: a flood from without does not come into the room."""
     walls = []
     for axis in range(3):
         for low, high in ((-10.0, -8.0), (8.0, 10.0)):
@@ -104,10 +106,7 @@ def test_a_room_between_shells_is_outside_though_it_cannot_be_reached():
             corners[:, axis] = low, high
             walls.append(box(*corners))
     grid = build_voxel_grid(*joined(*walls), n_max=30**3)
-    assert not grid.contains(np.array([[0.0, 0.0, 0.0], [5.0, -6.0, 6.0]])).any()
-    assert grid.contains(np.array([[9.0, 0.0, 0.0], [0.0, -9.5, 3.0]])).all()
-    sieve = build_voxel_grid(*joined(*walls), n_max=30**3, pockets=False)
-    assert sieve.contains(np.zeros((1, 3))).all()
+    assert grid.contains(np.array([[0.0, 0.0, 0.0], [5.0, -6.0, 6.0], [9.0, 0.0, 0.0]])).all()
 
 
 def test_a_hollow_in_a_bone_counts_as_bone_whichever_way_it_faces():
@@ -141,8 +140,8 @@ def read_bone(folder, bone):
 
 @pytest.mark.realdata
 @pytest.mark.parametrize("bone", ["pelvis", "femur_r"])
-def test_voxels_of_real_bones_miss_nothing_and_fill_nothing(lhdl_hip, bone):
-    """The pelvis has 21 tunnels."""
+def test_voxels_of_real_bones_miss_nothing_and_fill_nothing_but_pockets(lhdl_hip, bone):
+    """The pelvis has 21 tunnels, of which a few are as narrow as a cell: what is left of them is cut off."""
     points, triangles = read_bone(lhdl_hip, bone)
     grid = build_voxel_grid(points, triangles)
     surface = closed_shells(points, triangles)
@@ -154,7 +153,12 @@ def test_voxels_of_real_bones_miss_nothing_and_fill_nothing(lhdl_hip, bone):
     centres = grid.origin + grid.spacing * (chosen + 0.5)
     winding = [igl.fast_winding_number(surface.points, shell, centres) for shell in surface.shells]
     codes = grid.cells[tuple(chosen.T)]
-    np.testing.assert_array_equal(codes == INSIDE, np.max(winding, axis=0) > 0.5)
+    solid = np.max(winding, axis=0) > 0.5
+    assert (codes[solid] == INSIDE).all()
+    # What else is inside are cells of which no way leads out, but round the boundary through faces.
+    rooms, _ = label(grid.cells != BOUNDARY)
+    assert np.array_equal(grid.cells == OUTSIDE, rooms == rooms[0, 0, 0])
+    assert (codes[~solid] == INSIDE).sum() <= 3e-4 * (grid.cells != OUTSIDE).sum()
 
 
 def test_every_point_of_the_surface_is_contained_and_nothing_far_from_it_on_the_outside():
@@ -172,9 +176,10 @@ def test_every_point_of_the_surface_is_contained_and_nothing_far_from_it_on_the_
     st.sampled_from([1, 2, 1000, 64**3]),
 )
 @settings(deadline=None, max_examples=30)
+@pytest.mark.filterwarnings("ignore:.*enclose no volume")
 def test_n_max_is_shared_out_by_the_sides_in_nearly_cubic_cells(sides, n_max):
     points, triangles = box(high=sides)
-    grid = build_voxel_grid(points, triangles, n_max=n_max, pockets=False)
+    grid = build_voxel_grid(points, triangles, n_max=n_max)
     counts = np.array(grid.cells.shape) - 2
     assert counts.prod() <= n_max
     several = counts > 1
@@ -206,7 +211,7 @@ def test_a_surface_without_volume_is_all_boundary(flat):
         grid = build_voxel_grid(points, np.array([[0, 1, 2], [0, 2, 3]]), n_max=1000, what="bone 7")
     assert np.isfinite(grid.spacing).all()
     assert (grid.spacing > 0).all()
-    assert grid.contains(points).all()
+    assert grid.contains(points + 1e-6 * (points.mean(axis=0) - points)).all()
     assert not (grid.cells == INSIDE).any()
 
 

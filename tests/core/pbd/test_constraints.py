@@ -4,6 +4,7 @@ from constraint_oracles import dihedral_and_gradient, dihedral_angle, distance_a
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from one_by_one import sweep_dihedrals, sweep_distances
 from spindle import spindle
 
 from vtkmuscle.core.mesh.surface import signed_volume
@@ -13,8 +14,6 @@ from vtkmuscle.core.pbd.constraints import (
     LARGEST_TURN,
     per_iteration_stiffness,
     project_volume,
-    sweep_dihedrals,
-    sweep_distances,
     volume_and_gradient,
 )
 
@@ -209,6 +208,10 @@ def test_projections_of_any_four_points_are_finite(points, rest):
 @pytest.mark.parametrize("n", [1, 10, 100])
 def test_stiffness_means_the_same_for_any_number_of_iterations(k, n):
     assert (1.0 - per_iteration_stiffness(k, n)) ** n == pytest.approx(1.0 - k, abs=1e-12)
+
+
+def test_rounding_of_a_stiffness_of_one_is_not_seen_in_that_of_an_iteration():
+    assert per_iteration_stiffness(1.0 - 1e-15, 100) == 1.0
 
 
 def test_the_polynomial_is_the_arctangent_to_the_last_digits():

@@ -3,13 +3,13 @@ import platform
 import numba
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from one_by_one import sweep_dihedrals, sweep_distances
 from spindle import spindle
 
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.topology import mesh_topology
-from vtkmuscle.core.pbd.constraints import sweep_dihedrals, sweep_distances
 from vtkmuscle.core.pbd.orders import BUFFER, ColourOrder, SequentialOrder, Stiffness, Volume, sweep_batches
 from vtkmuscle.core.pbd.rest_shape import RestShape
 
@@ -55,7 +55,13 @@ class Colours:
                 one = slice(q, q + 1)
                 angles = shape.angles[one]
                 sweep_dihedrals(
-                    p, self.mass, topology.quads[one], np.cos(angles), np.sin(angles), self.stiffness.shape
+                    p,
+                    self.mass,
+                    topology.quads[one],
+                    np.cos(angles),
+                    np.sin(angles),
+                    self.stiffness.shape,
+                    shape.angle_squares[one],
                 )
         return p
 
@@ -128,6 +134,30 @@ def test_a_degenerate_rest_shape_keeps_lengths_only_where_no_angle_is_defined(ro
     muscle = Colours(points, triangles, mass)
     start = points + 0.1 * np.sin(np.arange(points.size)).reshape(-1, 3)
     assert np.abs(muscle.many_at_a_time(start) - muscle.one_by_one(start)).max() < AGREEMENT
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    size=st.floats(0.0, 60.0),
+    shape_stiffness=st.floats(0.0, 1.0),
+    anisotropy=st.floats(0.0, 1.0),
+    count=st.integers(1, 3000),
+)
+@example(seed=0, size=50.0, shape_stiffness=1.0, anisotropy=1.0, count=4000)
+@settings(deadline=None, max_examples=25)
+def test_the_muscle_stays_within_bounds_whatever_stiffness_iterations_and_anisotropy(
+    seed, size, shape_stiffness, anisotropy, count
+):
+    """Angles keep triangles of up to 8 times their size; without that the example grows by 10^5 times."""
+    rng = np.random.default_rng(seed)
+    points, triangles, fixed_to = spindle(seed=4)
+    mass = (fixed_to < 0).astype(float)
+    stiffness = 1.0 - anisotropy * rng.choice([0.0, 1.0], len(mesh_topology(len(points), triangles).edges))
+    stiffness = stiffness if anisotropy < 1.0 else 0.0
+    muscle = Colours(points, triangles, mass, edge_stiffness=stiffness, shape_stiffness=shape_stiffness)
+    start = points + size * rng.normal(size=points.shape) * mass[:, None]
+    reach = np.linalg.norm(start, axis=1).max()
+    assert np.linalg.norm(muscle.iterations(start, count), axis=1).max() < 8.0 * (reach + 100.0)
 
 
 def test_fixed_points_do_not_move(rough, rng):

@@ -171,12 +171,16 @@ class VoxelObstacle(Obstacle):
         return 2.0 * diagonal / (self.n_equal or max(self.n_max, 1) ** (1.0 / 3.0))
 
     @cached_property
+    def axes(self) -> Floats:
+        """The axes of the scene at rest, along which a bone's bounding box lies."""
+        return np.eye(4)
+
+    @cached_property
     def grid(self) -> VoxelGrid:
-        """The bone's voxels, in its own axes."""
-        along = apply_transform(self.axes, self.points)
+        """The bone's voxels."""
         with placed(self.name):
             return build_voxel_grid(
-                along, self.triangles, n_max=self.n_max, n_equal=self.n_equal, what=self.name
+                self.points, self.triangles, n_max=self.n_max, n_equal=self.n_equal, what=self.name
             )
 
     def allowance(self, points: Floats) -> None:
@@ -199,8 +203,8 @@ class VoxelObstacle(Obstacle):
 def bone_axes(points: Floats) -> Floats:
     """Return the rigid transform from the scene to a bone's principal axes.
 
-    Voxels along the axes of the scene would make the result depend on how the scene is turned; along the
-    bone's own they are also fewer around it. Where the principal axes are not determined (a bone that is
+    A grid along the axes of the scene would make the result depend on how the scene is turned; along the
+    bone's own it has also fewer cells around it. Where the principal axes are not determined (a bone that is
     round), the order of its points decides: they are weighted a little unevenly.
 
     Parameters

@@ -8,13 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from vtkmuscle.core.collision.voxels import OUTSIDE, Cells, VoxelGrid
+from vtkmuscle.core.collision.voxels import ON_A_FACE, OUTSIDE, Cells, VoxelGrid
 from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.motion.rigid import inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats
-
-#: How far behind a cell face a stopped point is put, in cells, so that rounding leaves it in that cell.
-_NUDGE = 1e-6
 
 
 def resolve_collisions(
@@ -23,10 +20,10 @@ def resolve_collisions(
     """Move the predicted positions that are in a bone out of it.
 
     Kohout and Cervenka 2021, section 3.2. A point whose predicted position is in a boundary or inside cell
-    collides. If its previous position is outside the bone as the bone is now (scenario one, the muscle hits
-    the bone), the segment from p to x is followed to the first outside cell: if x is in that cell p becomes
-    x, else p becomes the point where the segment enters the cell. If not (scenario two, the bone hits the
-    muscle), p becomes x moved by the bone's step.
+    collides (but see :data:`~vtkmuscle.core.collision.voxels.ON_A_FACE`). If its previous position is outside
+    the bone as the bone is now (scenario one, the muscle hits the bone), the segment from p to x is followed
+    to the first outside cell: if x is in that cell p becomes x, else p becomes the point where the segment
+    enters the cell. If not (scenario two, the bone hits the muscle), p becomes x moved by the bone's step.
 
     Parameters
     ----------
@@ -96,7 +93,15 @@ def _in_bone(cells: Cells, origin: Floats, spacing: Floats, at: Floats) -> bool:
     for k in range(3):
         at[k] = (at[k] - origin[k]) / spacing[k]
         within = within and 0.0 <= at[k] < cells.shape[k]
-    return within and cells[int(at[0]), int(at[1]), int(at[2])] != OUTSIDE
+    if not within or cells[int(at[0]), int(at[1]), int(at[2])] == OUTSIDE:
+        return False
+    # The bone has no cell in the outermost layer: all neighbours are there.
+    for i in range(int(at[0] - ON_A_FACE), int(at[0] + ON_A_FACE) + 1):
+        for j in range(int(at[1] - ON_A_FACE), int(at[1] + ON_A_FACE) + 1):
+            for k in range(int(at[2] - ON_A_FACE), int(at[2] + ON_A_FACE) + 1):
+                if cells[i, j, k] == OUTSIDE:
+                    return False
+    return True
 
 
 @array_kernel
@@ -107,7 +112,7 @@ def _traverse(cells: Cells, start: Floats, end: Floats, stop: Floats) -> bool:
     doi:10.2312/egtp.19871000. The number of steps along each axis is known from the end cells, so
     rounding changes the order of two nearly simultaneous steps at most, never where the walk ends.
     start, end : (3,) in units of cells, the end outside;  stop : (3,), written where the result is False.
-    Returns True where the first outside cell is that of the end.
+    Returns True where the end is in the first outside cell.
     """
     cell, left = np.empty(3, np.int64), np.empty(3, np.int64)
     for k in range(3):
@@ -134,10 +139,9 @@ def _traverse(cells: Cells, start: Floats, end: Floats, stop: Floats) -> bool:
         beyond = not 0 <= cell[axis] < cells.shape[axis]
         if beyond or cells[cell[0], cell[1], cell[2]] == OUTSIDE:
             break
-    if not (left[0] or left[1] or left[2]):
-        return True
-    # The entry is on the face between the two cells: put it behind the face, into the outside cell.
+    # A point on a face is in the cells of both sides.
+    at_end = True
     for k in range(3):
-        on_segment = start[k] + t * (end[k] - start[k])
-        stop[k] = min(max(on_segment, cell[k] + _NUDGE), cell[k] + 1.0 - _NUDGE)
-    return False
+        at_end = at_end and cell[k] - ON_A_FACE <= end[k] <= cell[k] + 1.0 + ON_A_FACE
+        stop[k] = start[k] + t * (end[k] - start[k])
+    return at_end

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.mesh.closed_shells import ClosedShells, closed_shells
-from vtkmuscle.core.mesh.triangle_distance import winding_number
+from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 Cells = NDArray[np.uint8]
@@ -27,10 +26,14 @@ OUTSIDE, BOUNDARY, INSIDE = 0, 1, 2
 #: Number of cells in the experiments of Kohout and Cervenka 2021, section 4.
 DEFAULT_N_MAX = 8 * 64**3
 
+#: A point this near to an outside cell, in cells, is outside. One that a bone has stopped is on the face of
+#: one of its cells, and rounding would decide whether the bone moves over it in the next step.
+ON_A_FACE = 1e-9
+
 #: Slack of the triangle-box test, in cells: rounding must not open a gap in the boundary.
 _OVERLAP_SLACK = 1e-9
 
-#: Thinnest side of the grid, as a part of the box's diagonal: flat surfaces have a box without volume.
+#: Thinnest side of the grid, as a part of the box's diagonal: the box of a flat surface has no volume.
 _THINNEST = 1e-6
 
 
@@ -57,20 +60,24 @@ class VoxelGrid:
 
     def contains(self, points: Floats) -> Bools:
         """Return whether each point (n, 3) [mm, rest pose] lies in a boundary or inside cell, (n,)."""
-        contained: Bools = self._states(points) != OUTSIDE
-        return contained
+        return self._all_beside(points, np.array([False, True, True]))
 
     def encloses(self, points: Floats) -> Bools:
         """Return whether each point (n, 3) [mm, rest pose] lies in an inside cell, (n,)."""
-        enclosed: Bools = self._states(points) == INSIDE
-        return enclosed
+        return self._all_beside(points, np.array([False, False, True]))
 
-    def _states(self, points: Floats) -> Cells:
+    def _all_beside(self, points: Floats, wanted: Bools) -> Bools:
+        """Return whether all cells that a point lies in are wanted, (n,); on a face it lies in two."""
         in_cells = (np.asarray(points, dtype=np.float64) - self.origin) / self.spacing
         within = ((in_cells >= 0) & (in_cells < self.cells.shape)).all(axis=1)
-        index = in_cells[within].astype(np.int64)
-        result = np.full(len(in_cells), OUTSIDE, dtype=np.uint8)
-        result[within] = self.cells[index[:, 0], index[:, 1], index[:, 2]]
+        sides = [np.floor(in_cells[within] + side).astype(np.int64) for side in (-ON_A_FACE, ON_A_FACE)]
+        limit = np.array(self.cells.shape) - 1
+        found = np.ones(int(within.sum()), dtype=np.bool_)
+        for x, y, z in product((0, 1), repeat=3):
+            cell = np.clip(np.column_stack([sides[x][:, 0], sides[y][:, 1], sides[z][:, 2]]), 0, limit)
+            found &= wanted[self.cells[cell[:, 0], cell[:, 1], cell[:, 2]]]
+        result = np.zeros(len(in_cells), dtype=np.bool_)
+        result[within] = found
         return result
 
 
@@ -80,16 +87,13 @@ def build_voxel_grid(
     *,
     n_max: int = DEFAULT_N_MAX,
     n_equal: int | None = None,
-    pockets: bool = True,
     what: str = "voxels",
 ) -> VoxelGrid:
     """Return the voxels of a closed surface.
 
     The bounding box is divided into cells; the cells that a triangle meets are the boundary; what
-    cannot be reached from beyond the box without crossing the boundary is inside. That would take what is
-    left of a hole too narrow for the cells for bone, so the winding number of each enclosed pocket has the
-    last word. Holes in the surface are closed first. Every shell has an inside of its own, whichever way it
-    faces: a hollow counts as filled.
+    cannot be reached from beyond the box without crossing the boundary is inside, also what is left of a
+    hollow, or of a hole too narrow for the cells. Holes in the surface are closed first.
 
     Parameters
     ----------
@@ -99,9 +103,6 @@ def build_voxel_grid(
         Number of cells, about, shared out by the sides of the box so that cells are nearly cubes.
     n_equal : int, optional
         Cells along each axis instead (the cells are then no cubes).
-    pockets : bool, optional
-        False leaves pockets of the outside that the boundary cuts off as inside, and holes in the surface
-        open: quicker, where the surface is closed and it is enough that nothing inside is missed.
     what : str, optional
         Named in warnings.
 
@@ -113,8 +114,7 @@ def build_voxel_grid(
     Warns
     -----
     UserWarning
-        If the surface is open, inside out or encloses no volume; says what was made of it. Not without
-        ``pockets``.
+        If the surface is open, inside out or encloses no volume; says what was made of it.
 
     Raises
     ------
@@ -125,17 +125,15 @@ def build_voxel_grid(
         raise InputError(
             "", f"a voxel grid needs n_max >= 1 and n_equal >= 1, got n_max={n_max}, n_equal={n_equal}"
         )
-    surface = None
-    if pockets:
-        surface = closed_shells(points, triangles)
-        points, triangles = surface.points, np.vstack(surface.shells)
-        if surface.remarks:
-            warnings.warn(f"{what}: " + "; ".join(surface.remarks), stacklevel=2)
+    surface = closed_shells(points, triangles)
+    points, triangles = surface.points, np.vstack(surface.shells)
+    if surface.remarks:
+        warnings.warn(f"{what}: " + "; ".join(surface.remarks), stacklevel=2)
     used = points[np.unique(triangles)]
     low, high = used.min(axis=0), used.max(axis=0)
-    # Wider than the surface by a hair, so that a flat side of a bone does not touch the outermost layer.
-    margin = _THINNEST * (float(np.linalg.norm(high - low)) or 1.0)
-    low, high = low - margin, high + margin
+    thinnest = _THINNEST * (float(np.linalg.norm(high - low)) or 1.0)
+    flat = high - low < thinnest
+    low, high = np.where(flat, low - thinnest, low), np.where(flat, high + thinnest, high)
     counts = np.full(3, n_equal) if n_equal is not None else _shared_out(high - low, n_max)
     spacing = (high - low) / counts
     origin = low - spacing
@@ -143,32 +141,7 @@ def build_voxel_grid(
     corners = ((points - origin) / spacing)[triangles]
     _mark_boundary(corners, cells)
     _flood_outside(cells)
-    if surface is not None:
-        _open_pockets(surface, origin, spacing, cells)
-    return VoxelGrid(origin, spacing, cells, () if surface is None else surface.remarks)
-
-
-def _open_pockets(surface: ClosedShells, origin: Floats, spacing: Floats, cells: Cells) -> None:
-    """Mark as outside the enclosed pockets that no shell winds round.
-
-    Between neighbouring cells that are not boundary there is no surface, so one cell speaks for its pocket.
-    cells : (nx, ny, nz), changed in place.
-    """
-    enclosed, count = label(cells == INSIDE)
-    flat = enclosed.reshape(-1)
-    first = np.full(count + 1, -1, dtype=np.int64)
-    within = np.flatnonzero(flat)
-    first[flat[within[::-1]]] = within[::-1]
-    outside = np.zeros(count + 1, dtype=np.bool_)
-    for number in range(1, count + 1):
-        index = np.array(np.unravel_index(first[number], cells.shape))
-        centre = origin + spacing * (index + 0.5)
-        outside[number] = not any(
-            winding_number(surface.points, shell, centre) > 0.5
-            for shell, solid in zip(surface.shells, surface.solid, strict=True)
-            if solid
-        )
-    cells[outside[enclosed]] = OUTSIDE
+    return VoxelGrid(origin, spacing, cells, surface.remarks)
 
 
 def _shared_out(sides: Floats, n_max: int) -> Ints:
@@ -200,8 +173,9 @@ def _mark_boundary(corners: Floats, cells: Cells) -> None:
         a, b, c = corners[triangle, 0], corners[triangle, 1], corners[triangle, 2]
         for k in range(3):
             low, high = min(a[k], b[k], c[k]), max(a[k], b[k], c[k])
-            first[k] = max(0, int(np.floor(low - _OVERLAP_SLACK)))
-            last[k] = min(cells.shape[k] - 1, int(np.floor(high + _OVERLAP_SLACK)))
+            # What touches the box from within does not make the layer around it a boundary.
+            first[k] = max(1, int(np.floor(low - _OVERLAP_SLACK)))
+            last[k] = min(cells.shape[k] - 2, int(np.floor(high + _OVERLAP_SLACK)))
         e0x, e0y, e0z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
         e1x, e1y, e1z = c[0] - b[0], c[1] - b[1], c[2] - b[2]
         e2x, e2y, e2z = a[0] - c[0], a[1] - c[1], a[2] - c[2]
@@ -251,10 +225,8 @@ def _edge_misses(
 def _flood_outside(cells: Cells) -> None:
     """Mark as outside what can be reached from the corner cell (0, 0, 0) without entering the boundary.
 
-    Kohout and Cervenka fill "with 8-directions", the diagonal neighbourhood of a plane. We go to the 6
-    face neighbours only: no step then passes between two boundary cells that meet in an edge, whatever the
-    boundary is. The price is a few outside cells of narrow holes that it does not reach:
-    :func:`_open_pockets`.
+    Kohout and Cervenka fill "with 8-directions", the diagonal neighbourhood of a plane, which says nothing of
+    space. We go to the 6 face neighbours: no step passes between two boundary cells that meet in an edge.
 
     cells : (nx, ny, nz), changed in place.
     """

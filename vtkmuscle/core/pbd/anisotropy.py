@@ -9,10 +9,6 @@ from vtkmuscle.core.mesh.surface import unit_vectors
 from vtkmuscle.core.mesh.topology import MeshTopology
 from vtkmuscle.core.types import Floats, Ints
 
-#: An edge is across the fibres below this |u . v|. The stiffness per iteration has an infinite slope at 1,
-#: so that rounding of a cosine that should be 0 would be seen in the result.
-LEAST_COSINE = 1e-6
-
 #: Part of the stiffness along the fibres that is taken away where the rest lengths follow the fibres: what is
 #: left holds the fibres taut, and lets them be longer where a bone is in the way.
 GIVE = 0.9
@@ -43,7 +39,9 @@ def following_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floa
 def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
     """Return k = 1 - |u . v| for each edge: 1 across the fibres, 0 along them.
 
-    Kohout and Cervenka 2021 eq. 9; the absolute value, because a fibre's direction has no sign.
+    Kohout and Cervenka 2021, eq. 9, which reads k = 1 - u . v. An edge has no sign, and so that reads as 0 or
+    as 2, by the order in which its ends are named; "if both vectors are collinear, the result will be zero"
+    says which: the absolute value.
 
     Parameters
     ----------
@@ -63,7 +61,6 @@ def edge_stiffness(points: Floats, edges: Ints, directions: Floats) -> Floats:
     lengths = np.linalg.norm(difference, axis=1)
     along = np.abs(np.einsum("ij,ij->i", difference, directions))
     cosines = np.divide(along, lengths, out=np.zeros(len(edges)), where=lengths > 0)
-    cosines[cosines < LEAST_COSINE] = 0.0
     stiffness: Floats = 1.0 - np.clip(cosines, 0.0, 1.0)
     return stiffness
 

@@ -23,8 +23,9 @@ WIDTH = 16
 #: Numbers of a point's record: x, y, z and the inverse mass.
 RECORD = 4
 
-#: Constants of an edge: rest length, stiffness, cosine and sine of the rest angle, shape stiffness.
-CONSTANTS = 5
+#: Constants of an edge: rest length, stiffness, cosine and sine of the rest angle, shape stiffness, and the
+#: length scale of the angle.
+CONSTANTS = 6
 
 #: Edges that are coloured together: their points' records fill about half a second-level cache.
 BLOCK = 32_768
@@ -48,8 +49,8 @@ class PackedEdges:
         Offsets of records: per batch the p1 of all its edges, then all p2, p3, p4 (as in the topology's
         ``quads``).
     constants : (b * CONSTANTS * WIDTH,) array
-        Per batch the rest lengths [mm], the stiffnesses, the cosines and the sines of the rest angles, and
-        the shape stiffnesses.
+        Per batch the rest lengths [mm], the stiffnesses, the cosines and the sines of the rest angles, the
+        shape stiffnesses, and the angles' length scales [1 / mm^2].
     """
 
     n_points: int
@@ -133,6 +134,7 @@ def pack(
     values[:, 2] = 1.0
     angles = shape.angles[shape.angle_defined]
     values[bent, 2], values[bent, 3], values[bent, 4] = np.cos(angles), np.sin(angles), shape_stiffness
+    values[bent, 5] = shape.angle_squares[shape.angle_defined]
 
     free = np.append(inverse_mass > 0, np.False_)
     used = free[corners[:-1, :2]].any(axis=1) & (values[:-1, 1] > 0)

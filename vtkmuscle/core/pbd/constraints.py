@@ -8,6 +8,9 @@ A projection moves points p with inverse masses w against a constraint C(p) = 0 
 doi:10.1016/j.jvcir.2007.01.005, eq. 6-8). :func:`distance` is section 2.1, :func:`project_volume` section
 2.2, :func:`dihedral` section 2.3.
 
+These are the constraints of the default order; those of the paper, to the letter, are in
+:mod:`~vtkmuscle.core.pbd.as_printed`.
+
 The formulas of a single edge are *lanes*: functions of plain numbers without a branch, which become part of
 the loop that calls them (:mod:`~vtkmuscle.core.pbd.orders`). A loop over edges that share no point is made
 into vector instructions by the compiler.
@@ -31,6 +34,15 @@ DIHEDRAL_FLOOR = 0.1
 #: circles that they should go on, and so makes the triangles larger: thin ones, which a turn of pi would take
 #: to twice their height, would grow from iteration to iteration.
 LARGEST_TURN = 0.3
+
+#: An angle is left alone where the squares of its gradients are this part of what they would be with
+#: triangles as tall as their longest edge at rest: where these are 8 times as tall. It has all its stiffness
+#: where they are four times that: 4 times as tall. An angle knows no length, and its corrections grow with
+#: the triangles: where no edge holds these, as along soft fibres, both would grow together, without end.
+FAR_TOO_LARGE = 1.0 / 64.0
+
+#: A stiffness per step that differs from 1 by less is 1.
+RIGID = 1e-6
 
 #: A volume projection's denominator is at least this part of its value at rest, so that a muscle crushed
 #: to nothing is blown up over several iterations rather than to infinity in one.
@@ -67,7 +79,8 @@ def per_iteration_stiffness(stiffness: Floats | float, iterations: int) -> Float
     """Return the stiffness per iteration that leaves (1 - k) of an error after all of them.
 
     k' = 1 - (1 - k)^(1 / n), so that a setting means the same at 1 and at 100 iterations (Müller et al.
-    2007, section 3.3).
+    2007, section 3.3). Its slope is infinite at 1: what is within :data:`RIGID` of 1 counts as 1, lest the
+    rounding of a cosine that should be 0 be seen in the result.
 
     Parameters
     ----------
@@ -81,7 +94,9 @@ def per_iteration_stiffness(stiffness: Floats | float, iterations: int) -> Float
     array
         k' in [0, 1], of the shape of ``stiffness``.
     """
-    return 1.0 - (1.0 - np.asarray(stiffness, dtype=np.float64)) ** (1.0 / iterations)
+    left = 1.0 - np.asarray(stiffness, dtype=np.float64)
+    per_iteration: Floats = 1.0 - np.where(left < RIGID, 0.0, left) ** (1.0 / iterations)
+    return per_iteration
 
 
 # -------------------------------------------------------------------------------- distance
@@ -175,12 +190,23 @@ def hinge(
 
 
 @lane
+def gradient_squares(
+    cosine: float, ee: float, a1: float, a2: float, b1: float, b2: float, n11: float, n22: float
+) -> tuple[float, ...]:
+    """Return |dphi/dp_i|^2 |e|^2 |n1|^2 |n2|^2 of the four points of a :func:`hinge`; a1 = |e|^2 - a2."""
+    cross = 2.0 * cosine
+    g1 = a1 * (a1 * n22 + b1 * cross) + b1 * (b1 * n11)
+    g2 = a2 * (a2 * n22 + b2 * cross) + b2 * (b2 * n11)
+    return g1, g2, ee * ee * n22, ee * ee * n11
+
+
+@lane
 def dihedral(
     x1: float, y1: float, z1: float, w1: float,
     x2: float, y2: float, z2: float, w2: float,
     x3: float, y3: float, z3: float, w3: float,
     x4: float, y4: float, z4: float, w4: float,
-    cosine0: float, sine0: float, stiffness: float,
+    cosine0: float, sine0: float, stiffness: float, squares0: float,
 ) -> tuple[float, ...]:  # fmt: skip
     """Return four points moved so that the angle between two triangles is as at rest: C = phi - phi0.
 
@@ -192,8 +218,9 @@ def dihedral(
     doi:10.1016/j.gmod.2013.07.001, finite at flat and at concave edges. Multiplied by |e| |n1|^2 |n2|^2,
     which leaves two divisions, it is n1 |n2|^2 |e|^2 at p3, n2 |n1|^2 |e|^2 at p4, minus their mean by
     (p3 - p1) . e and (p4 - p1) . e at p2, and at p1 what makes the sum zero. Its squares follow from |n1|^2,
-    |n2|^2 and n1 . n2, without the vectors. Degenerate triangles move nothing: the correction is proportional
-    to 1 / |gradient|, their height.
+    |n2|^2 and n1 . n2, without the vectors. squares0, their sum with triangles as tall as their longest edge
+    at rest [1 / mm^2], is the length scale (:data:`FAR_TOO_LARGE`). Degenerate triangles move nothing: the
+    correction is proportional to 1 / |gradient|, their height.
     """
     proper, sine, cosine, ee, a2, b2, n11, n22, n1x, n1y, n1z, n2x, n2y, n2z = hinge(
         x1, y1, z1, x2, y2, z2, x3, y3, z3, x4, y4, z4
@@ -207,13 +234,16 @@ def dihedral(
     c = c if c > -LARGEST_TURN else -LARGEST_TURN
 
     a1, b1 = ee - a2, ee - b2
-    cross = 2.0 * cosine
-    g1 = a1 * (a1 * n22 + b1 * cross) + b1 * (b1 * n11)
-    g2 = a2 * (a2 * n22 + b2 * cross) + b2 * (b2 * n11)
-    g3, g4 = ee * ee * n22, ee * ee * n11
+    g1, g2, g3, g4 = gradient_squares(cosine, ee, a1, a2, b1, b2, n11, n22)
     weighted = w1 * g1 + w2 * g2 + w3 * g3 + w4 * g4
-    floor = DIHEDRAL_FLOOR * ((g1 + g2) + (g3 + g4))
-    s = stiffness * c * math.sqrt(ee) / (weighted if weighted > floor else floor)
+    squares = (g1 + g2) + (g3 + g4)
+    floor = DIHEDRAL_FLOOR * squares
+    weighted = weighted if weighted > floor else floor
+    far = FAR_TOO_LARGE * squares0 * (ee * n11 * n22)
+    part, whole = squares - far, 3.0 * far
+    part = part if part > 0.0 else 0.0
+    s = stiffness * c * math.sqrt(ee) * (part if part < whole else 1.0)
+    s = s / (weighted * (whole if part < whole else 1.0))
     s = s if proper else 0.0
     s1, s2 = s * n22, s * n11
     u1, v1 = w1 * (s1 * a1), w1 * (s2 * b1)
@@ -318,41 +348,3 @@ def project_volume(
             p[i, 1] -= s * w[i] * gradient[i, 1]
             p[i, 2] -= s * w[i] * gradient[i, 2]
     return volume
-
-
-# -------------------------------------------------------------------------------- one by one
-
-
-@vector_kernel
-def sweep_distances(p: Floats, w: Floats, edges: Ints, rest: Floats, stiffness: Floats) -> None:
-    """Project the distance constraint of edges (k, 2) one by one, each seeing what the last one moved.
-
-    p : (n, 3) positions [mm], changed in place; w : (n,) inverse masses; rest : (k,) lengths [mm];
-    stiffness : (k,) per iteration.
-    """
-    for e in range(len(edges)):
-        i, j = edges[e, 0], edges[e, 1]
-        p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2] = distance(
-            p[i, 0], p[i, 1], p[i, 2], w[i], p[j, 0], p[j, 1], p[j, 2], w[j], rest[e], stiffness[e]
-        )
-
-
-@vector_kernel
-def sweep_dihedrals(
-    p: Floats, w: Floats, quads: Ints, cosines: Floats, sines: Floats, stiffness: float
-) -> None:
-    """Project the dihedral constraint of quadruples of points (q, 4) one by one.
-
-    p : (n, 3) positions [mm], changed in place; w : (n,) inverse masses; cosines, sines : (q,) of the rest
-    angles; stiffness : per iteration.
-    """
-    for q in range(len(quads)):
-        i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
-        (
-            p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2],
-            p[k, 0], p[k, 1], p[k, 2], p[m, 0], p[m, 1], p[m, 2],
-        ) = dihedral(
-            p[i, 0], p[i, 1], p[i, 2], w[i], p[j, 0], p[j, 1], p[j, 2], w[j],
-            p[k, 0], p[k, 1], p[k, 2], w[k], p[m, 0], p[m, 1], p[m, 2], w[m],
-            cosines[q], sines[q], stiffness,
-        )  # fmt: skip

@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 from vtkmuscle.core.collision.contact import Contact
 from vtkmuscle.core.jit import kernel, vector_kernel
 from vtkmuscle.core.mesh.topology import MeshTopology
+from vtkmuscle.core.pbd import as_printed
 from vtkmuscle.core.pbd.batches import CONSTANTS, RECORD, WIDTH, pack
 from vtkmuscle.core.pbd.constraints import (
     VOLUME_FLOOR,
     dihedral,
     distance,
     project_volume,
-    sweep_dihedrals,
-    sweep_distances,
 )
 from vtkmuscle.core.pbd.rest_shape import RestShape
 from vtkmuscle.core.pbd.stages import StageClock
@@ -265,10 +264,10 @@ class ColourOrder:
 
 
 class SequentialOrder:
-    """The order of Algorithm 2: all distances, the volume, all dihedral angles, the bones.
+    """Algorithm 2 as printed: all distances, the volume, all dihedral angles, the bones.
 
-    Edges come one by one, in the order of the mesh. The volume is not what was projected last, so that it is
-    kept less well.
+    Edges come one by one, in the order of the mesh, by :mod:`~vtkmuscle.core.pbd.as_printed`. The volume is
+    not what was projected last, so that it is kept less well.
 
     Parameters
     ----------
@@ -281,27 +280,27 @@ class SequentialOrder:
     def __init__(
         self, topology: MeshTopology, shape: RestShape, inverse_mass: Floats, stiffness: Stiffness
     ) -> None:
-        self._mass = inverse_mass
+        self._mass, self._stiffness = inverse_mass, stiffness
         edges, quads = topology.edges, topology.quads
         self._held = used = (inverse_mass[edges] > 0).any(axis=1)
         self._long = np.ascontiguousarray(edges[used]), shape.lengths[used], stiffness.edges[used]
         used = shape.angle_defined & (inverse_mass[quads] > 0).any(axis=1)
         self._turned = topology.quad_edges[used]
-        angles = shape.angles[used]
-        self._bent = np.ascontiguousarray(quads[used]), np.cos(angles), np.sin(angles), stiffness.shape
-        self._volume, self._stiffness = Volume(topology.triangles, shape, inverse_mass), stiffness.volume
+        self._bent = np.ascontiguousarray(quads[used]), np.abs(shape.angles[used])
+        self._solid = topology.triangles, shape.volume, stiffness.volume
+        self._gradient: Floats = np.empty_like(shape.volume_gradient)
 
     def project(self, p: Floats, keep_out: _KeepOut, *, bones_last: bool) -> Bools:
         """Project all constraints once, in place, the bones always last; see :meth:`Order.project`."""
-        sweep_distances(p, self._mass, *self._long)
-        self._volume.project(p, self._stiffness)
-        sweep_dihedrals(p, self._mass, *self._bent)
+        as_printed.sweep_distances(p, self._mass, *self._long)
+        as_printed.project_volume(p, self._mass, *self._solid, self._gradient)
+        as_printed.sweep_angles(p, self._mass, *self._bent, self._stiffness.shape)
         return keep_out(p)
 
     def set_rest(self, lengths: Floats, cosines: Floats, sines: Floats) -> None:
         """See :meth:`Order.set_rest`."""
         self._long[1][:] = lengths[self._held]
-        self._bent[1][:], self._bent[2][:] = cosines[self._turned], sines[self._turned]
+        self._bent[1][:] = np.abs(np.arctan2(sines[self._turned], cosines[self._turned]))
 
 
 # -------------------------------------------------------------------------------- many at a time
@@ -358,6 +357,7 @@ def sweep_batches(p: Floats, edge_at: Offsets, constants: Floats, buffer: Floats
             x1, y1, z1, x2, y2, z2, x3, y3, z3, x4, y4, z4 = dihedral(
                 x1, y1, z1, w1, x2, y2, z2, w2, x3, y3, z3, w3, x4, y4, z4, w4,
                 buffer[at + 2 * WIDTH], buffer[at + 3 * WIDTH], buffer[at + 4 * WIDTH],
+                buffer[at + 5 * WIDTH],
             )  # fmt: skip
             # To other places than they came from: whole records are stored, masses too, by plain moves.
             at = _AFTER + RECORD * i

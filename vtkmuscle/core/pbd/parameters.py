@@ -43,8 +43,8 @@ class SolverParameters:
     velocity_kept : float
         Part of the velocity that is left after a (sub)step, in [0, 1].
     stiffness, shape_stiffness, volume_stiffness : float
-        Of the distance, dihedral and volume constraints, in [0, 1]: per (sub)step with ``"gauss-seidel"``,
-        per iteration with ``"anderson"``.
+        Of the distance, dihedral and volume constraints, in [0, 1]: per iteration, but per (sub)step with
+        ``"gauss-seidel"`` and ``"batched"``.
     external_force : (3,) tuple
         Force per mass on each free point [mm / s^2].
     guidance : float
@@ -58,8 +58,8 @@ class SolverParameters:
         With ``"anderson"``, where the taut fibres draw the points: stop where the converged shape is at most
         so far (root mean square) [mm]; 0 stops at a fixed point only.
     projection_order : str
-        ``"batched"`` or ``"sequential"``: many edges at once and the volume last, or the order of Kohout and
-        Cervenka 2021.
+        ``"batched"`` or ``"sequential"``: many edges at once and the volume last, or Algorithm 2 of Kohout
+        and Cervenka 2021 with its constraints as printed.
     bone_push : str
         What a bone does to points it moved over: ``"transform"`` or ``"off"``.
     contact_velocity : str

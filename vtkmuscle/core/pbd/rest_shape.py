@@ -68,6 +68,9 @@ class RestShape:
         Of the edges [mm].
     angles, angle_defined : (q,) arrays
         Signed dihedral angles of the quadruples [radians], and False beside degenerate triangles.
+    angle_squares : (q,) array
+        Length scales of the quadruples: the sum of the squares of the angle's gradients where both triangles
+        are as tall as the longest of their edges at rest [1 / mm^2].
     volume : float
         [mm^3].
     volume_gradient : (n, 3) array
@@ -92,6 +95,7 @@ class RestShape:
         self._long_edges = np.ascontiguousarray(topology.edges[self._long])
         self._long_lengths: Floats = self.lengths[self._long]
         self.angles, self.angle_defined = dihedral_angles(points, topology.quads)
+        self.angle_squares: Floats = _angle_squares(points, topology.quads)
         self._cosines, self._sines = np.cos(self.angles), np.sin(self.angles)
         #: Directions of fibres, and which of the long edges are along and across them.
         self._directed: tuple[Floats | None, Ints, Ints] = None, np.empty(0, np.int64), np.empty(0, np.int64)
@@ -201,6 +205,15 @@ def _hinges(p: Floats, quads: Ints, cosines: Floats, sines: Floats, defined: Boo
         if proper:
             size = math.sqrt(sine * sine + cosine * cosine)
             cosines[q], sines[q], defined[q] = cosine / size, sine / size, True
+
+
+def _angle_squares(p: Floats, quads: Ints) -> Floats:
+    """Return 2 / L^2 of the longest edges L of quadruples (q, 4), 0 where all four points are one."""
+    corners = p[quads]
+    sides = corners[:, [0, 0, 0, 1, 1]] - corners[:, [1, 2, 3, 2, 3]]
+    longest = np.einsum("qsk,qsk->qs", sides, sides).max(axis=1)
+    squares: Floats = np.divide(2.0, longest, out=np.zeros(len(quads)), where=longest > 0.0)
+    return squares
 
 
 @array_kernel

@@ -175,11 +175,12 @@ class MuscleSolver:
         """Return a stiffness per iteration.
 
         A solve that runs to convergence ends where the ratios of the stiffnesses have it; if they depended on
-        the number of iterations, so would the shape.
+        the number of iterations, so would the shape. Algorithm 2 as printed has them per iteration, too.
         """
-        if self.parameters.solver != "gauss-seidel":
+        settings = self.parameters
+        if settings.solver != "gauss-seidel" or settings.projection_order == "sequential":
             return np.asarray(stiffness, dtype=np.float64)
-        return per_iteration_stiffness(stiffness, self.parameters.iterations)
+        return per_iteration_stiffness(stiffness, settings.iterations)
 
     @cached_property
     def _workspaces(self) -> dict[str, Workspace]:

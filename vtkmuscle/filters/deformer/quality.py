@@ -6,7 +6,10 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-#: The settings of Kohout, Cervenka 2021, doi:10.1007/978-3-030-72379-8_24.
+from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
+
+#: Algorithm 2 of Kohout, Cervenka 2021, doi:10.1007/978-3-030-72379-8_24, as printed, with the settings of
+#: its section 4; the number of iterations differs between its experiments.
 PUBLISHED: Mapping[str, Any] = MappingProxyType(
     {
         "anisotropy": "stiffness",
@@ -16,6 +19,12 @@ PUBLISHED: Mapping[str, Any] = MappingProxyType(
         "collision": "voxel",
         "bone_push": "transform",
         "contact_velocity": "keep",
+        "substeps": 1,
+        "velocity_kept": 0.99,
+        "stiffness": 1.0,
+        "shape_stiffness": 0.9,
+        "volume_stiffness": 1.0,
+        "n_voxels": DEFAULT_N_MAX,
     }
 )
 

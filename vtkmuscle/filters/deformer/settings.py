@@ -52,15 +52,15 @@ class DeformerSettings:
     velocity_kept = _part("velocity_kept", "Part of its velocity that a point keeps from step to step.")
     stiffness = _part(
         "stiffness",
-        "Stiffness of edge lengths, per step (solver 'gauss-seidel') or per iteration ('anderson').",
+        "Stiffness of edge lengths, per iteration; per step with solver 'gauss-seidel' on batched edges.",
     )
     shape_stiffness = _part(
         "shape_stiffness",
-        "Stiffness of the angles between triangles, per step or per iteration as that of the edges.",
+        "Stiffness of the angles between triangles, per iteration or per step as that of the edges.",
     )
     volume_stiffness = _part(
         "volume_stiffness",
-        "Stiffness of the muscle's volume, per step or per iteration as that of the edges.",
+        "Stiffness of the muscle's volume, per iteration or per step as that of the edges.",
     )
     anisotropy = Parameter(
         str,
@@ -156,8 +156,8 @@ class DeformerSettings:
     )
     projection_order = _choice(
         "projection_order",
-        "Order of projections: edges many at once and the volume last, or all one by one "
-        "and the volume before angles and bones (published), which keeps it less well.",
+        "Order of projections: edges many at once and the volume last, or one by one as printed (published): "
+        "the volume before angles and bones, which keeps it less well, and angles without a sign.",
     )
     measure_penetration = Parameter(
         bool,
