@@ -54,7 +54,7 @@ def figures() -> dict[str, Callable[[], object]]:
     ((name, muscle),) = phantom.muscles.items()
     areas = phantom.attachments[name]
     marked = FixedPointDetector()(muscle, phantom.bones, areas)
-    fibres = decompose(muscle, areas).update().output
+    fibres = decompose(muscle, areas, n_fibres=100, resolution=15).update().output
     transport = FibreTransport()
 
     def transported() -> object:
@@ -65,7 +65,7 @@ def figures() -> dict[str, Callable[[], object]]:
         "iteration": iteration_of(TRIANGLES),
         "step": steps_of(TRIANGLES),
         "transport": transported,
-        "decomposition": lambda: decompose(muscle, areas).update(),
+        "decomposition": lambda: decompose(muscle, areas, n_fibres=100, resolution=15).update(),
     }
 
 
