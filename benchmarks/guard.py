@@ -89,6 +89,8 @@ def growth(sizes: Mapping[str, Mapping[int, float]]) -> dict[str, float]:
     """Return how time grows between the ends of each scale: a power."""
     found = {}
     for scale, times in sizes.items():
+        if len(times) < 2:
+            continue
         low, high = min(times), max(times)
         power = math.log(times[high] / times[low]) / math.log(high / low)
         found[f"{scale}, {low} to {high}"] = round(power, 3)
