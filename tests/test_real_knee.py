@@ -31,16 +31,7 @@ def test_a_hamstring_neither_crumples_nor_leaves_its_fibres_outside(bent, name):
     assert max(row["fibres_outside_max_mm"] for row in bent.report["muscles"][name]["frames"]) <= 0.1
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(
-            "semitendinosus",
-            marks=pytest.mark.xfail(strict=True, reason="9.5 mm at 0 degrees, and 52.5 mm at 90"),
-        ),
-        "biceps_femoris_long",
-    ],
-)
+@pytest.mark.parametrize("name", MUSCLES)
 def test_a_hamstring_has_the_moment_arms_of_dissections(bent, name):
     arms = flexion_arms(bent, name)
     assert arms.min() >= 10.0

@@ -146,7 +146,7 @@ def test_fibres_that_hang_loose_are_told_and_where_it_is_not_known_that_is_told(
     bare = verdict(lengths=None, rest_lengths=None)
     assert bare["verdict"] == "ok"
     assert bare["not_checked"] == dict.fromkeys(
-        ("long fibres", "short fibres", "jumps", "slack"), "it has no fibres"
+        ("long fibres", "short fibres", "jumps", "slid off", "slack"), "it has no fibres"
     )
 
 
@@ -310,14 +310,14 @@ def test_fibres_that_leave_the_muscle_or_enter_a_bone_are_measured():
         np.array([0, 3, 5]),
     )
     measure.take_fibres_at_rest(lines, offsets)
-    still = measure.fibres(lines, offsets, points_of(ball()), {})
+    still = measure.fibres(lines, offsets, points_of(ball()), measure.depths(lines, {}))
     assert still == {"fibres_outside_max_mm": 0.0, "fibres_penetration_new_max_mm": 0.0}
     moved = lines.copy()
     moved[1, 0], moved[4] = 6.5, [0.0, 0.0, 42.0]
-    found = measure.fibres(moved, offsets, points_of(ball()), {})
+    found = measure.fibres(moved, offsets, points_of(ball()), measure.depths(moved, {}))
     assert found["fibres_penetration_new_max_mm"] == pytest.approx(15.0)
     assert found["fibres_outside_max_mm"] == pytest.approx(20.0, rel=0.02)
-    nowhere = MuscleMeasure(ball(), ["bone"], {}, 1.0).fibres(lines, offsets, points_of(ball()), {})
+    nowhere = MuscleMeasure(ball(), ["bone"], {}, 1.0).fibres(lines, offsets, points_of(ball()), None)
     assert nowhere["fibres_penetration_new_max_mm"] is None
 
 

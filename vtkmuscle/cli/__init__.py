@@ -1,4 +1,4 @@
-"""The command line: ``vtkmuscle run``, ``demo``, ``tradeoff``, ``info``, ``export`` and ``paraview-path``.
+"""The command line: ``vtkmuscle run``, ``demo``, ``tradeoff``, ``info``, ``export``, ``fetch`` and others.
 
 Nothing heavy is imported before a command needs it, so that ``vtkmuscle --help`` answers at once.
 """
@@ -6,6 +6,7 @@ Nothing heavy is imported before a command needs it, so that ``vtkmuscle --help`
 from __future__ import annotations
 
 import signal
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -16,6 +17,7 @@ from vtkmuscle._version import __version__
 from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, TerminatedError, one_clear_error, say
 from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, with_run_options
 from vtkmuscle.cli.running import run_and_tell
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.isolation import leave_out_working_folder
 
 __all__ = ["BAD_INPUT", "FAILED", "INTERRUPTED", "app", "main"]
@@ -240,6 +242,45 @@ def tradeoff(
         )
         for path in [*write_tables(out, study), *write_plots(out, study)]:
             say(quiet, f"wrote {path}")
+
+
+@app.command()
+def fetch(
+    name: Annotated[
+        str | None, typer.Argument(help="A data set. Without a name, those that there are are listed.")
+    ] = None,
+    out: OutOption = None,
+    accept_licence: Annotated[
+        bool, typer.Option("--accept-licence", help="Accept the licence without being asked.")
+    ] = False,
+    host: Annotated[
+        str | None,
+        typer.Option("--host", metavar="URL", help="A mirror of GitHub's raw files."),
+    ] = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Download a public data set, under the licence that it has, as a scene.
+
+    It shows the licence and asks. Without --out it writes to a folder of the name of the data set.
+    """
+    with one_clear_error(None):
+        from vtkmuscle.fetch import DATA_SETS, HOST, data_set
+        from vtkmuscle.fetch import fetch as fetched
+
+        if name is None:
+            for one, data in DATA_SETS.items():
+                typer.echo(f"{one}: {data.title}")
+            return
+        typer.echo(data_set(name).licence)
+        if not accept_licence:
+            accept_licence = sys.stdin.isatty() and typer.confirm("Do you accept this licence?")
+        if not accept_licence:
+            raise InputError(name, "its licence is not accepted", "say --accept-licence where you accept it")
+        path = fetched(
+            name, out, accept_licence=True, host=host or HOST, tell=lambda words: say(quiet, words)
+        )
+        say(quiet, f"The scene is {path}: run it with")
+        say(quiet, f"  vtkmuscle run {path}")
 
 
 @app.command("paraview-path")

@@ -14,6 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.collision.voxels import VoxelGrid, build_voxel_grid
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.closed_shells import welded
+from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.surface import edge_uses, half_edges, point_components, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.types import Floats, Ints
@@ -128,7 +129,7 @@ class SurfaceDistance:
 
     @cached_property
     def _whole(self) -> TriangleTree:
-        return triangle_tree(self._points, self._triangles)
+        return _tree_of(self._points, self._triangles)
 
     @cached_property
     def _shells(self) -> list[_Shell]:
@@ -150,6 +151,9 @@ class SurfaceDistance:
                 stacklevel=3,
             )
         return shells
+
+
+_tree_of = shared(triangle_tree)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from vtkmuscle.core.motion.fitted_lengths import fit_length, group_errors, group
 from vtkmuscle.core.motion.fitted_points import fit_points
 from vtkmuscle.core.motion.frames import inverses
 from vtkmuscle.core.motion.muscle_paths import FunctionPath
+from vtkmuscle.core.motion.slide_units import slides_in_metres
 from vtkmuscle.core.motion.tree import KinematicTree
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
@@ -26,6 +27,7 @@ from vtkmuscle.run.result import Result
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.files import SceneFiles, parsed
+from vtkmuscle.scene.hill import opensim_properties
 from vtkmuscle.scene.joints import SceneJoints, coordinate_values, joints_of
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scenes import Scene
@@ -107,7 +109,9 @@ def write_opensim(
     groups : int, optional
         Groups of fibres per muscle, at most.
     parameters : mapping of str to mapping, optional
-        Properties of each muscle in OpenSim; of ``max_isometric_force`` each group has its fibres' share.
+        Properties of each muscle in OpenSim, in place of those of the scene's ``hill``; of
+        ``max_isometric_force`` each group has its fibres' share. Paths without a muscle (``PathActuator``)
+        have none of the scene's.
     kind : str, optional
         Class of the muscles in OpenSim.
 
@@ -122,7 +126,10 @@ def write_opensim(
         If the scene has no joints, is mirrored, or a muscle failed or has no fibres.
     """
     run = _run_of(Path(scene_file), result)
-    found = export_muscles(*run.muscles, form=form, groups=groups, parameters=parameters, kind=kind)
+    asked = parameters or {}
+    if kind != "PathActuator":
+        asked = {name: {**hill, **asked.get(name, {})} for name, hill in run.hill.items()}
+    found = export_muscles(*run.muscles, form=form, groups=groups, parameters=asked, kind=kind)
     outs = [one.out for one in found]
     text = osim_of(run.tree, outs, name=run.name) if into is None else enriched(Path(into), outs)
     write_text(Path(out), text)
@@ -167,10 +174,14 @@ def write_mujoco(
 
 
 class _Run(NamedTuple):
-    """A run of a scene with joints: its name, tree [m], and what :func:`export_muscles` takes of it."""
+    """A run of a scene with joints, as exports take it.
+
+    Its name, its tree [m], properties of muscles in OpenSim, and what :func:`export_muscles` takes.
+    """
 
     name: str
     tree: KinematicTree
+    hill: dict[str, dict[str, float]]
     muscles: tuple[Result, SceneJoints, Mapping[str, Floats], Mapping[str, tuple[str, ...]]]
 
 
@@ -195,8 +206,12 @@ def _run_of(path: Path, result: Result | None) -> _Run:
         for name, muscle in scene.muscles.items()
         if name in result.lengths
     }
-    tree = joints.tree.scaled(MILLIMETRES[scene.units] / 1000.0)
-    return _Run(scene.name, tree, (result, joints, now, attached))
+    tree, _ = slides_in_metres(joints.tree.scaled(MILLIMETRES[scene.units] / 1000.0))
+    hill = {
+        name: opensim_properties(muscle.hill, MILLIMETRES[scene.units] / 1000.0)
+        for name, muscle in scene.muscles.items()
+    }
+    return _Run(scene.name, tree, hill, (result, joints, now, attached))
 
 
 def export_muscles(
@@ -236,7 +251,8 @@ def export_muscles(
     if form not in _FORMS:
         raise InputError("", f"there is no form {form!r}; allowed: {', '.join(_FORMS)}")
     metres = MILLIMETRES[result.units] / 1000.0
-    tree = joints.tree.scaled(metres)
+    tree, factors = slides_in_metres(joints.tree.scaled(metres))
+    in_metres = {one: factors[one] * column for one, column in values.items()}
     found: list[ExportedMuscle] = []
     for name, given in result.lengths.items():
         if len(given) < len(result.frames):
@@ -245,7 +261,7 @@ def export_muscles(
         labels = group_fibres(lengths, groups)
         errors, medoids = group_errors(lengths, labels)
         ends = attached[name]
-        crossed = {one: values[one] for one in tree.crossed(ends) if one in values}
+        crossed = {one: in_metres[one] for one in tree.crossed(ends) if one in values}
         lines = _lines(result, name, joints, values, metres) if form == "points" else None
         own = dict((parameters or {}).get(name, {}))
         force = own.get("max_isometric_force")
@@ -263,7 +279,12 @@ def export_muscles(
                 held_back = 1000.0 * fit.held_back_error
             else:
                 points = fit_points(
-                    lines[:, medoid], tree, values, (ends[0], ends[1]), tolerance=TOLERANCE, moving=moving
+                    lines[:, medoid],
+                    tree,
+                    in_metres,
+                    (ends[0], ends[1]),
+                    tolerance=TOLERANCE,
+                    moving=moving,
                 )
                 out = MuscleOut(label, points.path, dict(own), kind)
                 errs = (1000.0 * points.error, 1000.0 * points.largest_error)

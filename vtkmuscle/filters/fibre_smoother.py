@@ -8,6 +8,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.fibres.course import smooth_about_course
 from vtkmuscle.core.fibres.spreading import move_ends, steps_to_centres
 from vtkmuscle.core.mesh.polylines import polyline_lengths, smooth_polylines
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
@@ -28,9 +29,11 @@ SPREADING = 1.5
 class FibreSmoother(Filter):
     """Smooth fibres by a three-point weighted mean that keeps their end points, and spread them if asked.
 
-    Each pass moves the inner points to (p_{i-1} + k p_i + p_{i+1}) / (k + 2). Passes straighten fibres, and
-    so draw them out of a curved muscle on its hollow side. Where the muscle is connected, points that leave
-    it are put back on its surface.
+    Each pass moves the inner points to (p_{i-1} + k p_i + p_{i+1}) / (k + 2), which straightens fibres, and
+    so draws them out of a curved muscle on its hollow side. Where the muscle is connected, the course that
+    all fibres have in common, the mean of their points, stays as it is, and only what each differs from it
+    is smoothed (see :func:`vtkmuscle.core.fibres.course.smooth_about_course`); points that leave the muscle
+    are put back on its surface.
 
     The map from the template crowds fibres in the middle of a muscle, and straight ends leave its flanks
     bare. So where the muscle is connected, each pass also moves every fibre towards the middle of the part
@@ -125,7 +128,7 @@ class FibreSmoother(Filter):
         samples = geometry.samples(n_samples)
         points = lines.points
         for done in range(self.smoothing_passes):
-            points = smooth_polylines(points, lines.offsets, self.smoothing_weight, 1)
+            points = smooth_about_course(points, lines.offsets, self.smoothing_weight, 1)
             if len(samples):
                 steps = spreading * steps_to_centres(points, lines.offsets, samples)
                 goals = points + steps

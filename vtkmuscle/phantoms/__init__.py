@@ -11,7 +11,8 @@ Joints, from the simplest to the most like life; with what is known of the muscl
 * :func:`strap_over_two_joints`, with two coordinates (length, a moment arm about each joint);
 * :func:`tendon_through_ring`, held by a via ring (length and moment arm with the ring and without);
 * :func:`slivered_tendon`, badly shaped triangles pulled round an edge (length);
-* :func:`hip`, the demo's: pelvis, femur and three muscles (the head of the femur).
+* :func:`hip`, the demo's: pelvis, femur and three muscles (the head of the femur); :func:`leg`, the whole of
+  it: three joints, ten muscles.
 
 Fibres: :func:`fibre_block` and :func:`pennate_block` (lengths, pennation), :func:`winding_spindle` (twist).
 """
@@ -24,6 +25,7 @@ from vtkmuscle.phantoms.cylinder_wrap import wrapping_cylinder
 from vtkmuscle.phantoms.fibre_blocks import fibre_block, pennate_block
 from vtkmuscle.phantoms.hinge_spindle import spindle_over_hinge
 from vtkmuscle.phantoms.hip_joint import hip
+from vtkmuscle.phantoms.leg import leg
 from vtkmuscle.phantoms.lifting_strap import lifting_strap
 from vtkmuscle.phantoms.phantom import Phantom
 from vtkmuscle.phantoms.ring_tendon import tendon_through_ring
@@ -36,6 +38,7 @@ __all__ = [
     "fibre_block",
     "flexor_over_brim",
     "hip",
+    "leg",
     "lifting_strap",
     "pennate_block",
     "slivered_tendon",

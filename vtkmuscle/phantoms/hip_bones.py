@@ -70,6 +70,11 @@ def sacrum() -> Solid:
 
 def femur() -> Solid:
     """Return the upper part of the femur, sawn off below."""
+    return upper_femur().beside((0, 0, -240), (0, 0, -1), 3.0)
+
+
+def upper_femur() -> Solid:
+    """Return the upper part of the femur, to be cut or joined below z = -235."""
     head = ball((0, 0, 0), HEAD_RADIUS)
     neck = thick_curve([(-8, 1, -5), (-26, 5, -19), (-46, 9, -34)], [16, 14, 18])
     shaft = thick_curve(
@@ -80,5 +85,4 @@ def femur() -> Solid:
     lesser = ball((-30, 25, -62), 9.0)
     tuberosity = thick_curve([(-57, 17, -72), (-52, 15, -104), (-46, 11, -140)], [6, 6, 5])
     crest = thick_curve([(-54, 24, -8), (-44, 26, -32), (-33, 25, -58)], [8, 7, 7])
-    bone = union([head, neck, shaft, greater, lesser, crest, tuberosity], 9.0)
-    return bone.beside((0, 0, -240), (0, 0, -1), 3.0)
+    return union([head, neck, shaft, greater, lesser, crest, tuberosity], 9.0)

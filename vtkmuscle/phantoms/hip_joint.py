@@ -44,7 +44,7 @@ def hip() -> Phantom:
     >>> sorted(hip().muscles)
     ['gluteus_maximus', 'gluteus_medius', 'iliacus']
     """
-    bones, muscles, areas = _parts()
+    bones, muscles, areas = hip_parts()
     return phantom_from(
         "hip",
         bones=bones,
@@ -57,7 +57,8 @@ def hip() -> Phantom:
 
 
 @cache
-def _parts() -> tuple[dict[str, Surface], dict[str, Surface], dict[str, list[AttachmentArea]]]:
+def hip_parts() -> tuple[dict[str, Surface], dict[str, Surface], dict[str, list[AttachmentArea]]]:
+    """Return bones, muscles, and the muscles' attachment areas, by name."""
     pelvic, femoral = pelvis(), femur()
     medius, maximus, iliac = (make(pelvic, femoral) for make in (gluteus_medius, gluteus_maximus, iliacus))
     medius_solid = _beside_bones(medius, pelvic, femoral)

@@ -119,6 +119,16 @@ CHECKS = {
         "a fibre's length jumps by {}: the muscle buckles or snaps over a bone",
         "use smaller steps of the motion, and do not use moment arms about there",
     ),
+    # Of a fibre whose length jumps: what moves straight off a bone, as a strap that lifts, is not aside.
+    # Beyond 100 mm it is on another bone.
+    "slid off": Check(
+        2.0,
+        100.0,
+        "mm",
+        "a fibre slides off a bone sideways, by {} in one step",
+        "hold the muscle there as its tissue does, by a via ring on that bone (role = 'via'), or correct its "
+        "attachments; do not use moment arms from there on",
+    ),
     # 5 % of a fibre of 100 to 200 mm are 5 to 10 mm that a taut muscle would not have: over 60 degrees a
     # moment arm that is wrong by 5 to 10 mm.
     "slack": Check(

@@ -86,7 +86,7 @@ class MuscleMeasure:
             "triangles": len(self._triangles),
             "volume_mm3": self._volume * self._millimetres**3,
             "fixed_points": {bone: count for bone, count in fixed.items() if count},
-            "rest": self._penetration(self._rest, still),
+            "rest": self._penetration(self._rest, still, new=False),
         }
 
     def frame(self, points: Floats, transforms: Mapping[str, Floats]) -> dict[str, Any]:
@@ -107,7 +107,6 @@ class MuscleMeasure:
             "edge_stretch_floored_max": float((lengths / self._floored).max()),
             "folded_edges": int(folded.sum()),
             **self._penetration(points, now),
-            **self._new_penetration(points, now),
             "fixed_error_max_mm": self._fixed_error(points, now),
         }
 
@@ -144,17 +143,18 @@ class MuscleMeasure:
         return depths
 
     def fibres(
-        self, fibre_points: Floats, offsets: Ints, points: Floats, transforms: Mapping[str, Floats]
+        self, fibre_points: Floats, offsets: Ints, points: Floats, depths: Floats | None
     ) -> dict[str, Any]:
         """Return how far fibres are out of the muscle, and how much deeper in bones than at rest.
 
-        ``fibre_points`` (p, 3) are those of the same fibres each time, ``points`` (n, 3) those of the muscle.
+        ``fibre_points`` (p, 3) are those of the same fibres each time, ``points`` (n, 3) those of the muscle,
+        ``depths`` (p,) what :meth:`depths` gives of the former.
         """
         outside = fibre_points[~points_inside(fibre_points, points, self._triangles)]
         farthest = 0.0
         if len(outside):
             farthest = float(triangle_tree(points, self._triangles).nearest(outside)[2].max())
-        depths, grown = self.depths(fibre_points, transforms), None
+        grown = None
         if depths is not None:
             deepest = np.maximum.reduceat(depths, offsets[:-1])
             rest = self._fibre_rest_depths
@@ -169,32 +169,26 @@ class MuscleMeasure:
         depths = self.depths(fibre_points, {bone: np.eye(4) for bone in self._bones})
         self._fibre_rest_depths = None if depths is None else np.maximum.reduceat(depths, offsets[:-1])
 
-    def _penetration(self, points: Floats, now: Mapping[str, Floats]) -> dict[str, Any]:
-        free = points[self._fixed_to < 0]
-        depths = self.depths(free, now) if len(free) else None
-        if depths is None:
-            return {"penetration_max_mm": None, "penetration_p95_mm": None, "penetrating_points": None}
-        depths *= self._millimetres
-        return {
-            "penetration_max_mm": float(depths.max()),
-            "penetration_p95_mm": float(np.percentile(depths, 95)),
-            "penetrating_points": int((depths > 0).sum()),
-        }
-
-    def _new_penetration(self, points: Floats, now: Mapping[str, Floats]) -> dict[str, Any]:
-        """Return by how much free points are deeper in the bones than at rest."""
+    def _penetration(self, points: Floats, now: Mapping[str, Floats], *, new: bool = True) -> dict[str, Any]:
+        """Return how deep free points are in the bones, and, if asked, by how much deeper than at rest."""
         free = self._fixed_to < 0
         depths = self.depths(points[free], now) if free.any() else None
+        names = ("penetration_max_mm", "penetration_p95_mm", "penetrating_points")
+        names_of_new = ("penetration_new_max_mm", "penetration_new_p95_mm") if new else ()
         if depths is None:
-            return {"penetration_new_max_mm": None, "penetration_new_p95_mm": None}
-        if self._rest_depths is None:
-            self._rest_depths = self.depths(self._rest[free], {bone: np.eye(4) for bone in self._bones})
-        assert self._rest_depths is not None  # the bones have insides, as they had just now
-        grown = np.maximum(depths - self._rest_depths, 0.0) * self._millimetres
-        return {
-            "penetration_new_max_mm": float(grown.max()),
-            "penetration_new_p95_mm": float(np.percentile(grown, 95)),
-        }
+            return dict.fromkeys((*names, *names_of_new))
+        found = [*self._largest(depths), int((depths > 0).sum())]
+        if new:
+            if self._rest_depths is None:
+                self._rest_depths = self.depths(self._rest[free], {bone: np.eye(4) for bone in self._bones})
+            assert self._rest_depths is not None  # the bones have insides, as they had just now
+            found += self._largest(np.maximum(depths - self._rest_depths, 0.0))
+        return dict(zip((*names, *names_of_new), found, strict=True))
+
+    def _largest(self, depths: Floats) -> tuple[float, float]:
+        """Return the largest depth and the 95th percentile [mm]."""
+        millimetres = depths * self._millimetres
+        return float(millimetres.max()), float(np.percentile(millimetres, 95))
 
     def _fixed_error(self, points: Floats, now: Mapping[str, Floats]) -> float:
         worst = 0.0

@@ -14,6 +14,8 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     cell_array,
     field_array,
@@ -29,10 +31,12 @@ from vtkmuscle.filters.deformer.convergence_report import read_convergence
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.run.folder import RunFolder
+from vtkmuscle.run.limits import CHECKS, FULL_SIZE
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.pipeline import muscle_pipeline
 from vtkmuscle.run.report import architecture_of, fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.result import MuscleTrack
+from vtkmuscle.run.sliding import slides_of
 from vtkmuscle.run.verdict import judge, slackness_of
 from vtkmuscle.scene.data import SceneData
 
@@ -133,6 +137,8 @@ class MuscleRun:
         if self.folder is not None:
             with self._timed("writing"):
                 self.folder.finish(self.name)
+        if scene.muscle_contact == "off":
+            self.deformer = None  # with all that it keeps of the frames; later muscles do not ask for it
         self._tell("done", 1.0)
 
     def _parameters(self, pipeline: MusclePipeline) -> dict[str, Any]:
@@ -215,9 +221,9 @@ class MuscleRun:
                 **measure.frame(points, transforms),
             }
             if fibres is not None:
-                _add_penetration(fibres, measure, transforms)
+                depths = _add_penetration(fibres, measure, transforms)
                 lines = polylines_of(fibres, "fibres")
-                row |= measure.fibres(lines.points, lines.offsets, points, transforms)
+                row |= measure.fibres(lines.points, lines.offsets, points, depths)
                 row["ms_fibres"] = 1000.0 * fibres_took
         if self.scene.muscle_contact != "off":
             with self._timed("measuring overlap"):
@@ -249,22 +255,39 @@ class MuscleRun:
         rows = track.report["frames"]
         tolerance = track.report["parameters"]["solver"].get("tolerance")
         lengths = rest_lengths = slackness = None
+        slides: list[tuple[float, str] | None] = []
+        motion = self.scene.motion.part(numbers[: len(rows)]) if rows else None
         if track.lengths and track.rest_fibres is not None:
             lines = polylines_of(track.rest_fibres, "fibres")
             lengths, rest_lengths = np.array(track.lengths), polyline_lengths(lines.points, lines.offsets)
             rest_lengths = rest_lengths * millimetres
             slackness = slackness_of(track.fibres, track.lengths, track.rest_fibres, millimetres)
+            slides = self._slides(lengths, motion, measure)
         track.report["verdict"] = judge(
             rows,
             lengths=lengths,
             rest_lengths=rest_lengths,
             slackness=slackness,
-            motion=self.scene.motion.part(numbers[: len(rows)]) if rows else None,
+            slides=slides,
+            motion=motion,
             n_edges=measure.n_edges,
             size=measure.size,
             tolerance=None if tolerance is None else tolerance * millimetres,
             failure=track.failure,
         )
+
+    def _slides(
+        self, lengths: Floats, motion: RigidMotion | None, measure: MuscleMeasure
+    ) -> list[tuple[float, str] | None]:
+        """Return how far fibres whose length jumps have slid aside on bones; nothing where it is unknown."""
+        lines = [polylines_of(fibres, "fibres") for fibres in self.track.fibres]
+        sizes = {size for one in lines for size in np.diff(one.offsets).tolist()}
+        if motion is None or len(sizes) != 1:
+            return []
+        jump = CHECKS["jumps"].look * min(1.0, measure.size / FULL_SIZE)
+        points = [one.points.reshape(len(one), -1, 3) for one in lines]
+        millimetres = self.scene.millimetres
+        return slides_of(lengths, points, motion, self.distances, jump=jump, millimetres=millimetres)
 
     def _deformers(self) -> dict[str, PBDDeformer]:
         """Return the deformers of the other muscles, without those that failed on the way."""
@@ -328,12 +351,18 @@ def _warn_if_none_is_free(name: str, muscle: vtkPolyData) -> None:
         )
 
 
-def _add_penetration(fibres: vtkPolyData, measure: MuscleMeasure, transforms: Mapping[str, Any]) -> None:
-    """Add the cell array ``Penetration``: how deep the deepest point of each fibre is in a bone."""
+def _add_penetration(
+    fibres: vtkPolyData, measure: MuscleMeasure, transforms: Mapping[str, Any]
+) -> Floats | None:
+    """Add the cell array ``Penetration``: how deep the deepest point of each fibre is in a bone.
+
+    Returns how deep each point of them is, None where no bone has an inside.
+    """
     lines = polylines_of(fibres, "fibres")
     depths = measure.depths(lines.points, transforms)
     if depths is not None:
         set_cell_array(fibres, "Penetration", np.maximum.reduceat(depths, lines.offsets[:-1]))
+    return depths
 
 
 def _copy(data: Any) -> Any:

@@ -76,10 +76,12 @@ class Result:
         What was measured; ``report["definitions"]`` says what each number means.
     literature : mapping of str to sequence of LiteratureCurve, optional
         Published moment arms per muscle.
+    crosses : mapping of str to sequence of str, optional
+        Coordinates of the motion that each muscle crosses, where that is known.
 
     Attributes
     ----------
-    name, units, report, motion, literature
+    name, units, report, motion, literature, crosses
         As given.
     frames : list of int
         Numbers of the kept frames in the motion, counted from 0.
@@ -131,11 +133,13 @@ class Result:
         report: dict[str, Any],
         *,
         literature: Mapping[str, Sequence[LiteratureCurve]] | None = None,
+        crosses: Mapping[str, Sequence[str]] | None = None,
     ) -> None:
         self.name = name
         self.motion = motion
         self.time_label = _time_label(motion)
         self.literature: Mapping[str, Sequence[LiteratureCurve]] = dict(literature or {})
+        self.crosses: Mapping[str, Sequence[str]] = dict(crosses or {})
         self.units = units
         self.report: Mapping[str, Any] = report
         self.frames: Sequence[int] = list(frames)
@@ -203,10 +207,24 @@ class Result:
         motion = self.motion.part(self.frames)
         arms: dict[str, dict[str, JointArms]] = {}
         refused: dict[str, str] = {}
+        problems: list[InputError] = []
         for name, lengths in self.lengths.items():
             if len(lengths) < len(self.frames):
                 continue  # it failed on the way
-            arms[name], refused = joint_arms(lengths, motion, coordinates or None)
+            crossed = self.crosses.get(name)
+            among = coordinates or tuple(motion.coordinates)
+            if crossed is not None and not any(
+                one in among and motion.coordinates[one].changes for one in crossed
+            ):
+                continue  # it crosses none that moves
+            try:
+                arms[name], without = joint_arms(lengths, motion, coordinates or None, crossed=crossed)
+            except InputError as error:  # of this muscle alone, where others cross other coordinates
+                problems.append(error)
+                without = dict.fromkeys(crossed or among, str(error))
+            refused |= without
+        if problems and not arms:
+            raise problems[0]
         return MomentArmTable(arms, refused)
 
     def length_table(self) -> Table:

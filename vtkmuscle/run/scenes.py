@@ -145,6 +145,7 @@ def run_scene(
         tracks,
         report,
         literature={name: muscle.literature for name, muscle in scene.muscles.items()},
+        crosses={name: one.crosses for name, one in scene.muscles.items() if one.crosses is not None},
     )
     arms = _moment_arms(result, report)
     if folder is not None:

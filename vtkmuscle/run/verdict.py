@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ VERDICTS = (OK, LOOK, FAILED)
 TAUT_LENGTH = "TautLength"
 
 #: The checks that need fibres.
-_OF_FIBRES = ("long fibres", "short fibres", "jumps", "slack", "fibres outside", "fibres in bone")
+_OF_FIBRES = ("long fibres", "short fibres", "jumps", "slid off", "slack", "fibres outside", "fibres in bone")
 
 
 @dataclass(frozen=True)
@@ -66,6 +66,7 @@ def judge(
     lengths: Floats | None = None,
     rest_lengths: Floats | None = None,
     slackness: Floats | None = None,
+    slides: Sequence[tuple[float, str] | None] = (),
     motion: RigidMotion | None = None,
     n_edges: int = 1,
     size: float = FULL_SIZE,
@@ -84,6 +85,9 @@ def judge(
         At rest [mm].
     slackness : (f, k) array, optional
         Length / length pulled taut.
+    slides : sequence of (float, str) or None, optional
+        Per frame how far a fibre slid aside on a bone [mm], and on which, as
+        :func:`~vtkmuscle.run.sliding.slides_of` gives it.
     motion : RigidMotion, optional
         At the times of the rows: where it turns back, lengths may too.
     n_edges : int, optional
@@ -101,12 +105,16 @@ def judge(
         JSON-able: ``verdict``, the worst of its ``reasons``, which are those of :class:`Reason` from the
         worst on, and ``not_checked``, what was not judged and why.
     """
-    values, missing = _series(rows, lengths, rest_lengths, slackness, motion, n_edges)
+    values, missing = _series(rows, lengths, rest_lengths, slackness, slides, motion, n_edges)
     reasons = [
         reason
         for name, series in values.items()
         if (reason := _reason(name, series, rows, min(1.0, size / FULL_SIZE), tolerance)) is not None
     ]
+    for number, reason in enumerate(reasons):
+        if reason.check == "slid off":
+            (bone,) = (one[1] for one in slides if one is not None and one[0] == reason.value)
+            reasons[number] = replace(reason, says=reason.says.replace("a bone", f"the bone {bone!r}"))
     if failure is not None:
         frame, time, why = failure
         problem, remedy = fault_of(why, placed=True)
@@ -158,6 +166,7 @@ def _series(
     lengths: Floats | None,
     rest_lengths: Floats | None,
     slackness: Floats | None,
+    slides: Sequence[tuple[float, str] | None],
     motion: RigidMotion | None,
     n_edges: int,
 ) -> tuple[dict[str, Floats], dict[str, str]]:
@@ -194,6 +203,9 @@ def _series(
         of_motion = () if motion is None else (even_stretches(motion), largest_turns(motion))
         jumps = length_jumps(lengths, times, *of_motion)
         values["jumps"] = np.concatenate([[0.0], jumps.max(axis=1)]) if len(jumps) else np.zeros(len(times))
+        values["slid off"] = np.array(
+            [0.0 if one is None else one[0] for one in slides or [None] * len(times)]
+        )
         if slackness is not None:
             values["slack"] = np.percentile(slackness, 90, axis=1)
     unknown = [name for name in CHECKS if name not in values or np.isnan(values[name]).all()]

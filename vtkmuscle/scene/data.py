@@ -40,6 +40,10 @@ class Muscle:
         and the anisotropy.
     literature : sequence of LiteratureCurve
         Published moment arms of the muscle, drawn beside those of a run.
+    crosses : tuple of str, optional
+        Coordinates of the motion that its lengths depend on; None where that is not known, and all may.
+    hill : mapping of str to float
+        Hill's parameters, by the names of :class:`~vtkmuscle.scene.hill.Hill`; exports write them.
     """
 
     surface: vtkPolyData
@@ -49,6 +53,8 @@ class Muscle:
     fixing: Mapping[str, Any] = field(default_factory=dict)
     superficial_fibres: vtkPolyData | None = None
     literature: tuple[LiteratureCurve, ...] = ()
+    crosses: tuple[str, ...] | None = None
+    hill: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         given: Any = self.attachments

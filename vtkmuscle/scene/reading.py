@@ -12,6 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.template.template_files import read_template
+from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of
 from vtkmuscle.filters.attachment_estimator import AttachmentEstimator
 from vtkmuscle.io import (
@@ -25,6 +26,7 @@ from vtkmuscle.io import (
 from vtkmuscle.scene.data import Muscle
 from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.files import SceneFiles, parsed
+from vtkmuscle.scene.joints import SceneJoints, joints_of
 from vtkmuscle.scene.mirror import mirrored_fields
 from vtkmuscle.scene.motion import motion_from
 from vtkmuscle.scene.schema import Area, Estimate, MuscleTable
@@ -48,6 +50,13 @@ def read_fields(path: Path) -> dict[str, Any]:
     for name, muscle in table.muscles.items():
         with faults.gathered():
             muscles[name] = _muscle(name, muscle, files, bones, motion, table.frame)
+    faults.raise_any()
+    assert motion is not None
+    joints = joints_of(table, files)
+    for name, made in muscles.items():
+        with faults.gathered():
+            crosses = _crossed(name, table.muscles[name], made, motion, joints, path)
+            muscles[name] = replace(made, crosses=crosses)
     faults.raise_any()
     fields = {
         "name": table.name or path.stem,
@@ -109,7 +118,33 @@ def _muscle(
         with faults.gathered():
             literature = _literature(f"{key}.literature", name, table.literature, files)
     faults.raise_any()
-    return Muscle(surface, areas, fibres, table.solver.given(), table.fixing.given(), superficial, literature)
+    return Muscle(
+        surface,
+        areas,
+        fibres,
+        table.solver.given(),
+        table.fixing.given(),
+        superficial,
+        literature,
+        hill={} if table.hill is None else table.hill.given(),
+    )
+
+
+def _crossed(
+    name: str, table: MuscleTable, muscle: Muscle, motion: RigidMotion, joints: SceneJoints | None, path: Path
+) -> tuple[str, ...] | None:
+    """Return the coordinates that a muscle crosses: those it names, or those between its bones."""
+    if table.crosses is not None:
+        for one in table.crosses:
+            if one not in motion.coordinates:
+                problem = f"the motion has no coordinate {one!r}"
+                raise SceneError(
+                    problem, f"muscles.{name}.crosses", suggestion(one, motion.coordinates), path
+                )
+        return tuple(table.crosses)
+    if joints is None:
+        return None
+    return joints.tree.crossed([joints.bodies[area.bone] for area in muscle.attachments])
 
 
 def _areas(

@@ -23,6 +23,7 @@ from vtkmuscle.data.attachments import ROLES, VIA
 from vtkmuscle.filters.deformer.quality import PRESETS
 from vtkmuscle.io.slicer import FRAMES
 from vtkmuscle.scene.data import MILLIMETRES
+from vtkmuscle.scene.hill import Hill
 from vtkmuscle.scene.joint_schema import JointTable, OpenSimTable
 from vtkmuscle.scene.schema_types import Name, OneOf, Table, Text, Triple, direction, three
 from vtkmuscle.scene.settings import Fibres, Fixing, Solver, fault
@@ -263,7 +264,7 @@ class MuscleTable(Table):
     fibres: Fibres | None = Field(
         None,
         description="Settings of the fibres, e.g. { template = 'parallel', n_fibres = 100, resolution = "
-        "15 }: the kind of template, the number of fibres and that of segments of each; or "
+        "30 }: the kind of template, the number of fibres and that of segments of each; or "
         "template_file = 'FILE.toml', a template of your own. Without this table the muscle "
         "has no fibres.",
     )
@@ -280,6 +281,13 @@ class MuscleTable(Table):
         examples=["FILE.csv"],
         description="A .csv file of published moment arms, drawn beside those of the run.",
     )
+    crosses: list[Text] | None = Field(
+        None,
+        examples=[["hip_flexion", "knee_angle"]],
+        description="Coordinates of the motion that its lengths depend on; it has moment arms by no others. "
+        "With joints, those between its bones; else all.",
+    )
+    hill: Hill | None = Field(None, description="Hill's parameters, for exports: see `Hill's parameters`_.")
 
 
 class SceneTable(Table):

@@ -76,6 +76,8 @@ def _muscle(name: str, muscle: Muscle) -> dict[str, Any]:
         "fibres": muscle.fibres,
         "solver": muscle.solver or None,
         "fixing": muscle.fixing or None,
+        "crosses": None if muscle.crosses is None else list(muscle.crosses),
+        "hill": dict(muscle.hill) or None,
     }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vtkmuscle.core.jit import array_kernel, kernel
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.bins import sorted_into_bins
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -12,12 +12,13 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 PER_CELL = 4.0
 
 
-@array_kernel
 def points_inside(queries: Floats, points: Floats, triangles: Ints) -> Bools:
-    """Return which points are inside of a closed surface, by the number of triangles above them.
+    """Return which points are inside of a closed surface, by the number of triangles beyond them.
 
-    Points are sorted into a grid across z, and each triangle is tried on those in the cells that it is in.
-    Seen along z, of two triangles that share an edge exactly one has a place on it: no ray slips through.
+    Rays run along the axis that the points are least spread along: across a long muscle, where few are in
+    line. Points are sorted into a grid across it, and each triangle is tried on those in the cells that it is
+    in. Seen along the rays, of two triangles that share an edge exactly one has a place on it: no ray slips
+    through.
 
     Parameters
     ----------
@@ -33,19 +34,38 @@ def points_inside(queries: Floats, points: Floats, triangles: Ints) -> Bools:
     (k,) bool array
         True inside; on the surface either.
     """
-    n = len(queries)
-    above = np.zeros(n, dtype=np.bool_)
-    if n == 0:
-        return above
-    side = max(int(np.sqrt(len(triangles) / PER_CELL)), 1)
-    low_x, low_y = queries[:, 0].min(), queries[:, 1].min()
-    wide = max(queries[:, 0].max() - low_x, 1e-300) * (1.0 + 1e-9)
-    deep = max(queries[:, 1].max() - low_y, 1e-300) * (1.0 + 1e-9)
-    cells = np.empty(n, dtype=np.int64)
-    for q in range(n):
-        column = min(int((queries[q, 0] - low_x) / wide * side), side - 1)
-        cells[q] = min(int((queries[q, 1] - low_y) / deep * side), side - 1) * side + column
-    order, starts = sorted_into_bins(cells, side * side)
+    above = np.zeros(len(queries), dtype=np.bool_)
+    if len(queries):
+        along = int(np.ptp(queries, axis=0).argmin())
+        order = [(along + 1) % 3, (along + 2) % 3, along]
+        side = max(int(np.sqrt(len(triangles) / PER_CELL)), 1)
+        turned = np.ascontiguousarray(queries[:, order])
+        _count(turned, np.ascontiguousarray(points[:, order]), triangles, *_grid(turned, side), side, above)
+    return above
+
+
+def _grid(queries: Floats, side: int) -> tuple[Ints, Ints, Floats]:
+    """Return points by cells of a grid across z: their numbers, where each cell begins, and its frame."""
+    low = queries[:, :2].min(axis=0)
+    size = np.maximum(queries[:, :2].max(axis=0) - low, 1e-300) * (1.0 + 1e-9)
+    columns, lines = np.minimum((queries[:, :2] - low) / size * side, side - 1.0).astype(np.int64).T
+    order, starts = sorted_into_bins(lines * side + columns, side * side)
+    return order, starts, np.concatenate([low, size])
+
+
+@kernel
+def _count(
+    queries: Floats,
+    points: Floats,
+    triangles: Ints,
+    order: Ints,
+    starts: Ints,
+    frame: Floats,
+    side: int,
+    above: Bools,
+) -> None:
+    """Turn over ``above`` (k,) of each point for each triangle above it."""
+    low_x, low_y, wide, deep = frame[0], frame[1], frame[2], frame[3]
     for t in range(len(triangles)):
         a, b, c = points[triangles[t, 0]], points[triangles[t, 1]], points[triangles[t, 2]]
         first = (min(a[0], b[0], c[0]) - low_x) / wide * side
@@ -60,7 +80,6 @@ def points_inside(queries: Floats, points: Floats, triangles: Ints) -> Bools:
                 q = order[i]
                 if _is_below(queries[q], a, b, c):
                     above[q] = not above[q]
-    return above
 
 
 @kernel

@@ -17,17 +17,17 @@ PER_LEAF = 4
 _ON_SURFACE = 1e-9
 #: A surface with this many triangles per query is large: normals are computed where they are needed.
 _FEW = 2
-#: Bits of each coordinate in the order along the Z curve.
-_BITS = 10
+#: Discs are larger by this part of the coordinates, so that none is too small by rounding.
+_ROUNDING = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
 class TriangleTree:
     """A balanced tree of boxes around the triangles of a surface.
 
-    Triangles are ordered along the Z curve of their centres and shared out evenly to the leaves (Lauterbach
-    et al. 2009, *Fast BVH construction on GPUs*, doi:10.1111/j.1467-8659.2009.01377.x): quick to build, and
-    the tree needs no links, for the children of box i are the boxes 2 i + 1 and 2 i + 2.
+    Half of the triangles of a box go to each of its children, parted across the axis along which their
+    centres lie farthest apart. All leaves are equally deep, and the tree needs no links, for the children of
+    box i are the boxes 2 i + 1 and 2 i + 2.
 
     Attributes
     ----------
@@ -39,6 +39,9 @@ class TriangleTree:
         Corners of the triangles in that order.
     boxes : (2^k - 1, 6) array
         Low and high corner of each box, level by level.
+    discs : (2^(k - 1), 8) array
+        Centre, unit axis, radius and half height of a cylinder around the triangles of each leaf. That of a
+        flat piece of surface is thin, and tells far better than its box how near the piece can be.
     """
 
     points: Floats
@@ -46,6 +49,7 @@ class TriangleTree:
     order: Ints
     corners: Floats
     boxes: Floats
+    discs: Floats
 
     @cached_property
     def _normals(self) -> Floats:
@@ -84,7 +88,7 @@ class TriangleTree:
         distance : (q,) array
             How far it is, >= 0.
         """
-        places, closest, distances, _ = _nearest(self.corners, self.boxes, np.ascontiguousarray(queries))
+        places, closest, distances, _ = _nearest(self, np.ascontiguousarray(queries))
         return self.order[places], closest, distances
 
     def signed(self, queries: Floats) -> tuple[Floats, Floats]:
@@ -93,9 +97,7 @@ class TriangleTree:
         The sign is that of the angle-weighted normal at the nearest point: for surfaces that are closed,
         manifold and face outward. Points on the surface are outside.
         """
-        places, closest, distances, regions = _nearest(
-            self.corners, self.boxes, np.ascontiguousarray(queries)
-        )
+        places, closest, distances, regions = _nearest(self, np.ascontiguousarray(queries))
         normals = self._normals[places, regions]
         inside = np.einsum("ij,ij->i", queries - closest, normals) < 0.0
         return np.where(inside, -distances, distances), closest
@@ -106,9 +108,7 @@ class TriangleTree:
         The normal is the direction of the distance's gradient; on the surface, the angle-weighted one. For
         surfaces that are asked once: few queries take the time of few triangles.
         """
-        places, closest, distances, regions = _nearest(
-            self.corners, self.boxes, np.ascontiguousarray(queries)
-        )
+        places, closest, distances, regions = _nearest(self, np.ascontiguousarray(queries))
         normals = self._normals_at(places, regions)
         away = queries - closest
         inside = np.einsum("ij,ij->i", away, normals) < 0.0
@@ -135,24 +135,59 @@ def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
         Holds the arrays that were given.
     """
     corners = np.ascontiguousarray(points[triangles], dtype=np.float64)
-    centres = corners.mean(axis=1)
-    inner = centres - centres.min(axis=0)
-    cells = inner * ((2**_BITS - 1) / (float(inner.max()) or 1.0))
-    order = np.argsort(_z_order(cells.astype(np.int64)), kind="stable")
-    corners = corners[order]
+    centres = (corners[:, 0] + corners[:, 1] + corners[:, 2]) / 3.0
     levels = max(int(np.ceil(np.log2(len(triangles) / PER_LEAF))), 0)
-    return TriangleTree(points, triangles, order, corners, _boxes(corners, 2**levels))
+    order = np.arange(len(triangles))
+    _share_out(centres, order, np.arange(2**levels + 1) * len(triangles) // 2**levels)
+    corners = corners[order]
+    discs = np.empty((2**levels, 8))
+    _fill_discs(corners, discs)
+    return TriangleTree(points, triangles, order, corners, _boxes(corners, 2**levels), discs)
 
 
-@array_kernel
-def _z_order(cells: Ints) -> Ints:
-    """Return the number along the Z curve of cells (m, 3)."""
-    result = np.zeros(len(cells), dtype=np.int64)
-    for i in range(len(cells)):
-        for bit in range(_BITS):
-            for axis in range(3):
-                result[i] |= ((cells[i, axis] >> bit) & 1) << (3 * bit + axis)
-    return result
+@kernel
+def _share_out(centres: Floats, order: Ints, starts: Ints) -> None:
+    """Order triangles so that each half of a box's, each half of these and so on lie apart.
+
+    centres : (m, 3); order : (m,), changed in place; starts : (2^k + 1,), first triangle of each leaf, and m.
+    """
+    n_leaves = len(starts) - 1
+    width = n_leaves
+    while width > 1:
+        for leaf in range(0, n_leaves, width):
+            first, middle, last = starts[leaf], starts[leaf + width // 2], starts[leaf + width]
+            axis, longest = 0, -1.0
+            for k in range(3):
+                low, high = np.inf, -np.inf
+                for i in range(first, last):
+                    low, high = min(low, centres[order[i], k]), max(high, centres[order[i], k])
+                if high - low > longest:
+                    axis, longest = k, high - low
+            _part(centres[:, axis], order, first, middle, last)
+        width //= 2
+
+
+@kernel
+def _part(values: Floats, order: Ints, first: int, middle: int, last: int) -> None:
+    """Put the least of order[first:last], by their values, before ``middle`` (Hoare 1961, quickselect)."""
+    low, high = first, last - 1
+    while low < high:
+        pivot = values[order[(low + high) // 2]]
+        i, j = low, high
+        while i <= j:
+            while values[order[i]] < pivot:
+                i += 1
+            while values[order[j]] > pivot:
+                j -= 1
+            if i <= j:
+                order[i], order[j] = order[j], order[i]
+                i, j = i + 1, j - 1
+        if middle <= j:
+            high = j
+        elif middle >= i:
+            low = i
+        else:
+            break
 
 
 @array_kernel
@@ -173,6 +208,42 @@ def _boxes(corners: Floats, n_leaves: int) -> Floats:
             boxes[node, axis] = min(boxes[2 * node + 1, axis], boxes[2 * node + 2, axis])
             boxes[node, 3 + axis] = max(boxes[2 * node + 1, 3 + axis], boxes[2 * node + 2, 3 + axis])
     return boxes
+
+
+@kernel
+def _fill_discs(corners: Floats, discs: Floats) -> None:
+    n, n_leaves = len(corners), len(discs)
+    for leaf in range(n_leaves):
+        first, last = leaf * n // n_leaves, (leaf + 1) * n // n_leaves
+        disc = discs[leaf]
+        for k in range(8):
+            disc[k] = 0.0
+        for i in range(first, last):
+            a, b, c = corners[i, 0], corners[i, 1], corners[i, 2]
+            for k in range(3):
+                p, q = (k + 1) % 3, (k + 2) % 3
+                disc[k] += (a[k] + b[k] + c[k]) / (3 * (last - first))
+                disc[3 + k] += (b[p] - a[p]) * (c[q] - a[q]) - (b[q] - a[q]) * (c[p] - a[p])
+        length = np.sqrt(disc[3] * disc[3] + disc[4] * disc[4] + disc[5] * disc[5])
+        for k in range(3):
+            disc[3 + k] = disc[3 + k] / length if length > 0.0 else 1.0 * (k == 0)
+        for i in range(first, last):
+            for corner in range(3):
+                up, aside = _along_disc(
+                    disc, corners[i, corner, 0], corners[i, corner, 1], corners[i, corner, 2]
+                )
+                disc[6], disc[7] = max(disc[6], aside), max(disc[7], abs(up))
+        size = abs(disc[0]) + abs(disc[1]) + abs(disc[2]) + disc[6] + disc[7]
+        disc[6], disc[7] = disc[6] + _ROUNDING * size, disc[7] + _ROUNDING * size
+
+
+@kernel
+def _along_disc(disc: Floats, x: float, y: float, z: float) -> tuple[float, float]:
+    """Return how far a point is from a disc's centre, along its axis and across it."""
+    dx, dy, dz = x - disc[0], y - disc[1], z - disc[2]
+    up = dx * disc[3] + dy * disc[4] + dz * disc[5]
+    ax, ay, az = dx - up * disc[3], dy - up * disc[4], dz - up * disc[5]
+    return up, np.sqrt(ax * ax + ay * ay + az * az)
 
 
 @kernel
@@ -203,13 +274,13 @@ def _foot(corners: Floats, query: Floats, foot: Floats) -> float:
     return length
 
 
-def _nearest(corners: Floats, boxes: Floats, queries: Floats) -> tuple[Ints, Floats, Floats, Ints]:
+def _nearest(tree: TriangleTree, queries: Floats) -> tuple[Ints, Floats, Floats, Ints]:
     """Return the nearest triangle (its place in the order), the point on it, its distance and region."""
     places = np.zeros(len(queries), dtype=np.int64)
     regions = np.zeros(len(queries), dtype=np.int64)
     closest, distances = np.zeros((len(queries), 3)), np.zeros(len(queries))
     stack, near = np.empty(64, dtype=np.int64), np.empty(64)
-    _search(corners, boxes, queries, places, closest, distances, regions, stack, near)
+    _search(tree.corners, tree.boxes, tree.discs, queries, places, closest, distances, regions, stack, near)
     return places, closest, distances, regions
 
 
@@ -217,6 +288,7 @@ def _nearest(corners: Floats, boxes: Floats, queries: Floats) -> tuple[Ints, Flo
 def _search(
     corners: Floats,
     boxes: Floats,
+    discs: Floats,
     queries: Floats,
     places: Ints,
     closest: Floats,
@@ -252,6 +324,10 @@ def _search(
                 size += 2
                 continue
             leaf = node - (n_leaves - 1)
+            up, aside = _along_disc(discs[leaf], x, y, z)
+            up, aside = max(abs(up) - discs[leaf, 7], 0.0), max(aside - discs[leaf, 6], 0.0)
+            if up * up + aside * aside >= best:
+                continue
             for i in range(leaf * n // n_leaves, (leaf + 1) * n // n_leaves):
                 a, b, c = corners[i]
                 px, py, pz, where = nearest_on_triangle(x, y, z, a, b, c)

@@ -55,13 +55,17 @@ class JointArms:
     window: int
 
 
-def coordinate_samples(motion: RigidMotion) -> tuple[tuple[str, ...], Floats, Bools]:
+def coordinate_samples(
+    motion: RigidMotion, crossed: Sequence[str] | None = None
+) -> tuple[tuple[str, ...], Floats, Bools]:
     """Return what moment arms are taken by: coordinates, their values, and the frames that count.
 
     Parameters
     ----------
     motion : RigidMotion
         With coordinates.
+    crossed : sequence of str, optional
+        Those that lengths depend on; default: all, and what else moves the bones.
 
     Returns
     -------
@@ -71,7 +75,7 @@ def coordinate_samples(motion: RigidMotion) -> tuple[tuple[str, ...], Floats, Bo
         In each frame [radians, or millimetres].
     used : (k,) bool array
         Of one coordinate the frames of its sweep, see :func:`~vtkmuscle.core.motion.sweeps.frames_of_sweep`;
-        of several all of them, for what else moves is known then.
+        of several, or where it is known what lengths depend on, all of them.
 
     Raises
     ------
@@ -79,7 +83,8 @@ def coordinate_samples(motion: RigidMotion) -> tuple[tuple[str, ...], Floats, Bo
         If no coordinate changes.
     """
     known = motion.coordinates
-    found = tuple(name for name in known if known[name].changes)
+    among = known if crossed is None else crossed
+    found = tuple(name for name in known if known[name].changes and name in among)
     if not found:
         listed = ", ".join(map(repr, known)) or "none"
         raise InputError(
@@ -89,7 +94,9 @@ def coordinate_samples(motion: RigidMotion) -> tuple[tuple[str, ...], Floats, Bo
         )
     samples = np.column_stack([known[name].natural for name in found])
     used = np.ones(len(samples), dtype=np.bool_)
-    return found, samples, frames_of_sweep(motion, found[0]) if len(found) == 1 else used
+    if crossed is None and len(found) == 1:
+        used = frames_of_sweep(motion, found[0])
+    return found, samples, used
 
 
 def checked_coordinates(motion: RigidMotion, names: Sequence[str]) -> None:
@@ -101,7 +108,11 @@ def checked_coordinates(motion: RigidMotion, names: Sequence[str]) -> None:
 
 
 def joint_arms(
-    lengths: ArrayLike, motion: RigidMotion, names: Sequence[str] | None = None
+    lengths: ArrayLike,
+    motion: RigidMotion,
+    names: Sequence[str] | None = None,
+    *,
+    crossed: Sequence[str] | None = None,
 ) -> tuple[dict[str, JointArms], dict[str, str]]:
     """Return moment arms by each coordinate of a motion, the others held.
 
@@ -113,6 +124,8 @@ def joint_arms(
         With coordinates, and a time for each of the f frames.
     names : sequence of str, optional
         Which of them are wanted; default: all. What the others change is taken into account in any case.
+    crossed : sequence of str, optional
+        Coordinates that the lengths depend on, those of the joints that the muscle crosses; default: all.
 
     Returns
     -------
@@ -137,7 +150,7 @@ def joint_arms(
     array([28.648, 28.648])
     """
     checked_coordinates(motion, names or ())
-    found, samples, used = coordinate_samples(motion)
+    found, samples, used = coordinate_samples(motion, crossed)
     curves = np.asarray(lengths, dtype=np.float64)[used]
     # The mean of the fibres is a curve like the others: so its error is that of the mean.
     fit = moment_arms(np.column_stack([curves, curves.mean(axis=1)]), samples[used])

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from vtkmuscle.core.collision.distance_lookup import trilinear
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.closed_shells import closed_shells
+from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Floats, Ints, Table
@@ -59,7 +62,7 @@ class BoneFields:
         self, bones: Sequence[tuple[Floats, Ints, Floats]], *, cell: float, reach: Sequence[float]
     ) -> None:
         self._surfaces = [(points, triangles) for points, triangles, _ in bones]
-        self._shells: list[list[tuple[TriangleTree, Floats, Floats]] | None] = [None] * len(bones)
+        self._solids: list[Solids | None] = [None] * len(bones)
         self.to_axes: Floats = np.array([axes for _, _, axes in bones]).reshape(-1, 4, 4)
         self.layout: Floats = np.zeros((len(bones), 8))
         start = 0
@@ -111,36 +114,57 @@ class BoneFields:
         # Shells in the order of how near their boxes can be: most of many are beyond the nearest one.
         shells = self._shells_of(bone)
         apart = [
-            float(np.linalg.norm(np.maximum(np.maximum(a - middle, middle - b), 0.0))) for _, a, b in shells
+            float(np.linalg.norm(np.maximum(np.maximum(shell.low - middle, middle - shell.high), 0.0)))
+            for shell in shells
         ]
         for number in np.argsort(apart, kind="stable"):
             if apart[number] - radius > float(result.max()):
                 break
-            np.minimum(result, shells[number][0].signed(points)[0], out=result)
+            np.minimum(result, shells[number].tree.signed(points)[0], out=result)
         return result
 
     def closest(self, bone: int, points: Floats) -> tuple[Floats, Floats]:
         """Return exact distances (n,) and the directions (n, 3) in which they grow, 1 long or 0."""
         best, direction = np.full(len(points), FAR), np.zeros((len(points), 3))
-        for tree, _, _ in self._shells_of(bone):
-            distances, _, normals = tree.tangent_planes(points)
+        for shell in self._shells_of(bone):
+            distances, _, normals = shell.tree.tangent_planes(points)
             nearer = distances < best
             best[nearer], direction[nearer] = distances[nearer], normals[nearer]
         return best, direction
 
-    def _shells_of(self, bone: int) -> list[tuple[TriangleTree, Floats, Floats]]:
-        """Return the solid parts of a bone with the corners of their boxes; made when first needed."""
-        known = self._shells[bone]
+    def _shells_of(self, bone: int) -> Sequence[Shell]:
+        """Return the solid parts of a bone; made when first needed."""
+        known = self._solids[bone]
         if known is None:
-            mended = closed_shells(*self._surfaces[bone])
-            known = []
-            for shell, solid in zip(mended.shells, mended.solid, strict=True):
-                if solid:
-                    corners = mended.points[shell.reshape(-1)]
-                    tree = triangle_tree(mended.points, shell)
-                    known.append((tree, corners.min(axis=0), corners.max(axis=0)))
-            self._shells[bone] = known
-        return known
+            known = self._solids[bone] = _solids_of(*self._surfaces[bone])
+        return known.shells
+
+
+class Shell(NamedTuple):
+    """A solid part of a bone, closed and facing outward, with the corners of its box."""
+
+    tree: TriangleTree
+    low: Floats
+    high: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Solids:
+    """The solid parts of a bone."""
+
+    shells: tuple[Shell, ...]
+
+
+@shared
+def _solids_of(points: Floats, triangles: Ints) -> Solids:
+    mended = closed_shells(points, triangles)
+    shells = []
+    for shell, solid in zip(mended.shells, mended.solid, strict=True):
+        if solid:
+            corners = mended.points[shell.reshape(-1)]
+            tree = triangle_tree(mended.points, shell)
+            shells.append(Shell(tree, corners.min(axis=0), corners.max(axis=0)))
+    return Solids(tuple(shells))
 
 
 @kernel

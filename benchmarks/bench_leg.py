@@ -1,0 +1,86 @@
+"""A leg of 30 muscles over 100 frames in one run: processor time by stage, and memory as it grows.
+
+    python benchmarks/bench_leg.py
+    python benchmarks/bench_leg.py --model paths --frames 25
+
+The muscles are those of the phantom leg, three of each, with 100 fibres. The first run compiles what is not
+compiled yet: run it twice. Times are of the processor, of all threads; two cores take half of it at best.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from vtkmuscle import Scene
+from vtkmuscle.phantoms import leg
+
+COPIES = 3
+#: Amplitudes of flexion of the hip and of the knee, and of dorsiflexion, over a stride [degrees].
+STRIDE = (40.0, 60.0, 12.0)
+
+
+def scene_of(frames: int, model: str) -> Scene:
+    """Return the leg over a stride."""
+    cycle = 0.5 - 0.5 * np.cos(np.linspace(0.0, 2.0 * np.pi, frames))
+    one = Scene.from_phantom(leg(coordinates=np.outer(cycle, STRIDE)))
+    muscles = {
+        f"{name}_{copy}": muscle for copy in range(1, COPIES + 1) for name, muscle in one.muscles.items()
+    }
+    return replace(one, muscles=muscles, model=model)
+
+
+def memory() -> float:
+    """Return the most memory that the process has held so far [MB]."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (1024.0**2 if sys.platform == "darwin" else 1024.0)
+
+
+def main() -> None:
+    """Run it and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--frames", type=int, default=100)
+    parser.add_argument("--model", choices=("volume", "paths"), default="volume")
+    parser.add_argument("--workers", type=int, default=2)
+    given = parser.parse_args()
+    scene = scene_of(given.frames, given.model)
+    at: dict[int, float] = {}
+
+    def observe(muscle: str, row: object) -> None:
+        seen.append(muscle)
+        done = len(seen)
+        for part in range(1, 5):
+            if done == part * len(scene.muscles) * given.frames // 4:
+                at[25 * part] = memory()
+
+    seen: list[str] = []
+    before, began, processor = memory(), time.perf_counter(), time.process_time()
+    with tempfile.TemporaryDirectory() as folder:
+        result = scene.run(Path(folder) / "out", figures=False, workers=given.workers, observe=observe)
+    wall, used = time.perf_counter() - began, time.process_time() - processor
+    print(
+        f"{len(scene.muscles)} muscles, {given.frames} frames, model {given.model}, {given.workers} workers"
+    )
+    print(f"processor {used:.0f} s, wall {wall:.0f} s")
+    stages: dict[str, float] = {}
+    for report in result.report["muscles"].values():
+        for stage, seconds in report["seconds"].items():
+            stages[stage] = stages.get(stage, 0.0) + seconds
+    for stage, seconds in sorted(stages.items(), key=lambda item: -item[1]):
+        print(f"  {stage:<16}{seconds:8.1f} s of wall, all muscles")
+    grown = ", ".join(f"{part} %: {size:.0f}" for part, size in at.items())
+    print(f"memory [MB]: {before:.0f} before; at most until {grown}; at the end {memory():.0f}")
+    print(
+        "verdicts:", {word: list(result.verdicts.values()).count(word) for word in ("ok", "look", "failed")}
+    )
+
+
+if __name__ == "__main__":
+    main()

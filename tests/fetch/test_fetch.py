@@ -1,0 +1,151 @@
+"""Downloads: what is checked becomes a scene, all else is one error that leaves nothing behind."""
+
+import hashlib
+import json
+import shutil
+import socket
+import sys
+from pathlib import Path
+
+import pytest
+from file_server import serving
+from typer.testing import CliRunner
+
+from vtkmuscle import InputError, Scene, cli
+from vtkmuscle.fetch import DATA_SETS, DataSet, RemoteFile, fetch
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from tiny_scene import write_tiny_scene
+
+COMMIT = 40 * "a"
+
+
+@pytest.fixture(scope="module")
+def published(tmp_path_factory):
+    """The files of a small data set, by their path on the server, and its entry."""
+    folder = tmp_path_factory.mktemp("published")
+    write_tiny_scene(folder)
+    names = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+    content = {name: (folder / name).read_bytes() for name in names}
+    files = tuple(
+        RemoteFile(name.replace("/", "_"), "owner/tiny", COMMIT, name, hashlib.sha256(data).hexdigest())
+        for name, data in content.items()
+    )
+
+    def build(given, to):
+        for one in files:
+            (to / one.path).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(given[one.name], to / one.path)
+        return to / "scene.toml"
+
+    served = {f"owner/tiny/{COMMIT}/{name}": data for name, data in content.items()}
+    return served, DataSet(title="tiny", licence="You may.\n", files=files, build=build)
+
+
+@pytest.fixture
+def tiny(published, monkeypatch):
+    """The small data set, registered; the files that a server has."""
+    served, data = published
+    monkeypatch.setitem(DATA_SETS, "tiny", data)
+    return dict(served)
+
+
+def nothing_left(folder):
+    """Return whether a folder is as empty as it was."""
+    return list(folder.iterdir()) == []
+
+
+def test_what_is_published_becomes_a_scene(tiny, tmp_path):
+    with serving(tiny) as (host, asked):
+        path = fetch("tiny", tmp_path / "here", accept_licence=True, host=host)
+    assert path == tmp_path / "here" / "scene.toml"
+    assert Scene.load(path).name == "tiny"
+    assert sorted(asked) == sorted(tiny)
+    assert (tmp_path / "here" / "LICENCE.txt").read_text() == "You may.\n"
+    sources = json.loads((tmp_path / "here" / "sources.json").read_text())
+    assert {one["url"]: one["sha256"] for one in sources} == {
+        f"{host}/{name}": hashlib.sha256(data).hexdigest() for name, data in tiny.items()
+    }
+    assert not (tmp_path / "here" / "source").exists()
+    assert [one.name for one in tmp_path.iterdir()] == ["here"]
+
+
+def test_without_the_licence_nothing_is_asked_for(tiny, tmp_path):
+    with serving(tiny) as (host, asked), pytest.raises(InputError, match="licence is not accepted"):
+        fetch("tiny", tmp_path / "here", host=host)
+    assert asked == []
+    assert nothing_left(tmp_path)
+
+
+def test_a_wrong_checksum_is_refused(tiny, tmp_path):
+    name = next(name for name in tiny if name.endswith("motion.csv"))
+    tiny[name] = tiny[name].replace(b"1", b"2", 1)
+    with (
+        serving(tiny) as (host, _),
+        pytest.raises(InputError, match=r"motion\.csv: its SHA-256 is .*must be"),
+    ):
+        fetch("tiny", tmp_path / "here", accept_licence=True, host=host)
+    assert nothing_left(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"), [("cut", "no connection, or it was cut"), ("missing", "404")], ids=["cut", "missing"]
+)
+def test_what_is_cut_or_missing_is_refused(tiny, tmp_path, fault, words):
+    name = next(name for name in tiny if name.endswith("spindle.vtp"))
+    with serving(tiny, **{fault: {name}}) as (host, _), pytest.raises(InputError, match=words) as caught:
+        fetch("tiny", tmp_path / "here", accept_licence=True, host=host)
+    assert caught.value.where == f"{host}/{name}"
+    assert nothing_left(tmp_path)
+
+
+def test_without_a_network_there_is_one_clear_error(tiny, tmp_path):
+    with socket.socket() as closed:
+        closed.bind(("127.0.0.1", 0))
+        host = f"http://127.0.0.1:{closed.getsockname()[1]}"
+        with pytest.raises(InputError, match="no connection"):
+            fetch("tiny", tmp_path / "here", accept_licence=True, host=host)
+    assert nothing_left(tmp_path)
+
+
+def test_a_folder_in_the_way_is_left_alone(tiny, tmp_path):
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here" / "mine.txt").write_text("mine")
+    with serving(tiny) as (host, asked), pytest.raises(InputError, match="in the way"):
+        fetch("tiny", tmp_path / "here", accept_licence=True, host=host)
+    assert asked == []
+    assert [one.name for one in (tmp_path / "here").iterdir()] == ["mine.txt"]
+
+
+def test_a_scene_that_cannot_be_read_is_not_left_behind(tiny, tmp_path, monkeypatch):
+    data = DATA_SETS["tiny"]
+
+    def spoilt(files, folder):
+        path = data.build(files, folder)
+        path.write_text(path.read_text().replace("upper.vtp", "gone.vtp"))
+        return path
+
+    monkeypatch.setitem(DATA_SETS, "tiny", DataSet(data.title, data.licence, data.files, spoilt))
+    with serving(tiny) as (host, _), pytest.raises(ValueError, match=r"gone\.vtp"):
+        fetch("tiny", tmp_path / "here", accept_licence=True, host=host)
+    assert nothing_left(tmp_path)
+
+
+def test_the_command_shows_the_licence_and_wants_it_accepted(tiny, tmp_path):
+    to = ["--out", str(tmp_path / "here")]
+    with serving(tiny) as (host, _):
+        refused = CliRunner().invoke(cli.app, ["fetch", "tiny", *to, "--host", host])
+        assert refused.exit_code == cli.BAD_INPUT
+        assert "You may." in refused.output
+        assert "--accept-licence" in refused.output
+        assert nothing_left(tmp_path)
+        taken = CliRunner().invoke(cli.app, ["fetch", "tiny", *to, "--host", host, "--accept-licence"])
+    assert taken.exit_code == 0
+    assert (tmp_path / "here" / "scene.toml").is_file()
+
+
+def test_a_name_that_is_not_known_is_answered_with_those_that_are():
+    assert "lhdl-hip: " in CliRunner().invoke(cli.app, ["fetch"]).output
+    answer = CliRunner().invoke(cli.app, ["fetch", "lhdl-knee"])
+    assert answer.exit_code == cli.BAD_INPUT
+    assert "did you mean 'lhdl-hip'" in answer.output

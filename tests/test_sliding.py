@@ -1,0 +1,86 @@
+"""A muscle that slides off a condyle is told of: the bone, the frame, and what to do."""
+
+import numpy as np
+import pytest
+
+from vtkmuscle import Scene
+from vtkmuscle.data.arrays import surface_from
+from vtkmuscle.data.surface_distance import SurfaceDistance
+from vtkmuscle.phantoms import leg
+from vtkmuscle.phantoms.implicit import thick_curve
+from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution
+from vtkmuscle.run.limits import CHECKS
+from vtkmuscle.run.sliding import slides_of
+from vtkmuscle.run.verdict import judge
+from vtkmuscle.scene.data import Muscle
+
+#: A cord beside the front of the femur, which the flexing knee draws over the side of the condyle [mm].
+BESIDE = [(-66, -6, -120), (-66, -10, -230), (-50, -16, -330), (-32, -22, -400), (-28, -24, -440)]
+BESIDE += [(-24, -24, -468)]
+RADII = [7.0, 13.0, 11.0, 6.0, 5.5, 5.0]
+
+
+@pytest.fixture(scope="module")
+def bone():
+    """A roller of radius 20 along z."""
+    points, triangles = solid_of_revolution([-60.0, 60.0], [20.0, 20.0], 48)
+    return SurfaceDistance(surface_from(points, triangles))
+
+
+def over_roller(aside, lifted=0.0):
+    """Return a line over the top of the roller, across it, moved along the roller and off it."""
+    x = np.linspace(-40.0, 40.0, 33)
+    return np.column_stack([x, np.sqrt(np.maximum(24.0**2 - x**2, 0.0)) + lifted, np.full(33, aside)])[None]
+
+
+def jumping(lines, bone, motion):
+    lengths = np.full((len(lines), 1), 100.0)
+    lengths[5:] = 80.0
+    return slides_of(lengths, lines, motion, {"femur": bone}, jump=1.0)
+
+
+@pytest.fixture(scope="module")
+def still():
+    """A motion of nine frames in which nothing moves but a far bone, evenly."""
+    from vtkmuscle import hinge
+
+    return hinge("far", (0, 0, 0), (1, 0, 0), np.arange(9.0))
+
+
+def test_what_slides_along_the_roller_has_slid_off_it(bone, still):
+    slides = jumping([over_roller(0.0)] * 5 + [over_roller(7.0)] * 4, bone, still)
+    assert [one is not None for one in slides] == [number == 5 for number in range(9)]
+    assert slides[5] == (pytest.approx(7.0), "femur")
+
+
+def test_what_lifts_off_or_runs_along_its_own_line_has_not(bone, still):
+    lifted = jumping([over_roller(0.0)] * 5 + [over_roller(0.0, 9.0)] * 4, bone, still)
+    assert lifted[5] is None or lifted[5][0] < 1e-9
+    along = [over_roller(0.0)] * 5 + [over_roller(0.0) + np.array([0.5, 0.0, 0.0])] * 4
+    assert jumping(along, bone, still)[5] is None or jumping(along, bone, still)[5][0] < 1e-9
+
+
+def test_the_verdict_names_the_bone_the_frame_and_the_remedy():
+    rows = [{"frame": 3 * i, "time": float(i)} for i in range(4)]
+    slides = [None, None, (8.5, "femur"), None]
+    lengths = np.full((4, 2), 100.0)
+    verdict = judge(rows, lengths=lengths, rest_lengths=lengths[0], slides=slides)
+    assert verdict["verdict"] == "look"
+    (reason,) = verdict["reasons"]
+    assert (reason["check"], reason["frame"], reason["value"]) == ("slid off", 6, 8.5)
+    assert "slides off the bone 'femur' sideways, by 8.5 mm" in reason["says"]
+    assert "via ring" in reason["do"]
+
+
+def test_a_cord_that_the_knee_draws_off_the_condyle_is_told_of():
+    phantom = leg()
+    one = Scene.from_phantom(phantom, n_fibres=12)
+    line, radii = np.array(BESIDE, dtype=np.float64), np.array(RADII)
+    cord = surface_from(*mesh_of(thick_curve(line, radii), 2.5, 1500))
+    muscle = Muscle(cord, phantom.attachments["vastus"], {"n_fibres": 12})
+    scene = Scene("slides", one.bones, {"cord": muscle}, phantom.motion, model="paths")
+    result = scene.run(figures=False)
+    found = {reason["check"]: reason for reason in result.report["muscles"]["cord"]["verdict"]["reasons"]}
+    assert result.verdicts["cord"] != "ok"
+    assert found["slid off"]["value"] > CHECKS["slid off"].look
+    assert "'femur'" in found["slid off"]["says"]

@@ -1,0 +1,11 @@
+"""Public data sets as scenes: downloaded from where they are published, checked, and put together.
+
+A data set is a module here that says its licence, its files and how these become a scene, and an entry of
+:data:`DATA_SETS`.
+"""
+
+from vtkmuscle.fetch.datasets import DataSet, RemoteFile, SurfaceFigures
+from vtkmuscle.fetch.download import HOST, fetch
+from vtkmuscle.fetch.registry import DATA_SETS, data_set
+
+__all__ = ["DATA_SETS", "HOST", "DataSet", "RemoteFile", "SurfaceFigures", "data_set", "fetch"]

@@ -1,0 +1,89 @@
+"""Hill's parameters of a muscle, as a scene gives them and as OpenSim takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from vtkmuscle.scene.joint_schema import Number
+from vtkmuscle.scene.schema_types import Table
+from vtkmuscle.scene.settings import fault
+
+#: Where a muscle's greatest force comes from: given, or from its area.
+_FORCE, _AREA = "max_isometric_force", ("pcsa", "specific_tension")
+
+
+class Hill(Table):
+    """What a muscle's fibres can do, for exports; none of it is used by a run."""
+
+    optimal_fibre_length: Number | None = Field(
+        None, examples=[110.0], description="Length of the fibres at which they are strongest, in ``units``."
+    )
+    tendon_slack_length: Number | None = Field(
+        None, examples=[310.0], description="Length of the tendon without force, in ``units``."
+    )
+    pennation: Number | None = Field(
+        None, examples=[12.0], description="Angle of the fibres to the tendon at that length, in degrees."
+    )
+    max_isometric_force: Number | None = Field(
+        None, examples=[1100.0], description="In newtons. Or ``pcsa`` and ``specific_tension``."
+    )
+    pcsa: Number | None = Field(
+        None, examples=[18.0], description="Physiological cross-sectional area, in cm^2, whatever ``units``."
+    )
+    specific_tension: Number | None = Field(
+        None, examples=[61.0], description="Force per area, in N/cm^2; no value is taken where none is given."
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Hill:
+        given = self.given()
+        for name, value in given.items():
+            if name == "pennation":
+                if not 0.0 <= value < 90.0:
+                    raise fault(f"pennation is {value:g}, but must be from 0 to less than 90 degrees", "")
+            elif value <= 0.0:
+                raise fault(f"{name} is {value:g}, but must be greater than 0", "")
+        parts = [name for name in _AREA if name in given]
+        if len(parts) == 1:
+            (missing,) = set(_AREA) - set(parts)
+            raise fault(f"{parts[0]} makes no force without {missing}", f"give {missing}, or {_FORCE}")
+        if parts and _FORCE in given:
+            raise fault(f"{_FORCE} cannot be combined with {' and '.join(_AREA)}", "give one or the other")
+        return self
+
+    def given(self) -> dict[str, float]:
+        """Return what is given, by name."""
+        return {name: float(value) for name, value in self.model_dump().items() if value is not None}
+
+
+def opensim_properties(hill: Mapping[str, float], metres: float) -> dict[str, float]:
+    """Return the properties of a muscle of OpenSim.
+
+    Parameters
+    ----------
+    hill : mapping of str to float
+        Hill's parameters by the names of :class:`Hill`.
+    metres : float
+        Of the scene's unit of length.
+
+    Examples
+    --------
+    >>> from vtkmuscle.scene.hill import opensim_properties
+    >>> opensim_properties({"optimal_fibre_length": 110.0, "pcsa": 20.0, "specific_tension": 61.0}, 0.001)
+    {'optimal_fiber_length': 0.11, 'max_isometric_force': 1220.0}
+    """
+    found: dict[str, float] = {}
+    if "optimal_fibre_length" in hill:
+        found["optimal_fiber_length"] = metres * hill["optimal_fibre_length"]
+    if "tendon_slack_length" in hill:
+        found["tendon_slack_length"] = metres * hill["tendon_slack_length"]
+    if "pennation" in hill:
+        found["pennation_angle_at_optimal"] = float(np.radians(hill["pennation"]))
+    if "pcsa" in hill:
+        found["max_isometric_force"] = hill["pcsa"] * hill["specific_tension"]
+    elif "max_isometric_force" in hill:
+        found["max_isometric_force"] = hill["max_isometric_force"]
+    return found
