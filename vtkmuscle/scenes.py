@@ -12,6 +12,7 @@ from typing import Any, Self
 
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
+from vtkmuscle.core.compile_ahead import compile_ahead
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.filters.deformer.quality import PRESETS
 from vtkmuscle.phantoms.phantom import Phantom
@@ -202,6 +203,7 @@ class Scene(SceneData):
         KeyboardInterrupt
             On Ctrl-C; all finished frames are written, and the report says what they are.
         """
+        compile_ahead()
         if out is not None and not str(out):
             raise ValueError("out is empty; give the name of a folder")
         check_sense(self)

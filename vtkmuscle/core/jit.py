@@ -4,18 +4,51 @@ Kernels release the GIL, so that Python threads run them side by side: no numba 
 anywhere (its ``workqueue`` layer aborts the process on concurrent parallel calls). Division by zero follows
 IEEE 754, as in numpy, rather than raising. The machine code is kept by
 :mod:`~vtkmuscle.core.kernel_cache`.
+
+Compiling takes most of the time of a first run. So what nobody calls, entry points for C, is not compiled,
+and Python does not look for garbage meanwhile: that took a sixth of the time, since numba makes objects by
+the million, hardly any of which is garbage before a kernel is done.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import gc
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import numba
+from numba.core import event
+from numba.core.types import unliteral  # type: ignore[attr-defined]
 
 from vtkmuscle.core.kernel_cache import kernel_cache
 
 F = TypeVar("F", bound=Callable[..., object])
+
+_OF_ALL: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
+
+
+class _WithoutCollection(event.Listener):  # type: ignore[misc]
+    """Holds Python's search for garbage while a kernel is compiled: one at a time, under numba's lock."""
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._was_on = False
+
+    def on_start(self, _: event.Event) -> None:
+        """Stop it, where a kernel begins that is not part of another."""
+        if self._depth == 0:
+            self._was_on = gc.isenabled()
+            gc.disable()
+        self._depth += 1
+
+    def on_end(self, _: event.Event) -> None:
+        """Let it go on as before."""
+        self._depth -= 1
+        if self._depth == 0 and self._was_on:
+            gc.enable()
+
+
+event.register("numba:compile", _WithoutCollection())
 
 
 def kernel(function: F) -> F:
@@ -68,20 +101,30 @@ def vector_kernel(function: F) -> F:
 
 def lane(function: F) -> F:
     """Compile what one lane of a batch computes; it becomes part of the loop that calls it."""
-    options: dict[str, Any] = {
-        "error_model": "numpy",
-        "fastmath": {"contract"},
-        "forceinline": True,
-        "_nrt": False,
-    }
-    compiled: F = numba.njit(**options)(function)
-    return compiled
+    options: dict[str, Any] = {"fastmath": {"contract"}, "forceinline": True}
+    compiled: F = numba.njit(**_OF_ALL, **options)(function)
+    result: F = _for_types_alone(compiled)
+    return result
 
 
 def _compiled(function: F, **options: Any) -> F:
-    compiled: Any = numba.njit(nogil=True, error_model="numpy", **{"_nrt": False, **options})(function)
+    compiled: Any = numba.njit(nogil=True, **{**_OF_ALL, **options})(function)
     kept = kernel_cache(function)
     if kept is not None and not numba.config.DISABLE_JIT:
         compiled._cache = kept  # as Dispatcher.enable_caching does
-    result: F = compiled
+    result: F = _for_types_alone(compiled)
     return result
+
+
+def _for_types_alone(compiled: Any) -> Any:
+    """Let a function be compiled once for ``int``, and not for each constant that kernels call it with."""
+    call_template = compiled.get_call_template
+
+    def without_constants(args: Sequence[Any], keywords: Mapping[str, Any]) -> Any:
+        return call_template(
+            tuple(map(unliteral, args)),
+            {name: unliteral(value) for name, value in keywords.items()},
+        )
+
+    compiled.get_call_template = without_constants
+    return compiled

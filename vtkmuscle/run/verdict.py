@@ -113,7 +113,7 @@ def judge(
     ]
     for number, reason in enumerate(reasons):
         if reason.check == "slid off":
-            (bone,) = (one[1] for one in slides if one is not None and one[0] == reason.value)
+            bone = next(one[1] for one in slides if one is not None and one[0] == reason.value)
             reasons[number] = replace(reason, says=reason.says.replace("a bone", f"the bone {bone!r}"))
     if failure is not None:
         frame, time, why = failure

@@ -8,7 +8,7 @@ from vtkmuscle.core.collision.clearance import Clearance
 from vtkmuscle.core.collision.distance_grid import DistanceGrid, Field
 from vtkmuscle.core.collision.distance_lookup import distance_at, normal_at
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.motion.rigid import transform_point
 from vtkmuscle.core.types import Bools, Floats
 
@@ -125,7 +125,7 @@ def resolve_distance_collisions(
     return moved
 
 
-@kernel
+@array_kernel
 def _resolve(
     field: Field,
     now: Floats,

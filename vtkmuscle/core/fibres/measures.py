@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from vtkmuscle.core.jit import array_kernel
-from vtkmuscle.core.mesh.polylines import resample_polyline
+from vtkmuscle.core.jit import array_kernel, kernel
+from vtkmuscle.core.mesh.polylines import distance_between, resample_polyline, turn_at
 from vtkmuscle.core.types import Floats, Ints
 
 
@@ -34,13 +34,17 @@ def polyline_curvatures(points: Floats, offsets: Ints) -> tuple[Floats, Floats, 
     for line in range(len(offsets) - 1):
         total = 0.0
         for i in range(offsets[line] + 1, offsets[line + 1] - 1):
-            a, b = points[i] - points[i - 1], points[i + 1] - points[i]
-            la, lb = np.sqrt((a**2).sum()), np.sqrt((b**2).sum())
-            chord = np.sqrt(((a + b) ** 2).sum())
+            la, lb = distance_between(points, i, i - 1), distance_between(points, i + 1, i)
+            sine, _ = turn_at(points, i)
+            square = 0.0
+            for axis in range(3):
+                step = (points[i, axis] - points[i - 1, axis]) + (points[i + 1, axis] - points[i, axis])
+                square += step * step
+            chord = np.sqrt(square)
             total += la + lb
             if la > 0.0 and lb > 0.0 and chord > 0.0:
                 # 4 area / product of the sides (Menger).
-                curvature[i] = 2.0 * np.sqrt((np.cross(a, b) ** 2).sum()) / (la * lb * chord)
+                curvature[i] = 2.0 * sine / (la * lb * chord)
             mean[line] += curvature[i] * (la + lb)
             largest[line] = max(largest[line], curvature[i])
         mean[line] = mean[line] / total if total > 0.0 else 0.0
@@ -115,12 +119,21 @@ def section_areas(points: Floats, triangles: Ints, places: Floats, normals: Floa
     return np.array([_section_area(points, triangles, *plane) for plane in zip(places, normals, strict=True)])
 
 
+@kernel
+def _height(points: Floats, i: int, place: Floats, normal: Floats) -> float:
+    """Return the signed distance of one of some points (n, 3) from a plane."""
+    height = 0.0
+    for axis in range(3):
+        height += (points[i, axis] - place[axis]) * normal[axis]
+    return height
+
+
 @array_kernel
 def _section_area(points: Floats, triangles: Ints, place: Floats, normal: Floats) -> float:
     """Return half the sum of n . (a x b) over the segments from a to b in which triangles meet the plane."""
     heights = np.zeros(len(points))
     for i in range(len(points)):
-        heights[i] = ((points[i] - place) * normal).sum()
+        heights[i] = _height(points, i, place, normal)
     ends = np.zeros((2, 3))
     double_area = 0.0
     for t in range(len(triangles)):
@@ -131,22 +144,27 @@ def _section_area(points: Floats, triangles: Ints, place: Floats, normal: Floats
                 share = heights[i] / (heights[i] - heights[j])
                 # The edge on which the triangle's boundary goes up comes last: so all loops run alike.
                 at = 1 if heights[i] < 0.0 else 0
-                ends[at] = points[i] + share * (points[j] - points[i]) - place
+                for axis in range(3):
+                    along = share * (points[j, axis] - points[i, axis])
+                    ends[at, axis] = points[i, axis] + along - place[axis]
                 n_ends += 1
         if n_ends == 2:
-            double_area += (np.cross(ends[0], ends[1]) * normal).sum()
+            for axis in range(3):
+                one, two = (axis + 1) % 3, (axis + 2) % 3
+                across = ends[0, one] * ends[1, two] - ends[0, two] * ends[1, one]
+                double_area += across * normal[axis]
     area: float = abs(double_area) / 2.0
     return area
 
 
-@array_kernel
+@kernel
 def plane_crossings(points: Floats, offsets: Ints, place: Floats, normal: Floats) -> int:
     """Return how many polylines cross a plane, given by a point in it and its normal (3,)."""
     count = 0
     for line in range(len(offsets) - 1):
         below, above = False, False
         for i in range(offsets[line], offsets[line + 1]):
-            height = ((points[i] - place) * normal).sum()
+            height = _height(points, i, place, normal)
             below |= height < 0.0
             above |= height >= 0.0
         if below and above:

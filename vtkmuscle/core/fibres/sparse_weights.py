@@ -186,13 +186,15 @@ def _grouped(
             if not rounded or _make_up(columns[start:end], values[start:end], means, sizes, queries[q]):
                 break
             most = 0.1 * most if most > _LEAST * threshold else 0.0  # too few are left, or nearly in a plane
-        missed = np.zeros(3)
-        for i in range(start, end):
-            missed += values[i] * probe[columns[i]]
-        for j in range(len(groups.order)):
-            for axis in range(3):
-                missed[axis] -= weights[q, j] * probe[j, axis]
-        error = max(error, np.sqrt((missed**2).sum()))
+        square = 0.0
+        for axis in range(3):
+            missed = 0.0
+            for i in range(start, end):
+                missed += values[i] * probe[columns[i], axis]
+            for j in range(len(groups.order)):
+                missed -= weights[q, j] * probe[j, axis]
+            square += missed * missed
+        error = max(error, np.sqrt(square))
         counts[q] = count
         start = end
     return counts, columns[:start].copy(), values[:start].copy(), error
@@ -251,7 +253,8 @@ def _make_up(columns: NDArray[np.int32], values: Floats, means: Floats, sizes: I
     """
     matrix, lack = np.zeros((4, 4)), np.zeros(4)
     lack[0] = 1.0
-    row = np.ones(4)
+    row = np.empty(4)
+    row[0] = 1.0
     for i in range(len(columns)):
         for axis in range(3):
             row[1 + axis] = means[columns[i], axis] - query[axis]
@@ -259,14 +262,10 @@ def _make_up(columns: NDArray[np.int32], values: Floats, means: Floats, sizes: I
             lack[a] -= values[i] * row[a]
             for b in range(4):
                 matrix[a, b] += sizes[columns[i]] * row[a] * row[b]
-    scale = np.sqrt(np.diag(matrix))
-    if not scale.min() > 0.0:
+    if not min(matrix[0, 0], matrix[1, 1], matrix[2, 2], matrix[3, 3]) > 0.0:
         return False
-    for a in range(4):
-        for b in range(4):
-            matrix[a, b] /= scale[a] * scale[b]
-        matrix[a, a] += _RIDGE
-    change = np.linalg.solve(matrix, lack / scale) / scale
+    change = lack
+    _solve(matrix, change)
     moved, size = 0.0, 0.0
     left, terms = np.zeros(4), np.zeros(4)
     left[0] = terms[0] = 1.0
@@ -279,7 +278,42 @@ def _make_up(columns: NDArray[np.int32], values: Floats, means: Floats, sizes: I
         moved += abs(total)
         size += abs(values[i])
         values[i] += total
-        left -= values[i] * row
-        terms += abs(values[i]) * np.abs(row)
+        for a in range(4):
+            left[a] -= values[i] * row[a]
+            terms[a] += abs(values[i]) * abs(row[a])
     # Where the means are in a plane and the point is not, nothing makes up for it.
-    return moved <= LARGEST_CHANGE * size and bool((np.abs(left) <= _MADE_UP * terms).all())
+    made_up = moved <= LARGEST_CHANGE * size
+    for a in range(4):
+        made_up = made_up and abs(left[a]) <= _MADE_UP * terms[a]
+    return made_up
+
+
+@array_kernel
+def _solve(matrix: Floats, x: Floats) -> None:
+    """Replace a right-hand side (n,) by the solution for a positive definite matrix; overwrite the matrix.
+
+    Of the matrix scaled to a unit diagonal, with :data:`_RIDGE` on it, by Cholesky's factors.
+    """
+    n = len(x)
+    scale = np.empty(n)
+    for a in range(n):
+        scale[a] = np.sqrt(matrix[a, a])
+    for a in range(n):
+        for b in range(n):
+            matrix[a, b] /= scale[a] * scale[b]
+        matrix[a, a] += _RIDGE
+        x[a] /= scale[a]
+    for a in range(n):
+        for b in range(a + 1):
+            for k in range(b):
+                matrix[a, b] -= matrix[a, k] * matrix[b, k]
+            matrix[a, b] = matrix[a, b] / matrix[b, b] if b < a else np.sqrt(matrix[a, a])
+        for b in range(a):
+            x[a] -= matrix[a, b] * x[b]
+        x[a] /= matrix[a, a]
+    for a in range(n - 1, -1, -1):
+        x[a] /= matrix[a, a]
+        for b in range(a):
+            x[b] -= matrix[a, b] * x[a]
+    for a in range(n):
+        x[a] /= scale[a]

@@ -16,7 +16,7 @@ import numpy as np
 
 from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.bins import sorted_into_bins
-from vtkmuscle.core.mesh.polylines import resample_polyline
+from vtkmuscle.core.mesh.polylines import distance_between, even_arcs, resample_polyline
 from vtkmuscle.core.types import Floats, Ints
 
 #: Places along a fibre that are moved; what is between them follows.
@@ -59,7 +59,7 @@ def steps_to_centres(points: Floats, offsets: Ints, samples: Floats) -> Floats:
     return _between(points, offsets, _station_steps(lines, samples))
 
 
-@array_kernel
+@kernel
 def move_ends(points: Floats, ends: Ints, others: Ints, places: Floats) -> None:
     """Move one end of each fibre to a given place, and what is beside it with it.
 
@@ -77,10 +77,11 @@ def move_ends(points: Floats, ends: Ints, others: Ints, places: Floats) -> None:
     """
     for i in range(len(ends)):
         step, count = (1 if others[i] > ends[i] else -1), abs(others[i] - ends[i])
-        way = places[i] - points[ends[i]]
-        points[ends[i]] = places[i]
-        for j in range(1, count):
-            points[ends[i] + step * j] += max(1.0 - j / (REACH * count), 0.0) * way
+        for axis in range(3):
+            way = places[i, axis] - points[ends[i], axis]
+            points[ends[i], axis] = places[i, axis]
+            for j in range(1, count):
+                points[ends[i] + step * j, axis] += max(1.0 - j / (REACH * count), 0.0) * way
 
 
 @array_kernel
@@ -89,10 +90,10 @@ def _stations(points: Floats, offsets: Ints) -> Floats:
     result = np.empty((len(offsets) - 1, STATIONS, 3))
     for i in range(len(result)):
         line = points[offsets[i] : offsets[i + 1]]
-        length = 0.0
-        for j in range(1, len(line)):
-            length += np.sqrt(((line[j] - line[j - 1]) ** 2).sum())
-        result[i] = resample_polyline(line, np.linspace(0.0, length, STATIONS))
+        places = resample_polyline(line, even_arcs(line, STATIONS))
+        for station in range(STATIONS):
+            for axis in range(3):
+                result[i, station, axis] = places[station, axis]
     return result
 
 
@@ -104,15 +105,17 @@ def _between(points: Floats, offsets: Ints, shifts: Floats) -> Floats:
         first, last = offsets[i], offsets[i + 1]
         length = 0.0
         for j in range(first + 1, last):
-            length += np.sqrt(((points[j] - points[j - 1]) ** 2).sum())
+            length += distance_between(points, j, j - 1)
         along = 0.0
         for j in range(first, last):
             if j > first:
-                along += np.sqrt(((points[j] - points[j - 1]) ** 2).sum())
+                along += distance_between(points, j, j - 1)
             at = along / length * (STATIONS - 1) if length > 0.0 else 0.0
             station = min(int(at), STATIONS - 2)
             share = min(at - station, 1.0)
-            result[j] = (1.0 - share) * shifts[i, station] + share * shifts[i, station + 1]
+            for axis in range(3):
+                result[j, axis] = (1.0 - share) * shifts[i, station, axis]
+                result[j, axis] += share * shifts[i, station + 1, axis]
     return result
 
 
@@ -157,6 +160,7 @@ def _sorted_pieces(
     """Return places along fibres, their numbers, and which of them are in each cell of a grid (offsets)."""
     n_lines, n = len(lines), (lines.shape[1] - 1) * pieces + 1
     cells, unsorted = np.empty(n_lines * n, dtype=np.int64), np.empty((n_lines * n, 3))
+    places = np.empty((n_lines * n, 3))
     for number in range(n_lines * n):
         line, piece = number // n, number % n
         station = min(piece // pieces, lines.shape[1] - 2)
@@ -168,7 +172,10 @@ def _sorted_pieces(
             cell = cell * shape[axis] + min(int((x - low[axis]) / size), shape[axis] - 1)
         cells[number] = cell
     owners, offsets = sorted_into_bins(cells, shape[0] * shape[1] * shape[2])
-    return unsorted[owners], owners, offsets
+    for i in range(len(owners)):
+        for axis in range(3):
+            places[i, axis] = unsorted[owners[i], axis]
+    return places, owners, offsets
 
 
 @kernel
@@ -229,7 +236,9 @@ def _pulls(
     pulls, weights = np.zeros((n_lines, n_stations, 3)), np.zeros((n_lines, n_stations, 1))
     first, last = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
     near, shares = np.empty(len(places), dtype=np.int64), np.empty(len(places))
-    for sample in samples:
+    ahead = np.empty(3)
+    for number in range(len(samples)):
+        sample = samples[number]
         least = _nearest_square(sample, places, offsets, low, size, shape)
         farthest = least * (1.0 + 1e-9) + max(band, 1e-300)  # farther than the nearest in any case
         reach = np.sqrt(farthest)
@@ -252,14 +261,17 @@ def _pulls(
         for k in range(count):
             line, piece = near[k] // n, near[k] % n
             station = min(piece // pieces, n_stations - 2)
-            ahead = lines[line, station + 1] - lines[line, station]
-            squared = (ahead * ahead).sum()
-            along = ((sample - lines[line, station]) * ahead).sum() / squared if squared > 0.0 else 0.0
-            along = min(max(along, 0.0), 1.0)
-            foot = lines[line, station] + along * ahead
-            for place, part in ((station, 1.0 - along), (station + 1, along)):
-                weight = part * shares[k] / total
-                weights[line, place, 0] += weight
-                for axis in range(3):
-                    pulls[line, place, axis] += weight * (sample[axis] - foot[axis])
+            squared, along = 0.0, 0.0
+            for axis in range(3):
+                ahead[axis] = lines[line, station + 1, axis] - lines[line, station, axis]
+                squared += ahead[axis] * ahead[axis]
+                along += (sample[axis] - lines[line, station, axis]) * ahead[axis]
+            along = min(max(along / squared if squared > 0.0 else 0.0, 0.0), 1.0)
+            before, after = (1.0 - along) * shares[k] / total, along * shares[k] / total
+            weights[line, station, 0] += before
+            weights[line, station + 1, 0] += after
+            for axis in range(3):
+                step = sample[axis] - (lines[line, station, axis] + along * ahead[axis])
+                pulls[line, station, axis] += before * step
+                pulls[line, station + 1, axis] += after * step
     return pulls, weights

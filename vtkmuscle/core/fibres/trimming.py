@@ -17,7 +17,13 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.jit import array_kernel
-from vtkmuscle.core.mesh.polylines import evenly_spaced, polyline_lengths, resample_polyline
+from vtkmuscle.core.mesh.polylines import (
+    distance_between,
+    evenly_spaced,
+    polyline_lengths,
+    resample_polyline,
+    turn_at,
+)
 from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.mesh.surface import unit_vectors
 from vtkmuscle.core.types import Floats, Ints
@@ -133,22 +139,30 @@ def _replaced_ends(
     points: Floats, offsets: Ints, cut_first: Floats, firsts: Floats, cut_last: Floats, lasts: Floats
 ) -> Floats:
     """Return fibres with lengths cut off both ends and other ends put there, their points spaced evenly."""
-    result = np.empty_like(points)
+    result = np.empty((len(points), 3))
     for i in range(len(offsets) - 1):
         line = points[offsets[i] : offsets[i + 1]]
-        count = len(line)
-        arcs = np.zeros(count)
+        count, length = len(line), 0.0
         for j in range(1, count):
-            arcs[j] = arcs[j - 1] + np.sqrt(((line[j] - line[j - 1]) ** 2).sum())
-        low, high = cut_first[i], arcs[-1] - cut_last[i]
-        inner = arcs[(arcs > low) & (arcs < high)]
-        kept = np.empty(len(inner) + 2)
-        kept[0], kept[-1] = low, high
-        kept[1:-1] = inner
-        whole = np.empty((len(kept) + 2, 3))
-        whole[0], whole[-1] = firsts[i], lasts[i]
-        whole[1:-1] = resample_polyline(line, kept)
-        result[offsets[i] : offsets[i + 1]] = evenly_spaced(whole, count)
+            length += distance_between(line, j, j - 1)
+        kept, n_kept, arc = np.empty(count + 2), 1, 0.0
+        kept[0], high = cut_first[i], length - cut_last[i]
+        for j in range(count):
+            arc += distance_between(line, j, j - 1) if j > 0 else 0.0
+            if kept[0] < arc < high:
+                kept[n_kept] = arc
+                n_kept += 1
+        kept[n_kept] = high
+        middle = resample_polyline(line, kept[: n_kept + 1])
+        whole = np.empty((len(middle) + 2, 3))
+        for axis in range(3):
+            whole[0, axis], whole[-1, axis] = firsts[i, axis], lasts[i, axis]
+            for j in range(len(middle)):
+                whole[j + 1, axis] = middle[j, axis]
+        spaced = evenly_spaced(whole, count)
+        for j in range(count):
+            for axis in range(3):
+                result[offsets[i] + j, axis] = spaced[j, axis]
     return result
 
 
@@ -249,9 +263,8 @@ def _sharpest_turns(points: Floats, offsets: Ints) -> Floats:
     for line in range(len(result)):
         first, last = offsets[line], offsets[line + 1]
         for i in range(max(first + 1, last - 1 - (last - first) // 3), last - 1):
-            a, b = points[i] - points[i - 1], points[i + 1] - points[i]
-            across = np.sqrt((np.cross(a, b) ** 2).sum())
-            result[line] = max(result[line], np.degrees(np.arctan2(across, (a * b).sum())))
+            sine, cosine = turn_at(points, i)
+            result[line] = max(result[line], np.degrees(np.arctan2(sine, cosine)))
     return result
 
 
@@ -262,19 +275,19 @@ def _departures(points: Floats, offsets: Ints, arcs: Floats) -> tuple[Floats, Fl
     The direction is that of one mean segment back, for what is left of the segment that is cut may be
     arbitrarily short.
     """
-    places, rays = np.empty((*arcs.shape, 3)), np.empty((*arcs.shape, 3))
+    places, rays = np.empty((len(arcs), arcs.shape[1], 3)), np.empty((len(arcs), arcs.shape[1], 3))
     at = np.empty(2)
     for i in range(len(offsets) - 1):
         line = points[offsets[i] : offsets[i + 1]]
         step = 0.0
         for j in range(1, len(line)):
-            step += np.sqrt(((line[j] - line[j - 1]) ** 2).sum())
+            step += distance_between(line, j, j - 1)
         step /= max(len(line) - 1, 1)
         for level in range(len(arcs)):
             at[0], at[1] = max(arcs[level, i] - step, 0.0), arcs[level, i]
             pair = resample_polyline(line, at)
-            places[level, i] = pair[1]
-            rays[level, i] = pair[1] - pair[0]
+            for axis in range(3):
+                places[level, i, axis], rays[level, i, axis] = pair[1, axis], pair[1, axis] - pair[0, axis]
     return places, rays
 
 
@@ -342,7 +355,7 @@ def beyond_plane(points: Floats, offsets: Ints, heights: Floats) -> Floats:
         for i in range(offsets[line + 1] - 1, offsets[line], -1):
             if heights[i] <= 0.0:
                 break
-            length = np.sqrt(((points[i] - points[i - 1]) ** 2).sum())
+            length = distance_between(points, i, i - 1)
             if heights[i - 1] < 0.0:
                 length *= heights[i] / (heights[i] - heights[i - 1])
             result[line] += length

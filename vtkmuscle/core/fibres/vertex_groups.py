@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.jit import array_kernel, kernel
+from vtkmuscle.core.mesh.bins import stable_order
 from vtkmuscle.core.mesh.surface import mean_point
 from vtkmuscle.core.types import Floats, Ints
 
@@ -66,7 +67,9 @@ def vertex_groups(points: Floats) -> VertexGroups:
     order = np.arange(n)
     spans, parts, radii = np.empty((n - 1, 2), np.int64), np.empty((n - 1, 2), np.int64), np.empty(n - 1)
     if n > 1:
-        equal = EQUALLY_FAR * _squares(points, mean_point(points)).max()
+        squares = np.empty(n)
+        _squares(points, order, mean_point(points), squares)
+        equal = EQUALLY_FAR * squares.max()
         _divide(np.ascontiguousarray(points), equal if equal > 0.0 else 1.0, order, spans, parts, radii)
     return VertexGroups(order, spans[:, 0].copy(), spans[:, 1].copy(), parts, radii)
 
@@ -75,38 +78,66 @@ def vertex_groups(points: Floats) -> VertexGroups:
 def _divide(points: Floats, equal: float, order: Ints, spans: Ints, parts: Ints, radii: Floats) -> None:
     """Do what :func:`vertex_groups` says; all but the points are written."""
     waiting = np.empty((len(points), 3), dtype=np.int64)  # first, last, and which part of a group it is
-    waiting[0] = 0, len(points), -1
+    waiting[0, 0], waiting[0, 1], waiting[0, 2] = 0, len(points), -1
+    members, mean = np.empty(len(points), dtype=np.int64), np.empty(3)
+    from_one, from_two = np.empty(len(points)), np.empty(len(points))
     count, depth = 0, 1
     while depth > 0:
         depth -= 1
-        first, last, part = waiting[depth]
+        first, last, part = waiting[depth, 0], waiting[depth, 1], waiting[depth, 2]
         if part >= 0:
             parts[part >> 1, part & 1] = count if last - first > 1 else -1 - order[first]
         if last - first == 1:
             continue
-        vertices = order[first:last].copy()
-        group = points[vertices]
-        one = _squares(group, mean_point(group))
-        radii[count] = np.sqrt(one.max())
-        one = np.round(_squares(group, group[np.round(one / equal).argmax()]) / equal)
-        two = np.round(_squares(group, group[one.argmax()]) / equal)
-        order[first:last] = vertices[np.argsort(one - two, kind="mergesort")]
-        spans[count] = first, last
+        n = last - first
+        mean[0], mean[1], mean[2] = 0.0, 0.0, 0.0
+        for i in range(n):
+            members[i] = order[first + i]
+            for axis in range(3):
+                mean[axis] += points[members[i], axis]
+        for axis in range(3):
+            mean[axis] /= n
+        vertices = members[:n]
+        radii[count] = np.sqrt(_squares(points, vertices, mean, from_one))
+        centre = _farthest(from_one[:n], equal)
+        _squares(points, vertices, points[vertices[centre]], from_one)
+        centre = _farthest(from_one[:n], equal)
+        _squares(points, vertices, points[vertices[centre]], from_two)
+        _farthest(from_two[:n], equal)
+        for i in range(n):
+            from_one[i] -= from_two[i]
+        sorted_by = stable_order(from_one[:n])
+        for i in range(n):
+            order[first + i] = vertices[sorted_by[i]]
+        spans[count, 0], spans[count, 1] = first, last
         middle = (first + last + 1) // 2
-        waiting[depth] = middle, last, 2 * count + 1
-        waiting[depth + 1] = first, middle, 2 * count
+        waiting[depth, 0], waiting[depth, 1], waiting[depth, 2] = middle, last, 2 * count + 1
+        waiting[depth + 1, 0], waiting[depth + 1, 1], waiting[depth + 1, 2] = first, middle, 2 * count
         depth += 2
         count += 1
 
 
-@array_kernel
-def _squares(points: Floats, centre: Floats) -> Floats:
-    """Return the squared distances (k,) of points from one."""
-    squares = np.empty(len(points))
-    for i in range(len(points)):
-        x, y, z = points[i, 0] - centre[0], points[i, 1] - centre[1], points[i, 2] - centre[2]
+@kernel
+def _squares(points: Floats, vertices: Ints, centre: Floats, squares: Floats) -> float:
+    """Write the squared distances of some points (k,) from a place; return the greatest."""
+    greatest = 0.0
+    for i in range(len(vertices)):
+        v = vertices[i]
+        x, y, z = points[v, 0] - centre[0], points[v, 1] - centre[1], points[v, 2] - centre[2]
         squares[i] = x * x + y * y + z * z
-    return squares
+        greatest = max(greatest, squares[i])
+    return greatest
+
+
+@array_kernel
+def _farthest(squares: Floats, equal: float) -> int:
+    """Replace squares (k,) by how many times `equal` they are, rounded; return the first of the greatest."""
+    found = 0
+    for i in range(len(squares)):
+        squares[i] = np.rint(squares[i] / equal)
+        if squares[i] > squares[found]:
+            found = i
+    return found
 
 
 @kernel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vtkmuscle.core.jit import array_kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.types import Floats, Ints
 
 #: Cosine of the least turn between segments that is a corner and not part of a curve.
@@ -54,6 +54,43 @@ def polyline_lengths(points: Floats, offsets: Ints) -> Floats:
     return lengths
 
 
+@kernel
+def distance_between(points: Floats, i: int, j: int) -> float:
+    """Return the distance of two of some points (n, 3)."""
+    x, y, z = points[i, 0] - points[j, 0], points[i, 1] - points[j, 1], points[i, 2] - points[j, 2]
+    return float(np.sqrt(x * x + y * y + z * z))
+
+
+@kernel
+def turn_at(points: Floats, i: int) -> tuple[float, float]:
+    """Return sine and cosine, times both lengths, of the angle between a point's segments."""
+    ax, ay, az = (
+        points[i, 0] - points[i - 1, 0],
+        points[i, 1] - points[i - 1, 1],
+        points[i, 2] - points[i - 1, 2],
+    )
+    bx, by, bz = (
+        points[i + 1, 0] - points[i, 0],
+        points[i + 1, 1] - points[i, 1],
+        points[i + 1, 2] - points[i, 2],
+    )
+    x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    return np.sqrt(x * x + y * y + z * z), ax * bx + ay * by + az * bz
+
+
+@array_kernel
+def even_arcs(points: Floats, count: int) -> Floats:
+    """Return `count` arc lengths at equal distances along a polyline (n, 3), from 0 to its whole length."""
+    length = 0.0
+    for i in range(1, len(points)):
+        length += distance_between(points, i, i - 1)
+    arcs = np.empty(count)
+    for i in range(count):
+        arcs[i] = i * (length / (count - 1))
+    arcs[-1] = length
+    return arcs
+
+
 @array_kernel
 def resample_polyline(points: Floats, arcs: Floats) -> Floats:
     """Return the points of one polyline at given arc lengths.
@@ -73,12 +110,12 @@ def resample_polyline(points: Floats, arcs: Floats) -> Floats:
     result = np.empty((len(arcs), 3))
     segment, start, length = 0, 0.0, 0.0
     if len(points) > 1:
-        length = np.sqrt(((points[1] - points[0]) ** 2).sum())
+        length = distance_between(points, 1, 0)
     for i in range(len(arcs)):
         while segment < len(points) - 2 and arcs[i] > start + length:
             segment += 1
             start += length
-            length = np.sqrt(((points[segment + 1] - points[segment]) ** 2).sum())
+            length = distance_between(points, segment + 1, segment)
         share = 0.0 if length == 0.0 else min(max((arcs[i] - start) / length, 0.0), 1.0)
         after = min(segment + 1, len(points) - 1)
         for axis in range(3):
@@ -103,11 +140,9 @@ def evenly_spaced(points: Floats, count: int) -> Floats:
     (count, 3) array
         Positions [mm].
     """
-    length = 0.0
-    for i in range(1, len(points)):
-        length += np.sqrt(((points[i] - points[i - 1]) ** 2).sum())
-    spaced = resample_polyline(points, np.linspace(0.0, length, count))
-    spaced[0], spaced[-1] = points[0], points[-1]
+    spaced = resample_polyline(points, even_arcs(points, count))
+    for axis in range(3):
+        spaced[0, axis], spaced[-1, axis] = points[0, axis], points[-1, axis]
     return spaced
 
 
@@ -134,30 +169,38 @@ def end_directions(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
     starts, ends = np.zeros((n_lines, 3)), np.zeros((n_lines, 3))
     for line in range(n_lines):
         first, last = offsets[line], offsets[line + 1] - 1
-        starts[line] = -_arrival(points, last, first)
-        ends[line] = _arrival(points, first, last)
+        _arrival(points, last, first, starts[line])
+        _arrival(points, first, last, ends[line])
+        for axis in range(3):
+            starts[line, axis] = -starts[line, axis]
     return starts, ends
 
 
 @array_kernel
-def _arrival(points: Floats, start: int, end: int) -> Floats:
-    """Return the unit vector in which a line arrives at the point `end`, coming from `start`."""
+def _arrival(points: Floats, start: int, end: int, tangent: Floats) -> None:
+    """Write the unit vector in which a line arrives at the point `end`, coming from `start`."""
     step = 1 if end >= start else -1
     found = 0
     lengths, ways = np.zeros(2), np.zeros((2, 3))
     i = end
     while i != start and found < 2:
-        way = points[i] - points[i - step]
-        length = np.sqrt((way**2).sum())
+        length = distance_between(points, i, i - step)
         if length > 0.0:
             lengths[found] = length
-            ways[found] = way / length
+            for axis in range(3):
+                ways[found, axis] = (points[i, axis] - points[i - step, axis]) / length
             found += 1
         i -= step
-    result = ways[0]
+    smooth = 0.0
     if found == 2:
-        smooth = max(((ways[0] * ways[1]).sum() - CORNER) / (1.0 - CORNER), 0.0)
-        result = ways[0] + smooth * (ways[0] - ways[1]) * lengths[0] / (lengths[0] + lengths[1])
-    size = np.sqrt((result**2).sum())
-    tangent: Floats = result / size if size > 0.0 else result
-    return tangent
+        cosine = ways[0, 0] * ways[1, 0] + ways[0, 1] * ways[1, 1] + ways[0, 2] * ways[1, 2]
+        smooth = max((cosine - CORNER) / (1.0 - CORNER), 0.0)
+    square = 0.0
+    for axis in range(3):
+        tangent[axis] = ways[0, axis]
+        if found == 2:
+            tangent[axis] += smooth * (ways[0, axis] - ways[1, axis]) * lengths[0] / (lengths[0] + lengths[1])
+        square += tangent[axis] * tangent[axis]
+    if square > 0.0:
+        for axis in range(3):
+            tangent[axis] /= np.sqrt(square)

@@ -60,14 +60,14 @@ def even_samples(candidates: Floats, count: int) -> Floats:
 @array_kernel
 def _nearest(candidates: Floats, places: Floats) -> Ints:
     """Return which candidate is nearest to each place."""
-    squares = np.empty(len(candidates))
     result = np.empty(len(places), dtype=np.int64)
     for k in range(len(places)):
-        x, y, z = places[k, 0], places[k, 1], places[k, 2]
+        x, y, z, least = places[k, 0], places[k, 1], places[k, 2], np.inf
         for i in range(len(candidates)):
             dx, dy, dz = candidates[i, 0] - x, candidates[i, 1] - y, candidates[i, 2] - z
-            squares[i] = dx * dx + dy * dy + dz * dz
-        result[k] = squares.argmin()
+            square = dx * dx + dy * dy + dz * dz
+            if i == 0 or square < least:
+                result[k], least = i, square
     return result
 
 
@@ -75,14 +75,15 @@ def _nearest(candidates: Floats, places: Floats) -> Ints:
 def _farthest(candidates: Floats, count: int) -> Ints:
     """Return which candidates are the farthest from those before, again and again; first the central one."""
     n = len(candidates)
-    centre = np.zeros(3)
+    x, y, z = 0.0, 0.0, 0.0
     for i in range(n):
-        centre += candidates[i] / n
-    chosen = np.empty(count, dtype=np.int64)
-    distances = np.full(n, np.inf)
+        x, y, z = x + candidates[i, 0] / n, y + candidates[i, 1] / n, z + candidates[i, 2] / n
+    chosen, distances = np.empty(count, dtype=np.int64), np.empty(n)
     at, least = 0, np.inf
     for i in range(n):
-        distance = ((candidates[i] - centre) ** 2).sum()
+        dx, dy, dz = candidates[i, 0] - x, candidates[i, 1] - y, candidates[i, 2] - z
+        distance = dx * dx + dy * dy + dz * dz
+        distances[i] = np.inf
         if distance < least:
             at, least = i, distance
     for k in range(count):

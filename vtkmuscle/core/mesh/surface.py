@@ -13,9 +13,6 @@ from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.bins import sorted_into_bins
 from vtkmuscle.core.types import Floats, Ints
 
-#: Edges of a point, above this many, are sorted by a better way than insertion.
-MOST_TO_INSERT = 32
-
 #: A surface of less volume than this part of its box's diagonal cubed encloses nothing.
 LEAST_VOLUME = 1e-9
 
@@ -56,21 +53,29 @@ def edge_uses(triangles: Ints) -> Ints:
 @array_kernel
 def _numbered_edges(directed: Ints, n_points: int) -> tuple[Ints, Ints]:
     """Sort half-edges into a bucket for each lower end, and each bucket, of few, by the upper end."""
-    bucket, starts = sorted_into_bins(np.minimum(directed[:, 0], directed[:, 1]), n_points)
-    upper = np.maximum(directed[:, 0], directed[:, 1])[bucket]
-    edges, edge_of = np.empty_like(directed), np.empty(len(directed), dtype=np.int64)
+    lower = np.empty(len(directed), dtype=np.int64)
+    for i in range(len(directed)):
+        lower[i] = min(directed[i, 0], directed[i, 1])
+    bucket, starts = sorted_into_bins(lower, n_points)
+    upper = lower
+    for k in range(len(bucket)):
+        upper[k] = max(directed[bucket[k], 0], directed[bucket[k], 1])
+    edges, edge_of = np.empty((len(directed), 2), dtype=np.int64), np.empty(len(directed), dtype=np.int64)
     n_edges = 0
     for low in range(n_points):
         first, last = starts[low], starts[low + 1]
-        if last - first > MOST_TO_INSERT:
-            order = np.argsort(upper[first:last], kind="mergesort")
-            upper[first:last], bucket[first:last] = upper[first:last][order], bucket[first:last][order]
-        for k in range(first + 1, last):
-            end, half_edge, place = upper[k], bucket[k], k
-            while place > first and upper[place - 1] > end:
-                upper[place], bucket[place] = upper[place - 1], bucket[place - 1]
-                place -= 1
-            upper[place], bucket[place] = end, half_edge
+        # Insertion at falling distances (Shell 1959, doi:10.1145/368370.368387): few need the last pass only.
+        apart = 1
+        while 9 * apart < last - first:
+            apart = 3 * apart + 1
+        while apart > 0:
+            for k in range(first + apart, last):
+                end, half_edge, place = upper[k], bucket[k], k
+                while place >= first + apart and upper[place - apart] > end:
+                    upper[place], bucket[place] = upper[place - apart], bucket[place - apart]
+                    place -= apart
+                upper[place], bucket[place] = end, half_edge
+            apart //= 3
         for k in range(first, last):
             if k == first or upper[k] != upper[k - 1]:
                 edges[n_edges, 0], edges[n_edges, 1] = low, upper[k]
@@ -100,7 +105,9 @@ def mean_point(points: Floats) -> Floats:
     x, y, z = 0.0, 0.0, 0.0
     for i in range(len(points)):
         x, y, z = x + points[i, 0], y + points[i, 1], z + points[i, 2]
-    return np.array([x / len(points), y / len(points), z / len(points)])
+    mean = np.empty(3)
+    mean[0], mean[1], mean[2] = x / len(points), y / len(points), z / len(points)
+    return mean
 
 
 @kernel

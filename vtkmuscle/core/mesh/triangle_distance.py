@@ -71,27 +71,49 @@ def pseudonormals(points: Floats, triangles: Ints) -> Floats:
         Of the face, the three edges and the three corners of each triangle, in the order of FACE, EDGE + k
         and CORNER + k; of any length.
     """
-    corners = points[triangles]
-    onward = np.roll(corners, -1, axis=1) - corners
-    normals = np.cross(onward[:, 0], onward[:, 1])
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
-    back = -np.roll(onward, 1, axis=1)
-    # atan2 keeps small angles exact, and is 0 for triangles without area.
-    angles = np.arctan2(np.linalg.norm(np.cross(onward, back), axis=2), (onward * back).sum(axis=2))
-    result = np.empty((len(triangles), 7, 3))
-    result[:, FACE] = normals
     edges = edge_numbers(triangles)
-    repeated = np.repeat(normals, 3, axis=0)
-    result[:, EDGE:CORNER] = _sums(edges, repeated)
-    result[:, CORNER:] = _sums(triangles, repeated * angles.reshape(-1, 1))
+    of_edges = np.zeros((int(edges.max(initial=-1)) + 1, 3))
+    of_points = np.zeros((len(points), 3))
+    result = np.empty((len(triangles), 7, 3))
+    _add_normals(points, triangles, edges, of_edges, of_points, result)
+    result[:, EDGE:CORNER], result[:, CORNER:] = of_edges[edges], of_points[triangles]
     return result
 
 
-def _sums(groups: Ints, vectors: Floats) -> Floats:
-    """Return, for each entry of groups (m, 3), the sum of the vectors (3 m, 3) of its group, (m, 3, 3)."""
-    flat = groups.reshape(-1)
-    return np.stack([np.bincount(flat, weights=vectors[:, k])[groups] for k in range(3)], axis=2)
+@kernel
+def _add_normals(
+    points: Floats, triangles: Ints, edges: Ints, of_edges: Floats, of_points: Floats, result: Floats
+) -> None:
+    """Write the normals of triangles, and add them to those of their edges and, by their angles, points."""
+    for t in range(len(triangles)):
+        a, b, c = points[triangles[t, 0]], points[triangles[t, 1]], points[triangles[t, 2]]
+        x, y, z = _across(b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - b[0], c[1] - b[1], c[2] - b[2])
+        length = np.sqrt(x * x + y * y + z * z)
+        if length > 0.0:
+            x, y, z = x / length, y / length, z / length
+        else:
+            x, y, z = 0.0, 0.0, 0.0
+        result[t, FACE, 0], result[t, FACE, 1], result[t, FACE, 2] = x, y, z
+        for k in range(3):
+            at, onward, back = (
+                points[triangles[t, k]],
+                points[triangles[t, (k + 1) % 3]],
+                points[triangles[t, k - 1]],
+            )
+            ux, uy, uz = onward[0] - at[0], onward[1] - at[1], onward[2] - at[2]
+            vx, vy, vz = back[0] - at[0], back[1] - at[1], back[2] - at[2]
+            nx, ny, nz = _across(ux, uy, uz, vx, vy, vz)
+            # atan2 keeps small angles exact, and is 0 for triangles without area.
+            angle = np.arctan2(np.sqrt(nx * nx + ny * ny + nz * nz), ux * vx + uy * vy + uz * vz)
+            edge, point = of_edges[edges[t, k]], of_points[triangles[t, k]]
+            edge[0], edge[1], edge[2] = edge[0] + x, edge[1] + y, edge[2] + z
+            point[0], point[1], point[2] = point[0] + angle * x, point[1] + angle * y, point[2] + angle * z
+
+
+@kernel
+def _across(ux: float, uy: float, uz: float, vx: float, vy: float, vz: float) -> tuple[float, float, float]:
+    """Return the cross product of u and v."""
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
 def winding_number(points: Floats, triangles: Ints, position: Floats) -> float:

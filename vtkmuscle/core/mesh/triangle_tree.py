@@ -196,8 +196,8 @@ def _boxes(corners: Floats, n_leaves: int) -> Floats:
     n = len(corners)
     for leaf in range(n_leaves):
         box = boxes[n_leaves - 1 + leaf]
-        box[:3] = np.inf
-        box[3:] = -np.inf
+        for axis in range(3):
+            box[axis], box[3 + axis] = np.inf, -np.inf
         for i in range(leaf * n // n_leaves, (leaf + 1) * n // n_leaves):
             for corner in range(3):
                 for axis in range(3):
@@ -261,7 +261,7 @@ def _foot(corners: Floats, query: Floats, foot: Floats) -> float:
 
     For needles of triangles it has more digits than barycentric coordinates give.
     """
-    a, b, c = corners
+    a, b, c = corners[0], corners[1], corners[2]
     nx = (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1])
     ny = (b[2] - a[2]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[2] - a[2])
     nz = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
@@ -302,7 +302,7 @@ def _search(
     place = 0  # the last query's answer is a good guess: neighbours follow each other along a fibre
     for q in range(len(queries)):
         x, y, z = queries[q, 0], queries[q, 1], queries[q, 2]
-        a, b, c = corners[place]
+        a, b, c = corners[place, 0], corners[place, 1], corners[place, 2]
         cx, cy, cz, region = nearest_on_triangle(x, y, z, a, b, c)
         best = (cx - x) ** 2 + (cy - y) ** 2 + (cz - z) ** 2
         if not best >= 0.0:  # a triangle without area: its neighbours have its edges too
@@ -329,7 +329,7 @@ def _search(
             if up * up + aside * aside >= best:
                 continue
             for i in range(leaf * n // n_leaves, (leaf + 1) * n // n_leaves):
-                a, b, c = corners[i]
+                a, b, c = corners[i, 0], corners[i, 1], corners[i, 2]
                 px, py, pz, where = nearest_on_triangle(x, y, z, a, b, c)
                 distance2 = (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
                 if distance2 < best:

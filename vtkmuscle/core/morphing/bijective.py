@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.mesh.bins import sorted_into_bins
+from vtkmuscle.core.mesh.bins import extremes, sorted_into_bins, stable_order
 from vtkmuscle.core.morphing.triangulation import triangulate
 from vtkmuscle.core.types import Floats, Ints
 
@@ -50,18 +50,22 @@ def from_rectangle(contour: Floats, image: Floats, points: Floats) -> tuple[Floa
         False where the polygon is not simple; then the places are none.
     """
     n, width = len(contour), contour.shape[1]
-    polygon = np.ascontiguousarray(contour[:, :2])
+    polygon = np.empty((n, 2))
+    for i in range(n):
+        polygon[i, 0], polygon[i, 1] = contour[i, 0], contour[i, 1]
     nodes, triangles, neighbours = triangulate(polygon, _lattice(polygon))
     if len(triangles) == 0:
         return np.empty((0, width)), False
-    known = np.empty((n, width))
-    known[:, :2] = image
-    known[:, 2:] = contour[:, 2:]
+    known = contour.copy()
+    for i in range(n):
+        known[i, 0], known[i, 1] = image[i, 0], image[i, 1]
     edges, weights = _edge_weights(nodes, triangles, neighbours)
     values = _harmonic(nodes, edges, weights, known)
-    lifted = values.copy()
-    lifted[:, :2] = nodes
-    return _interpolated(np.ascontiguousarray(values[:, :2]), triangles, lifted, points), True
+    images = np.empty((len(nodes), 2))
+    for i in range(len(nodes)):
+        images[i, 0], images[i, 1] = values[i, 0], values[i, 1]
+        values[i, 0], values[i, 1] = nodes[i, 0], nodes[i, 1]
+    return _interpolated(images, triangles, values, points), True
 
 
 @array_kernel
@@ -73,8 +77,8 @@ def _lattice(polygon: Floats) -> Floats:
         after = i + 1 if i + 1 < n else 0
         doubled += (polygon[i, 0] - polygon[0, 0]) * (polygon[after, 1] - polygon[0, 1])
         doubled -= (polygon[after, 0] - polygon[0, 0]) * (polygon[i, 1] - polygon[0, 1])
-    left, right = polygon[:, 0].min(), polygon[:, 0].max()
-    bottom, top = polygon[:, 1].min(), polygon[:, 1].max()
+    left, right = extremes(polygon, 0)
+    bottom, top = extremes(polygon, 1)
     spacing = np.sqrt(max(0.5 * doubled, 0.0) / (N_INNER * np.sqrt(0.75)))
     row = spacing * np.sqrt(0.75)
     # A polygon that encloses next to nothing in a large box is not worth a lattice.
@@ -96,7 +100,8 @@ def _lattice(polygon: Floats) -> Floats:
             shift = left + (0.25 if j % 2 else 0.75) * spacing
             if (ay > y) != (by > y):
                 crossing = ax + (y - ay) / (by - ay) * (bx - ax)
-                crossings[j, : min(max(int(np.ceil((crossing - shift) / spacing)), 0), n_columns)] += 1
+                for k in range(min(int(np.ceil((crossing - shift) / spacing)), n_columns)):
+                    crossings[j, k] += 1
             k = max(int(np.floor((min(ax, bx) - reach - shift) / spacing)), 0)
             stop = min(int(np.ceil((max(ax, bx) + reach - shift) / spacing)), n_columns - 1)
             while k <= stop:
@@ -161,14 +166,22 @@ def _harmonic(nodes: Floats, edges: Ints, weights: Floats, known: Floats) -> Flo
     """
     n, n_free = len(known), len(nodes) - len(known)
     result = np.empty((len(nodes), known.shape[1]))
-    result[:n] = known
+    for i in range(n):
+        for column in range(known.shape[1]):
+            result[i, column] = known[i, column]
     if n_free == 0:
         return result
-    wide = nodes[:, 0].max() - nodes[:, 0].min() > nodes[:, 1].max() - nodes[:, 1].min()
-    order = np.argsort(nodes[n:, 0 if wide else 1]) + n
+    left, right = extremes(nodes, 0)
+    bottom, top = extremes(nodes, 1)
+    axis = 0 if right - left > top - bottom else 1
+    along = np.empty(n_free)
+    for i in range(n_free):
+        along[i] = nodes[n + i, axis]
+    order = stable_order(along)
     place = np.full(len(nodes), -1, dtype=np.int64)
-    place[order] = np.arange(n_free)
-    places = np.empty_like(edges)
+    for i in range(n_free):
+        place[n + order[i]] = i
+    places = np.empty((len(edges), 2), dtype=np.int64)
     for e in range(len(edges)):
         places[e, 0], places[e, 1] = place[edges[e, 0]], place[edges[e, 1]]
     first, diagonal, entries, values = _system(places, weights, edges, known, n_free)
@@ -183,7 +196,8 @@ def _harmonic(nodes: Floats, edges: Ints, weights: Floats, known: Floats) -> Flo
             x[i] /= entries[diagonal[i]]
             for j in range(first[i], i):
                 x[j] -= entries[diagonal[i] - i + j] * x[i]
-    result[order] = values
+        for i in range(n_free):
+            result[n + order[i], column] = x[i]
     return result
 
 
@@ -195,13 +209,18 @@ def _system(
 
     The entry (i, j) is at diagonal[i] - i + j, from j = first[i] on.
     """
-    first = np.arange(n_free)
+    first, diagonal = np.empty(n_free, dtype=np.int64), np.empty(n_free, dtype=np.int64)
+    for i in range(n_free):
+        first[i] = i
     for e in range(len(edges)):
         i, j = max(places[e, 0], places[e, 1]), min(places[e, 0], places[e, 1])
         if j >= 0:
             first[i] = min(first[i], j)
-    diagonal = np.cumsum(np.arange(n_free) - first + 1) - 1
-    entries = np.zeros(diagonal[-1] + 1)
+    n_entries = 0
+    for i in range(n_free):
+        n_entries += i - first[i] + 1
+        diagonal[i] = n_entries - 1
+    entries = np.zeros(n_entries)
     values = np.zeros((n_free, known.shape[1]))
     for e in range(len(edges)):
         for one, other in ((0, 1), (1, 0)):
@@ -210,7 +229,8 @@ def _system(
                 continue
             entries[diagonal[i]] += weights[e]
             if j < 0:
-                values[i] += weights[e] * known[edges[e, other]]
+                for column in range(known.shape[1]):
+                    values[i, column] += weights[e] * known[edges[e, other], column]
             elif j < i:
                 entries[diagonal[i] - i + j] -= weights[e]
     return first, diagonal, entries, values
@@ -221,8 +241,9 @@ def _factorised(entries: Floats, diagonal: Ints, first: Ints) -> None:
     """Replace the lower half of a positive definite matrix by its factor L, column by column."""
     n = len(diagonal)
     # The last row that each column is in.
-    last = np.arange(n)
+    last = np.empty(n, dtype=np.int64)
     for i in range(n):
+        last[i] = i
         last[first[i]] = max(last[first[i]], i)
     for j in range(1, n):
         last[j] = max(last[j], last[j - 1])
@@ -253,16 +274,18 @@ def _interpolated(nodes: Floats, triangles: Ints, values: Floats, points: Floats
     m = len(points)
     result = np.empty((m, values.shape[1]))
     side = max(int(np.sqrt(m)), 1)
-    low_x, low_y = nodes[:, 0].min(), nodes[:, 1].min()
-    wide = max(nodes[:, 0].max() - low_x, 1e-300) * (1.0 + 1e-9)
-    high = max(nodes[:, 1].max() - low_y, 1e-300) * (1.0 + 1e-9)
+    low_x, high_x = extremes(nodes, 0)
+    low_y, high_y = extremes(nodes, 1)
+    wide, high = max(high_x - low_x, 1e-300) * (1.0 + 1e-9), max(high_y - low_y, 1e-300) * (1.0 + 1e-9)
     cells = np.empty(m, dtype=np.int64)
     for p in range(m):
         column = min(max(int((points[p, 0] - low_x) / wide * side), 0), side - 1)
         line = min(max(int((points[p, 1] - low_y) / high * side), 0), side - 1)
         cells[p] = line * side + column
     order, starts = sorted_into_bins(cells, side * side)
-    best, home = np.full(m, -np.inf), np.full(m, -1, dtype=np.int64)
+    best, home = np.empty(m), np.empty(m, dtype=np.int64)
+    for p in range(m):
+        best[p], home[p] = -np.inf, -1
     for t in range(len(triangles)):
         a, b, c = triangles[t]
         left, right = min(nodes[a, 0], nodes[b, 0], nodes[c, 0]), max(nodes[a, 0], nodes[b, 0], nodes[c, 0])
@@ -275,14 +298,16 @@ def _interpolated(nodes: Floats, triangles: Ints, values: Floats, points: Floats
             for i in range(starts[line * side + first], starts[line * side + last + 1]):
                 p = order[i]
                 if best[p] < 0.0:
-                    least = min(_shares(nodes, a, b, c, points[p, 0], points[p, 1]))
+                    one, two, three = _shares(nodes, a, b, c, points[p, 0], points[p, 1])
+                    least = min(one, two, three)
                     if least > best[p]:
                         best[p], home[p] = least, t
     for p in range(m):
         x, y = points[p, 0], points[p, 1]
         if not best[p] >= 0.0:
             for t in range(len(triangles)):
-                least = min(_shares(nodes, triangles[t, 0], triangles[t, 1], triangles[t, 2], x, y))
+                one, two, three = _shares(nodes, triangles[t, 0], triangles[t, 1], triangles[t, 2], x, y)
+                least = min(one, two, three)
                 if least > best[p]:
                     best[p], home[p] = least, t
         a, b, c = triangles[home[p]]

@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from vtkmuscle.core.jit import array_kernel, kernel
+from vtkmuscle.core.mesh.bins import count_up_to, stable_order
 from vtkmuscle.core.types import Floats, Ints
 
 #: Places around a loop at which its correspondence may start, and the least number of its segments.
@@ -151,19 +152,26 @@ def _cheapest_chain(costs: Floats, twists: Floats) -> Ints:
     """Return p minimising sum_j costs[j, p_j] + sum_j twists[j - 1, (p_j - p_{j-1}) mod n]."""
     n_levels, n = costs.shape
     # Twice in a row, so that the inner loop needs no modulo.
-    doubled = np.concatenate((twists, twists), axis=1)
+    doubled = np.empty((n_levels - 1, 2 * n))
+    for level in range(n_levels - 1):
+        for place in range(2 * n):
+            doubled[level, place] = twists[level, place if place < n else place - n]
     best = costs.copy()
     least = np.empty(n)
     for level in range(1, n_levels):
-        least[:] = np.inf
+        for place in range(n):
+            least[place] = np.inf
         for other in range(n):
             before = best[level - 1, other]
             for place in range(n):
                 cost = before + doubled[level - 1, n + place - other]
                 least[place] = cost if cost < least[place] else least[place]
-        best[level] += least
-    places = np.empty(n_levels, dtype=np.int64)
-    places[-1] = best[-1].argmin()
+        for place in range(n):
+            best[level, place] += least[place]
+    places = np.zeros(n_levels, dtype=np.int64)
+    for place in range(n):
+        if best[-1, place] < best[-1, places[-1]]:
+            places[-1] = place
     for level in range(n_levels - 1, 0, -1):
         shift, cheapest = n + places[level], np.inf
         for other in range(n):
@@ -208,7 +216,10 @@ def sampled_loop(loop: Floats, corner: Floats, count: int) -> Floats:
     """
     lengths = loop_lengths(loop)
     first = nearest_place(loop, lengths, corner)
-    return _points_at(loop, lengths, (first + lengths[-1] * np.arange(count) / count) % lengths[-1])
+    places = np.empty(count)
+    for i in range(count):
+        places[i] = (first + lengths[-1] * i / count) % lengths[-1]
+    return _points_at(loop, lengths, places)
 
 
 @array_kernel
@@ -217,7 +228,7 @@ def _points_at(loop: Floats, lengths: Floats, places: Floats) -> Floats:
     n = len(loop)
     result = np.empty((len(places), loop.shape[1]))
     for j in range(len(places)):
-        i = min(np.searchsorted(lengths, places[j], side="right") - 1, n - 1)
+        i = min(count_up_to(lengths, places[j]) - 1, n - 1)
         after = i + 1 if i + 1 < n else 0
         share = (places[j] - lengths[i]) / (lengths[i + 1] - lengths[i])
         for axis in range(loop.shape[1]):
@@ -256,11 +267,12 @@ def refined_loop(loop: Floats, count: int) -> Floats:
     """
     lengths = loop_lengths(loop)
     longest = lengths[-1] / count
-    pieces = np.empty(len(loop), dtype=np.int64)
+    pieces, total = np.empty(len(loop), dtype=np.int64), 0
     for i in range(len(loop)):
         length = lengths[i + 1] - lengths[i]
         pieces[i] = int(np.ceil(length / longest)) if length > SHORTEST * lengths[-1] else 0
-    result = np.empty((pieces.sum(), loop.shape[1]))
+        total += pieces[i]
+    result = np.empty((total, loop.shape[1]))
     n = 0
     for i in range(len(loop)):
         after = i + 1 if i + 1 < len(loop) else 0
@@ -283,10 +295,13 @@ def cornered_loop(loop: Floats, target: Floats, width: float, depth: float) -> F
     lengths = loop_lengths(loop)
     n, perimeter = len(loop), lengths[-1]
     first = nearest_place(loop, lengths, target)
-    corners = np.array([0.0, width, width + depth, 2.0 * width + depth]) / (2.0 * (width + depth))
-    places = np.empty(n + 4)
-    places[:4] = perimeter * corners
-    count = 4
+    around = 2.0 * (width + depth)
+    places, count = np.empty(n + 4), 4
+    places[0], places[1] = 0.0, perimeter * (width / around)
+    places[2], places[3] = (
+        perimeter * ((width + depth) / around),
+        perimeter * ((2.0 * width + depth) / around),
+    )
     for i in range(n):
         place = (lengths[i] - first) % perimeter
         free = True
@@ -296,7 +311,10 @@ def cornered_loop(loop: Floats, target: Floats, width: float, depth: float) -> F
         if free:
             places[count] = place
             count += 1
-    return _points_at(loop, lengths, (first + np.sort(places[:count])) % perimeter)
+    order, ascending = stable_order(places[:count]), np.empty(count)
+    for i in range(count):
+        ascending[i] = (first + places[order[i]]) % perimeter
+    return _points_at(loop, lengths, ascending)
 
 
 @array_kernel
@@ -323,8 +341,11 @@ def split_chain(lengths: Floats, width: float, depth: float) -> tuple[Ints, floa
         The least error [mm^2].
     """
     n = len(lengths) - 1
-    scaled = lengths * (2.0 * (width + depth) / lengths[n])
-    splits = np.array([0, 1, 2, 3, n])
+    scaled, scale = np.empty(n + 1), 2.0 * (width + depth) / lengths[n]
+    for i in range(n + 1):
+        scaled[i] = lengths[i] * scale
+    splits = np.empty(5, dtype=np.int64)
+    splits[0], splits[1], splits[2], splits[3], splits[4] = 0, 1, 2, 3, n
     least = np.inf
     for middle in range(2, n - 1):
         far = scaled[middle]
@@ -342,7 +363,7 @@ def split_chain(lengths: Floats, width: float, depth: float) -> tuple[Ints, floa
     return splits, least
 
 
-@kernel
+@array_kernel
 def _nearest(ascending: Floats, value: float, first: int, last: int) -> int:
     """Return the index from `first` to `last` at which an ascending array is nearest to a value."""
     low, high = first, last
@@ -363,7 +384,9 @@ def subdivided_rectangle(lengths: Floats, splits: Ints, width: float, depth: flo
 
     The sides are subdivided in the ratios of the segments that :func:`split_chain` gave them.
     """
-    corners = np.array([(0.0, 0.0), (width, 0.0), (width, depth), (0.0, depth), (0.0, 0.0)])
+    corners = np.zeros((5, 2))
+    corners[1, 0], corners[2, 0] = width, width
+    corners[2, 1], corners[3, 1] = depth, depth
     result = np.empty((len(lengths) - 1, 2))
     for side in range(4):
         first, last = splits[side], splits[side + 1]

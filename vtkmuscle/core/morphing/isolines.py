@@ -294,15 +294,23 @@ def _distances_from_rectangle(sides: Floats, areas: Floats) -> Callable[[Floats,
 @array_kernel
 def _view_along(area: Floats) -> Floats:
     """Return the rows of a rotation whose third one is the direction of a vector (3,)."""
-    length = np.sqrt((area**2).sum())
-    third = area / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
-    axis = np.zeros(3)
-    axis[np.abs(third).argmin()] = 1.0
-    first = np.cross(axis, third)
-    rows = np.empty((3, 3))
-    rows[0] = first / np.sqrt((first**2).sum())
-    rows[1] = np.cross(third, rows[0])
-    rows[2] = third
+    length = np.sqrt(area[0] ** 2 + area[1] ** 2 + area[2] ** 2)
+    rows, least = np.zeros((3, 3)), 0
+    rows[2, 2] = 1.0
+    for axis in range(3):
+        if length > 0.0:
+            rows[2, axis] = area[axis] / length
+        if abs(rows[2, axis]) < abs(rows[2, least]):
+            least = axis
+    # Across the axis that it has least of.
+    after, last = (least + 1) % 3, (least + 2) % 3
+    rows[0, after], rows[0, last] = -rows[2, last], rows[2, after]
+    length = np.sqrt(rows[0, 0] ** 2 + rows[0, 1] ** 2 + rows[0, 2] ** 2)
+    for axis in range(3):
+        rows[0, axis] /= length
+    for axis in range(3):
+        one, two = (axis + 1) % 3, (axis + 2) % 3
+        rows[1, axis] = rows[2, one] * rows[0, two] - rows[2, two] * rows[0, one]
     return rows
 
 
@@ -325,7 +333,7 @@ def _on_area(ends: Floats, points: Floats, triangles: Ints, area: Ints) -> Float
 @array_kernel
 def _nearest_of(ends: Floats, points: Floats, candidates: Ints) -> Floats:
     """Return for each point the nearest place on its candidates, (n, k, 3) point ids."""
-    result = np.empty_like(ends)
+    result = np.empty((len(ends), 3))
     for i in range(len(ends)):
         least = np.inf
         for k in range(candidates.shape[1]):

@@ -64,7 +64,7 @@ def main_loops(sections: Sections, levels: Floats, sizes: Floats, chosen: Ints |
         below, above = united(below, above, np.flatnonzero(~np.isin(level_of, chosen)))
         levels, firsts, ends = levels[chosen], firsts[chosen], ends[chosen]
     thickness = np.gradient(levels) if len(levels) > 1 else np.ones(1)
-    chain: Ints = _largest_chain(sizes, firsts, ends, below, above, thickness)
+    chain: Ints = _largest_chain(np.ascontiguousarray(sizes), firsts, ends, below, above, thickness)
     if (chain < 0).all():
         raise InputError(
             "", "no section of the muscle through the template has an inside", "fit the template first"

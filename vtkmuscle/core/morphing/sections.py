@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.mesh.bins import count_up_to
+from vtkmuscle.core.mesh.surface import point_components, signed_volume
 from vtkmuscle.core.mesh.topology import opposite_half_edges
 from vtkmuscle.core.types import Floats, Ints
 
@@ -145,7 +146,7 @@ def _slabs(levels: Floats, values: Floats) -> Ints:
         elif last > 0 and levels[last - 1] > value:
             last -= 1
         if (last < len(levels) and levels[last] <= value) or (last > 0 and levels[last - 1] > value):
-            last = np.searchsorted(levels, value, side="right")
+            last = count_up_to(levels, value)
         slabs[i] = last
     return slabs
 
@@ -251,14 +252,20 @@ def _traced(
                 after = down - 2 if down % 3 == 2 else down + 1
                 half_edge = after if slabs[corners[before]] > level else before
                 crossing = crossings[half_edge] + level - slabs[corners[half_edge]]
-            while n_cut > first + 1 and (cut[n_cut - 1] == cut[first]).all():
+            while (
+                n_cut > first + 1
+                and cut[n_cut - 1, 0] == cut[first, 0]
+                and cut[n_cut - 1, 1] == cut[first, 1]
+                and cut[n_cut - 1, 2] == cut[first, 2]
+            ):
                 n_cut -= 1
             if n_cut - first >= 3:
                 n_loops += 1
                 loop_offsets[n_loops] = n_cut
             else:
                 n_cut = first
-                loop_of[visited[:n_visited]] = -2
+                for k in range(n_visited):
+                    loop_of[visited[k]] = -2
         level_offsets[level + 1] = n_loops
     return cut[:n_cut].copy(), loop_offsets[: n_loops + 1].copy(), level_offsets, loop_of
 
@@ -272,7 +279,9 @@ def _parts(
     Union and find along every edge within a slab, and from loop to loop along every half-edge that rises.
     """
     corners = triangles.reshape(-1)
-    parent = np.arange(n_points + 2 * n_loops)
+    parent = np.empty(n_points + 2 * n_loops, dtype=np.int64)
+    for node in range(len(parent)):
+        parent[node] = node
     for t in range(len(triangles)):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
         # Each edge once: its other triangle has it the other way round.
@@ -297,7 +306,6 @@ def _parts(
     return parent
 
 
-@array_kernel
 def united(below: Ints, above: Ints, ignored: Ints) -> tuple[Ints, Ints]:
     """Return the parts on either side of loops where the surface is not cut along some of the loops.
 
@@ -313,14 +321,11 @@ def united(below: Ints, above: Ints, ignored: Ints) -> tuple[Ints, Ints]:
     below, above : (k,) int arrays
         Equal for loops that the same part is beside.
     """
-    sides = np.unique(np.concatenate((below, above)))
-    parent = np.arange(len(sides))
-    one, other = np.searchsorted(sides, below), np.searchsorted(sides, above)
-    for loop in ignored:
-        _unite(parent, one[loop], other[loop])
-    for i in range(len(one)):
-        one[i], other[i] = sides[_root(parent, one[i])], sides[_root(parent, other[i])]
-    return one, other
+    sides, places = np.unique(np.concatenate((below, above)), return_inverse=True)
+    one, other = places[: len(below)], places[len(below) :]
+    sets = point_components(len(sides), np.column_stack((one[ignored], other[ignored])))
+    lowest = sides[np.unique(sets, return_index=True)[1][sets]]
+    return lowest[one], lowest[other]
 
 
 @kernel

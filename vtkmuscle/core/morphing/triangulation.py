@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.mesh.bins import sorted_into_bins
+from vtkmuscle.core.mesh.bins import extremes, sorted_into_bins
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Twice an area below this part of the polygon's squared size is zero but for rounding.
@@ -44,7 +44,8 @@ def triangulate(polygon: Floats, inner: Floats) -> tuple[Floats, Ints, Ints]:
     """
     n = len(polygon)
     points = np.empty((n + len(inner), 2))
-    points[:n] = polygon
+    for i in range(n):
+        points[i, 0], points[i, 1] = polygon[i, 0], polygon[i, 1]
     # Half-edge 3 t + i runs from corner i of triangle t to the next one; the other one along it, or -1.
     largest = max(n - 2 + 2 * len(inner), 1)
     corners, across = np.empty(3 * largest, dtype=np.int64), np.full(3 * largest, -1, dtype=np.int64)
@@ -137,12 +138,15 @@ def _clip_ears(polygon: Floats, flat: float, corners: Ints, across: Ints) -> boo
     low, cell, side, order, starts = _sorted_into_cells(polygon)
     # In rounds, in which no ear is next to another, or they would all share a corner. A corner that is no ear
     # can become one only when a neighbour is clipped.
-    waiting, touched, changed = np.arange(n), np.empty(n, dtype=np.int64), np.full(n, -1, dtype=np.int64)
+    waiting, n_waiting = np.empty(n, dtype=np.int64), n
+    touched, changed = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    for i in range(n):
+        waiting[i], changed[i] = i, -1
     left, first, this_round = n, 0, 0
     while left > 3:
         n_touched, n_left = 0, left
-        for corner in waiting:
-            b = int(corner)
+        for i in range(n_waiting):
+            b = waiting[i]
             if after[b] < 0 or changed[b] == this_round or left == 3:
                 continue
             a, c = before[b], after[b]
@@ -160,16 +164,15 @@ def _clip_ears(polygon: Floats, flat: float, corners: Ints, across: Ints) -> boo
                     n_touched += 1
             first += 3
             left -= 1
-        all_tried = left == n_left
-        if all_tried and flat == 0.0:
-            return False
-        if all_tried:
-            flat = (
-                0.0  # where sides are straight but for rounding, an allowance for it may hide the last ears
-            )
-        waiting = np.flatnonzero(after >= 0) if all_tried else touched[:n_touched].copy()
+        waiting, touched, n_waiting = touched, waiting, n_touched
+        if left == n_left:  # all were tried
+            if flat == 0.0:
+                return False
+            flat = 0.0  # where sides are straight but for rounding, an allowance may hide the last ears
+            n_waiting = _corners_left(after, waiting)
         this_round += 1
-    b = int(np.flatnonzero(after >= 0)[0])
+    _corners_left(after, waiting)
+    b = waiting[0]
     a, c = before[b], after[b]
     if _doubled_area(polygon, a, b, c) < -flat:
         return False
@@ -180,6 +183,17 @@ def _clip_ears(polygon: Floats, flat: float, corners: Ints, across: Ints) -> boo
     return True
 
 
+@kernel
+def _corners_left(after: Ints, corners: Ints) -> int:
+    """Write which corners of a polygon are left; return how many."""
+    n = 0
+    for i in range(len(after)):
+        if after[i] >= 0:
+            corners[n] = i
+            n += 1
+    return n
+
+
 @array_kernel
 def _sorted_into_cells(polygon: Floats) -> tuple[Floats, Floats, int, Ints, Ints]:
     """Return a grid's lowest corner, cells' size and number along a side, and the vertices cell by cell."""
@@ -187,8 +201,8 @@ def _sorted_into_cells(polygon: Floats) -> tuple[Floats, Floats, int, Ints, Ints
     side = max(int(np.sqrt(n)), 1)
     low, cell = np.empty(2), np.empty(2)
     for axis in range(2):
-        low[axis] = polygon[:, axis].min()
-        cell[axis] = max((polygon[:, axis].max() - low[axis]) / side, 1e-300)
+        low[axis], high = extremes(polygon, axis)
+        cell[axis] = max((high - low[axis]) / side, 1e-300)
     cells = np.empty(n, dtype=np.int64)
     for i in range(n):
         column = min(int((polygon[i, 0] - low[0]) / cell[0]), side - 1)

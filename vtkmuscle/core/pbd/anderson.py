@@ -194,7 +194,7 @@ class Workspace:
         if used == 0:
             return None
         self._products[row, :used] = self._products[:used, row] = dots[0, :used]
-        weights = _least_squares(self._products[:used, :used], dots[1, :used])
+        weights = _least_squares(self._products[:used, :used].copy(), dots[1, :used])
         return weights if np.isfinite(weights).all() else None
 
     def combine(self, image: Floats, weights: Floats, x: Floats) -> None:
@@ -267,7 +267,9 @@ def _least_squares(products: Floats, dots: Floats) -> Floats:
         for j in range(k + 1, n):
             w[k] -= a[k, j] * w[j]
         w[k] /= a[k, k]
-    return w * scale
+    for k in range(n):
+        w[k] *= scale[k]
+    return w
 
 
 @reduction

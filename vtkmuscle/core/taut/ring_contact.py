@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vtkmuscle.core.jit import array_kernel, kernel
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.taut.springs import PUSH, add_spring
 from vtkmuscle.core.taut.via_rings import is_inside, nearest_on_polygon
 from vtkmuscle.core.types import Floats, Ints
@@ -33,7 +33,7 @@ class Rings(NamedTuple):
     outside: Floats
 
 
-@array_kernel
+@kernel
 def hold_in_ring(
     rings: Rings, ring: int, f: int, p: Floats, held: Floats, matrices: Floats, right: Floats
 ) -> None:
@@ -42,7 +42,8 @@ def hold_in_ring(
     ``held`` (5,) is of this string and ring, from one iteration to the next: the point that is held, 0 for
     none, the direction into the ring, and how far in that the point is to be.
     """
-    centre, normal, first, second = rings.frames[ring]
+    centre, normal = rings.frames[ring, 0], rings.frames[ring, 1]
+    first, second = rings.frames[ring, 2], rings.frames[ring, 3]
     corners = rings.corners[rings.offsets[ring] : rings.offsets[ring + 1]]
     outside = rings.outside[ring, f]
     i = int(held[0])
@@ -51,16 +52,17 @@ def hold_in_ring(
         if i == 0:
             return
         held[0] = i
-    away = p[i] - centre
-    s = away[0] * first[0] + away[1] * first[1] + away[2] * first[2]
-    t = away[0] * second[0] + away[1] * second[1] + away[2] * second[2]
+    x, y, z = p[i, 0] - centre[0], p[i, 1] - centre[1], p[i, 2] - centre[2]
+    s = x * first[0] + y * first[1] + z * first[2]
+    t = x * second[0] + y * second[1] + z * second[2]
     u, v = nearest_on_polygon(corners, s, t)
     way = np.sqrt((u - s) ** 2 + (v - t) ** 2)
     inside = is_inside(corners, s, t)
     into = held[1:4]
     # A point on the edge does not tell which way is into the ring: that is known from the iteration before.
     if way > 0.0:
-        into[:] = ((u - s) * first + (v - t) * second) / (-way if inside else way)
+        for axis in range(3):
+            into[axis] = ((u - s) * first[axis] + (v - t) * second[axis]) / (-way if inside else way)
     at = into[0] * p[i, 0] + into[1] * p[i, 1] + into[2] * p[i, 2]
     held[4] = at + (-way if inside else way) - outside
     add_spring(into, PUSH, held[4], matrices[i], right[i])
@@ -68,7 +70,7 @@ def hold_in_ring(
     add_spring(normal, PUSH, at, matrices[i], right[i])
 
 
-@array_kernel
+@kernel
 def _leaves_ring(
     centre: Floats, normal: Floats, first: Floats, second: Floats, corners: Floats, outside: float, p: Floats
 ) -> int:
@@ -78,15 +80,16 @@ def _leaves_ring(
     """
     nearest, point, s, t = np.inf, 0, 0.0, 0.0
     for i in range(len(p) - 1):
-        a, b = p[i] - centre, p[i + 1] - centre
-        low = a[0] * normal[0] + a[1] * normal[1] + a[2] * normal[2]
-        high = b[0] * normal[0] + b[1] * normal[1] + b[2] * normal[2]
+        ax, ay, az = p[i, 0] - centre[0], p[i, 1] - centre[1], p[i, 2] - centre[2]
+        bx, by, bz = p[i + 1, 0] - centre[0], p[i + 1, 1] - centre[1], p[i + 1, 2] - centre[2]
+        low = ax * normal[0] + ay * normal[1] + az * normal[2]
+        high = bx * normal[0] + by * normal[1] + bz * normal[2]
         if (low < 0.0) == (high < 0.0):
             continue
         part = low / (low - high)
-        cross = a + part * (b - a)
-        u = cross[0] * first[0] + cross[1] * first[1] + cross[2] * first[2]
-        v = cross[0] * second[0] + cross[1] * second[1] + cross[2] * second[2]
+        x, y, z = ax + part * (bx - ax), ay + part * (by - ay), az + part * (bz - az)
+        u = x * first[0] + y * first[1] + z * first[2]
+        v = x * second[0] + y * second[1] + z * second[2]
         if u * u + v * v < nearest:
             nearest, s, t = u * u + v * v, u, v
             point = min(max(i if part < 0.5 else i + 1, 1), len(p) - 2)
