@@ -6,23 +6,25 @@ numba's own functions are with the kernel that needed them first. The instructio
 machine nor on what else it does: ``guard.py`` keeps their sum.
 
 ``--write`` writes the list of the demo's kernels by which a second process compiles at the first run.
+``--count`` prints the instructions of the kernels in that list, which takes a third of the time: nothing is
+compiled to the end. ``--check`` tells kernels that the demo calls and are not in the list, and those that
+are and need not be, exit status 1.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import os
 import time
 from dataclasses import dataclass
 from typing import Any
 
-os.environ["VTKMUSCLE_CACHE"] = ""
-os.environ.pop("NUMBA_CACHE_DIR", None)
+from numba.core import codegen, config, dispatcher, event
 
-from numba.core import codegen, event
-
-from vtkmuscle.core.compile_ahead import LIST, spelled
+from vtkmuscle.core.compile_ahead import LIST, spelled, type_of
+from vtkmuscle.core.kernel_cache import kernel_folder
 
 #: The parts of the table that are printed without --all.
 MOST = 40
@@ -34,7 +36,6 @@ class Compiled:
 
     kernel: str
     arguments: str
-    of_python: tuple[str, str, list[Any]] | None
     seconds: float = 0.0
     instructions: int = 0
 
@@ -75,10 +76,7 @@ class Compilations(event.Listener):
         name = f"{function.__module__.removeprefix('vtkmuscle.core.')}.{function.__name__}"
         if not function.__module__.startswith("vtkmuscle.") and self._open:
             name = self._open[-1][0].kernel
-        arguments, called = event.data["args"], None
-        if not self._open:
-            called = function.__module__, function.__name__, list(map(spelled, arguments))
-        self._open.append((Compiled(name, str(arguments), called), now))
+        self._open.append((Compiled(name, str(event.data["args"])), now))
 
     def on_end(self, _: Any) -> None:
         """End with it; the clock of the one around it goes on."""
@@ -92,12 +90,63 @@ class Compilations(event.Listener):
 
 def compilations(scene: str | None) -> list[Compiled]:
     """Return what is compiled for two frames of a scene; one worker, so that it is always the same."""
+    with Compilations() as listener:
+        _run(scene)
+    return listener.done
+
+
+def _run(scene: str | None) -> None:
     from vtkmuscle import Scene, phantoms
 
-    with Compilations() as listener:
-        loaded = Scene.from_phantom(phantoms.hip()) if scene is None else Scene.load(scene)
-        loaded.run(None, frames="0:2", figures=False, workers=1)
-    return listener.done
+    loaded = Scene.from_phantom(phantoms.hip()) if scene is None else Scene.load(scene)
+    loaded.run(None, frames="0:2", figures=False, workers=1)
+
+
+def called() -> dict[str, Any]:
+    """Return the kernels that Python calls in a run of the demo, in order: a row of the list for each."""
+    found: dict[str, Any] = {}
+    compile_for = dispatcher.Dispatcher._compile_for_args
+
+    def noted(self: Any, *arguments: Any, **keywords: Any) -> Any:
+        types = [spelled(self.typeof_pyval(argument)) for argument in arguments]
+        found.setdefault(json.dumps([self.py_func.__module__, self.py_func.__name__, types]), self)
+        return compile_for(self, *arguments, **keywords)
+
+    dispatcher.Dispatcher._compile_for_args = noted
+    _run(None)
+    return found
+
+
+def differences() -> list[str]:
+    """Return in words what a run of the demo calls beyond the list, and what is listed beyond that."""
+    found = called()
+    listed = {json.dumps(row): row for row in json.loads(LIST.read_text(encoding="utf-8"))}
+    words = [f"called and not listed: {row}" for row in found if row not in listed]
+    for text, (module, name, arguments) in listed.items():
+        kernel = getattr(importlib.import_module(module), name)
+        # What was compiled as a part of another kernel is there before Python calls it.
+        if text not in found and tuple(map(type_of, arguments)) not in kernel.overloads:
+            words.append(f"listed and not called: {text}")
+    return words
+
+
+def instructions_of_list() -> int:
+    """Return how many instructions numba writes for the kernels of the list; no machine code is made."""
+    written = 0
+
+    def count(_: Any, module: Any) -> None:
+        nonlocal written
+        written += sum(len(block.instructions) for f in module.functions for block in f.blocks)
+
+    library, finalised = codegen.JITCodeLibrary, {"_finalized": True}
+    library.add_ir_module = count
+    library.add_linking_library = lambda *_: None
+    library.finalize = lambda self: vars(self).update(finalised)
+    library.get_pointer_to_function = lambda *_: 1  # never called
+    codegen.JITCPUCodegen.set_env = lambda *_: None
+    for module, name, arguments in json.loads(LIST.read_text(encoding="utf-8")):
+        getattr(importlib.import_module(module), name).compile(tuple(map(type_of, arguments)))
+    return written
 
 
 def table(done: list[Compiled], most: int | None) -> str:
@@ -123,12 +172,24 @@ def main() -> None:
     parser.add_argument("--all", action="store_true", help="all kernels")
     parser.add_argument("--twice", action="store_true", help="kernels compiled more than once, and for what")
     parser.add_argument("--write", action="store_true", help=f"write {LIST.name}, with the phantom hip only")
+    parser.add_argument("--count", action="store_true", help=f"only the instructions of {LIST.name}")
+    parser.add_argument("--check", action="store_true", help=f"compare {LIST.name} with what a run calls")
     asked = parser.parse_args()
+    # Kernels that are compiled already do for these two; distances are computed anew for all.
+    config.CACHE_DIR = str(kernel_folder() or "") if asked.write or asked.check else ""
+    os.environ["VTKMUSCLE_CACHE"] = ""
+    if asked.write:
+        LIST.write_text("[\n" + ",\n".join(called()) + "\n]\n", encoding="utf-8")
+        return
+    if asked.check:
+        found = differences()
+        print("\n".join(found))
+        raise SystemExit(bool(found))
+    if asked.count:
+        print(instructions_of_list())
+        return
     done = compilations(asked.scene)
     print(table(done, None if asked.all else MOST))
-    if asked.write:
-        rows = [json.dumps(one.of_python) for one in done if one.of_python is not None]
-        LIST.write_text("[\n" + ",\n".join(rows) + "\n]\n", encoding="utf-8")
     if asked.twice:
         names = [one.kernel for one in done]
         for one in done:

@@ -1,7 +1,7 @@
 """How benchmarks are measured: in turns with the calibration kernel, whose time theirs is divided by.
 
-Run as ``pytest benchmarks/suite [--benchmark-json FILE]`` with pytest-benchmark (in the ``dev`` extra), or by
-``benchmarks/guard.py``, which compares the result with the last committed one.
+Run as ``pytest benchmarks/suite [--benchmark-json FILE]`` with pytest-benchmark (in the ``dev`` extra);
+``extra_info`` has the times in calibrations.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """How time grows: with triangles, fibres, bones and frames.
 
-``scale`` and ``size`` of the ``extra_info`` say of what and at which size; ``benchmarks/guard.py`` makes
-powers of them.
+``scale`` and ``size`` of the ``extra_info`` say of what and at which size.
 """
 
 from __future__ import annotations

@@ -121,7 +121,7 @@ def test_a_bent_muscle_is_followed_along_isolines_and_planes_say_that_they_canno
 
 def test_slices_that_unequal_heights_share_move_points_by_less_than_the_tolerance(hip):
     muscle, areas = hip.muscles["gluteus_maximus"], hip.attachments["gluteus_maximus"]
-    template = FibreTemplateSource(template="curved", n_fibres=60).update().output
+    template = FibreTemplateSource(template="curved", n_fibres=60, resolution=15).update().output
     points = points_of(template).reshape(60, -1, 3)
     points[..., 2] **= np.linspace(0.8, 1.2, 60)[:, None]
     fitted = TemplateFitter()(with_points(template, points.reshape(-1, 3)), muscle, areas)

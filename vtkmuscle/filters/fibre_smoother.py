@@ -9,7 +9,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.course import smooth_about_course
-from vtkmuscle.core.fibres.spreading import move_ends, steps_to_centres
+from vtkmuscle.core.fibres.spreading import cloud, move_ends, steps_to_centres
 from vtkmuscle.core.mesh.polylines import polyline_lengths, smooth_polylines
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.types import Floats
@@ -126,11 +126,12 @@ class FibreSmoother(Filter):
         inner[ends[0]] = inner[ends[1]] = False
         n_samples = max(SAMPLES * len(lines), LEAST_SAMPLES) if spreading and self.smoothing_passes else 0
         samples = geometry.samples(n_samples)
+        within = cloud(samples) if len(samples) else None
         points = lines.points
         for done in range(self.smoothing_passes):
             points = smooth_about_course(points, lines.offsets, self.smoothing_weight, 1)
-            if len(samples):
-                steps = spreading * steps_to_centres(points, lines.offsets, samples)
+            if within is not None:
+                steps = spreading * steps_to_centres(points, lines.offsets, within)
                 goals = points + steps
                 for end, other, area in zip(ends, reversed(ends), areas, strict=True):
                     if area is None:

@@ -100,5 +100,9 @@ def _computed(muscle: vtkPolyData, attachments: vtkMultiBlockDataSet, where: str
     origin, insertion = (
         geometry.attached(areas, role, f"{where}: attachments") for role in ("origin", "insertion")
     )
-    with placed(where):
+
+    def found() -> Floats:
         return attachment_field(geometry.points, geometry.triangles, origin, insertion)
+
+    with placed(where):
+        return geometry.once(("harmonic field", origin.tobytes(), insertion.tobytes()), found).copy()

@@ -147,8 +147,9 @@ class TemplateFitter(Filter):
         if superficial is not None:
             seen = superficial_fibres(superficial, "TemplateFitter: superficial", shape.points)
             seen = seen.within(np.zeros(3), reflection[:3, :3])
-        with placed("TemplateFitter"):
-            fits = [
+
+        def fitted_boxes() -> list[Fit]:
+            return [
                 self._fit(
                     axis,
                     assignment,
@@ -160,6 +161,15 @@ class TemplateFitter(Filter):
                 for axis in self._axes(shape, origin, insertion)
                 for assignment in (ASSIGNMENTS if self.orientation == "any" else ASSIGNMENTS[:1])
             ]
+
+        with placed("TemplateFitter"):
+            if seen is None:  # boxes that do not depend on the template's fibres
+                arrays = (origin, insertion, origin_area, insertion_area)
+                settings = self.axis, self.orientation, self.angle_step, self.refine, self.mirror
+                key = "boxes", settings, *(np.ascontiguousarray(array).tobytes() for array in arrays)
+                fits = geometry.once(key, fitted_boxes)
+            else:
+                fits = fitted_boxes()
         least = min(fit.cost for fit in fits)
         best = next(fit for fit in fits if fit.cost <= least + TIE)
         transform = reflection @ best.transform

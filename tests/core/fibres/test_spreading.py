@@ -5,7 +5,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from scipy.stats import qmc
 
-from vtkmuscle.core.fibres.spreading import steps_to_centres
+from vtkmuscle.core.fibres.spreading import cloud, steps_to_centres
 
 BOX = np.array([20.0, 30.0, 100.0])
 
@@ -29,7 +29,7 @@ def farthest(points, samples):
 
 def relaxed(points, offsets, samples, times):
     for _ in range(times):
-        points = points + steps_to_centres(points, offsets, samples)
+        points = points + steps_to_centres(points, offsets, cloud(samples))
     return points
 
 
@@ -43,7 +43,7 @@ def test_a_fibre_by_itself_goes_to_the_middle_of_the_muscle(samples):
 def test_fibres_that_are_spread_evenly_stay(samples):
     x, y = np.meshgrid(2.5 + 5.0 * np.arange(4), 2.5 + 5.0 * np.arange(6))
     points, offsets = along_z(np.column_stack([x.ravel(), y.ravel()]))
-    steps = steps_to_centres(points, offsets, samples)
+    steps = steps_to_centres(points, offsets, cloud(samples))
     assert np.linalg.norm(steps, axis=1).max() < 0.35
 
 
@@ -60,7 +60,7 @@ def test_steps_are_across_the_fibre(samples):
     t = np.linspace(0, 1, 16)
     lines = [np.outer(1 - t, a) + np.outer(t, b) for a, b in rng.random((10, 2, 3)) * BOX]
     offsets = np.arange(11) * 16
-    steps = steps_to_centres(np.vstack(lines), offsets, samples).reshape(10, 16, 3)
+    steps = steps_to_centres(np.vstack(lines), offsets, cloud(samples)).reshape(10, 16, 3)
     along = np.array([line[-1] - line[0] for line in lines])
     assert_allclose(np.einsum("ijk,ik->ij", steps, along), 0.0, atol=1e-9)
     assert np.linalg.norm(steps, axis=2).max() > 1.0
@@ -69,9 +69,9 @@ def test_steps_are_across_the_fibre(samples):
 @pytest.mark.parametrize("n_points", [2, 3, 200])
 def test_how_many_points_a_fibre_has_does_not_matter(samples, n_points):
     feet = [[5.0, 5.0], [9.0, 20.0], [14.0, 8.0]]
-    expected = steps_to_centres(*along_z(feet, 16), samples)[[0, 15, 16, 31, 32, 47]]
+    expected = steps_to_centres(*along_z(feet, 16), cloud(samples))[[0, 15, 16, 31, 32, 47]]
     points, offsets = along_z(feet, n_points)
-    steps = steps_to_centres(points, offsets, samples)
+    steps = steps_to_centres(points, offsets, cloud(samples))
     at_ends = np.sort(np.r_[offsets[:-1], offsets[1:] - 1])
     assert_allclose(steps[at_ends], expected, atol=1e-9)
 
@@ -85,7 +85,9 @@ def test_places_looked_for_in_the_grid_are_the_nearest(samples):
     offsets = np.arange(41) * 16
     for sample in samples[:64]:
         nearest = cKDTree(points).query(sample)[1] // 16
-        moved = np.unique(np.flatnonzero(steps_to_centres(points, offsets, sample[None]).any(axis=1)) // 16)
+        moved = np.unique(
+            np.flatnonzero(steps_to_centres(points, offsets, cloud(sample[None])).any(axis=1)) // 16
+        )
         length = np.linalg.norm(ends[nearest, 1] - ends[nearest, 0])
         assert len(moved) == 1
         gap = np.linalg.norm(points.reshape(40, 16, 3)[moved[0]] - sample, axis=1).min()
@@ -100,22 +102,22 @@ def test_noise_stays_noise_where_fibres_meet(samples):
     lines = [(1 - t) * start + t * end for start in starts]
     lines[3] += t * [2.0, -3.0, 0.0]  # this one ends beside them
     points, offsets = np.vstack(lines), np.arange(5) * 16
-    expected = steps_to_centres(points, offsets, samples)
+    expected = steps_to_centres(points, offsets, cloud(samples))
     rng = np.random.default_rng(3)
     for _ in range(10):
         noisy = points + 1e-10 * rng.normal(size=points.shape)
-        assert_allclose(steps_to_centres(noisy, offsets, samples), expected, atol=1e-6)
+        assert_allclose(steps_to_centres(noisy, offsets, cloud(samples)), expected, atol=1e-6)
 
 
 def test_spreading_does_not_depend_on_how_all_is_turned(samples):
     rng = np.random.default_rng(4)
     points, offsets = along_z(BOX[:2] * rng.random((12, 2)))
     turn = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
-    turned = steps_to_centres(points @ turn.T, offsets, samples @ turn.T)
-    assert_allclose(turned, steps_to_centres(points, offsets, samples) @ turn.T, atol=1e-9)
+    turned = steps_to_centres(points @ turn.T, offsets, cloud(samples @ turn.T))
+    assert_allclose(turned, steps_to_centres(points, offsets, cloud(samples)) @ turn.T, atol=1e-9)
 
 
 def test_fibres_without_length_and_in_one_point_give_finite_steps(samples):
     points = np.tile([[1.0, 2.0, 3.0]], (8, 1))
-    steps = steps_to_centres(points, np.array([0, 4, 8]), samples)
+    steps = steps_to_centres(points, np.array([0, 4, 8]), cloud(samples))
     assert np.isfinite(steps).all()

@@ -70,12 +70,14 @@ class VoxelGrid:
         """Return whether all cells that a point lies in are wanted, (n,); on a face it lies in two."""
         in_cells = (np.asarray(points, dtype=np.float64) - self.origin) / self.spacing
         within = ((in_cells >= 0) & (in_cells < self.cells.shape)).all(axis=1)
-        sides = [np.floor(in_cells[within] + side).astype(np.int64) for side in (-ON_A_FACE, ON_A_FACE)]
-        limit = np.array(self.cells.shape) - 1
-        found = np.ones(int(within.sum()), dtype=np.bool_)
-        for x, y, z in product((0, 1), repeat=3):
-            cell = np.clip(np.column_stack([sides[x][:, 0], sides[y][:, 1], sides[z][:, 2]]), 0, limit)
-            found &= wanted[self.cells[cell[:, 0], cell[:, 1], cell[:, 2]]]
+        inner, limit = in_cells[within], np.array(self.cells.shape) - 1
+        low, high = (np.floor(inner + side).astype(np.int64) for side in (-ON_A_FACE, ON_A_FACE))
+        cell = np.maximum(low, 0)
+        found = wanted[self.cells[cell[:, 0], cell[:, 1], cell[:, 2]]]
+        on_a_face = np.flatnonzero(found & (low != high).any(axis=1))
+        for x, y, z in product((low[on_a_face], high[on_a_face]), repeat=3):
+            cell = np.clip(np.column_stack([x[:, 0], y[:, 1], z[:, 2]]), 0, limit)
+            found[on_a_face] &= wanted[self.cells[cell[:, 0], cell[:, 1], cell[:, 2]]]
         result = np.zeros(len(in_cells), dtype=np.bool_)
         result[within] = found
         return result

@@ -10,6 +10,7 @@ the muscle's sections.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -35,7 +36,35 @@ REACH = 0.11
 FINEST = 256
 
 
-def steps_to_centres(points: Floats, offsets: Ints, samples: Floats) -> Floats:
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """Positions in a muscle, of even density, and what does not change as fibres move among them.
+
+    Attributes
+    ----------
+    samples : (j, 3) array
+        The positions, j >= 1 [mm].
+    low, high : (3,) arrays
+        The corners of their box [mm].
+    volume : float
+        That of a box with the same spread, to about a factor of two [mm^3].
+    """
+
+    samples: Floats
+    low: Floats
+    high: Floats
+    volume: float
+
+
+def cloud(samples: Floats) -> Cloud:
+    """Return positions (j, 3), j >= 1, and what is known of them."""
+    about = samples - samples.mean(axis=0)
+    spread = about.T @ about / len(samples)
+    volume = float(np.sqrt(12.0**3 * max(float(np.linalg.det(spread)), 0.0)))
+    return Cloud(samples, samples.min(axis=0), samples.max(axis=0), volume)
+
+
+def steps_to_centres(points: Floats, offsets: Ints, within: Cloud) -> Floats:
     """Return how each point of fibres has to move, for its fibre to be in the middle of its cell.
 
     Fibres move across themselves, not along, and as wholes rather than point by point: what a cell says is
@@ -47,8 +76,8 @@ def steps_to_centres(points: Floats, offsets: Ints, samples: Floats) -> Floats:
         Fibre points [mm].
     offsets : (k + 1,) int array
         First point of each fibre, and n.
-    samples : (j, 3) array
-        Positions in the muscle, of even density, j >= 1 [mm].
+    within : Cloud
+        Positions in the muscle.
 
     Returns
     -------
@@ -56,7 +85,7 @@ def steps_to_centres(points: Floats, offsets: Ints, samples: Floats) -> Floats:
         Displacements [mm].
     """
     lines = _stations(points, offsets)
-    return _between(points, offsets, _station_steps(lines, samples))
+    return _between(points, offsets, _station_steps(lines, within))
 
 
 @kernel
@@ -119,21 +148,19 @@ def _between(points: Floats, offsets: Ints, shifts: Floats) -> Floats:
     return result
 
 
-def _station_steps(lines: Floats, samples: Floats) -> Floats:
+def _station_steps(lines: Floats, within: Cloud) -> Floats:
     """Return how far places (k, STATIONS, 3) of fibres are from the middle of their cells, across them."""
-    low = np.minimum(lines.min(axis=(0, 1)), samples.min(axis=0))
-    extent = np.maximum(lines.max(axis=(0, 1)), samples.max(axis=0)) - low
+    low = np.minimum(lines.min(axis=(0, 1)), within.low)
+    extent = np.maximum(lines.max(axis=(0, 1)), within.high) - low
     steps = np.linalg.norm(np.diff(lines, axis=1), axis=2)
-    # Volume of a box with the samples' spread, to about a factor of two, and the space between fibres in it.
-    spread = (samples - samples.mean(axis=0)).T @ (samples - samples.mean(axis=0)) / len(samples)
-    volume = np.sqrt(12.0**3 * max(float(np.linalg.det(spread)), 0.0))
-    spacing = max(float(np.sqrt(volume / max(float(steps.sum()), 1e-300))), 1e-300)
+    # The space between fibres in the muscle.
+    spacing = max(float(np.sqrt(within.volume / max(float(steps.sum()), 1e-300))), 1e-300)
     pieces = int(np.clip(np.ceil(2.0 * float(steps.mean()) / spacing), 1, PIECES))
     size = max(spacing, float(extent.max()) / FINEST)
     shape = (extent / size).astype(np.int64) + 1
     places, owners, offsets = _sorted_pieces(lines, pieces, low, size, shape)
     band = OVERLAP * spacing**2
-    pulls, weights = _pulls(lines, pieces, samples, places, owners, offsets, low, size, shape, band)
+    pulls, weights = _pulls(lines, pieces, within.samples, places, owners, offsets, low, size, shape, band)
     wide = spacing / max(float(steps.mean()), 1e-300)
     blur = _blur(int(np.clip(2.0 * wide**2, LEAST_BLUR, 2 * STATIONS**2)))
     pulls, weights = blur @ pulls, blur @ weights
