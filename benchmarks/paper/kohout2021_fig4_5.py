@@ -7,7 +7,7 @@ should slide along the bone.
 from __future__ import annotations
 
 import numpy as np
-from common import EQUAL, Case, Table, main, picture
+from common import Case, Table, main, picture
 from scipy.spatial import cKDTree
 
 from vtkmuscle.data.arrays import multiblock_from, point_array, points_of
@@ -29,7 +29,7 @@ def tables(case: Case) -> list[Table]:
     mm = case.scene.millimetres
     detectors = {
         "attachment": {"method": "attachment"},
-        "collision": {"method": "collision", "n_voxels": EQUAL},
+        "collision": {"method": "collision", "n_voxels_per_axis": 64},
         "proximity, mean edge": {"method": "proximity"},
         "proximity, 0.5 mm": {"method": "proximity", "distance": 0.5 / mm},
         "proximity, 1 mm": {"method": "proximity", "distance": 1.0 / mm},

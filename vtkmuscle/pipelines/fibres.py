@@ -67,7 +67,7 @@ def decompose(
         that its fibres follow them.
     published : str, optional
         A name of :data:`PUBLISHED_FIBRES`: ``"kohout2012"`` or ``"kohout2014"``, fibres as in those papers.
-        Those of 2012 are smoothed without regard to the muscle.
+        They are smoothed without regard to the muscle.
     **settings
         Parameters of the five filters: ``template``, ``n_fibres``, ``smoothing_passes`` and so on.
 
@@ -111,6 +111,6 @@ def decompose(
     fitted = TemplateFitter(template=source, superficial=superficial, **where, **own(TemplateFitter))
     morphed = SliceMorpher(template=fitted, superficial=superficial, **where, **own(SliceMorpher))
     trimmed = FibreTrimmer(fibres=morphed, **where, **own(FibreTrimmer))
-    if published == "kohout2012":
+    if published is not None:  # without the muscle it is the mean of three points as printed, and no more
         return FibreSmoother(fibres=trimmed, **own(FibreSmoother))
     return FibreSmoother(fibres=trimmed, **where, **own(FibreSmoother))

@@ -5,7 +5,6 @@ import math
 import kohout2021 as paper
 import numpy as np
 import pytest
-import pyvista as pv
 
 from vtkmuscle import RigidMotion, Scene, phantoms
 from vtkmuscle.core.collision.voxels import OUTSIDE, build_voxel_grid
@@ -40,7 +39,8 @@ class Both:
         bones, areas = scene.bones_data(), scene.attachments_data(name)
         muscle = scene.muscles[name].surface
         self.fixed = FixedPointDetector(**fixing).apply(muscle, bones, areas)
-        self.fibres = fibres = decompose(muscle, areas, n_fibres=20).output
+        chain = decompose(muscle, areas, published="kohout2014", n_fibres=20, resolution=15)
+        self.fibres = fibres = chain.output
         self.settings = {"quality": "published", "iterations": iterations, "anisotropy": anisotropy}
         self.settings |= {"collision": "off"} if n_voxels is None else {"n_voxels": n_voxels}
         self.product = self.deformed(self.fixed)
@@ -131,19 +131,6 @@ def test_the_published_quality_is_the_paper_in_each_step_where_rounding_would_pa
     worst, moved = both.furthest_apart(steps, together=True)
     assert worst < AGREEMENT
     assert moved > 10.0
-
-
-@pytest.mark.realdata
-def test_as_printed_rounding_grows_from_step_to_step(lhdl_hip):
-    """Moved by 1e-13 mm, a muscle that is drawn out is a micrometre from itself after 20 steps."""
-    both = Both(Scene.load(lhdl_hip / "scene.toml"), "adductor_brevis", iterations=10)
-    shifted = pv.wrap(both.fixed).copy()
-    shifted.points = np.asarray(shifted.points, dtype=float)
-    shifted.points += 1e-13 * np.random.default_rng(0).choice([-1.0, 1.0], shifted.points.shape)
-    other = both.deformed(shifted)
-    time = float(both.motion.times[20])
-    ends = [points_of(deformer.update(time=time).output) for deformer in (both.product, other)]
-    assert np.abs(ends[0] - ends[1]).max() > 1000.0 * AGREEMENT
 
 
 @pytest.mark.parametrize("bone", [0, 1])
