@@ -1,11 +1,10 @@
 """
-A walk from OpenSim, and back into its model
-============================================
+A gait cycle on a whole leg
+===========================
 
-A model of OpenSim has the joints of a leg, a ``.mot`` file its walk; the muscle is a strap over both joints.
-The scene names them, and needs no OpenSim to be run. Fibre lengths over the cycle come out, and the muscle
-goes back into the model as a path, worth what the walk has gone through. Model and walk are made here; with
-your own, begin at the scene.
+A model of OpenSim has the joints of a leg, a ``.mot`` file its walk, and the scene names both: it needs no
+OpenSim to be run. Bones and muscles are those of :func:`vtkmuscle.phantoms.leg`; the walk is two harmonics
+per joint, made to look like walking and measured on nobody. With your own files, begin at the scene.
 """
 
 import tempfile
@@ -14,47 +13,45 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pyvista as pv
 import tomli_w
 
 from vtkmuscle import Scene
-from vtkmuscle.core.motion.frames import frame_at
-from vtkmuscle.core.motion.functions import IDENTITY
-from vtkmuscle.core.motion.tree import Joint, JointAxis, JointCoordinate, KinematicTree
-from vtkmuscle.export import osim_of, write_opensim
-from vtkmuscle.phantoms import strap_over_two_joints
+from vtkmuscle.export import osim_of
+from vtkmuscle.phantoms.leg import JOINTS, leg, leg_tree
 
-phantom = strap_over_two_joints()
 folder = Path(tempfile.mkdtemp())
-scene_file = Scene.from_phantom(phantom, n_fibres=20, resolution=20).save(folder)
+scene_file = Scene.from_phantom(leg(coordinates=[(0, 0, 0)]), n_fibres=4).save(folder)
+(folder / "leg.osim").write_text(osim_of(leg_tree()))
 
 # %%
-# The model, in metres, and a cycle from mid-stance on, roughly as people walk, in degrees.
-hip, knee = (frame_at(phantom.known["centres"][name] / 1000.0) for name in ("upper", "lower"))
-flexion, bend = JointAxis((-1, 0, 0), IDENTITY, "flexion"), JointAxis((1, 0, 0), IDENTITY, "bend")
-upper = Joint("hip", "ground", "thigh", [flexion], (), hip, hip)
-lower = Joint("knee", "thigh", "shank", [bend], (), knee, knee)
-leg = KinematicTree("ground", [upper, lower], [JointCoordinate("flexion"), JointCoordinate("bend")])
-(folder / "leg.osim").write_text(osim_of(leg, name="leg"))
+# The walk, in degrees: a constant, then cosine and sine of the cycle and of its double.
 cycle = np.linspace(0.0, 1.0, 41)
-sine, cosine = np.sin(2.0 * np.pi * cycle), np.cos(2.0 * np.pi * cycle)
-walk = np.column_stack([cycle, 4.0 - 20.0 * sine, 24.0 - 16.0 * cosine + 13.0 * sine * (1.0 - cosine)])
-np.savetxt(folder / "walk.mot", walk, header="inDegrees=yes\nendheader\ntime flexion bend", comments="")
+turns = 2.0 * np.pi * (cycle + 0.25)  # of heel strike
+waves = [np.ones(41), np.cos(turns), np.sin(turns), np.cos(2.0 * turns), np.sin(2.0 * turns)]
+hip, knee, ankle = (12, 20, -6, -2, -1), (25, -3.5, -16, -17, 5), (-0.7, -0.8, 7, 1, -10)
+walk = np.vstack([cycle, np.array([hip, knee, ankle]) @ waves]).T
+columns = "inDegrees=yes\nendheader\ntime " + " ".join(JOINTS)
+np.savetxt(folder / "walk.mot", walk, header=columns, comments="")
+model = {"model": "leg.osim", "bodies": {"pelvis": "ground"}}
+tables = {"opensim": model, "motion": {"file": "walk.mot"}, "model": "paths"}
+scene_file.write_text(tomli_w.dumps(tomllib.loads(scene_file.read_text()) | tables))
+result = Scene.load(scene_file).run()
 
 # %%
-# The scene: model and motion, and which body each bone is.
-tables = tomllib.loads(scene_file.read_text())
-bodies = {"proximal": "ground", "middle": "thigh", "distal": "shank"}
-tables |= {"opensim": {"model": "leg.osim", "bodies": bodies}, "motion": {"file": "walk.mot"}}
-tables["model"] = "paths"
-scene_file.write_text(tomli_w.dumps(tables))
-result = Scene.load(scene_file).run()
-enriched = folder / "leg_with_strap.osim"
-(written,) = write_opensim(scene_file, enriched, result=result, into=folder / "leg.osim")
-print(written)
-figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
-known = np.array([phantom.known["length"](*pose) for pose in walk[:, 1:]])
-for lengths, style, label in ((result.lengths["strap"].mean(axis=1), "-", "run"), (known, "k--", "known")):
-    axes.plot(100.0 * cycle, lengths - lengths[0], style, label=label)
-axes.set(xlabel="gait cycle [%]", ylabel="change of length [mm]")
-axes.legend(frameon=False)
+# The leg in mid-stance, at toe-off, in swing and at heel strike, and the change of each muscle's length.
+plotter = pv.Plotter(shape=(1, 4), window_size=(1200, 500), border=False)
+for panel, frame in enumerate((0, 15, 22, 30)):
+    plotter.subplot(0, panel)
+    plotter.add_mesh(result.bones(frame=frame), color="ivory")
+    for name in result.muscle_names:
+        plotter.add_mesh(result.fibres(name, frame=frame), color="firebrick", line_width=3)
+    plotter.view_vector((-1, -0.3, 0), viewup=(0, 0, 1))
+    plotter.camera.zoom(1.5)
+plotter.show()
+_, axes = plt.subplots(figsize=(8, 4), layout="constrained")
+for name, lengths in result.lengths.items():
+    axes.plot(100.0 * cycle, 100.0 * (lengths.mean(axis=1) / lengths[0].mean() - 1.0), label=name)
+axes.set(xlabel="gait cycle from mid-stance [%]", ylabel="change of length [%]")
+axes.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1, 0.5))
 plt.show()

@@ -23,6 +23,7 @@ from vtkmuscle.phantoms import (
     fibre_block,
     flexor_over_brim,
     hip,
+    leg,
     lifting_strap,
     pennate_block,
     slivered_tendon,
@@ -51,6 +52,7 @@ PHANTOMS = [
     pennate_block,
     winding_spindle,
     hip,
+    leg,
 ]
 every_block = pytest.mark.parametrize("kind", KINDS)
 every_phantom = pytest.mark.parametrize("make", PHANTOMS, ids=lambda make: make.__name__)

@@ -13,7 +13,7 @@ from vtkmuscle.phantoms.two_joint_strap import ARMS
 
 @pytest.fixture(scope="module")
 def arms(tmp_path_factory):
-    """Moment arms over 90 degrees of each joint, of default fibres."""
+    """Moment arms over 90 degrees of each joint, of 100 fibres of 30 segments."""
     path = save_strap(tmp_path_factory.mktemp("strap"), n_fibres=100, resolution=30)
     tables = tomllib.loads(path.read_text())
     # The rest pose is in the middle of the upper joint's range: its 90 degrees are those from -40 on.

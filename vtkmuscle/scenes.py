@@ -105,7 +105,7 @@ class Scene(SceneData):
         return cls(**read_fields(Path(path)))
 
     @classmethod
-    def from_phantom(cls, phantom: Phantom, *, n_fibres: int = 100, resolution: int = 30) -> Self:
+    def from_phantom(cls, phantom: Phantom, *, n_fibres: int = 100, resolution: int = 15) -> Self:
         """Return the scene of a phantom, with fibres in every muscle.
 
         Parameters

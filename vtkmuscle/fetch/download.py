@@ -22,6 +22,8 @@ from vtkmuscle.scenes import Scene
 HOST = "https://raw.githubusercontent.com"
 #: For a connection, and for each part of an answer [s].
 PATIENCE = 30.0
+#: Read at a time [bytes].
+CHUNK = 1 << 20
 
 
 def fetch(
@@ -102,10 +104,15 @@ def fetch(
 
 def _download(file: RemoteFile, folder: Path, host: str) -> Path:
     url = file.url(host)
-    get = pooch.HTTPDownloader(timeout=PATIENCE, headers={"Accept-Encoding": "identity"})
     path = folder / file.name
+    headers = {"Accept-Encoding": "identity"}
     try:
-        get(url, str(path), None)
+        # Not pooch's own downloader, which leaves the connection open where it is cut.
+        with requests.get(url, stream=True, timeout=PATIENCE, headers=headers) as response:
+            response.raise_for_status()
+            with path.open("wb") as out:
+                for part in response.iter_content(CHUNK):
+                    out.write(part)
     except requests.exceptions.HTTPError as error:
         raise InputError(url, f"the server does not give it: {error}", AGAIN) from error
     except (

@@ -54,7 +54,7 @@ class FibreTemplateSource(Filter):
     )
     n_fibres = Parameter(int, default=100, minimum=1, maximum=100_000, doc="Number of fibres.")
     resolution = Parameter(
-        int, default=30, minimum=1, maximum=10_000, doc="Segments of each fibre, one less than points."
+        int, default=15, minimum=1, maximum=10_000, doc="Segments of each fibre, one less than points."
     )
 
     output = OutputPort(

@@ -7,16 +7,19 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vtkmuscle.core.motion.frames import frame_at
+from vtkmuscle.core.motion.functions import IDENTITY
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
+from vtkmuscle.core.motion.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.coordinates import checked_poses
-from vtkmuscle.phantoms.hip_bones import HEAD_RADIUS
+from vtkmuscle.phantoms.hip_bones import HEAD_RADIUS, pelvis
 from vtkmuscle.phantoms.hip_joint import CUT, hip_parts
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
 from vtkmuscle.phantoms.leg_bones import ANKLE, KNEE, femur, foot, tibia
 from vtkmuscle.phantoms.meshing import mesh_of
-from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
+from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, phantom_from
 
 #: The joints: parent, child, a point on the axis [mm], and the axis that the coordinate turns about.
 JOINTS = {
@@ -26,8 +29,10 @@ JOINTS = {
 }
 #: Least and largest angles [degrees].
 LIMITS = {"hip_flexion": (-20.0, 90.0), "knee_flexion": (0.0, 90.0), "ankle_dorsiflexion": (-30.0, 20.0)}
-#: Left free between a cord and the bones that it passes [mm].
-GAP = 1.0
+#: Left free between a cord and the bones [mm].
+GAP = 0.2
+#: Height of a cord's end above its bone, as a part of its radius: what is below is cut off.
+SUNK = 0.2
 
 _Knots = list[tuple[float, float, float]]
 #: The muscles that are cords: bones of origin and insertion, the middle line, and radii along it [mm].
@@ -63,9 +68,9 @@ CORDS: dict[str, tuple[str, str, _Knots, list[float]]] = {
             (20, 46, -84),
             (-10, 52, -190),
             (-34, 46, -310),
-            (-40, 40, -405),
-            (-40, 34, -460),
-            (-36, 21, -490),
+            (-42, 40, -400),
+            (-46, 30, -438),
+            (-47, 18, -464),
         ],
         [7.0, 14.0, 12.0, 7.0, 6.0, 5.0],
     ),
@@ -75,9 +80,9 @@ CORDS: dict[str, tuple[str, str, _Knots, list[float]]] = {
             (36, 42, -88),
             (30, 52, -190),
             (22, 48, -310),
-            (12, 42, -405),
-            (12, 34, -460),
-            (9, 20, -490),
+            (14, 42, -400),
+            (18, 30, -438),
+            (19, 18, -464),
         ],
         [6.5, 12.0, 11.0, 6.5, 6.0, 5.0],
     ),
@@ -177,6 +182,25 @@ def leg(*, coordinates: ArrayLike | None = None) -> Phantom:
     )
 
 
+def leg_tree() -> KinematicTree:
+    """Return the joints of :func:`leg` as other programs take them: bodies on hinges, in metres.
+
+    Examples
+    --------
+    >>> from vtkmuscle.phantoms.leg import leg_tree
+    >>> leg_tree().bodies
+    ('pelvis', 'femur', 'tibia', 'foot')
+    """
+    joints = []
+    for name, (parent, child, centre, axis) in JOINTS.items():
+        place = frame_at(np.array(centre) / 1000.0)
+        turn = JointAxis(np.array(axis), IDENTITY, name)
+        joints.append(Joint(f"{child}_joint", parent, child, [turn], (), place, place))
+    limits = {name: (float(np.radians(low)), float(np.radians(high))) for name, (low, high) in LIMITS.items()}
+    coordinates = [JointCoordinate(name, range=limits[name]) for name in JOINTS]
+    return KinematicTree("pelvis", joints, coordinates)
+
+
 @cache
 def _parts() -> tuple[dict[str, Surface], dict[str, Surface], dict[str, list[AttachmentArea]]]:
     hip_bones, muscles, areas = hip_parts()
@@ -185,13 +209,16 @@ def _parts() -> tuple[dict[str, Surface], dict[str, Surface], dict[str, list[Att
     for (name, solid), count in zip(solids.items(), (7000, 4000, 3000), strict=True):
         bones[name] = mesh_of(solid, 4.0, count)
     muscles, areas = dict(muscles), dict(areas)
+    solids = {"pelvis": pelvis(), **solids}
     for name, (origin, insertion, knots, radii) in CORDS.items():
-        line, thickness = np.array(knots, dtype=np.float64), np.array(radii)
-        muscles[name] = mesh_of(_beside(thick_curve(line, thickness), list(solids.values())), 2.5, 2000)
-        areas[name] = [
-            AttachmentArea("origin", origin, _end_ring(line, thickness), closed=True),
-            AttachmentArea("insertion", insertion, _end_ring(line[::-1], thickness[::-1]), closed=True),
-        ]
+        line = np.array(knots, dtype=np.float64)
+        rings = []
+        for end, bone in ((0, origin), (-1, insertion)):
+            line[end], ring = _on(solids[bone], line[end], radii[end])
+            rings.append(ring)
+        cord = _beside(thick_curve(line, radii), list(solids.values()))
+        muscles[name] = mesh_of(cord, 3.4, 2400)
+        areas[name] = ends(origin, rings[0], insertion, rings[1])
     return bones, muscles, areas
 
 
@@ -201,12 +228,13 @@ def _beside(cord: Solid, bones: list[Solid]) -> Solid:
     return cord
 
 
-def _end_ring(line: Floats, radii: Floats) -> Floats:
-    """Return landmarks (12, 3) round the start of a cord [mm]."""
-    along = line[1] - line[0]
-    along /= np.linalg.norm(along)
-    side = np.cross(along, (0.0, 1.0, 0.0))
+def _on(bone: Solid, knot: Floats, radius: float) -> tuple[Floats, Floats]:
+    """Return where a cord ends on a bone near a knot (3,), and landmarks (12, 3) about it there [mm]."""
+    ground = bone.projected(knot[None], steps=6)
+    normal = bone.field(ground)[1][0]
+    normal /= np.linalg.norm(normal)
+    side = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
     side /= np.linalg.norm(side)
     turns = 2.0 * np.pi * np.arange(12)[:, None] / 12
-    ring: Floats = line[0] + radii[0] * (np.cos(turns) * side + np.sin(turns) * np.cross(along, side))
-    return ring
+    ring = ground + 0.8 * radius * (np.cos(turns) * side + np.sin(turns) * np.cross(normal, side))
+    return ground[0] + SUNK * radius * normal, bone.projected(ring, steps=6)

@@ -264,7 +264,7 @@ class MuscleTable(Table):
     fibres: Fibres | None = Field(
         None,
         description="Settings of the fibres, e.g. { template = 'parallel', n_fibres = 100, resolution = "
-        "30 }: the kind of template, the number of fibres and that of segments of each; or "
+        "15 }: the kind of template, the number of fibres and that of segments of each; or "
         "template_file = 'FILE.toml', a template of your own. Without this table the muscle "
         "has no fibres.",
     )
