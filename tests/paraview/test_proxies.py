@@ -92,7 +92,9 @@ def test_what_does_not_count_is_hidden():
     for element in (named(shown, "Iterations"), named(shown, "Tolerance")):
         (ruled,) = [d for d in element.iter("PropertyWidgetDecorator") if d.get("property") == "Quality"]
         assert (ruled.get("values"), ruled.get("inverse")) == ("preview balanced accurate", "1")
-    assert named(shown, "Substeps").find("Hints") is None
+    (ruled,) = named(shown, "Substeps").iter("PropertyWidgetDecorator")
+    assert (ruled.get("property"), ruled.get("values")) == ("Quality", "published")
+    assert named(shown, "Dt").find("Hints") is None
 
 
 @every_filter
