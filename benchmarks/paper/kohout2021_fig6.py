@@ -7,23 +7,21 @@ prepared of the surface. Outside is more than 0.1 mm.
 
 from __future__ import annotations
 
-import time
-import warnings
 from typing import Any
 
 import numpy as np
 import pyvista as pv
 from common import Case, Table, main, picture
+from kohout2012_time import decompose_once
 
 from vtkmuscle.data.arrays import multiblock_from, polylines_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
-from vtkmuscle.pipelines import decompose
 
 KINDS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("as published (Kohout and Kukačka 2014)", {"published": "kohout2014"}),
     ("defaults", {}),
 )
-TOLERANCE, ROUNDS = 0.1, 3
+TOLERANCE, RESOLUTION, ROUNDS = 0.1, 15, 3
 
 
 def tables(case: Case) -> list[Table]:
@@ -38,14 +36,14 @@ def tables(case: Case) -> list[Table]:
         "points outside",
     )
     table = Table("Fig. 6: decomposition into 100 fibres of 15 segments", columns)
-    made(case, case.muscles[-1], pv.wrap(case.scene.muscles[case.muscles[-1]].surface), {})  # compiles
+    decompose_once(case, case.muscles[-1], case.scene.muscles[case.muscles[-1]].surface)  # compiles
     row = []
     for name in case.muscles:
         for title, settings in KINDS:
             fresh = pv.wrap(case.scene.muscles[name].surface).copy()
             fresh.points = fresh.points + 0.0  # nothing is remembered of it
-            first, fibres = made(case, name, fresh, settings)
-            again = min(made(case, name, fresh, settings)[0] for _ in range(ROUNDS))
+            first, fibres = decompose_once(case, name, fresh, RESOLUTION, **settings)
+            again = min(decompose_once(case, name, fresh, RESOLUTION, **settings)[0] for _ in range(ROUNDS))
             points = polylines_of(fibres, name).points
             distance = SurfaceDistance(fresh)
             far = np.where(distance.depth(points) > 0.0, 0.0, distance.unsigned(points))
@@ -58,16 +56,6 @@ def tables(case: Case) -> list[Table]:
     if case.draws:
         case.draw("kohout2021_fig6.png", [row])
     return [table]
-
-
-def made(case: Case, name: str, surface: Any, settings: dict[str, Any]) -> tuple[float, Any]:
-    """Return the time of a decomposition with new filters [ms], and its fibres."""
-    begin = time.process_time()
-    chain = decompose(surface, case.scene.attachments_data(name), n_fibres=100, resolution=15, **settings)
-    with warnings.catch_warnings():  # mean value maps warn of points outside
-        warnings.simplefilter("ignore")
-        fibres = chain.update().output
-    return 1e3 * (time.process_time() - begin), fibres
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""How the kernels are compiled: the decorators, so that every kernel has options of one of four kinds.
+"""How the kernels are compiled: the decorators, so that every kernel has options of one of five kinds.
 
 Kernels release the GIL, so that Python threads run them side by side: no numba threading layer is used
 anywhere (its ``workqueue`` layer aborts the process on concurrent parallel calls). Division by zero follows

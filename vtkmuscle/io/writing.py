@@ -102,7 +102,7 @@ def write_text(path: Path, text: str) -> None:
 def write_polydata(path: Path, data: vtkPolyData) -> None:
     """Write a .vtp file, all or nothing: binary, compressed without loss, doubles kept exact.
 
-    Compressed by LZ4: a frame of a bone takes 7 ms and 2.2 MB, by zlib 98 ms and 1.4 MB.
+    Compressed by LZ4, which packs less tightly than zlib and takes a tenth of its time or less.
 
     Parameters
     ----------
