@@ -41,6 +41,9 @@ def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
             series=options.series,
             observe=_table(list(scene.muscles), console) if options.verbose else None,
             overwrite=options.overwrite,
+            errors=options.errors == "all" or [one for one in (options.errors or "").split(",") if one],
+            landmark_error=options.landmark_error,
+            landmark_samples=options.landmark_samples,
         )
     for name, muscle in result.report["muscles"].items():
         say(options.quiet, f"{name}: {_found(muscle)}")
