@@ -38,7 +38,9 @@ def plain(scene):
 
 def test_every_run_states_what_takes_no_further_solve(plain):
     errors = plain.report["muscles"]["spindle"]["errors"]
-    assert errors.keys() == {"length", "volume", "pcsa", "moment_arm_distal_angle"}
+    of_rest = {"volume", "pcsa", "pcsa_without_tendon", "fascicle_length"}
+    assert errors.keys() == {"length", "moment_arm_distal_angle", *of_rest}
+    assert errors["fascicle_length"]["parts"].keys() == {"segments", "fibres", "tendon"}
     assert errors["length"]["parts"].keys() == {"solve", "segments", "fibres"}
     assert errors["volume"]["parts"].keys() == {"facets", "solve"}
     assert errors["moment_arm_distal_angle"]["parts"].keys() == {"solve", "segments", "fibres", "regression"}

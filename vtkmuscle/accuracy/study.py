@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.accuracy.causes import KINDS, Cause
 from vtkmuscle.accuracy.estimates import (
-    area_estimate,
+    architecture_estimates,
     arm_estimates,
     causes_known_of_a_run,
     length_estimates,
@@ -150,7 +150,7 @@ class ErrorStudy:
             rested = polylines_of(track.rest_fibres, "fibres")
             rest = polyline_lengths(rested.points, rested.offsets) * self.scene.millimetres
             at_rest = rest_estimate(rest, causes)
-            estimates["pcsa"] = area_estimate(track.report["architecture"], estimates["volume"], at_rest)
+            estimates |= architecture_estimates(track.report["architecture"], estimates["volume"], at_rest)
             if len(lengths) == len(motion.times) and "moment_arms" in track.report:
                 estimates |= arm_estimates(lengths, causes, self._arms(name, motion))
         track.report["errors"] = {

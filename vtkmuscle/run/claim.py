@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 LOCK = ".vtkmuscle.lock"
 
 #: Tables and folders of a run, beside those that are called after muscles.
-_LISTS = ("lengths.csv", "moment_arms.csv", "moment_arms_summary.csv")
+_LISTS = ("lengths.csv", "architecture.csv", "moment_arms.csv", "moment_arms_summary.csv")
 _FILES = ("report.json", *_LISTS, "bones.pvd", "bones.vtkhdf")
 _FOLDERS = ("bones", "figures")
 _TABLES = ("_fibres.csv",)

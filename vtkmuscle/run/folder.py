@@ -17,6 +17,7 @@ from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.series import Collection, Series
 from vtkmuscle.io.temporal import read_series, write_vtkhdf
 from vtkmuscle.io.writing import beside, write_polydata, write_text
+from vtkmuscle.run.architecture import architecture_table
 from vtkmuscle.run.claim import remove_results
 from vtkmuscle.run.poses import merged
 from vtkmuscle.run.report import fibre_table
@@ -37,8 +38,8 @@ class RunFolder:
     """What a run writes, and where.
 
     ``NAME.pvd`` and ``NAME_fibres.pvd`` per muscle with their frames in folders of these names,
-    ``bones.pvd`` with ``bones/``, ``lengths.csv``, ``NAME_fibres.csv`` with all measures,
-    ``moment_arms.csv`` with ``moment_arms_summary.csv`` where the motion has a coordinate,
+    ``bones.pvd`` with ``bones/``, ``lengths.csv``, ``architecture.csv``, ``NAME_fibres.csv`` with all
+    measures, ``moment_arms.csv`` with ``moment_arms_summary.csv`` where the motion has a coordinate,
     ``report.json`` and ``figures/``.
 
     Parameters
@@ -134,7 +135,7 @@ class RunFolder:
     def write_tables(
         self, report: dict[str, Any], scene: SceneData, numbers: range, tracks: dict[str, MuscleTrack]
     ) -> None:
-        """Write lengths.csv, a table of each muscle's fibres and report.json, as far as there are frames."""
+        """Write report.json, tables of lengths, architecture and fibres, as far as there are frames."""
         lines = ["muscle,fibre,time,length_mm,length_err_mm"]
         for name, track in tracks.items():
             times = [float(scene.motion.times[number]) for number in numbers[: len(track.lengths)]]
@@ -146,6 +147,8 @@ class RunFolder:
                     for time, lengths, error in zip(times, track.lengths, errors, strict=True)
                 ]
         write_text(self.path / "lengths.csv", "\n".join(lines) + "\n")
+        if any("architecture" in muscle for muscle in report["muscles"].values()):
+            architecture_table(report["muscles"]).write(self.path / "architecture.csv", digits=DIGITS)
         for name, track in tracks.items():
             if track.fibres:
                 times = [float(scene.motion.times[number]) for number in numbers[: len(track.fibres)]]
