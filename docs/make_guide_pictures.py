@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/write_a_pipeline.rst: ``python docs/make_guide_pictures.py``."""
+"""Draw the pictures of docs/how_to/pipelines.rst: ``python docs/make_guide_pictures.py``."""
 
 import runpy
 from pathlib import Path

@@ -17,7 +17,12 @@ MODULES = {
     for path in sorted(PACKAGE.rglob("*.py"))
     if (count := path.read_text(encoding="utf-8").count(">>> "))
 }
-PAGES = sorted(path for path in DOCS.glob("*.rst") if ">>> " in path.read_text(encoding="utf-8"))
+GENERATED = {"_build", "gallery", "generated"}
+PAGES = sorted(
+    path
+    for path in DOCS.rglob("*.rst")
+    if not GENERATED & set(path.parts) and ">>> " in path.read_text(encoding="utf-8")
+)
 
 
 def run(examples, tmp_path, monkeypatch):

@@ -63,7 +63,7 @@ def escape_bars(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines
 
 def write_filter_page(app: Sphinx, config: Any) -> None:
     """Write the page that lists all filters, for autosummary to find it: no list is kept by hand."""
-    page = Path(app.confdir) / "api" / "filters.rst"
+    page = Path(app.confdir) / "reference" / "api" / "filters.rst"
     lines = ["All filters", "===========", "", ".. currentmodule:: vtkmuscle.filters", "", ".. autosummary::"]
     lines += ["   :toctree: generated", "   :template: autosummary/filter.rst", ""]
     lines += [f"   {kind.__name__}" for kind in vtkmuscle.filters.filter_classes()]
