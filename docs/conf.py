@@ -35,10 +35,11 @@ extensions = [
     "filter_pages",
     "generated_tables",
     "mathml",
+    "page_pictures",
 ]
 
 templates_path = ["_templates"]
-exclude_patterns = ["_build", "**.ipynb", "gallery/*.md5"]
+exclude_patterns = ["_build", "**.ipynb", "gallery/*.md5", "pictures"]
 html_theme = "pydata_sphinx_theme"
 html_title = "vtkmuscle"
 html_theme_options = {"show_prev_next": False, "show_toc_level": 2, "header_links_before_dropdown": 6}
