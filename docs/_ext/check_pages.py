@@ -1,4 +1,4 @@
-"""What is wrong with built pages, found without a network: dead links and anchors, requests, malformed DOIs."""
+"""What is wrong with built pages, found offline: dead links and anchors, requests, malformed DOIs."""
 
 from __future__ import annotations
 

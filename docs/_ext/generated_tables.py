@@ -8,12 +8,12 @@ from typing import Any
 
 import typer
 from docutils import nodes
+from filter_pages import table
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 from typer.cli import get_docs_for_click
 
 import vtkmuscle.scene.schema
-from filter_pages import table
 from vtkmuscle.cli import app as command_line
 from vtkmuscle.run.report import DEFINITIONS
 

@@ -2,8 +2,8 @@
 
 Python runs in one namespace per page; ``$`` commands of ``vtkmuscle`` and ``python`` run in the folder that
 the page is run in, and what is shown below them must come out; a block with ``:caption: NAME`` is the file
-NAME, and is written; TOML without one is checked as a part of a scene. Other blocks that cannot be run here are
-marked, with the reason: ``.. skip: next "it needs the network"``.
+NAME, and is written; TOML without one is checked as a part of a scene. Other blocks that cannot be run here
+are marked, with the reason: ``.. skip: next "it needs the network"``.
 """
 
 from __future__ import annotations
@@ -66,7 +66,9 @@ def output_of(command: str) -> str:
     if program == "vtkmuscle":
         result = CliRunner().invoke(app, words)
         if result.exit_code != 0:
-            raise AssertionError(f"{command}: status {result.exit_code}\n{result.output}") from result.exception
+            raise AssertionError(
+                f"{command}: status {result.exit_code}\n{result.output}"
+            ) from result.exception
         return result.output
     if program == "python" and words[0].endswith(".py"):
         runpy.run_path(words[0], run_name="__main__")
