@@ -158,13 +158,15 @@ class RunFolder:
         self, report: dict[str, Any], scene: SceneData, numbers: range, tracks: dict[str, MuscleTrack]
     ) -> None:
         """Write lengths.csv, a table of each muscle's fibres and report.json, as far as there are frames."""
-        lines = ["muscle,fibre,time,length_mm"]
+        lines = ["muscle,fibre,time,length_mm,length_err_mm"]
         for name, track in tracks.items():
             times = [float(scene.motion.times[number]) for number in numbers[: len(track.lengths)]]
+            known = track.errors.get("fibre_length")
             for fibre in range(len(track.lengths[0]) if track.lengths else 0):
+                errors = [""] * len(times) if known is None else [f"{e:.6g}" for e in known.total[:, fibre]]
                 lines += [
-                    f"{name},{fibre},{time!r},{float(lengths[fibre])!r}"
-                    for time, lengths in zip(times, track.lengths, strict=True)
+                    f"{name},{fibre},{time!r},{float(lengths[fibre])!r},{error}"
+                    for time, lengths, error in zip(times, track.lengths, errors, strict=True)
                 ]
         write_text(self.path / "lengths.csv", "\n".join(lines) + "\n")
         for name, track in tracks.items():
