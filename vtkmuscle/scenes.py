@@ -154,6 +154,7 @@ class Scene(SceneData):
         series: str = "pvd",
         observe: Callable[[str, Mapping[str, Any]], None] | None = None,
         overwrite: bool = False,
+        fresh: bool = False,
     ) -> Result:
         """Deform all muscles over the motion, carry their fibres along, and measure.
 
@@ -161,8 +162,9 @@ class Scene(SceneData):
         ----------
         out : path, optional
             Folder to write to: a .pvd per muscle, its fibres and the bones, lengths.csv, moment_arms.csv,
-            report.json and figures. An earlier run of the same scene in it is replaced, other files are left
-            alone. Without it nothing is written.
+            report.json and figures. Where an earlier run of the same scene is in it, killed or not, muscles
+            that it has finished with the same inputs and settings are taken over, and all others are
+            computed; other files are left alone. Without it nothing is written.
         frames : str, slice, range or int, optional
             Which frames to keep and write, e.g. ``"0:10"`` for the first ten (the end is not
             included, as in Python); default all. Frames before them are computed, for the deformation
@@ -184,6 +186,8 @@ class Scene(SceneData):
         overwrite : bool, optional
             Whether results of another scene in that folder, or files that no run has written, may be
             replaced. The scene's own files never are.
+        fresh : bool, optional
+            Compute muscles again that are finished in that folder.
 
         Returns
         -------
@@ -219,6 +223,7 @@ class Scene(SceneData):
                 workers=workers,
                 series=series,
                 observe=observe,
+                fresh=fresh,
             )
 
     def with_quality(self, quality: str) -> Self:

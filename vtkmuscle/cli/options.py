@@ -67,6 +67,9 @@ class RunOptions:
             help="Replace results of another scene, and files that no run has written; never the inputs.",
         ),
     ] = False
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Compute again what is finished in the folder of results.")
+    ] = False
     quality: Annotated[
         str | None,
         typer.Option(

@@ -84,6 +84,8 @@ DEFINITIONS = {
     "a quartic leaves of the lengths; positive: the coordinate's positive direction; reason, refused: why "
     "there are none, by any or by some coordinates",
     "seconds": "wall-clock time per stage; muscles run side by side",
+    "taken_over": "muscles that an earlier run into the folder had finished, with the same inputs and "
+    "settings",
 }
 
 #: Cell arrays of FibreMetrics, and what they are called in a report and in tables.

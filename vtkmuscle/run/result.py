@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from os import PathLike
+from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import smoothed_curve
@@ -18,41 +19,12 @@ from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import with_points
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.literature import LiteratureCurve
+from vtkmuscle.run.loading import read_result
 from vtkmuscle.run.moment_arms import MomentArmTable
 from vtkmuscle.run.table import Table
+from vtkmuscle.run.track import MuscleTrack
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(eq=False)
-class MuscleTrack:
-    """The finished frames of one muscle.
-
-    Attributes
-    ----------
-    rest : vtkPolyData or None
-        At rest, with the point array ``FixedTo``.
-    rest_fibres : vtkPolyData or None
-        Fibres at rest.
-    points : list of (n, 3) array
-        Points per finished frame.
-    fibres : list of vtkPolyData
-        Fibres per finished frame, empty for a muscle without fibres.
-    lengths : list of (k,) array
-        Fibre lengths per finished frame [mm].
-    report : dict
-        What is known of the muscle, JSON-able.
-    failure : (int, float, Exception) or None
-        Frame and time that could not be computed, and why; the frames before are there.
-    """
-
-    rest: vtkPolyData | None = None
-    rest_fibres: vtkPolyData | None = None
-    points: list[Floats] = field(default_factory=list)
-    fibres: list[vtkPolyData] = field(default_factory=list)
-    lengths: list[Floats] = field(default_factory=list)
-    report: dict[str, Any] = field(default_factory=dict)
-    failure: tuple[int, float, Exception] | None = None
 
 
 class Result:
@@ -155,6 +127,38 @@ class Result:
         self._bones = bones
         self._mover = BoneMotion(motion=motion)
         self._mover.connect(0, bones)
+
+    @classmethod
+    def load(cls, folder: str | PathLike[str]) -> Self:
+        """Read the result of a finished run back from its folder.
+
+        Parameters
+        ----------
+        folder : path
+            What was given to :meth:`vtkmuscle.Scene.run` as ``out``, or to ``vtkmuscle run`` as ``--out``.
+
+        Returns
+        -------
+        Result
+            The same as the run gave: muscles, fibres, lengths, bones, motion, report and verdicts.
+
+        Raises
+        ------
+        ValueError
+            If it is not the folder of a run, the run did not end, or a file in it is missing or is not what
+            the run wrote; the message says which.
+
+        Examples
+        --------
+        >>> from tempfile import mkdtemp
+        >>> from vtkmuscle import Result, Scene, phantoms
+        >>> scene = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=8)
+        >>> out = mkdtemp()
+        >>> result = scene.run(out, frames="0:2", figures=False)
+        >>> Result.load(out)
+        Result('spindle_over_hinge': 2 frames of spindle (ok))
+        """
+        return cls(**read_result(Path(folder)))
 
     def __repr__(self) -> str:
         muscles = ", ".join(f"{name} ({self.verdicts[name]})" for name in self.muscle_names)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.closed_shells import closed_shells
@@ -21,12 +22,14 @@ from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.run.claim import scene_file
 from vtkmuscle.run.folder import RunFolder
+from vtkmuscle.run.keys import muscle_keys
 from vtkmuscle.run.memory import check_memory
 from vtkmuscle.run.moment_arms import MomentArmTable
 from vtkmuscle.run.muscles import Clock, MuscleRun, Observe, Progress
 from vtkmuscle.run.reach import bones_with_reach
 from vtkmuscle.run.report import DEFINITIONS, versions
-from vtkmuscle.run.result import MuscleTrack, Result
+from vtkmuscle.run.result import Result
+from vtkmuscle.run.track import MuscleTrack
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.faults import SceneError
 
@@ -94,30 +97,31 @@ def run_scene(
     series: str = "pvd",
     observe: Observe | None = None,
     clock: Clock = time.perf_counter,
+    fresh: bool = False,
 ) -> Result:
     """Run a scene; see :meth:`vtkmuscle.Scene.run`. The clock [s] times the muscles' stages."""
     began = time.perf_counter()
     numbers = frame_numbers(frames, len(scene.motion.times))
-    if workers is not None and workers < 1:
-        raise InputError("", f"workers is {workers}, but must be an integer >= 1")
+    count = _threads(scene, workers)
     check_memory(scene, numbers)
     folder = None if out is None else RunFolder(out, series=series)
     bones, distances = bones_with_reach(scene), bone_distances(scene)
-    tracks = {name: MuscleTrack() for name in scene.muscles}
-    report = _first_report(scene, numbers, tracks)
+    keys, kept = _kept(folder, scene, bones, numbers, fresh=fresh)
+    tracks = {name: kept.get(name) or MuscleTrack() for name in scene.muscles}
+    report = _first_report(scene, numbers, tracks) | {"taken_over": list(kept)}
     stop = threading.Event()
     report_progress = _one_at_a_time(progress)
     seen = observe or (lambda muscle, row: None)
-    count = min(workers or cpu_count() or 1, len(scene.muscles))
-    if scene.muscle_contact != "off":
-        count = 1  # each muscle waits for those before it, and shares their filters
     try:
         with ThreadPoolExecutor(count) as pool, _setting_if_interrupted(stop):
             jobs: dict[str, Future[None]] = {}
             runs: list[MuscleRun] = []
             if folder is not None:
-                folder.begin(report, scene)
+                folder.begin(report, scene, keys, kept)
             for name, track in tracks.items():
+                if name in kept:
+                    report_progress(name, "done", 1.0)
+                    continue
                 others = tuple(runs) if scene.muscle_contact != "off" else ()
                 run = MuscleRun(
                     scene, name, track, bones, distances, folder, stop, report_progress, seen, others, clock
@@ -159,6 +163,28 @@ def run_scene(
     else:
         report["seconds"]["total"] = time.perf_counter() - began
     return result
+
+
+def _threads(scene: SceneData, workers: int | None) -> int:
+    """Return how many muscles run side by side."""
+    if workers is not None and workers < 1:
+        raise InputError("", f"workers is {workers}, but must be an integer >= 1")
+    if scene.muscle_contact != "off":
+        return 1  # each muscle waits for those before it, and shares their filters
+    return min(workers or cpu_count() or 1, len(scene.muscles))
+
+
+def _kept(
+    folder: RunFolder | None, scene: SceneData, bones: dict[str, vtkPolyData], numbers: range, *, fresh: bool
+) -> tuple[dict[str, str], dict[str, MuscleTrack]]:
+    """Return the keys of the muscles, and those that the folder has finished."""
+    if folder is None:
+        return {}, {}
+    keys = muscle_keys(scene, bones, numbers)
+    kept = {} if fresh else folder.finished(keys, scene.millimetres)
+    if scene.muscle_contact != "off" and len(kept) < len(scene.muscles):
+        kept = {}  # the others are kept out of these, and ask their filters for it
+    return keys, kept
 
 
 def _moment_arms(result: Result, report: dict[str, Any]) -> MomentArmTable:
