@@ -8,6 +8,7 @@ import os
 import select
 import shutil
 import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -16,6 +17,15 @@ import pytest
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 _LONGEST = 90.0  # seconds that an answer may take, on a machine that does other work too
+
+#: Chromium reads from 3 and writes to 4.
+_START = """
+import os, sys
+first, second = os.dup(int(sys.argv[1])), os.dup(int(sys.argv[2]))
+os.dup2(first, 3)
+os.dup2(second, 4)
+os.execv(sys.argv[3], sys.argv[3:])
+"""
 
 
 def chromium() -> str | None:
@@ -42,14 +52,13 @@ class Page:
         to_read, to_browser = os.pipe()
         from_browser, to_write = os.pipe()
 
-        def pipes() -> None:
-            # 3 and 4 are what Chromium reads from and writes to.
-            first, second = os.dup(to_read), os.dup(to_write)
-            os.dup2(first, 3)
-            os.dup2(second, 4)
-
         self._process = subprocess.Popen(
             [
+                sys.executable,
+                "-c",
+                _START,
+                str(to_read),
+                str(to_write),
                 str(chromium()),
                 "--headless=new",
                 "--no-sandbox",
@@ -62,8 +71,7 @@ class Page:
                 f"--user-data-dir={self._profile}",
                 "--remote-debugging-pipe",
             ],
-            preexec_fn=pipes,
-            close_fds=False,
+            pass_fds=(to_read, to_write),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
@@ -91,7 +99,13 @@ class Page:
 
     def resize(self, width: int, height: int) -> None:
         """Give the page another size, in pixels."""
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600)
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=width < 600,
+        )
 
     def open(self, address: str, ready: str = "document.documentElement?.dataset.ready === 'yes'") -> None:
         """Go to an address, and wait until an expression is true there."""
@@ -116,7 +130,13 @@ class Page:
     def key(self, key: str) -> None:
         """Press a key."""
         for kind in ("keyDown", "keyUp"):
-            self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=_CODES.get(key, 0))
+            self.call(
+                "Input.dispatchKeyEvent",
+                type=kind,
+                key=key,
+                code=key,
+                windowsVirtualKeyCode=_CODES.get(key, 0),
+            )
 
     def picture(self, path: Path, *, whole: bool = False) -> None:
         """Save a picture of what is seen, or of the whole page."""
@@ -158,10 +178,21 @@ class Page:
         elif event.get("method") == "Runtime.exceptionThrown":
             self.errors.append(str(found["exceptionDetails"]))
         elif event.get("method") == "Runtime.consoleAPICalled" and found["type"] in ("error", "warning"):
-            self.errors.append(" ".join(str(one.get("value", one.get("description"))) for one in found["args"]))
+            self.errors.append(
+                " ".join(str(one.get("value", one.get("description"))) for one in found["args"])
+            )
         elif event.get("method") == "Log.entryAdded" and found["entry"]["level"] in ("error", "warning"):
             self.errors.append(found["entry"]["text"])
 
 
 #: Numbers of keys that change what has the focus or a control.
-_CODES = {"ArrowLeft": 37, "ArrowUp": 38, "ArrowRight": 39, "ArrowDown": 40, "Tab": 9, "Enter": 13, "Home": 36, "End": 35}
+_CODES = {
+    "ArrowLeft": 37,
+    "ArrowUp": 38,
+    "ArrowRight": 39,
+    "ArrowDown": 40,
+    "Tab": 9,
+    "Enter": 13,
+    "Home": 36,
+    "End": 35,
+}

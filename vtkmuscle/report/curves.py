@@ -40,11 +40,23 @@ CHECKS = (
     ("volume_ratio", "change of the volume [%]", "volume", 100.0, -100.0),
     ("edge_stretch_p95", "length of edges / at rest, 95th percentile", "long edges", 1.0, 0.0),
     ("edge_stretch_p5", "length of edges / at rest, 5th percentile", "short edges", 1.0, 0.0),
-    ("dihedral_error_p95_deg", "change of angles between triangles, 95th percentile [deg]", "crumpled", 1.0, 0.0),
+    (
+        "dihedral_error_p95_deg",
+        "change of angles between triangles, 95th percentile [deg]",
+        "crumpled",
+        1.0,
+        0.0,
+    ),
     ("penetration_new_max_mm", "depth in a bone that was not there at rest [mm]", "penetration", 1.0, 0.0),
     ("estimated_distance_mm", "estimated distance to the converged shape [mm]", "estimate", 1.0, 0.0),
     ("fibres_outside_max_mm", "fibres out of their muscle [mm]", "fibres outside", 1.0, 0.0),
-    ("fibres_penetration_new_max_mm", "fibres in bone that were not there at rest [mm]", "fibres in bone", 1.0, 0.0),
+    (
+        "fibres_penetration_new_max_mm",
+        "fibres in bone that were not there at rest [mm]",
+        "fibres in bone",
+        1.0,
+        0.0,
+    ),
 )
 
 
@@ -65,7 +77,9 @@ def curves_of(
         Takes the arrays in.
     """
     name, _, unit = result.time_label.partition(" [")
-    muscles = [_muscle(result, number, arms.get(one, {}), pack) for number, one in enumerate(result.muscle_names)]
+    muscles = [
+        _muscle(result, number, arms.get(one, {}), pack) for number, one in enumerate(result.muscle_names)
+    ]
     return {
         "times": rounded(result.times),
         "timeLabel": result.time_label,
@@ -101,9 +115,7 @@ def colour_of(number: int) -> str:
     return PALETTE[number % len(PALETTE)]
 
 
-def _muscle(
-    result: RunResult, number: int, arms: Mapping[str, JointArms], pack: Pack
-) -> dict[str, Any]:
+def _muscle(result: RunResult, number: int, arms: Mapping[str, JointArms], pack: Pack) -> dict[str, Any]:
     name = result.muscle_names[number]
     frames = result.report["muscles"][name]["frames"]
     checks = {}
@@ -111,7 +123,9 @@ def _muscle(
         values = [row.get(key) for row in frames]
         if any(value is not None for value in values):
             found = np.array([np.nan if value is None else value for value in values], dtype=np.float64)
-            checks[key] = rounded(np.where(np.abs(factor * found + offset) < 1e-9, 0.0, factor * found + offset))
+            checks[key] = rounded(
+                np.where(np.abs(factor * found + offset) < 1e-9, 0.0, factor * found + offset)
+            )
     found_arms = {
         coordinate: _arms(one, curves_for(result.literature.get(name, ()), coordinate=coordinate))
         for coordinate, one in arms.items()
@@ -160,7 +174,10 @@ def _arms(found: JointArms, published: Sequence[LiteratureCurve]) -> dict[str, A
 
 def _published(curves: Sequence[LiteratureCurve], per_degree: float) -> list[dict[str, Any]]:
     """Return published curves: bands where a source has two sides, else lines or single values."""
-    colours = {source: PALETTE[-1 - k % len(PALETTE)] for k, source in enumerate(dict.fromkeys(c.source for c in curves))}
+    colours = {
+        source: PALETTE[-1 - k % len(PALETTE)]
+        for k, source in enumerate(dict.fromkeys(c.source for c in curves))
+    }
     uppers = {_sides(curve): curve for curve in curves if curve.part.endswith(UPPER)}
     lowers = {_sides(curve) for curve in curves if curve.part.endswith(LOWER)}
     found = []
@@ -169,7 +186,10 @@ def _published(curves: Sequence[LiteratureCurve], per_degree: float) -> list[dic
         other = uppers.get(_sides(curve))
         if curve.part.endswith(LOWER) and other is not None:
             grid = np.unique(np.concatenate([curve.angles, other.angles]))
-            grid = grid[(grid >= max(curve.angles[0], other.angles[0])) & (grid <= min(curve.angles[-1], other.angles[-1]))]
+            grid = grid[
+                (grid >= max(curve.angles[0], other.angles[0]))
+                & (grid <= min(curve.angles[-1], other.angles[-1]))
+            ]
             low, high = (np.interp(grid, side.angles, side.arms) for side in (curve, other))
             drawn |= {"x": rounded(grid * per_degree), "low": rounded(low), "high": rounded(high)}
             drawn["label"] = f"{curve.source}, fibres"
@@ -206,7 +226,11 @@ def _coordinates(result: RunResult, arms: Mapping[str, Mapping[str, JointArms]])
     return listed
 
 
-def _limits(limit: Limit | None, check: str) -> dict[str, float | None]:
+def _limits(limit: Limit | None, check: str) -> dict[str, Any]:
     if limit is None:
         return {"look": None, "failed": None, "floor": None}
-    return {"look": limit.look, "failed": limit.failed, "floor": [-limit.look, limit.look] if check == "volume" else [limit.look]}
+    return {
+        "look": limit.look,
+        "failed": limit.failed,
+        "floor": [-limit.look, limit.look] if check == "volume" else [limit.look],
+    }

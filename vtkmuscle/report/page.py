@@ -122,7 +122,7 @@ def _part(name: str) -> Markup:
 
 def _plotly() -> str:
     """Return Plotly's program, compressed and written as text: two fifths of its size."""
-    from plotly.offline import get_plotlyjs  # type: ignore[import-untyped] # noqa: PLC0415 -- a part of a second
+    from plotly.offline import get_plotlyjs  # noqa: PLC0415 -- a page alone needs it
 
     packed = gzip.compress(get_plotlyjs().encode("utf-8"), 6, mtime=0)
     return base64.b64encode(packed).decode("ascii")
@@ -133,7 +133,9 @@ def _lead(result: RunResult) -> str:
     name, _, unit = result.time_label.partition(" [")
     unit = unit.removesuffix("]")
     over = f"{name} {number(result.times[0])} to {number(result.times[-1])} {unit}".strip()
-    model = {"paths": "Fibres as taut paths round the bones, no volumes"}.get(result.report["model"], "Muscles as volumes")
+    model = {"paths": "Fibres as taut paths round the bones, no volumes"}.get(
+        result.report["model"], "Muscles as volumes"
+    )
     return f"{count} muscle{'s' * (count > 1)}, {frames} frame{'s' * (frames > 1)}, {over}. {model}."
 
 
@@ -210,9 +212,9 @@ def _thinned(scene: Mapping[str, Any]) -> str:
 
 def _trust(errors: bool) -> list[str]:
     words = [
-        "The checks say whether a shape is sound: whether it keeps its volume, does not crumple, stays out of "
-        "the bones and follows its attachments. They do not say whether it is the shape of this person's muscle: "
-        "that depends on the segmentation, the attachments and the motion that were given.",
+        "The checks say whether a shape is sound: whether it keeps its volume, does not crumple, stays out "
+        "of the bones and follows its attachments. They do not say whether it is the shape of this person's "
+        "muscle: that depends on the segmentation, the attachments and the motion that were given.",
         "Moment arms are by local regression of the lengths; their standard error is that of the regression, "
         "not of the model.",
     ]

@@ -74,7 +74,8 @@ def scene_of(result: RunResult, pack: Pack) -> dict[str, Any]:
 
 def shown_frames(count: int) -> list[int]:
     """Return the positions of the kept frames that a page shows: all, or evenly spread ones."""
-    return np.unique(np.linspace(0, count - 1, min(count, MOST_FRAMES)).round().astype(int)).tolist()
+    positions = np.linspace(0, count - 1, min(count, MOST_FRAMES)).round()
+    return [int(position) for position in np.unique(positions)]
 
 
 def _bones(result: RunResult, shown: list[int], pack: Pack) -> list[dict[str, Any]]:
@@ -172,7 +173,8 @@ def _fibres(
     chosen = np.arange(0, count, every)
     ids = np.concatenate([np.arange(first.offsets[k], first.offsets[k + 1]) for k in chosen])
     sizes = np.diff(first.offsets)[chosen]
-    points, measures = [], {"strain": [], "depth": []}
+    points: list[Floats] = []
+    measures: dict[str, list[Floats]] = {"strain": [], "depth": []}
     scale = MILLIMETRES[result.units]
     for frame in frames:
         lines = result.fibres(name, frame=frame)
@@ -188,7 +190,11 @@ def _fibres(
         "count": len(chosen),
         "all": count,
         "length": pack.add(lengths[:, chosen], "f32"),
-        **{word: pack.add(np.array(rows), "f32") for word, rows in measures.items() if len(rows) == len(frames)},
+        **{
+            word: pack.add(np.array(rows), "f32")
+            for word, rows in measures.items()
+            if len(rows) == len(frames)
+        },
     }
 
 

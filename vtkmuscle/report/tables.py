@@ -44,6 +44,10 @@ QUALITY = (
 )
 
 
+#: What stands where there is no number, and before one that is negative.
+DASH, MINUS = "\u2013", "\u2212"
+
+
 @dataclass(frozen=True)
 class Cell:
     """A cell: its text, and ``"look"`` or ``"failed"`` where it is to be marked."""
@@ -66,15 +70,15 @@ class Sheet:
 def number(value: Any, digits: int = 3) -> str:
     """Return a number as a table has it, with a sign that aligns; a dash where there is none."""
     if value is None or (isinstance(value, float) and not np.isfinite(value)):
-        return "–"
+        return DASH
     size = abs(float(value))
     if size < 5e-7:
         return "0"
     if size >= 10.0 ** (digits - 1):
-        return f"{value:,.0f}".replace(",", "\u202f").replace("-", "−")
+        return f"{value:,.0f}".replace(",", "\u202f").replace("-", MINUS)
     places = max(0, digits - 1 - int(np.floor(np.log10(size))))
     text = f"{value:.{places}f}" if size >= 1e-3 else f"{value:.1e}"
-    return text.replace("-", "−")
+    return text.replace("-", MINUS)
 
 
 def tables_of(report: Mapping[str, Any]) -> list[Sheet]:
@@ -93,19 +97,23 @@ def errors_of(report: Mapping[str, Any]) -> Sheet | None:
                 continue
             unit = str(found.get("unit", ""))
             value = next((one for key, one in found.items() if key.startswith("value")), None)
-            parts = "; ".join(f"{label_of(cause)} {number(part, 2)}" for cause, part in found.get("parts", {}).items())
+            parts = "; ".join(
+                f"{label_of(cause)} {number(part, 2)}" for cause, part in found.get("parts", {}).items()
+            )
             rows.append(
                 [
                     Cell(label_of(name)),
                     Cell(label_of(quantity)),
                     Cell(f"{number(value)} ± {number(found['total'], 2)} {unit}".strip()),
-                    Cell(parts or "–"),
+                    Cell(parts or DASH),
                 ]
             )
     if not rows:
         return None
     note = "Each number with its error, and what the error is made of, in the same unit."
-    return Sheet("Errors of the numbers", ["muscle", "number", "value ± error", "parts"], rows, note, words=True)
+    return Sheet(
+        "Errors of the numbers", ["muscle", "number", "value ± error", "parts"], rows, note, words=True
+    )
 
 
 def not_checked_of(report: Mapping[str, Any]) -> Sheet | None:
@@ -116,7 +124,11 @@ def not_checked_of(report: Mapping[str, Any]) -> Sheet | None:
             reasons.setdefault((check, why), []).append(name)
     every = len(report["muscles"])
     rows = [
-        [Cell(check), Cell(why), Cell("all muscles" if len(names) == every else ", ".join(map(label_of, names)))]
+        [
+            Cell(check),
+            Cell(why),
+            Cell("all muscles" if len(names) == every else ", ".join(map(label_of, names))),
+        ]
         for (check, why), names in reasons.items()
     ]
     return Sheet("What was not checked", ["check", "why", "of"], rows, words=True) if rows else None
@@ -127,7 +139,8 @@ def run_tables_of(report: Mapping[str, Any]) -> list[Sheet]:
     versions = [[Cell(name), Cell(str(version))] for name, version in report["versions"].items()]
     hashes = report.get("sha256", {})
     files = [
-        [Cell(key), Cell(Path(path).name), Cell(hashes.get(key, "–"))] for key, path in report["files"].items()
+        [Cell(key), Cell(Path(path).name), Cell(hashes.get(key, DASH))]
+        for key, path in report["files"].items()
     ]
     seconds = report.get("seconds", {})
     sheets = [Sheet("Versions", ["", "version"], versions, words=True)]
@@ -144,7 +157,9 @@ def settings_of(report: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, st
     """Return all parameters of muscles, those that several share once."""
     groups: dict[str, list[str]] = {}
     for name, muscle in report["muscles"].items():
-        groups.setdefault(json.dumps(muscle.get("parameters", {}), sort_keys=True, default=str), []).append(name)
+        groups.setdefault(json.dumps(muscle.get("parameters", {}), sort_keys=True, default=str), []).append(
+            name
+        )
     return [
         (", ".join(map(label_of, names)), list(_flat(json.loads(text)))) for text, names in groups.items()
     ]
@@ -166,23 +181,38 @@ def _architecture(muscles: Mapping[str, Any]) -> Sheet:
     of_fibres = [column for column in FIBRES if any(column[0] in one for one in measures.values())]
     rows = []
     for name, muscle in muscles.items():
-        cells = [number(_mean(known[name].get(key)) * scale) if key in known[name] else "–" for key, _, scale in columns]
+        cells = [
+            number(_mean(known[name].get(key)) * scale) if key in known[name] else DASH
+            for key, _, scale in columns
+        ]
         cells += [number(known[name].get(key)) for key in more]
         for key, _, scale in of_fibres:
             one = measures[name].get(key)
-            cells.append(f"{number(one['mean'] * scale)} ± {number(one['sd'] * scale, 2)}" if one else "–")
+            cells.append(f"{number(one['mean'] * scale)} ± {number(one['sd'] * scale, 2)}" if one else DASH)
         count = (muscle.get("fibres") or {}).get("fibres")
         if known[name] or count:
-            rows.append([Cell(label_of(name)), Cell(str(count or "–")), *map(Cell, cells)])
-    heads = [head for _, head, _ in columns] + [label_of(key) for key in more] + [head for _, head, _ in of_fibres]
-    note = "Of the muscle at rest; lengths, pennation and tortuosity in the first frame, mean ± standard deviation over the fibres."
+            rows.append([Cell(label_of(name)), Cell(str(count or DASH)), *map(Cell, cells)])
+    heads = (
+        [head for _, head, _ in columns]
+        + [label_of(key) for key in more]
+        + [head for _, head, _ in of_fibres]
+    )
+    note = (
+        "Of the muscle at rest; lengths, pennation and tortuosity in the first frame, mean ± standard "
+        "deviation over the fibres."
+    )
     return Sheet("Architecture", ["muscle", "fibres", *heads], rows, note)
 
 
 def _unlisted(known: Iterable[Mapping[str, Any]]) -> list[str]:
     """Return the keys of further plain numbers of an architecture."""
     listed = {key for key, _, _ in ARCHITECTURE}
-    found = {key: None for one in known for key, value in one.items() if isinstance(value, int | float) and key not in listed}
+    found = {
+        key: None
+        for one in known
+        for key, value in one.items()
+        if isinstance(value, int | float) and key not in listed
+    }
     return list(found)
 
 
@@ -205,24 +235,45 @@ def _moment_arms(muscles: Mapping[str, Any]) -> Sheet:
                     Cell(number(found.get("quartic_residual_mean_mm"), 2)),
                 ]
             )
-    head = ["muscle", "coordinate", "range", "mean", "least", "largest", "standard error, mean", "quartic leaves"]
-    return Sheet("Moment arms [mm]", head, rows, "−dl/dq over all fibres and frames; positive where the muscle drives the coordinate up.")
+    head = [
+        "muscle",
+        "coordinate",
+        "range",
+        "mean",
+        "least",
+        "largest",
+        "standard error, mean",
+        "quartic leaves",
+    ]
+    return Sheet(
+        "Moment arms [mm]",
+        head,
+        rows,
+        "-dl/dq over all fibres and frames; positive where the muscle drives the coordinate up.",
+    )
 
 
 def _quality(muscles: Mapping[str, Any]) -> Sheet:
     series = {
-        name: {key: _column(muscle["frames"], key) for key, _, _ in QUALITY} for name, muscle in muscles.items()
+        name: {key: _column(muscle["frames"], key) for key, _, _ in QUALITY}
+        for name, muscle in muscles.items()
     }
     columns = [column for column in QUALITY if any(len(one[column[0]]) for one in series.values())]
     rows = []
     for name, muscle in muscles.items():
         marks = _marks(muscle)
+        found = [(key, series[name][key], worst) for key, _, worst in columns]
         cells = [
-            Cell(number(float(worst(series[name][key]))) if len(series[name][key]) else "–", marks.get(key, ""))
-            for key, _, worst in columns
+            Cell(number(float(worst(values))) if len(values) else DASH, marks.get(key, ""))
+            for key, values, worst in found
         ]
         rows.append([Cell(label_of(name)), Cell(str(len(muscle["frames"]))), *cells])
-    return Sheet("Quality", ["muscle", "frames", *(head for _, head, _ in columns)], rows, "The worst of all frames where nothing else is said; coloured where it is a reason to look.")
+    return Sheet(
+        "Quality",
+        ["muscle", "frames", *(head for _, head, _ in columns)],
+        rows,
+        "The worst of all frames where nothing else is said; coloured where it is a reason to look.",
+    )
 
 
 def _column(frames: Iterable[Mapping[str, Any]], key: str) -> Any:

@@ -20,7 +20,8 @@ from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.algorithm import AbortedError
-from vtkmuscle.run.claim import scene_file
+from vtkmuscle.io.parts import file_digest
+from vtkmuscle.run.claim import PAGE, scene_file
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.keys import muscle_keys
 from vtkmuscle.run.memory import check_memory
@@ -92,6 +93,8 @@ def run_scene(
     *,
     frames: str | slice | range | int | None,
     figures: bool,
+    page: bool = True,
+    odd: Sequence[str] = (),
     progress: Progress | None,
     workers: int | None,
     series: str = "pvd",
@@ -99,7 +102,10 @@ def run_scene(
     clock: Clock = time.perf_counter,
     fresh: bool = False,
 ) -> Result:
-    """Run a scene; see :meth:`vtkmuscle.Scene.run`. The clock [s] times the muscles' stages."""
+    """Run a scene; see :meth:`vtkmuscle.Scene.run`.
+
+    What is ``odd`` about the scene goes into the report. The clock [s] times the muscles' stages.
+    """
     began = time.perf_counter()
     numbers = frame_numbers(frames, len(scene.motion.times))
     count = _threads(scene, workers)
@@ -108,7 +114,7 @@ def run_scene(
     bones, distances = bones_with_reach(scene), bone_distances(scene)
     keys, kept = _kept(folder, scene, bones, numbers, fresh=fresh)
     tracks = {name: kept.get(name) or MuscleTrack() for name in scene.muscles}
-    report = _first_report(scene, numbers, tracks) | {"taken_over": list(kept)}
+    report = _first_report(scene, numbers, tracks) | {"taken_over": list(kept), "sense": list(odd)}
     stop = threading.Event()
     report_progress = _one_at_a_time(progress)
     seen = observe or (lambda muscle, row: None)
@@ -155,9 +161,9 @@ def run_scene(
     if folder is not None:
         folder.write_moment_arms(arms)
         folder.write_tables(report, scene, numbers, tracks)
-        if figures:
+        if figures or page:
             with _unfinished_if_it_fails(folder, report):
-                _draw(folder, result, report)
+                _show(folder, result, report, figures=figures, page=page)
         report["seconds"]["total"] = time.perf_counter() - began
         folder.write_tables(report, scene, numbers, tracks)
     else:
@@ -230,6 +236,7 @@ def _first_report(scene: SceneData, numbers: range, tracks: dict[str, MuscleTrac
         "complete": False,
         "versions": versions(),
         "files": {key or "scene": str(path) for key, path in scene.files.items()},
+        "sha256": {key or "scene": file_digest(path) for key, path in scene.files.items() if path.is_file()},
         "frames": list(numbers),
         "times": [float(scene.motion.times[number]) for number in numbers],
         "definitions": dict(DEFINITIONS),
@@ -292,13 +299,23 @@ def _raise_first_failure(jobs: dict[str, Future[None]], scene: SceneData) -> Non
         raise error
 
 
+def _show(folder: RunFolder, result: Result, report: dict[str, Any], *, figures: bool, page: bool) -> None:
+    """Draw the figures of a run, and write its page."""
+    if figures:
+        _draw(folder, result, report)
+    if page:
+        before = time.perf_counter()
+        result.write_report(folder.path / PAGE)
+        report["seconds"]["page"] = time.perf_counter() - before
+
+
 def _draw(folder: RunFolder, result: Result, report: dict[str, Any]) -> None:
     from vtkmuscle.plotting import can_render  # noqa: PLC0415 -- only figures need PyVista
 
     reason = can_render()
     if reason is not None:
         report["figures"] = {"written": [], "reason": reason}
-        warnings.warn(f"no figures were drawn, all else was written: {reason}", stacklevel=4)
+        warnings.warn(f"no figures were drawn, all else was written: {reason}", stacklevel=5)
         return
     before = time.perf_counter()
     report["figures"] = {"written": folder.write_figures(result)}
