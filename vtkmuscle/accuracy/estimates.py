@@ -21,7 +21,7 @@ from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
-from vtkmuscle.run.result import MuscleTrack
+from vtkmuscle.run.track import MuscleTrack
 
 #: From lengths (f, k) of fibres in all frames to moment arms by each coordinate.
 Arms = Callable[[Floats], Mapping[str, JointArms]]

@@ -28,7 +28,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import polylines_of
-from vtkmuscle.run.result import MuscleTrack
+from vtkmuscle.run.track import MuscleTrack
 from vtkmuscle.scene.data import SceneData
 
 #: Fewest runs of which a standard deviation says anything.

@@ -189,6 +189,24 @@ def export(
 
 
 @app.command()
+def report(
+    results: Annotated[Path, typer.Argument(help="Folder of a run's results.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", metavar="HTML", parser=named, help="Default: report.html in that folder."
+        ),
+    ] = None,
+) -> None:
+    """Write the page of a finished run again: the scene, curves, tables and verdicts in one file."""
+    with one_clear_error(out):
+        from vtkmuscle.run import Result
+        from vtkmuscle.run.claim import PAGE
+
+        typer.echo(f"wrote {Result.load(results).write_report(out or results / PAGE)}")
+
+
+@app.command()
 def tradeoff(
     scene: Annotated[
         str,
@@ -218,6 +236,9 @@ def tradeoff(
         int,
         typer.Option("--every", metavar="N", min=1, help="Use only every Nth frame of the motion."),
     ] = 1,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Run settings again that are finished in the folder.")
+    ] = False,
     quiet: QuietOption = False,
 ) -> None:
     """Measure what speed costs in accuracy: run a scene with many settings, each against a converged run.
@@ -244,6 +265,7 @@ def tradeoff(
             only=only or (),
             muscles=muscle or (),
             compared=compared,
+            fresh=fresh,
             tell=lambda words: say(quiet, words),
         )
         for path in [*write_tables(out, study), *write_plots(out, study)]:

@@ -38,6 +38,9 @@ class RunOptions:
     ] = None
     quiet: QuietOption = False
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")] = True
+    report: Annotated[
+        bool, typer.Option("--report/--no-report", help="Write report.html, the page with all results.")
+    ] = True
     series: Annotated[
         str,
         typer.Option(
@@ -66,6 +69,9 @@ class RunOptions:
             "--overwrite",
             help="Replace results of another scene, and files that no run has written; never the inputs.",
         ),
+    ] = False
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Compute again what is finished in the folder of results.")
     ] = False
     quality: Annotated[
         str | None,

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
     """Run a scene, and print what was found and where it is."""
+    from vtkmuscle.run.claim import PAGE
     from vtkmuscle.run.verdict import reasons_of
 
     if options.quality is not None:
@@ -30,21 +31,27 @@ def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
 
         left = unfinished(out)
         if left is not None:
-            console.print(f"{one_line(left)}; it is replaced", markup=False, style="yellow", soft_wrap=True)
+            then = "it is replaced" if options.fresh else "what it has finished is taken over"
+            console.print(f"{one_line(left)}; {then}", markup=False, style="yellow", soft_wrap=True)
     with one_clear_error(out), _progress_bars(list(scene.muscles), console, quiet=options.quiet) as progress:
         result = scene.run(
             out,
             frames=options.frames,
             figures=options.figures,
+            report=options.report,
             progress=progress,
             workers=options.workers,
             series=options.series,
             observe=_table(list(scene.muscles), console) if options.verbose else None,
             overwrite=options.overwrite,
+            fresh=options.fresh,
             errors=options.errors == "all" or [one for one in (options.errors or "").split(",") if one],
             landmark_error=options.landmark_error,
             landmark_samples=options.landmark_samples,
         )
+    if result.report["taken_over"]:
+        words = ", ".join(result.report["taken_over"])
+        say(options.quiet, f"taken over from an earlier run, for nothing they depend on has changed: {words}")
     for name, muscle in result.report["muscles"].items():
         say(options.quiet, f"{name}: {_found(muscle)}")
         for reason in reasons_of(muscle["verdict"]):
@@ -57,6 +64,11 @@ def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
     files = ", ".join(f"{name}.{options.series}" for name in ("NAME", "NAME_fibres", "bones"))
     tables = "lengths.csv, " + ("moment_arms.csv, " if (out / "moment_arms.csv").is_file() else "")
     say(options.quiet, f"  report.json, {tables}figures/, and {files} for ParaView")
+    if options.report:
+        say(
+            options.quiet,
+            f"Look at {out / PAGE} in a browser: the scene, curves, tables and what to make of them",
+        )
     if "failed" in result.verdicts.values():
         raise typer.Exit(FAILED)
 

@@ -12,7 +12,7 @@ from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.motion.rigid import RigidMotion
 
 if TYPE_CHECKING:
-    from vtkmuscle.run.result import MuscleTrack
+    from vtkmuscle.run.track import MuscleTrack
 
 
 class ErrorStudy(Protocol):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from collections.abc import Collection as Collection_
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,17 +15,21 @@ from vtkmuscle._version import __version__
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import blocks_of, set_field_array
 from vtkmuscle.filters.bone_motion import BoneMotion
+from vtkmuscle.io.parts import plain
 from vtkmuscle.io.series import Collection, Series
 from vtkmuscle.io.temporal import read_series, write_vtkhdf
 from vtkmuscle.io.writing import beside, write_polydata, write_text
 from vtkmuscle.run.architecture import architecture_table
 from vtkmuscle.run.claim import remove_results
+from vtkmuscle.run.finished import STAMPS, finished_muscles, note_finished
+from vtkmuscle.run.loading import note_scene
 from vtkmuscle.run.poses import merged
 from vtkmuscle.run.report import fibre_table
 
 if TYPE_CHECKING:
     from vtkmuscle.run.moment_arms import MomentArmTable
-    from vtkmuscle.run.result import MuscleTrack, Result
+    from vtkmuscle.run.result import Result
+    from vtkmuscle.run.track import MuscleTrack
     from vtkmuscle.scene.data import SceneData
 
 
@@ -40,12 +45,14 @@ class RunFolder:
     ``NAME.pvd`` and ``NAME_fibres.pvd`` per muscle with their frames in folders of these names,
     ``bones.pvd`` with ``bones/``, ``lengths.csv``, ``architecture.csv``, ``NAME_fibres.csv`` with all
     measures, ``moment_arms.csv`` with ``moment_arms_summary.csv`` where the motion has a coordinate,
-    ``report.json`` and ``figures/``.
+    ``report.json`` and ``figures/``; and ``finished/`` with what :meth:`vtkmuscle.Result.load` and a later
+    run need: a note of each finished muscle with its key, the muscles and bones at rest, and the motion.
 
     Parameters
     ----------
     path : Path
-        Made where it does not exist. Results of an earlier run are replaced, other files are left alone.
+        Made where it does not exist. Results of an earlier run are replaced, but for muscles that
+        are finished and of the same key; other files are left alone.
     series : str, optional
         ``"pvd"``, or ``"vtkhdf"``: each series is gathered in one file when it is finished; one that is
         not finished stays a .pvd.
@@ -67,11 +74,26 @@ class RunFolder:
         self.path = path
         self._gather = series == "vtkhdf"
         self._series: dict[str, Series] = {}
+        self._keys: dict[str, str] = {}
 
-    def begin(self, report: dict[str, Any], scene: SceneData) -> None:
-        """Write a report that says that nothing is finished, and remove the results of an earlier run."""
-        remove_results(self.path, scene)
+    def finished(self, keys: Mapping[str, str], millimetres: float) -> dict[str, MuscleTrack]:
+        """Return the muscles that an earlier run has finished, by their keys."""
+        return finished_muscles(self.path, self._with_format(keys), millimetres)
+
+    def begin(
+        self, report: dict[str, Any], scene: SceneData, keys: Mapping[str, str], kept: Collection_[str] = ()
+    ) -> None:
+        """Write a report that says that the run is not finished, and remove the results of an earlier run.
+
+        Muscles are finished under these keys; files of those that are ``kept`` stay.
+        """
+        self._keys = self._with_format(keys)
+        remove_results(self.path, scene, kept)
         self.write_report(report)
+        note_scene(self.path, scene)
+
+    def _with_format(self, keys: Mapping[str, str]) -> dict[str, str]:
+        return {name: f"{key} {'vtkhdf' if self._gather else 'pvd'}" for name, key in keys.items()}
 
     def write_frame(
         self,
@@ -90,11 +112,12 @@ class RunFolder:
                     number, time, _stamped(data, scene)
                 )
 
-    def finish(self, muscle: str) -> None:
-        """Say that all frames of a muscle are written."""
+    def finish(self, muscle: str, track: MuscleTrack) -> None:
+        """Note that a muscle is finished: all its frames are written."""
         for name in (muscle, f"{muscle}_fibres"):
             if self._gather and name in self._series:
                 self._gathered(name)
+        note_finished(self.path, muscle, self._keys[muscle], track)
 
     def _gathered(self, name: str) -> None:
         """Turn a collection of files into one file."""
@@ -188,7 +211,7 @@ class RunFolder:
 
     def write_report(self, report: dict[str, Any]) -> None:
         """Write report.json."""
-        text = json.dumps(report, indent=1, allow_nan=False, default=_plain)
+        text = json.dumps(report, indent=1, allow_nan=False, default=plain)
         write_text(self.path / "report.json", text + "\n")
 
 
@@ -196,15 +219,6 @@ def _stamped(data: vtkPolyData, scene: SceneData) -> vtkPolyData:
     """Return a shallow copy whose field data say what it is part of."""
     copy = vtkPolyData()
     copy.ShallowCopy(data)
-    for name, value in (("Scene", scene.name), ("Units", scene.units), ("Version", __version__)):
+    for name, value in zip(STAMPS, (scene.name, scene.units, __version__), strict=True):
         set_field_array(copy, name, value)
     return copy
-
-
-def _plain(value: Any) -> Any:
-    """Turn what JSON does not know into what it knows."""
-    if isinstance(value, Path):
-        return str(value)
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    return repr(value)

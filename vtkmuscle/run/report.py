@@ -98,6 +98,8 @@ DEFINITIONS = {
     "there are none, by any or by some coordinates",
     "seconds": "wall-clock time per stage; muscles run side by side",
     **architecture.DEFINITIONS,
+    "taken_over": "muscles that an earlier run into the folder had finished, with the same inputs and "
+    "settings",
     **ERROR_DEFINITIONS,
 }
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from os import PathLike
+from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
 
 from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
@@ -19,44 +20,13 @@ from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import with_points
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.literature import LiteratureCurve
+from vtkmuscle.run.limits import CHECKS
+from vtkmuscle.run.loading import read_result
 from vtkmuscle.run.moment_arms import MomentArmTable
 from vtkmuscle.run.table import Table
+from vtkmuscle.run.track import MuscleTrack
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(eq=False)
-class MuscleTrack:
-    """The finished frames of one muscle.
-
-    Attributes
-    ----------
-    rest : vtkPolyData or None
-        At rest, with the point array ``FixedTo``.
-    rest_fibres : vtkPolyData or None
-        Fibres at rest.
-    points : list of (n, 3) array
-        Points per finished frame.
-    fibres : list of vtkPolyData
-        Fibres per finished frame, empty for a muscle without fibres.
-    lengths : list of (k,) array
-        Fibre lengths per finished frame [mm].
-    report : dict
-        What is known of the muscle, JSON-able.
-    failure : (int, float, Exception) or None
-        Frame and time that could not be computed, and why; the frames before are there.
-    errors : dict of str to Estimate
-        Quantities with the parts of their errors.
-    """
-
-    rest: vtkPolyData | None = None
-    rest_fibres: vtkPolyData | None = None
-    points: list[Floats] = field(default_factory=list)
-    fibres: list[vtkPolyData] = field(default_factory=list)
-    lengths: list[Floats] = field(default_factory=list)
-    report: dict[str, Any] = field(default_factory=dict)
-    failure: tuple[int, float, Exception] | None = None
-    errors: Mapping[str, Estimate] = field(default_factory=dict)
 
 
 class Result:
@@ -159,6 +129,38 @@ class Result:
         self._bones = bones
         self._mover = BoneMotion(motion=motion)
         self._mover.connect(0, bones)
+
+    @classmethod
+    def load(cls, folder: str | PathLike[str]) -> Self:
+        """Read the result of a finished run back from its folder.
+
+        Parameters
+        ----------
+        folder : path
+            What was given to :meth:`vtkmuscle.Scene.run` as ``out``, or to ``vtkmuscle run`` as ``--out``.
+
+        Returns
+        -------
+        Result
+            The same as the run gave: muscles, fibres, lengths, bones, motion, report and verdicts.
+
+        Raises
+        ------
+        ValueError
+            If it is not the folder of a run, the run did not end, or a file in it is missing or is not what
+            the run wrote; the message says which.
+
+        Examples
+        --------
+        >>> from tempfile import mkdtemp
+        >>> from vtkmuscle import Result, Scene, phantoms
+        >>> scene = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=8)
+        >>> out = mkdtemp()
+        >>> result = scene.run(out, frames="0:2", figures=False)
+        >>> Result.load(out)
+        Result('spindle_over_hinge': 2 frames of spindle (ok))
+        """
+        return cls(**read_result(Path(folder)))
 
     def __repr__(self) -> str:
         muscles = ", ".join(f"{name} ({self.verdicts[name]})" for name in self.muscle_names)
@@ -328,6 +330,30 @@ class Result:
     def rest_bones(self) -> Any:
         """Return the bones at rest."""
         return _wrapped(self._bones)
+
+    def write_report(self, path: str | PathLike[str]) -> Path:
+        """Write the page of the run: the scene to be turned and moved, curves, tables and verdicts.
+
+        Parameters
+        ----------
+        path : path
+            The .html file; replaced where it exists. It holds all that it shows and needs no network.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        ValueError
+            If the name does not end in .html.
+        """
+        from vtkmuscle.report import write_page  # noqa: PLC0415 -- only a page needs its parts
+
+        if Path(path).suffix.lower() not in (".html", ".htm"):
+            raise InputError(str(path), "a report is a page of HTML", "give it a name that ends in .html")
+        return write_page(path, self, CHECKS)
 
     def _track(self, name: str) -> MuscleTrack:
         if name not in self._tracks:
