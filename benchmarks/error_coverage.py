@@ -32,6 +32,8 @@ Floats = NDArray[np.float64]
 
 #: Causes that every run states, without further solves.
 ALWAYS = ("solve", "segments", "fibres", "regression", "facets")
+#: What arithmetic leaves of an exact answer [mm, mm^2].
+ROUNDING = 1e-6
 #: Phantoms whose known length is not from attachment to attachment, but to the edge of one.
 ELSEWHERE = ("wrapping_cylinder",)
 
@@ -55,7 +57,7 @@ class Compared:
         parts = self.stated.parts
         chosen = [part for cause, part in parts.items() if causes is None or cause in causes]
         total = np.broadcast_to(root_of_squares(*chosen), self.off.shape)
-        return np.asarray(self.off <= total)
+        return np.asarray(self.off <= total + ROUNDING)
 
 
 def compared(case: Known, *, every: int = 1, **asked: Any) -> Iterator[Compared]:

@@ -270,6 +270,7 @@ def test_everything_is_written_and_nothing_else(result, out):
             *(f"finished/{name}" for name in ("scene.npz", "bones/upper.vtp", "bones/lower.vtp")),
             *(f"finished/{name}" for name in ("spindle.npz", "spindle.vtp", "spindle_fibres.vtp")),
             *(f"finished/{name}" for name in ("plain.npz", "plain.vtp")),
+            *(f"finished/errors/{name}.npz" for name in ("plain", "spindle")),
         ]
     )
 
@@ -315,7 +316,7 @@ def test_the_tables_hold_the_result(result, out):
         assert found == pytest.approx([lengths.mean(), lengths.std(), lengths.min(), lengths.max()])
     assert len(report["muscles"]["spindle"]["fibre_measures"]) == FRAMES
     assert report["muscles"]["spindle"]["frames"] == result.report["muscles"]["spindle"]["frames"]
-    assert report["seconds"].keys() == {"muscles", "errors", "total"}
+    assert report["seconds"].keys() == {"muscles", "errors", "page", "total"}
 
 
 def test_other_files_of_the_folder_are_left_alone(scene, tmp_path):
