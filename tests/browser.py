@@ -22,8 +22,10 @@ _LONGEST = 90.0  # seconds that an answer may take, on a machine that does other
 _START = """
 import os, sys
 first, second = os.dup(int(sys.argv[1])), os.dup(int(sys.argv[2]))
-os.dup2(first, 3)
-os.dup2(second, 4)
+for here, wanted in ((first, 3), (second, 4)):
+    if here != wanted:
+        os.dup2(here, wanted)
+    os.set_inheritable(wanted, True)
 os.execv(sys.argv[3], sys.argv[3:])
 """
 
@@ -81,6 +83,13 @@ class Page:
         self._rest, self._count, self._session = b"", 0, None
         self.errors: list[str] = []
         self.requests: list[str] = []
+        try:
+            self._begin(width, height)
+        except BaseException:
+            self.__exit__()
+            raise
+
+    def _begin(self, width: int, height: int) -> None:
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Network", "Log"):

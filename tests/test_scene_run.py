@@ -262,6 +262,7 @@ def test_everything_is_written_and_nothing_else(result, out):
             "architecture.csv",
             "spindle_fibres.csv",
             "report.json",
+            "report.html",
             "bones.pvd",
             "bones/upper.vtp",
             *(f"bones/lower/lower_{i:04d}.vtp" for i in frames),

@@ -28,6 +28,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import polylines_of
+from vtkmuscle.run.memory import check_memory
 from vtkmuscle.run.track import MuscleTrack
 from vtkmuscle.scene.data import SceneData
 
@@ -117,7 +118,9 @@ class ErrorStudy:
 
         def solve() -> None:
             try:
-                places[number] = solved(make(), name, numbers, bones, stop)
+                variant = make()
+                check_memory(variant, numbers)
+                places[number] = solved(variant, name, numbers, bones, stop)
             except ValueError as error:
                 problem, _ = fault_of(error, placed=True)
                 self._failed[name, kind] = problem

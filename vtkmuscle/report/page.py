@@ -71,6 +71,7 @@ def page_of(result: RunResult, limits: Mapping[str, Limit]) -> str:
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        keep_trailing_newline=True,
     )
     return environment.get_template("report.html").render(
         name=result.name,
