@@ -271,7 +271,6 @@ def test_everything_is_written_and_nothing_else(result, out):
             *(f"finished/{name}" for name in ("scene.npz", "bones/upper.vtp", "bones/lower.vtp")),
             *(f"finished/{name}" for name in ("spindle.npz", "spindle.vtp", "spindle_fibres.vtp")),
             *(f"finished/{name}" for name in ("plain.npz", "plain.vtp")),
-            *(f"finished/errors/{name}.npz" for name in ("plain", "spindle")),
         ]
     )
 

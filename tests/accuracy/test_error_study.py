@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vtkmuscle import Result, Scene
+from vtkmuscle import Scene
 from vtkmuscle.accuracy import KINDS, SOLVED
 from vtkmuscle.accuracy import study as study_module
 from vtkmuscle.core.accuracy.convergence import convergence_error
@@ -135,13 +135,3 @@ def test_what_says_nothing_is_refused(scene, asked, words):
 
 def test_all_is_all_but_the_landmarks():
     assert {*KINDS} - {*SOLVED} == {"landmarks"}
-
-
-def test_a_result_read_back_has_its_errors(result, out):
-    errors, again = result.errors["spindle"], Result.load(out).errors["spindle"]
-    assert again.keys() == errors.keys()
-    for quantity, one in errors.items():
-        assert again[quantity].unit == one.unit
-        assert again[quantity].parts.keys() == one.parts.keys()
-        np.testing.assert_array_equal(again[quantity].value, one.value)
-        np.testing.assert_array_equal(again[quantity].total, one.total)

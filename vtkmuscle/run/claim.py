@@ -83,8 +83,6 @@ def remove_results(folder: Path, scene: SceneData, kept: Collection[str] = ()) -
     notes = folder / "finished"
     for note in (notes / f"{name}{end}" for name in ("scene", *names - {*kept}) for end in _NOTES):
         note.unlink(missing_ok=True)  # first: what is noted is there
-    for name in names:  # found again whatever is kept
-        (notes / "errors" / f"{name}.npz").unlink(missing_ok=True)
     if (notes / "bones").is_dir() and not notes.is_symlink() and not (notes / "bones").is_symlink():
         for bone in (notes / "bones").glob("*.vtp"):
             bone.unlink()

@@ -21,7 +21,6 @@ from vtkmuscle.io.temporal import read_series, write_vtkhdf
 from vtkmuscle.io.writing import beside, write_polydata, write_text
 from vtkmuscle.run.architecture import architecture_table
 from vtkmuscle.run.claim import remove_results
-from vtkmuscle.run.errors import note_errors
 from vtkmuscle.run.finished import STAMPS, finished_muscles, note_finished
 from vtkmuscle.run.loading import note_scene
 from vtkmuscle.run.poses import merged
@@ -178,8 +177,6 @@ class RunFolder:
                 times = [float(scene.motion.times[number]) for number in numbers[: len(track.fibres)]]
                 table = fibre_table(track.fibres, times, scene.millimetres)
                 table.write(self.path / f"{name}_fibres.csv", digits=DIGITS)
-            if track.errors:
-                note_errors(self.path, name, track.errors)
         self.write_report(report)
 
     def write_moment_arms(self, arms: MomentArmTable) -> None:

@@ -18,7 +18,6 @@ from vtkmuscle.io.parts import Part, Parts
 from vtkmuscle.io.surfaces import read_polydata
 from vtkmuscle.io.writing import write_polydata
 from vtkmuscle.run.claim import read_report
-from vtkmuscle.run.errors import read_errors
 from vtkmuscle.run.finished import FINISHED, check_files, digests_of, read_track
 from vtkmuscle.run.unfinished import unfinished
 from vtkmuscle.scene.data import MILLIMETRES, SceneData
@@ -75,7 +74,6 @@ def read_result(folder: Path) -> dict[str, Any]:
     for name, known in report["muscles"].items():
         tracks[name] = read_track(folder, name, _part(parts, name), millimetres)
         tracks[name].report = known
-        tracks[name].errors = read_errors(folder, name)
     inside = folder / FINISHED / "bones"
     bones = {name: read_polydata(inside / f"{name}.vtp") for name in noted.facts["bones"]}
     return {
