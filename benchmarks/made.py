@@ -19,7 +19,7 @@ from vtkmuscle.pipelines.fibres import PUBLISHED_FIBRES
 
 HERE = Path(__file__).resolve().parent
 DOCS = HERE.parent / "docs"
-PAPER, HOW_RIGHT = DOCS / "paper_tables", DOCS / "how_right_tables"
+PAPER, HOW_RIGHT = DOCS / "validation/paper_tables", DOCS / "validation/how_right_tables"
 
 
 def settings() -> str:

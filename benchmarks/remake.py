@@ -24,7 +24,7 @@ def command_of(table: Path) -> list[str]:
     """Return the arguments of Python that make a table, and those that it makes beside it."""
     if table.parent == made.PAPER:
         script = "benchmarks/paper/all_experiments.py"
-        return [script, "--data", "real", "--only", table.stem, "--rst", "docs/paper_tables"]
+        return [script, "--data", "real", "--only", table.stem, "--rst", "docs/validation/paper_tables"]
     how = ["benchmarks/how_right.py", "--rst", f"docs/{table.parent.relative_to(made.DOCS)}"]
     if table.name in ("hip.csv", "knee.csv"):
         folder = data_folder() if table.name == "hip.csv" else data_folder().with_name("bp3d_knee")

@@ -22,6 +22,7 @@ from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.parts import file_digest
 from vtkmuscle.run.claim import PAGE, scene_file
+from vtkmuscle.run.errors import ErrorStudy
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.keys import muscle_keys
 from vtkmuscle.run.memory import check_memory
@@ -101,6 +102,7 @@ def run_scene(
     observe: Observe | None = None,
     clock: Clock = time.perf_counter,
     fresh: bool = False,
+    errors: ErrorStudy | None = None,
 ) -> Result:
     """Run a scene; see :meth:`vtkmuscle.Scene.run`.
 
@@ -108,16 +110,17 @@ def run_scene(
     """
     began = time.perf_counter()
     numbers = frame_numbers(frames, len(scene.motion.times))
-    count = _threads(scene, workers)
+    _check_workers(workers)
     check_memory(scene, numbers)
     folder = None if out is None else RunFolder(out, series=series)
     bones, distances = bones_with_reach(scene), bone_distances(scene)
     keys, kept = _kept(folder, scene, bones, numbers, fresh=fresh)
     tracks = {name: kept.get(name) or MuscleTrack() for name in scene.muscles}
     report = _first_report(scene, numbers, tracks) | {"taken_over": list(kept), "sense": list(odd)}
-    stop = threading.Event()
-    report_progress = _one_at_a_time(progress)
+    stop, report_progress = threading.Event(), _one_at_a_time(progress)
     seen = observe or (lambda muscle, row: None)
+    further = {} if errors is None else errors.jobs(numbers, bones, stop)
+    count = _side_by_side(workers, scene, len(further))
     try:
         with ThreadPoolExecutor(count) as pool, _setting_if_interrupted(stop):
             jobs: dict[str, Future[None]] = {}
@@ -134,10 +137,14 @@ def run_scene(
                 )
                 runs.append(run)
                 jobs[f"muscles.{name}"] = pool.submit(run.go, numbers)
+            jobs |= {key: pool.submit(job) for key, job in further.items()}
             if folder is not None:
                 folder.write_bones(scene, numbers, stop.is_set)
             _wait_for(list(jobs.values()), stop)
         _raise_first_failure(jobs, scene)
+        result = _result(scene, numbers, tracks, report)
+        report["seconds"] = {"muscles": time.perf_counter() - began}
+        arms = _with_errors(_moment_arms(result, report), errors, result, tracks, report)
     except BaseException as error:
         report["stopped_by"] = f"{type(error).__name__}: {error}".rstrip(": ")
         if folder is not None:
@@ -145,8 +152,33 @@ def run_scene(
                 folder.write_tables(report, scene, numbers, tracks)
         raise
     report["complete"] = True
-    report["seconds"] = {"muscles": time.perf_counter() - began}
-    result = Result(
+    if folder is not None:
+        folder.write_moment_arms(arms)
+        folder.write_tables(report, scene, numbers, tracks)
+        folder.note_errors(tracks)
+        _show(folder, result, report, figures=figures, page=page)
+    report["seconds"]["total"] = time.perf_counter() - began
+    if folder is not None:
+        folder.write_report(report)
+    return result
+
+
+def _check_workers(workers: int | None) -> None:
+    if workers is not None and workers < 1:
+        raise InputError("", f"workers is {workers}, but must be an integer >= 1")
+
+
+def _side_by_side(workers: int | None, scene: SceneData, n_further: int) -> int:
+    """Return how many threads to use for the muscles, and for further solves."""
+    if scene.muscle_contact != "off":
+        return 1  # each muscle waits for those before it, and shares their filters
+    return min(workers or cpu_count() or 1, len(scene.muscles) + n_further)
+
+
+def _result(
+    scene: SceneData, numbers: range, tracks: dict[str, MuscleTrack], report: dict[str, Any]
+) -> Result:
+    return Result(
         scene.name,
         scene.units,
         scene.bones_data(),
@@ -157,27 +189,6 @@ def run_scene(
         literature={name: muscle.literature for name, muscle in scene.muscles.items()},
         crosses={name: one.crosses for name, one in scene.muscles.items() if one.crosses is not None},
     )
-    arms = _moment_arms(result, report)
-    if folder is not None:
-        folder.write_moment_arms(arms)
-        folder.write_tables(report, scene, numbers, tracks)
-        if figures or page:
-            with _unfinished_if_it_fails(folder, report):
-                _show(folder, result, report, figures=figures, page=page)
-        report["seconds"]["total"] = time.perf_counter() - began
-        folder.write_tables(report, scene, numbers, tracks)
-    else:
-        report["seconds"]["total"] = time.perf_counter() - began
-    return result
-
-
-def _threads(scene: SceneData, workers: int | None) -> int:
-    """Return how many muscles run side by side."""
-    if workers is not None and workers < 1:
-        raise InputError("", f"workers is {workers}, but must be an integer >= 1")
-    if scene.muscle_contact != "off":
-        return 1  # each muscle waits for those before it, and shares their filters
-    return min(workers or cpu_count() or 1, len(scene.muscles))
 
 
 def _kept(
@@ -206,6 +217,24 @@ def _moment_arms(result: Result, report: dict[str, Any]) -> MomentArmTable:
     for name in arms:
         report["muscles"][name]["moment_arms"] = arms.report(name)
     return arms
+
+
+def _with_errors(
+    arms: MomentArmTable,
+    study: ErrorStudy | None,
+    result: Result,
+    tracks: dict[str, MuscleTrack],
+    report: dict[str, Any],
+) -> MomentArmTable:
+    """Estimate the errors of all muscles, and return the moment arms with theirs."""
+    if study is None:
+        return arms
+    before = time.perf_counter()
+    motion = result.motion.part(result.frames)
+    for name, track in tracks.items():
+        track.errors = study.estimates(name, track, motion)
+    report["seconds"]["errors"] = time.perf_counter() - before
+    return MomentArmTable(arms, arms.refused, result.errors)
 
 
 def bone_distances(scene: SceneData) -> dict[str, SurfaceDistance]:
@@ -301,12 +330,13 @@ def _raise_first_failure(jobs: dict[str, Future[None]], scene: SceneData) -> Non
 
 def _show(folder: RunFolder, result: Result, report: dict[str, Any], *, figures: bool, page: bool) -> None:
     """Draw the figures of a run, and write its page."""
-    if figures:
-        _draw(folder, result, report)
-    if page:
-        before = time.perf_counter()
-        result.write_report(folder.path / PAGE)
-        report["seconds"]["page"] = time.perf_counter() - before
+    with _unfinished_if_it_fails(folder, report):
+        if figures:
+            _draw(folder, result, report)
+        if page:
+            before = time.perf_counter()
+            result.write_report(folder.path / PAGE)
+            report["seconds"]["page"] = time.perf_counter() - before
 
 
 def _draw(folder: RunFolder, result: Result, report: dict[str, Any]) -> None:

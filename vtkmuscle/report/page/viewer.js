@@ -474,7 +474,7 @@ function anglesOf(towards) {
 function cameraOf(towards, { low, high }) {
   const focus = low.map((value, axis) => (value + high[axis]) / 2);
   const reach = Math.hypot(...low.map((value, axis) => high[axis] - value)) / 2;
-  return { ...anglesOf(towards), focus, half: 0.74 * reach, reach };
+  return { ...anglesOf(towards), focus, half: 0.77 * reach, reach };
 }
 
 function axesOf({ azimuth, elevation }) {
