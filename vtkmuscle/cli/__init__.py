@@ -208,6 +208,21 @@ def report(
         typer.echo(f"wrote {Result.load(results).write_report(out or results / PAGE)}")
 
 
+@app.command("view")
+def view_command(
+    source: Annotated[Path, typer.Argument(help="Folder of a run's results, or a scene.toml.")],
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Default: a free one.")] = 0,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open it in a browser, or print the address.")
+    ] = True,
+) -> None:
+    """Look at results, or at a scene that is solved as the slider moves, in a browser; Ctrl-C ends it."""
+    with one_clear_error(None):
+        from vtkmuscle.view import view
+
+        view(source, port=port, browser=browser)
+
+
 @app.command()
 def tradeoff(
     scene: Annotated[

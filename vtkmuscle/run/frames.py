@@ -37,7 +37,7 @@ class KeptFrames:
     ) -> None:
         self.name = name
         self.motion = motion
-        self.time_label = _time_label(motion)
+        self.time_label = time_label(motion)
         self.literature: Mapping[str, Sequence[LiteratureCurve]] = dict(literature or {})
         self.crosses: Mapping[str, Sequence[str]] = dict(crosses or {})
         self.units = units
@@ -177,7 +177,8 @@ def _listed(values: Sequence[float]) -> str:
     return ", ".join(words if len(words) <= 6 else [*words[:3], "...", *words[-2:]])
 
 
-def _time_label(motion: RigidMotion) -> str:
+def time_label(motion: RigidMotion) -> str:
+    """Return what the times of a motion are: a coordinate with its unit, where they are one."""
     for name, one in motion.coordinates.items():
         if np.array_equal(one.values, motion.times):
             return f"{name.replace('_', ' ')} [{one.unit}]"

@@ -33,10 +33,15 @@ class ShownResult:
     ----------
     scene : MovingScene
         What is drawn.
+    times : list of float
+        Of the kept frames.
+    time_label : str
+        What these are.
     """
 
     def __init__(self, result: KeptFrames, muscles: Sequence[str] | None = None, **options: Any) -> None:
         self._result = result
+        self.times, self.time_label = list(result.times), result.time_label
         self._names = list(result.muscle_names if muscles is None else muscles)
         for name in self._names:
             if name not in result.muscle_names:
@@ -75,7 +80,7 @@ class ShownResult:
 
     def add_slider(self) -> None:
         """Add a slider over the times of the frames to the plotter."""
-        times = np.asarray(self._result.times)
+        times = np.asarray(self.times)
 
         def moved(time: float) -> None:
             self.show(int(np.abs(times - time).argmin()))
@@ -84,7 +89,7 @@ class ShownResult:
             moved,
             (float(times.min()), float(times.max())),
             value=float(times[0]),
-            title=self._result.time_label,
+            title=self.time_label,
             pointa=(0.25, 0.08),
             pointb=(0.75, 0.08),
             title_height=0.022,
