@@ -81,7 +81,9 @@ class MovingScene:
         size: tuple[int, int] = SIZE,
     ) -> None:
         seen = [*muscles.values()] or [_tubes(lines) for lines in fibres.values()] or [*bones.values()]
-        self.view = choose_view([pyvista.merge(seen)], [multiblock_from(dict(bones))])
+        self.view = choose_view(
+            [pyvista.merge([pyvista.wrap(one) for one in seen])], [multiblock_from(dict(bones))]
+        )
         with x_server_warning_off():
             self.plotter = pyvista.Plotter(
                 off_screen=off_screen, window_size=list(size), theme=pyvista.themes.DocumentTheme()

@@ -256,7 +256,7 @@ def _moment_arms(muscles: Mapping[str, Any]) -> Sheet:
         "least",
         "largest",
         "standard error, mean",
-        "quartic leaves",
+        "left by a quartic",
     ]
     return Sheet(
         "Moment arms [mm]",

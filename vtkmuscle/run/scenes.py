@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from os import cpu_count
@@ -120,22 +120,21 @@ def run_scene(
     stop, report_progress = threading.Event(), _one_at_a_time(progress)
     seen = observe or (lambda muscle, row: None)
     further = {} if errors is None else errors.jobs(numbers, bones, stop)
-    count = _side_by_side(workers, scene, len(further))
+
+    def muscle_run(name: str, others: tuple[MuscleRun, ...]) -> MuscleRun:
+        return MuscleRun(
+            scene, name, tracks[name], bones, distances, folder, stop, report_progress, seen, others, clock
+        )
+
     try:
+        jobs: dict[str, Future[None]] = {}
+        count = _side_by_side(workers, scene, len(further))
         with ThreadPoolExecutor(count) as pool, _setting_if_interrupted(stop):
-            jobs: dict[str, Future[None]] = {}
-            runs: list[MuscleRun] = []
             if folder is not None:
                 folder.begin(report, scene, keys, kept)
-            for name, track in tracks.items():
-                if name in kept:
-                    report_progress(name, "done", 1.0)
-                    continue
-                others = tuple(runs) if scene.muscle_contact != "off" else ()
-                run = MuscleRun(
-                    scene, name, track, bones, distances, folder, stop, report_progress, seen, others, clock
-                )
-                runs.append(run)
+            for name in kept:
+                report_progress(name, "done", 1.0)
+            for name, run in _runs(scene, kept, muscle_run).items():
                 jobs[f"muscles.{name}"] = pool.submit(run.go, numbers)
             jobs |= {key: pool.submit(job) for key, job in further.items()}
             if folder is not None:
@@ -166,6 +165,19 @@ def run_scene(
 def _check_workers(workers: int | None) -> None:
     if workers is not None and workers < 1:
         raise InputError("", f"workers is {workers}, but must be an integer >= 1")
+
+
+def _runs(
+    scene: SceneData,
+    kept: Mapping[str, MuscleTrack],
+    make: Callable[[str, tuple[MuscleRun, ...]], MuscleRun],
+) -> dict[str, MuscleRun]:
+    """Return the runs of the muscles that are not kept from an earlier one; each may meet those before it."""
+    runs: dict[str, MuscleRun] = {}
+    for name in scene.muscles:
+        if name not in kept:
+            runs[name] = make(name, tuple(runs.values()) if scene.muscle_contact != "off" else ())
+    return runs
 
 
 def _side_by_side(workers: int | None, scene: SceneData, n_further: int) -> int:

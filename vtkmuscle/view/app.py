@@ -89,7 +89,7 @@ def _trame() -> dict[str, Any]:
     try:
         from trame.app import get_server  # noqa: PLC0415 -- an extra
         from trame.ui.vuetify3 import SinglePageLayout  # noqa: PLC0415
-        from trame.widgets import vuetify3  # noqa: PLC0415
+        from trame.widgets import client, vuetify3  # noqa: PLC0415
         from trame_pyvista.ui import get_viewer  # noqa: PLC0415
     except ImportError as error:
         raise ImportError(
@@ -100,6 +100,7 @@ def _trame() -> dict[str, Any]:
         "get_server": get_server,
         "layout": SinglePageLayout,
         "widgets": vuetify3,
+        "style": client.Style,
         "get_viewer": get_viewer,
     }
 
@@ -153,6 +154,7 @@ def _page(server: Any, shown: Shown, trame: dict[str, Any]) -> None:
         layout.title.set_text("vtkmuscle")
         layout.icon.hide()
         layout.footer.hide()
+        trame["style"]("html { overflow-y: auto !important; }")
         with layout.toolbar:
             widgets.VSpacer()
             for name in ("best", *DIRECTIONS):
