@@ -22,7 +22,7 @@ from vtkmuscle.io.writing import beside, write_polydata, write_text
 from vtkmuscle.run.architecture import architecture_table
 from vtkmuscle.run.claim import remove_results
 from vtkmuscle.run.finished import STAMPS, finished_muscles, note_finished
-from vtkmuscle.run.loading import note_scene
+from vtkmuscle.run.loading import note_errors, note_scene
 from vtkmuscle.run.poses import merged
 from vtkmuscle.run.report import fibre_table
 
@@ -178,6 +178,10 @@ class RunFolder:
                 table = fibre_table(track.fibres, times, scene.millimetres)
                 table.write(self.path / f"{name}_fibres.csv", digits=DIGITS)
         self.write_report(report)
+
+    def note_errors(self, tracks: dict[str, MuscleTrack]) -> None:
+        """Note the errors of numbers, so that a result that is read back has them."""
+        note_errors(self.path, {name: track.errors for name, track in tracks.items()})
 
     def write_moment_arms(self, arms: MomentArmTable) -> None:
         """Write moment_arms.csv and moment_arms_summary.csv, where there are moment arms."""

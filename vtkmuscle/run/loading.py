@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
@@ -52,6 +53,36 @@ def note_scene(folder: Path, scene: SceneData) -> None:
     Parts(inside).write(SCENE, "", Part(facts, arrays))
 
 
+def note_errors(folder: Path, errors: Mapping[str, Mapping[str, Estimate]]) -> None:
+    """Note the errors of a run's numbers, muscle by muscle, beside what is noted of its scene.
+
+    Raises
+    ------
+    ValueError
+        If nothing is noted of the scene.
+    """
+    parts = Parts(folder / FINISHED)
+    noted = _part(parts, SCENE)
+    facts: dict[str, Any] = {}
+    arrays = dict(noted.arrays)
+    for name, estimates in errors.items():
+        facts[name] = {}
+        for quantity, one in estimates.items():
+            place = f"errors{len(arrays)}"
+            facts[name][quantity] = {"at": place, "unit": one.unit, "causes": list(one.parts)}
+            of_parts = [np.broadcast_to(part, np.shape(one.value)) for part in one.parts.values()]
+            arrays[place] = np.stack([one.value, *of_parts])
+    parts.write(SCENE, "", Part({**noted.facts, "errors": facts}, arrays))
+
+
+def _errors(noted: Part, name: str) -> dict[str, Estimate]:
+    found = {}
+    for quantity, one in noted.facts.get("errors", {}).get(name, {}).items():
+        value, *parts = noted.arrays[one["at"]]
+        found[quantity] = Estimate(value, one["unit"], dict(zip(one["causes"], parts, strict=True)))
+    return found
+
+
 def read_result(folder: Path) -> dict[str, Any]:
     """Read what a :class:`~vtkmuscle.run.result.Result` is made of; see :meth:`vtkmuscle.Result.load`."""
     if not folder.is_dir():
@@ -74,6 +105,7 @@ def read_result(folder: Path) -> dict[str, Any]:
     for name, known in report["muscles"].items():
         tracks[name] = read_track(folder, name, _part(parts, name), millimetres)
         tracks[name].report = known
+        tracks[name].errors = _errors(noted, name)
     inside = folder / FINISHED / "bones"
     bones = {name: read_polydata(inside / f"{name}.vtp") for name in noted.facts["bones"]}
     return {
