@@ -54,7 +54,7 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
         raise NotADirectoryError(f"{folder} is a file; give another folder for the results")
     _check_inputs(folder, scene)
     folder.mkdir(parents=True, exist_ok=True)
-    with _locked(folder):
+    with locked(folder):
         for path in _places(scene.muscles, folder=True):
             _check_is_folder(folder / path)
         for path in _places(scene.muscles, folder=False):
@@ -203,7 +203,7 @@ def read_report(folder: Path) -> dict[str, Any] | None:
 
 
 @contextmanager
-def _locked(folder: Path) -> Iterator[None]:
+def locked(folder: Path) -> Iterator[None]:
     """Hold the lock of a folder; the system lets go of it where the process is killed."""
     path = folder / LOCK
     if os.name != "posix":

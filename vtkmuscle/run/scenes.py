@@ -98,8 +98,12 @@ def run_scene(
     observe: Observe | None = None,
     clock: Clock = time.perf_counter,
     fresh: bool = False,
+    muscles: Sequence[str] | None = None,
 ) -> Result:
-    """Run a scene; see :meth:`vtkmuscle.Scene.run`. The clock [s] times the muscles' stages."""
+    """Run a scene; see :meth:`vtkmuscle.Scene.run`. The clock [s] times the muscles' stages.
+
+    With ``muscles`` only these are run, as they are in a run of all.
+    """
     began = time.perf_counter()
     numbers = frame_numbers(frames, len(scene.motion.times))
     count = _threads(scene, workers)
@@ -107,7 +111,7 @@ def run_scene(
     folder = None if out is None else RunFolder(out, series=series)
     bones, distances = bones_with_reach(scene), bone_distances(scene)
     keys, kept = _kept(folder, scene, bones, numbers, fresh=fresh)
-    tracks = {name: kept.get(name) or MuscleTrack() for name in scene.muscles}
+    tracks = {name: kept.get(name) or MuscleTrack() for name in muscles or scene.muscles}
     report = _first_report(scene, numbers, tracks) | {"taken_over": list(kept)}
     stop = threading.Event()
     report_progress = _one_at_a_time(progress)
