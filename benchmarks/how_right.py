@@ -1,15 +1,15 @@
 """How right lengths and moment arms are: phantoms with known answers, and a real hip against the literature.
 
     python benchmarks/how_right.py
-    python benchmarks/how_right.py --rst docs/how_right_tables
-    python benchmarks/how_right.py --fine --rst docs/how_right_tables/fine
-    python benchmarks/how_right.py --hip FOLDER --rst docs/how_right_tables
-    python benchmarks/how_right.py --knee FOLDER --rst docs/how_right_tables
+    python benchmarks/how_right.py --rst docs/validation/how_right_tables
+    python benchmarks/how_right.py --fine --rst docs/validation/how_right_tables/fine
+    python benchmarks/how_right.py --hip FOLDER --rst docs/validation/how_right_tables
+    python benchmarks/how_right.py --knee FOLDER --rst docs/validation/how_right_tables
 
 Each figure is given twice: of the taut paths alone (TautFibres) and of the fibres that PBDDeformer and
 FibreTransport carry, both with their defaults. ``--hip`` names a folder of the LHDL hip, with ``scene.toml``,
 ``motions`` and ``reference``, ``--knee`` one of a knee with a hinge in its ``scene.toml``. The page
-docs/how_right.rst says what is measured.
+docs/validation/how_right.rst says what is measured.
 """
 
 from __future__ import annotations

@@ -23,22 +23,31 @@ author = "The vtkmuscle developers"
 project_copyright = author
 version = release = vtkmuscle.__version__
 
-# The gallery comes first: it runs the examples, and needs the kernels as they are.
 extensions = [
     "sphinx_gallery.gen_gallery",
-    "vtkmuscle_docs",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
-    "sphinx.ext.mathjax",
+    "sphinx_design",
+    "myst_parser",  # for the page that Typer writes
     "numpydoc",
+    "check_pages",
+    "docstrings",
+    "filter_pages",
+    "generated_tables",
+    "mathml",
+    "page_pictures",
 ]
 
 templates_path = ["_templates"]
-exclude_patterns = ["_build", "**.ipynb", "gallery/*.md5"]
+exclude_patterns = ["_build", "**.ipynb", "gallery/*.md5", "pictures"]
 html_theme = "pydata_sphinx_theme"
 html_title = "vtkmuscle"
-html_theme_options = {"show_prev_next": False, "show_toc_level": 2}
+html_theme_options = {"show_prev_next": False, "show_toc_level": 2, "header_links_before_dropdown": 6}
+html_sidebars = {"index": []}  # pages without others beside them have no use for it
 html_static_path = ["_static"]
+html_show_sourcelink = False
+html_css_files = ["vtkmuscle.css"]
+html_math_renderer = "mathml"
 
 autosummary_generate = True
 autodoc_typehints = "none"
@@ -62,11 +71,12 @@ sphinx_gallery_conf = {
     "gallery_dirs": "gallery",
     "filename_pattern": r"plot_.*\.py",
     "image_scrapers": (Scraper(), "matplotlib"),
-    "reset_modules": ("vtkmuscle_docs.warnings_are_errors",),
+    "reset_modules": ("docstrings.warnings_are_errors",),
     "reset_modules_order": "both",
     "abort_on_example_error": True,
     "download_all_examples": False,
     "show_signature": False,
+    "write_computation_times": False,
     "remove_config_comments": True,
     "min_reported_time": 600,
     "plot_gallery": str(no_pictures is None),

@@ -5,8 +5,8 @@ A knee and the muscles that cross it
 Five muscles of a phantom leg cross its knee, four of them another joint too. Pulled taut round the condyles
 over 90 degrees of flexion they give moment arms about the knee. The surfaces of an anatomical atlas are not
 in this gallery, for their licence; on these such a run gives the long head of the biceps 15 to 50 mm over the
-same range, and :doc:`/how_right` has five more muscles. Here the condyles are a roller of 21 mm, so that a
-tendon in front of it has an arm of at least that.
+same range, and :doc:`/validation/how_right` has five more muscles. Here the condyles are a roller of
+21 mm, so that a tendon in front of it has an arm of at least that.
 """
 
 import matplotlib.pyplot as plt

@@ -7,7 +7,7 @@ is the radius of the cylinder and half the thickness of the strap, at every angl
 lengthens as the angle grows. That of the muscle is measured here by :meth:`Result.moment_arms`, -dl/dq of
 the fibre lengths. Its mean is about a millimetre too large, 3 %: the taut fibres, which the muscle follows,
 are within 0.3 mm by themselves, but edges, volume and bones have their say in the shape as well.
-:doc:`/how_right` has the same for other phantoms, some of which are farther off.
+:doc:`/validation/how_right` has the same for other phantoms, some of which are farther off.
 """
 
 import matplotlib.pyplot as plt

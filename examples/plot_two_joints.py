@@ -5,8 +5,9 @@ Two joints, and on to OpenSim
 A strap runs in front of two hinges, as the rectus femoris does over hip and knee. The scene has both as
 joints, and a grid of their coordinates moves the bones. Fibres pulled taut give moment arms about both. By
 the rule that the strap is made of they are 26 and -18 mm at every pose; what is measured is within 3 % of
-that (:doc:`/how_right` says more). As a polynomial of both coordinates they go into a model of OpenSim.
-:doc:`/joints` has the keys of a scene, models of OpenSim and their motions.
+that (:doc:`/validation/how_right` says more). As a polynomial of both coordinates they go into a model of
+OpenSim.
+:doc:`/how_to/two_joints` has the keys of a scene, models of OpenSim and their motions.
 """
 
 import tempfile

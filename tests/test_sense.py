@@ -20,7 +20,7 @@ from vtkmuscle.data.arrays import points_of, surface_from, with_points
 from vtkmuscle.io import read_landmarks
 from vtkmuscle.scene.sense import check_sense
 
-PAGE = Path(__file__).parents[1] / "docs/sense.rst"
+PAGE = Path(__file__).parents[1] / "docs/reference/sense.rst"
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,8 @@ one clear error of one line that says what to change; anything else (a signal, a
 than 60 s, a file where none was asked for, a damaged file under a final name) fails the tests.
 
 {total} cases, {form} form, planted seeds. The page is written by ``pytest --long tests/test_fuzz.py
-tests/test_faults.py tests/io/test_damaged_files.py --tried-table docs/tried.rst``; the normal run of tests
-has a short form.
+tests/test_faults.py tests/io/test_damaged_files.py --tried-table
+docs/validation/reliability.rst``; the normal run of tests has a short form.
 
 .. list-table::
    :header-rows: 1

@@ -1,4 +1,8 @@
-"""What ``pyvista.read`` opens with vtkmuscle installed, through the entry point group ``pyvista.readers``."""
+"""What ``pyvista.read`` opens with vtkmuscle installed, through the entry point group ``pyvista.readers``.
+
+Only what is ours: trees of MAF (``.msf``, ``.nms``), and a scene where the caller says that it is one. It
+goes by the last suffix of a name, and ``.toml``, ``.csv`` and ``.json`` belong to everybody.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +12,14 @@ import numpy as np
 import pyvista
 
 from vtkmuscle.data.arrays import multiblock_from
-from vtkmuscle.data.attachments import AttachmentArea, attachments_from
-from vtkmuscle.io.landmarks import read_landmarks
 from vtkmuscle.io.msf import landmarks_of, read_msf, surfaces_of
 from vtkmuscle.scenes import Scene
 
 
 def read_scene_file(path: str, **_: Any) -> Any:
     """Return the bones, muscles and attachments of a scene.toml, at rest.
+
+    ``pyvista.read("scene.toml", force_ext=".scene.toml")`` calls it.
 
     Parameters
     ----------
@@ -45,30 +49,6 @@ def read_scene_file(path: str, **_: Any) -> Any:
             }
         )
     )
-
-
-def read_landmark_file(path: str, **_: Any) -> Any:
-    """Return the landmarks of a .csv or .json file as one polyline.
-
-    Parameters
-    ----------
-    path : str
-        See :func:`vtkmuscle.io.read_landmarks`.
-
-    Returns
-    -------
-    pyvista.PolyData
-        A polyline through the landmarks; a ring ends at the point it began with.
-
-    Raises
-    ------
-    ValueError
-        If the file holds no landmarks.
-    """
-    points, closed = read_landmarks(path)
-    block = attachments_from([AttachmentArea("origin", "", points, closed)]).GetBlock(0)
-    block.GetFieldData().Initialize()  # the file says neither role nor bone
-    return pyvista.wrap(block)
 
 
 def read_tree_file(path: str, **_: Any) -> Any:

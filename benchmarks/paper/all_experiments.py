@@ -1,7 +1,7 @@
 """All experiments of the two papers, one after the other: ``python benchmarks/paper/all_experiments.py``.
 
-``--rst FOLDER`` writes each table for the documentation (docs/paper_tables), where only numbers go, no
-pictures of the data set.
+``--rst FOLDER`` writes each table for the documentation (docs/validation/paper_tables), where only numbers
+go, no pictures of the data set.
 """
 
 from __future__ import annotations

@@ -27,12 +27,12 @@ def made():
 def shown_above(docs):
     """Return for each table that a page shows what stands right above it."""
     shown = {}
-    for page in docs.glob("*.rst"):
+    for page in docs.rglob("*.rst"):
         lines = page.read_text(encoding="utf-8").splitlines()
         for number, line in enumerate(lines):
             found = re.search(r"((?:paper|how_right)_tables/\S+\.(?:txt|csv))", line)
             if found and ("include::" in line or ":file:" in line):
-                shown[found[1]] = " ".join(lines[max(number - 6, 0) : number])
+                shown[f"validation/{found[1]}"] = " ".join(lines[max(number - 6, 0) : number])
     return shown
 
 

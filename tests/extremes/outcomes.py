@@ -14,7 +14,7 @@ value of what is named beside it over all cases of a row: an error where two res
 figure that says how far the shape is from rest. {modes}
 
 {count} cases, {form} form, seed {seed}. The page is written by ``pytest -m extremes{option} --extremes-table
-docs/extremes.rst``; {other}.
+docs/validation/extremes.rst``; {other}.
 """
 
 #: What is said of the form that was run.

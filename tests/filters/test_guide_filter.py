@@ -31,7 +31,9 @@ WITH_MORE = {
 
 @pytest.fixture(scope="module")
 def cropper():
-    specification = importlib.util.spec_from_file_location("fibre_cropper", DOCS / "fibre_cropper.py")
+    specification = importlib.util.spec_from_file_location(
+        "fibre_cropper", DOCS / "how_to" / "fibre_cropper.py"
+    )
     module = importlib.util.module_from_spec(specification)
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(sys.modules, "fibre_cropper", module)  # pickle looks for it there
@@ -40,7 +42,7 @@ def cropper():
 
 
 def test_the_page_shows_this_code():
-    page = (DOCS / "add_a_filter.rst").read_text(encoding="utf-8")
+    page = (DOCS / "how_to" / "add_a_filter.rst").read_text(encoding="utf-8")
     assert "literalinclude:: fibre_cropper.py" in page
 
 

@@ -94,7 +94,7 @@ def display():
 
 
 def test_the_documented_script_runs(environment, display, scene, tmp_path):
-    text = (HERE.parents[1] / "docs/paraview.rst").read_text(encoding="utf-8")
+    text = (HERE.parents[1] / "docs/how_to/paraview.rst").read_text(encoding="utf-8")
     _, _, after = text.partition("   from paraview.simple import *\n")
     block, _, _ = after.partition("\n\nA property is called")
     assert "SaveScreenshot" in block

@@ -43,6 +43,9 @@ def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
             observe=_table(list(scene.muscles), console) if options.verbose else None,
             overwrite=options.overwrite,
             fresh=options.fresh,
+            errors=options.errors == "all" or [one for one in (options.errors or "").split(",") if one],
+            landmark_error=options.landmark_error,
+            landmark_samples=options.landmark_samples,
         )
     if result.report["taken_over"]:
         words = ", ".join(result.report["taken_over"])

@@ -50,7 +50,8 @@ WING_HALF_THICKNESS = np.array(
 
 def neck_shift(neck_angle: float = NECK_ANGLE) -> Floats:
     """Return where a neck of another angle to the shaft moves the shaft to, (3,) [mm]: the head stays."""
-    return _neck(neck_angle)[-1] - NECK[-1]
+    shift: Floats = _neck(neck_angle)[-1] - NECK[-1]
+    return shift
 
 
 def _neck(neck_angle: float) -> Floats:

@@ -80,9 +80,10 @@ def remove_results(folder: Path, scene: SceneData, kept: Collection[str] = ()) -
     notes = folder / "finished"
     for note in (notes / f"{name}{end}" for name in ("scene", *names - {*kept}) for end in _NOTES):
         note.unlink(missing_ok=True)  # first: what is noted is there
-    if (notes / "bones").is_dir() and not notes.is_symlink() and not (notes / "bones").is_symlink():
-        for bone in (notes / "bones").glob("*.vtp"):
-            bone.unlink()
+    for inside, ending in (("bones", ".vtp"), ("errors", ".npz")):
+        if not notes.is_symlink() and not (notes / inside).is_symlink():
+            for note in (notes / inside).glob(f"*{ending}"):
+                note.unlink()
     gone = sorted(names - {*kept})
     for number, series in enumerate(("bones", *gone, *(f"{name}_fibres" for name in gone))):
         _remove_series(folder, series, numbered=number > 0)

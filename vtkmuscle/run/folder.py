@@ -20,7 +20,7 @@ from vtkmuscle.io.series import Collection, Series
 from vtkmuscle.io.temporal import read_series, write_vtkhdf
 from vtkmuscle.io.writing import beside, write_polydata, write_text
 from vtkmuscle.run.claim import remove_results
-from vtkmuscle.run.finished import STAMPS, finished_muscles, note_finished
+from vtkmuscle.run.finished import STAMPS, finished_muscles, note_errors, note_finished
 from vtkmuscle.run.loading import note_scene
 from vtkmuscle.run.poses import merged
 from vtkmuscle.run.report import fibre_table
@@ -158,13 +158,15 @@ class RunFolder:
         self, report: dict[str, Any], scene: SceneData, numbers: range, tracks: dict[str, MuscleTrack]
     ) -> None:
         """Write lengths.csv, a table of each muscle's fibres and report.json, as far as there are frames."""
-        lines = ["muscle,fibre,time,length_mm"]
+        lines = ["muscle,fibre,time,length_mm,length_err_mm"]
         for name, track in tracks.items():
             times = [float(scene.motion.times[number]) for number in numbers[: len(track.lengths)]]
+            known = track.errors.get("fibre_length")
             for fibre in range(len(track.lengths[0]) if track.lengths else 0):
+                errors = [""] * len(times) if known is None else [f"{e:.6g}" for e in known.total[:, fibre]]
                 lines += [
-                    f"{name},{fibre},{time!r},{float(lengths[fibre])!r}"
-                    for time, lengths in zip(times, track.lengths, strict=True)
+                    f"{name},{fibre},{time!r},{float(lengths[fibre])!r},{error}"
+                    for time, lengths, error in zip(times, track.lengths, errors, strict=True)
                 ]
         write_text(self.path / "lengths.csv", "\n".join(lines) + "\n")
         for name, track in tracks.items():
@@ -174,8 +176,9 @@ class RunFolder:
                 table.write(self.path / f"{name}_fibres.csv", digits=DIGITS)
         self.write_report(report)
 
-    def write_moment_arms(self, arms: MomentArmTable) -> None:
-        """Write moment_arms.csv and moment_arms_summary.csv, where there are moment arms."""
+    def write_moment_arms(self, arms: MomentArmTable, tracks: Mapping[str, MuscleTrack]) -> None:
+        """Write moment_arms.csv and moment_arms_summary.csv, where there are any; note their errors."""
+        note_errors(self.path, tracks)
         if arms:
             arms.table().write(self.path / "moment_arms.csv", digits=DIGITS)
             arms.summary().write(self.path / "moment_arms_summary.csv", digits=DIGITS)

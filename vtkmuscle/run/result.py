@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
 
+from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import smoothed_curve
 from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
@@ -87,7 +88,7 @@ class Result:
 
     >>> table = result.length_table()
     >>> table
-    Table: 24 rows of muscle, fibre, frame, time, length_mm
+    Table: 24 rows of muscle, fibre, frame, time, length_mm, length_err_mm
     >>> table.where(frame=2)["length_mm"].shape
     (8,)
     >>> result.frame_table().where(muscle="spindle")["volume_ratio"].round(6)
@@ -164,6 +165,15 @@ class Result:
         muscles = ", ".join(f"{name} ({self.verdicts[name]})" for name in self.muscle_names)
         return f"Result({self.name!r}: {len(self.times)} frames of {muscles})"
 
+    @property
+    def errors(self) -> dict[str, Mapping[str, Estimate]]:
+        """Per muscle the quantities with their errors, see :mod:`vtkmuscle.accuracy.estimates`.
+
+        ``errors["iliacus"]["length"].total`` is that of the mean length in each frame,
+        ``errors["iliacus"]["moment_arm_hip_flexion_r"].parts["model"]`` a part of that of the moment arm.
+        """
+        return {name: track.errors for name, track in self._tracks.items()}
+
     def finished(self, name: str) -> int:
         """Return how many of the kept frames a muscle has: all, or those before the one that failed."""
         return len(self._tracks[name].report["frames"])
@@ -229,17 +239,19 @@ class Result:
             refused |= without
         if problems and not arms:
             raise problems[0]
-        return MomentArmTable(arms, refused)
+        return MomentArmTable(arms, refused, self.errors)
 
     def length_table(self) -> Table:
         """Return the fibre lengths, a row per muscle, fibre and frame: as lengths.csv, and the frame."""
         return Table(
-            ("muscle", "fibre", "frame", "time", "length_mm"),
+            ("muscle", "fibre", "frame", "time", "length_mm", "length_err_mm"),
             (
-                (name, fibre, frame, time, length)
+                (name, fibre, frame, time, length, error)
                 for name, lengths in self.lengths.items()
-                for fibre, curve in enumerate(lengths.T)
-                for frame, time, length in zip(self.frames, self.times, curve, strict=False)
+                for fibre, (curve, errors) in enumerate(
+                    zip(lengths.T, length_errors(self.errors[name], lengths).T, strict=True)
+                )
+                for frame, time, length, error in zip(self.frames, self.times, curve, errors, strict=False)
             ),
         )
 
@@ -343,6 +355,12 @@ class Result:
                 f"{name!r} failed before frame {self.frames[i]}, so that it is not there",
                 f"it has {self.finished(name)} of {len(self.frames)} frames",
             )
+
+
+def length_errors(errors: Mapping[str, Estimate], lengths: Floats) -> Floats:
+    """Return the errors of fibre lengths (f, k), NaN where they are not known [mm]."""
+    known = errors.get("fibre_length")
+    return np.full(lengths.shape, np.nan) if known is None else known.total
 
 
 def _wrapped(data: vtkDataObject) -> Any:

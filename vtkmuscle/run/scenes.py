@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from os import cpu_count
@@ -21,6 +21,7 @@ from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.run.claim import scene_file
+from vtkmuscle.run.errors import ErrorStudy
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.keys import muscle_keys
 from vtkmuscle.run.memory import check_memory
@@ -99,6 +100,7 @@ def run_scene(
     clock: Clock = time.perf_counter,
     fresh: bool = False,
     muscles: Sequence[str] | None = None,
+    errors: ErrorStudy | None = None,
 ) -> Result:
     """Run a scene; see :meth:`vtkmuscle.Scene.run`. The clock [s] times the muscles' stages.
 
@@ -106,7 +108,7 @@ def run_scene(
     """
     began = time.perf_counter()
     numbers = frame_numbers(frames, len(scene.motion.times))
-    count = _threads(scene, workers)
+    _check_workers(workers)
     check_memory(scene, numbers)
     folder = None if out is None else RunFolder(out, series=series)
     bones, distances = bones_with_reach(scene), bone_distances(scene)
@@ -114,8 +116,9 @@ def run_scene(
     tracks = {name: kept.get(name) or MuscleTrack() for name in muscles or scene.muscles}
     report = _first_report(scene, numbers, tracks) | {"taken_over": list(kept)}
     stop = threading.Event()
-    report_progress = _one_at_a_time(progress)
-    seen = observe or (lambda muscle, row: None)
+    report_progress = _one_at_a_time(progress, kept)
+    further = {} if errors is None else errors.jobs(numbers, bones, stop)
+    count = _side_by_side(workers, scene, len(further))
     try:
         with ThreadPoolExecutor(count) as pool, _setting_if_interrupted(stop):
             jobs: dict[str, Future[None]] = {}
@@ -124,18 +127,31 @@ def run_scene(
                 folder.begin(report, scene, keys, kept)
             for name, track in tracks.items():
                 if name in kept:
-                    report_progress(name, "done", 1.0)
                     continue
                 others = tuple(runs) if scene.muscle_contact != "off" else ()
                 run = MuscleRun(
-                    scene, name, track, bones, distances, folder, stop, report_progress, seen, others, clock
+                    scene,
+                    name,
+                    track,
+                    bones,
+                    distances,
+                    folder,
+                    stop,
+                    report_progress,
+                    observe or _unseen,
+                    others,
+                    clock,
                 )
                 runs.append(run)
                 jobs[f"muscles.{name}"] = pool.submit(run.go, numbers)
+            jobs |= {key: pool.submit(job) for key, job in further.items()}
             if folder is not None:
                 folder.write_bones(scene, numbers, stop.is_set)
             _wait_for(list(jobs.values()), stop)
         _raise_first_failure(jobs, scene)
+        result = _result(scene, numbers, tracks, report)
+        report["seconds"] = {"muscles": time.perf_counter() - began}
+        arms = _with_errors(_moment_arms(result, report), errors, result, tracks, report)
     except BaseException as error:
         report["stopped_by"] = f"{type(error).__name__}: {error}".rstrip(": ")
         if folder is not None:
@@ -143,8 +159,38 @@ def run_scene(
                 folder.write_tables(report, scene, numbers, tracks)
         raise
     report["complete"] = True
-    report["seconds"] = {"muscles": time.perf_counter() - began}
-    result = Result(
+    if folder is not None:
+        folder.write_moment_arms(arms, tracks)
+        folder.write_tables(report, scene, numbers, tracks)
+        if figures:
+            with _unfinished_if_it_fails(folder, report):
+                _draw(folder, result, report)
+    report["seconds"]["total"] = time.perf_counter() - began
+    if folder is not None:
+        folder.write_report(report)
+    return result
+
+
+def _unseen(muscle: str, row: Mapping[str, Any]) -> None:
+    """Do nothing with a frame that is done."""
+
+
+def _check_workers(workers: int | None) -> None:
+    if workers is not None and workers < 1:
+        raise InputError("", f"workers is {workers}, but must be an integer >= 1")
+
+
+def _side_by_side(workers: int | None, scene: SceneData, n_further: int) -> int:
+    """Return how many threads to use for the muscles, and for further solves."""
+    if scene.muscle_contact != "off":
+        return 1  # each muscle waits for those before it, and shares their filters
+    return min(workers or cpu_count() or 1, len(scene.muscles) + n_further)
+
+
+def _result(
+    scene: SceneData, numbers: range, tracks: dict[str, MuscleTrack], report: dict[str, Any]
+) -> Result:
+    return Result(
         scene.name,
         scene.units,
         scene.bones_data(),
@@ -155,27 +201,6 @@ def run_scene(
         literature={name: muscle.literature for name, muscle in scene.muscles.items()},
         crosses={name: one.crosses for name, one in scene.muscles.items() if one.crosses is not None},
     )
-    arms = _moment_arms(result, report)
-    if folder is not None:
-        folder.write_moment_arms(arms)
-        folder.write_tables(report, scene, numbers, tracks)
-        if figures:
-            with _unfinished_if_it_fails(folder, report):
-                _draw(folder, result, report)
-        report["seconds"]["total"] = time.perf_counter() - began
-        folder.write_tables(report, scene, numbers, tracks)
-    else:
-        report["seconds"]["total"] = time.perf_counter() - began
-    return result
-
-
-def _threads(scene: SceneData, workers: int | None) -> int:
-    """Return how many muscles run side by side."""
-    if workers is not None and workers < 1:
-        raise InputError("", f"workers is {workers}, but must be an integer >= 1")
-    if scene.muscle_contact != "off":
-        return 1  # each muscle waits for those before it, and shares their filters
-    return min(workers or cpu_count() or 1, len(scene.muscles))
 
 
 def _kept(
@@ -204,6 +229,24 @@ def _moment_arms(result: Result, report: dict[str, Any]) -> MomentArmTable:
     for name in arms:
         report["muscles"][name]["moment_arms"] = arms.report(name)
     return arms
+
+
+def _with_errors(
+    arms: MomentArmTable,
+    study: ErrorStudy | None,
+    result: Result,
+    tracks: dict[str, MuscleTrack],
+    report: dict[str, Any],
+) -> MomentArmTable:
+    """Estimate the errors of all muscles, and return the moment arms with theirs."""
+    if study is None:
+        return arms
+    before = time.perf_counter()
+    motion = result.motion.part(result.frames)
+    for name, track in tracks.items():
+        track.errors = study.estimates(name, track, motion)
+    report["seconds"]["errors"] = time.perf_counter() - before
+    return MomentArmTable(arms, arms.refused, result.errors)
 
 
 def bone_distances(scene: SceneData) -> dict[str, SurfaceDistance]:
@@ -241,7 +284,8 @@ def _first_report(scene: SceneData, numbers: range, tracks: dict[str, MuscleTrac
     }
 
 
-def _one_at_a_time(progress: Progress | None) -> Progress:
+def _one_at_a_time(progress: Progress | None, kept: Iterable[str]) -> Progress:
+    """Return what calls back from one thread at a time; of muscles that are kept it says so at once."""
     lock = threading.Lock()
 
     def tell(muscle: str, stage: str, fraction: float) -> None:
@@ -249,6 +293,8 @@ def _one_at_a_time(progress: Progress | None) -> Progress:
             with lock:
                 progress(muscle, stage, fraction)
 
+    for name in kept:
+        tell(name, "done", 1.0)
     return tell
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.types import Floats
 
 
@@ -30,6 +32,8 @@ class MuscleTrack:
         What is known of the muscle, JSON-able.
     failure : (int, float, Exception) or None
         Frame and time that could not be computed, and why; the frames before are there.
+    errors : dict of str to Estimate
+        Quantities with the parts of their errors.
     """
 
     rest: vtkPolyData | None = None
@@ -39,3 +43,4 @@ class MuscleTrack:
     lengths: list[Floats] = field(default_factory=list)
     report: dict[str, Any] = field(default_factory=dict)
     failure: tuple[int, float, Exception] | None = None
+    errors: Mapping[str, Estimate] = field(default_factory=dict)

@@ -1,6 +1,6 @@
 """What can be run but cannot be meant: said before the run, as an error where it is sure, else as a warning.
 
-The checks are listed in docs/sense.rst.
+The checks are listed in docs/reference/sense.rst.
 """
 
 from __future__ import annotations

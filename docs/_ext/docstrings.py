@@ -1,0 +1,59 @@
+"""Docstrings as pages: bars and DOIs in them, what is left out, and warnings of the gallery's examples."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from typing import Any
+from urllib.parse import quote
+
+from sphinx.application import Sphinx
+
+_DOI = re.compile(r"(?<![\w/`<])doi:(10\.\d{4,9}/[-._;()/:<>a-zA-Z0-9]*[a-zA-Z0-9])")
+_filters_before: list[Any] = []
+
+
+def warnings_are_errors(gallery_conf: dict[str, Any], fname: str, when: str) -> None:
+    """Make a warning of an example an error, and of nothing else; called before and after each."""
+    if not str(fname).endswith(".py"):
+        return
+    if when == "before":
+        _filters_before[:] = warnings.filters
+        warnings.simplefilter("error")
+    else:
+        warnings.filters[:] = _filters_before
+
+
+def skip_imported(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: Any) -> bool | None:
+    """Leave out of a module's page what it only imports; autodoc trips over compiled classes."""
+    module = getattr(obj, "__module__", None)
+    foreign = isinstance(module, str) and not module.startswith("vtkmuscle")
+    return True if what == "module" and foreign else None
+
+
+def escape_bars(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """Keep absolute values in docstrings, |x|, from being read as reStructuredText substitutions."""
+    for i, line in enumerate(lines):
+        if "|" in line and not line.lstrip().startswith((">>>", "...")):
+            parts = re.split(r"(``.*?``|:math:`.*?`)", line)
+            parts[::2] = [part.replace("|", r"\|") for part in parts[::2]]
+            lines[i] = "".join(parts)
+
+
+def link_dois(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """Make links of the DOIs in docstrings."""
+    lines[:] = [_DOI.sub(_linked, line) for line in lines]
+
+
+def _linked(doi: re.Match[str]) -> str:
+    shown = doi[1].replace("<", r"\<").replace(">", r"\>")
+    return f"`doi:{shown} <https://doi.org/{quote(doi[1], safe='/:;()')}>`__"
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Register all of it with Sphinx."""
+    app.setup_extension("sphinx.ext.autodoc")
+    app.connect("autodoc-skip-member", skip_imported)
+    app.connect("autodoc-process-docstring", escape_bars, priority=400)
+    app.connect("autodoc-process-docstring", link_dois, priority=410)
+    return {"parallel_read_safe": True}

@@ -1,0 +1,94 @@
+"""The code blocks of the documentation's pages run, in order, and give what the pages say."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import sys
+import warnings
+from pathlib import Path
+
+import pytest
+
+from vtkmuscle.plotting import can_render
+
+DOCS = Path(__file__).parents[1] / "docs"
+GENERATED = {"_build", "gallery", "generated", "pictures"}
+PAGES = [path for path in sorted(DOCS.rglob("*.rst")) if not GENERATED & set(path.parts)]
+CODE = re.compile(r"^\s*(?:\.\. code-block:: (?:python|console|toml)|>>> )", flags=re.MULTILINE)
+WITH_CODE = [path for path in PAGES if CODE.search(path.read_text(encoding="utf-8"))]
+#: The documentation's build runs it too, for its pictures.
+RUN_BY_THE_BUILD = DOCS / "start" / "first_scene.rst"
+
+
+@pytest.fixture(scope="module")
+def page_examples():
+    """The module that runs pages; it is beside the documentation, for its build runs them too."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "path", [str(DOCS / "_ext"), *sys.path])
+        yield importlib.import_module("page_examples")
+
+
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(path, marks=[pytest.mark.long] * (path == RUN_BY_THE_BUILD)) for path in WITH_CODE],
+    ids=lambda path: path.stem,
+)
+def test_the_code_of_a_page_runs(page, page_examples, tmp_path, monkeypatch):
+    if can_render() is not None and "plot(" in page.read_text(encoding="utf-8"):
+        pytest.skip(can_render())
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("pyvista.OFF_SCREEN", True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        page_examples.run_page(page)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
+def test_code_that_no_test_runs_says_why(page):
+    """Blocks of languages that are not run are text; one that is skipped has a reason."""
+    text = page.read_text(encoding="utf-8")
+    languages = set(re.findall(r"^\s*\.\. code-block:: *(\S*)", text, flags=re.MULTILINE))
+    assert languages <= {"python", "console", "toml", "text"}
+    for skip in re.findall(r"^\.\. skip: (.*)$", text, flags=re.MULTILINE):
+        assert re.fullmatch(r'(?:next|start) "[^"]{8,}"|end', skip), skip
+
+
+@pytest.mark.parametrize(
+    ("block", "why"),
+    [
+        (".. code-block:: python\n\n   1 / 0\n", "division by zero"),
+        (".. code-block:: toml\n\n   [motion.hinge]\n   bones = 'femur'\n", "not a part of a scene"),
+        (".. code-block:: console\n\n   $ vtkmuscle --version\n   vtkmuscle 99\n", "and not"),
+        (".. code-block:: console\n\n   $ vtkmuscle info nothing.stl\n", "there is no such file"),
+        (".. code-block:: console\n\n   $ make\n", "nothing here runs make"),
+        (">>> 1 + 1\n3\n", "Expected"),
+    ],
+)
+def test_a_block_that_is_wrong_is_found(page_examples, tmp_path, block, why):
+    (tmp_path / "page.rst").write_text(block, encoding="utf-8")
+    with pytest.raises((AssertionError, ZeroDivisionError), match=why):
+        page_examples.run_page(tmp_path / "page.rst")
+
+
+@pytest.mark.parametrize(
+    ("tag", "why"),
+    [
+        ('<a href="gone.html">', r"there is no gone\.html"),
+        ('<a href="other.html#gone">', "there is no #gone"),
+        ('<a href="#gone">', "there is no #gone"),
+        ('<script src="https://cdn.example.org/a.js">', "asks the network"),
+        ('<link rel="stylesheet" href="https://example.org/a.css">', "asks the network"),
+        ('<img src="gone.png">', r"there is no gone\.png"),
+        ('<a href="https://doi.org/Kohout2021">', "is no DOI"),
+    ],
+)
+def test_what_is_wrong_with_a_built_page_is_found(page_examples, tmp_path, tag, why):
+    check_pages = importlib.import_module("check_pages")
+    (tmp_path / "other.html").write_text('<p id="there"></p>', encoding="utf-8")
+    good = '<a href="other.html#there"></a><a href="https://doi.org/10.1016/j.jvcir.2007.01.005"></a>'
+    (tmp_path / "page.html").write_text(good, encoding="utf-8")
+    assert list(check_pages.faults(tmp_path)) == []
+    (tmp_path / "page.html").write_text(good + tag, encoding="utf-8")
+    (found,) = check_pages.faults(tmp_path)
+    assert re.search(why, found)
