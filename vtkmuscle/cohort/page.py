@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
@@ -16,6 +17,7 @@ from matplotlib.figure import Figure
 from vtkmuscle._version import __version__
 from vtkmuscle.cohort.statistics import Key, curves, outliers
 from vtkmuscle.cohort.study import Study
+from vtkmuscle.cohort.tables import part_of
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.csv_table import csv_rows
 from vtkmuscle.io.parts import Parts
@@ -69,9 +71,8 @@ def _muscles(study: Study, parts: Parts) -> Iterator[dict[str, Any]]:
     """Give what the page says of each task, in the order of the study."""
     for tasks in study.tasks():
         for task in tasks:
-            part = parts.read(task.name)
-            facts: Mapping[str, Any] = {"failure": "it was not done"} if part is None else part.facts
-            picture = None if part is None else part.arrays.get("picture")
+            part = part_of(task, parts)
+            facts, picture = part.facts, part.arrays.get("picture")
             yield {
                 **{
                     name: getattr(task, name) for name in ("subject", "motion", "setting", "sample", "muscle")
@@ -128,6 +129,7 @@ def _drawn(coordinate: str, ones: Sequence[Mapping[str, Floats]]) -> str:
         axes.set_ylabel(label, fontsize=8)
         axes.tick_params(labelsize=7)
     file = io.StringIO()
-    figure.savefig(file, format="svg", metadata={"Date": None})
+    with mpl.rc_context({"svg.hashsalt": coordinate}):  # the same drawing each time
+        figure.savefig(file, format="svg", metadata={"Date": None})
     text = file.getvalue()
     return text[text.index("<svg") :]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -85,16 +85,13 @@ def _part(task: Task, store: Parts) -> tuple[Part, str, str]:
     found = store.read(task.name)
     if found is not None and "inputs" in found.facts and found.facts["inputs"] == _inputs(task, found.facts):
         return found, KEPT, ""
-    scene, remarks, key_of = _scene(json.dumps(asdict(task) | {"muscle": ""}, sort_keys=True))
-    if task.muscle not in scene.muscles:
-        raise InputError("", f"there is no muscle {task.muscle!r}")
-    key = f"{key_of[task.muscle]} {task.groups} {task.pictures}"
-    files = {str(file.absolute()): _digest(file.absolute()) for file in scene.files.values()}
+    loaded = _loaded(task)
+    key = f"{loaded.keys[task.muscle]} {task.groups} {task.pictures}"
     found = store.read(task.name, key)
     state = KEPT if found is not None else DONE
     if found is None:
-        found = _solved(task, scene, remarks)
-    inputs = {"files": files, "inputs": _inputs(task, {"files": files})}
+        found = _solved(task, loaded)
+    inputs = {"files": loaded.files, "inputs": _inputs(task, {"files": loaded.files})}
     part = Part({**found.facts, **inputs}, found.arrays)
     if state == KEPT:  # other files, the same content: next time nothing is read
         _write(store, task.name, key, part)
@@ -108,23 +105,42 @@ def _write(store: Parts, name: str, key: str, part: Part) -> None:
         raise UnwritableError(f"{error.filename or store.path(name)}: {error.strerror}") from error
 
 
+@dataclass(frozen=True, eq=False)
+class _Loaded:
+    """A scene, what was warned of, the keys of its muscles, and the digests of its files."""
+
+    scene: Scene
+    remarks: list[str]
+    keys: dict[str, str]
+    files: dict[str, str]
+
+
+def _loaded(task: Task) -> _Loaded:
+    """Return the scene of a task: the one in memory, unless a file of it has changed since."""
+    text = json.dumps(asdict(task) | {"muscle": ""}, sort_keys=True)
+    found = _scene(text)
+    if any(_digest(Path(name)) != digest for name, digest in found.files.items()):
+        _scene.cache_clear()
+        found = _scene(text)
+    return found
+
+
 @lru_cache(maxsize=_SCENES)
-def _scene(text: str) -> tuple[Scene, list[str], dict[str, str]]:
-    """Return the scene of a task without its muscle's name, what was warned of, and the muscles' keys."""
+def _scene(text: str) -> _Loaded:
+    """Return the scene of a task, which is given as JSON without its muscle's name."""
     task = Task(**json.loads(text))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")
         scene = Scene(**read_fields(Path(task.scene_file), task.values))
-        files = scene.files
+        files = {str(file.absolute()): _digest(file.absolute()) for file in scene.files.values()}
         if task.sample:
             cause = task.sample.partition(" ")[0]
             scene = varied(scene, cause, task.amount, sample=task.sample, seed=task.seed)
-            object.__setattr__(scene, "files", files)
         else:
             check_sense(scene)
     numbers = frame_numbers(task.frames, len(scene.motion.times))
     keys = muscle_keys(scene, bones_with_reach(scene), numbers)
-    return scene, sorted({str(one.message) for one in caught}), keys
+    return _Loaded(scene, sorted({str(one.message) for one in caught}), keys, files)
 
 
 def _inputs(task: Task, facts: Any) -> str:
@@ -146,8 +162,9 @@ def _digest_of(path: str, *_stamp: int) -> str:
     return file_digest(Path(path))
 
 
-def _solved(task: Task, scene: Scene, remarks: list[str]) -> Part:
+def _solved(task: Task, loaded: _Loaded) -> Part:
     """Run one muscle, and return its lengths and moment arms."""
+    scene = loaded.scene
     # Where muscles may meet, this one needs those before it.
     names = list(scene.muscles)
     before = names[: names.index(task.muscle) + 1] if scene.muscle_contact != "off" else [task.muscle]
@@ -163,7 +180,7 @@ def _solved(task: Task, scene: Scene, remarks: list[str]) -> Part:
     facts |= {
         "verdict": report["verdict"]["verdict"],
         "reasons": report["verdict"]["reasons"],
-        "remarks": sorted({*remarks, *(str(one.message) for one in caught)}),
+        "remarks": sorted({*loaded.remarks, *(str(one.message) for one in caught)}),
         "volume_mm3": report["volume_mm3"],
         "seconds": sum(report["seconds"].values()),
     }

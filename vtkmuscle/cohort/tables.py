@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -34,13 +34,11 @@ COLUMNS = {
     "flags": str,
     "message": str,
 }
-#: What the table has of a part that is not there.
-_MISSING = "it was not done: the study was stopped"
 
 
-def rows_of(task: Task, part: Part | None) -> Iterator[dict[str, Any]]:
-    """Give the rows of a task, from what it has made; None where it has made nothing."""
-    facts: Mapping[str, Any] = {"failure": _MISSING} if part is None else part.facts
+def rows_of(task: Task, part: Part) -> Iterator[dict[str, Any]]:
+    """Give the rows of a task, from what it has made."""
+    facts = part.facts
     row: dict[str, Any] = dict.fromkeys(COLUMNS) | {
         "subject": task.subject,
         "motion": task.motion,
@@ -48,7 +46,7 @@ def rows_of(task: Task, part: Part | None) -> Iterator[dict[str, Any]]:
         "sample": task.sample,
         "muscle": task.muscle,
     }
-    if part is None or "failure" in facts:
+    if "failure" in facts:
         yield row | {"verdict": "failed", "flags": "not computed", "message": facts["failure"]}
         return
     arrays = part.arrays
@@ -96,7 +94,22 @@ def write_tables(study: Study, parts: Parts, out: Path) -> list[Path]:
 
 def _by_subject(study: Study, parts: Parts) -> Iterator[list[dict[str, Any]]]:
     for tasks in study.tasks():
-        yield [row for task in tasks for row in rows_of(task, parts.read(task.name))]
+        yield [row for task in tasks for row in rows_of(task, part_of(task, parts))]
+
+
+def part_of(task: Task, parts: Parts) -> Part:
+    """Return what a task that has ended has made.
+
+    Raises
+    ------
+    FileNotFoundError
+        If it is gone.
+    """
+    part = parts.read(task.name)
+    if part is None:
+        words = "it was removed or damaged while the study ran; the same command makes it again"
+        raise FileNotFoundError(f"{parts.path(task.name)}: {words}")
+    return part
 
 
 def _write_csv(study: Study, parts: Parts, path: Path) -> Path:

@@ -118,9 +118,11 @@ def run_scene(
     stop = threading.Event()
     report_progress = _one_at_a_time(progress, kept)
     further = {} if errors is None else errors.jobs(numbers, bones, stop)
-    count = _side_by_side(workers, scene, len(further))
     try:
-        with ThreadPoolExecutor(count) as pool, _setting_if_interrupted(stop):
+        with (
+            ThreadPoolExecutor(_side_by_side(workers, scene, len(further))) as pool,
+            _setting_if_interrupted(stop),
+        ):
             jobs: dict[str, Future[None]] = {}
             runs: list[MuscleRun] = []
             if folder is not None:
