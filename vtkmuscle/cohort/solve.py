@@ -171,7 +171,14 @@ def _solved(task: Task, loaded: _Loaded) -> Part:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")
         result = run_scene(
-            scene, None, frames=task.frames, figures=False, progress=None, workers=1, muscles=before
+            scene,
+            None,
+            frames=task.frames,
+            figures=False,
+            page=False,
+            progress=None,
+            workers=1,
+            muscles=before,
         )
     report = result.report["muscles"][task.muscle]
     arrays, facts = _measured(result, task.muscle, task.groups)
