@@ -47,7 +47,8 @@ class Tried:
     def write(self, path: Path) -> None:
         """Write the page; rows of what was not tried now stay as they are there."""
         if path.is_file():
-            found = re.findall(
+            row = r"   \* - (.+)\n     - \d+\n     - (\d+)\n     - (\d+)"
+            found = re.findall(row, path.read_text(encoding="utf-8"))
                 r"   \* - (.+)\n     - \d+\n     - (\d+)\n     - (\d+)", path.read_text("utf-8")
             )
             for what, used, refused in found:
