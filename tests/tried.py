@@ -49,8 +49,6 @@ class Tried:
         if path.is_file():
             row = r"   \* - (.+)\n     - \d+\n     - (\d+)\n     - (\d+)"
             found = re.findall(row, path.read_text(encoding="utf-8"))
-                r"   \* - (.+)\n     - \d+\n     - (\d+)\n     - (\d+)", path.read_text("utf-8")
-            )
             for what, used, refused in found:
                 self.rows.setdefault(what, Counter({"used": int(used), "refused": int(refused)}))
         total = sum(sum(row.values()) for row in self.rows.values())

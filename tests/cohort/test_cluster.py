@@ -76,7 +76,7 @@ def study(tmp_path_factory):
 
     file = write_tiny_study(tmp_path_factory.mktemp("study"))
     with distributed.Client(
-        processes=False, n_workers=1, threads_per_worker=1, dashboard_address=None
+        processes=False, n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0"
     ) as client:
         run_study(Study.load(file), file.parent / "whole", client=client)
     return file

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,6 +33,7 @@ def run_cohort(
         from vtkmuscle.cohort import Study, run_study
 
         loaded = Study.load(study)
+        _silence_dask()
         try:
             with _told(quiet=quiet) as progress:
                 report = run_study(
@@ -60,6 +62,19 @@ def run_cohort(
     say(quiet, "  cohort.html, cohort.csv, cohort.parquet")
     if tasks.get("failed"):
         raise typer.Exit(FAILED)
+
+
+def _silence_dask() -> None:
+    """Leave it to this program to say what has happened to a cluster."""
+    from importlib.util import find_spec
+
+    if find_spec("distributed") is None:
+        return  # the study says so
+    import distributed  # noqa: F401 -- it sets up its loggers
+
+    for name in list(logging.root.manager.loggerDict):
+        if name.partition(".")[0] == "distributed":
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
 
 
 @contextmanager

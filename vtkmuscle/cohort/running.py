@@ -265,8 +265,8 @@ def _work(
             parts.write(task.name, "", Part({"failure": words}))
         except UnwritableError:
             raise
-        except Exception as error:
-            if isinstance(error, OSError | distributed.FutureCancelledError) or future.status != "error":
+        except (Exception, distributed.CancelledError) as error:
+            if isinstance(error, OSError) or future.status != "error":
                 raise ConnectionError(f"the scheduler was lost ({error}); {_GOES_ON}") from error
             raise
         states[state] += 1
