@@ -102,7 +102,9 @@ def main() -> None:
     if given.one:
         print(json.dumps(measured(given.one[0], int(given.one[1]))))
         return
-    lines = ["grows,size,set-up per muscle [s],frame [ms],memory [MB],distance to the end of the solve [mm],volume error [1]"]
+    lines = [
+        "grows,size,set-up per muscle [s],frame [ms],memory [MB],distance to the end of the solve [mm],volume error [1]"
+    ]
     print(lines[0])
     for kind in given.only:
         for size in SIZES[kind]:
@@ -112,7 +114,9 @@ def main() -> None:
             found = subprocess.run(command, check=True, capture_output=True, text=True).stdout
             row = json.loads(found.splitlines()[-1])
             shown = int(row["triangles"]) if kind == "triangles" else size
-            numbers = f"{row['set_up_s']:.3g},{row['frame_ms']:.3g},{row['memory_mb']:.0f},{row['distance_mm']:.2f}"
+            numbers = (
+                f"{row['set_up_s']:.3g},{row['frame_ms']:.3g},{row['memory_mb']:.0f},{row['distance_mm']:.2f}"
+            )
             lines.append(f"{kind},{shown},{numbers},{row['volume_error']:.0e}")
             print(lines[-1], flush=True)
     if given.write:
