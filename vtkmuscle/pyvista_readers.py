@@ -1,7 +1,7 @@
 """What ``pyvista.read`` opens with vtkmuscle installed, through the entry point group ``pyvista.readers``.
 
-Only what is ours: trees of MAF (``.msf``, ``.nms``), and a scene where the caller says that it is one. PyVista
-goes by the last suffix of a name, and ``.toml``, ``.csv`` and ``.json`` belong to everybody.
+Only what is ours: trees of MAF (``.msf``, ``.nms``), and a scene where the caller says that it is one.
+PyVista goes by the last suffix of a name, and ``.toml``, ``.csv`` and ``.json`` belong to everybody.
 """
 
 from __future__ import annotations
