@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from vtkmuscle.io import read_polydata, read_series
+from vtkmuscle.io.parts import Parts
 
 #: The program, in a process of its own, with this one's packages.
 PROGRAM = (sys.executable, "-m", "vtkmuscle")
@@ -73,6 +74,8 @@ def check_whole(folder: Path) -> int:
                 rows = list(csv.reader(lines))
             assert rows
             assert len({len(row) for row in rows}) == 1, path
+        elif path.suffix == ".npz":
+            assert Parts(path.parent).read(path.stem) is not None
         elif path.suffix == ".json":
             json.loads(path.read_text())
         else:

@@ -266,6 +266,9 @@ def test_everything_is_written_and_nothing_else(result, out):
             *(f"bones/lower/lower_{i:04d}.vtp" for i in frames),
             *(f"{name}.pvd" for name in ("spindle", "spindle_fibres", "plain")),
             *(f"{n}/{n}_{i:04d}.vtp" for n in ("spindle", "spindle_fibres", "plain") for i in frames),
+            *(f"finished/{name}" for name in ("scene.npz", "bones/upper.vtp", "bones/lower.vtp")),
+            *(f"finished/{name}" for name in ("spindle.npz", "spindle.vtp", "spindle_fibres.vtp")),
+            *(f"finished/{name}" for name in ("plain.npz", "plain.vtp")),
         ]
     )
 
@@ -289,7 +292,7 @@ def test_the_tables_hold_the_result(result, out):
     with (out / "lengths.csv").open(newline="") as lines:
         rows = list(csv.DictReader(lines))
     assert len(rows) == 6 * FRAMES
-    assert list(rows[0]) == ["muscle", "fibre", "time", "length_mm"]
+    assert list(rows[0]) == ["muscle", "fibre", "time", "length_mm", "length_err_mm"]
     for row in rows:
         frame = result.times.index(float(row["time"]))
         assert float(row["length_mm"]) == result.lengths[row["muscle"]][frame, int(row["fibre"])]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -12,6 +12,7 @@ from typing import Any, Self
 
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
+from vtkmuscle.accuracy import SOLVED, ErrorStudy
 from vtkmuscle.core.compile_ahead import compile_ahead
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.filters.deformer.quality import PRESETS
@@ -154,6 +155,10 @@ class Scene(SceneData):
         series: str = "pvd",
         observe: Callable[[str, Mapping[str, Any]], None] | None = None,
         overwrite: bool = False,
+        fresh: bool = False,
+        errors: bool | Iterable[str] = (),
+        landmark_error: float = 5.0,
+        landmark_samples: int = 8,
     ) -> Result:
         """Deform all muscles over the motion, carry their fibres along, and measure.
 
@@ -161,8 +166,9 @@ class Scene(SceneData):
         ----------
         out : path, optional
             Folder to write to: a .pvd per muscle, its fibres and the bones, lengths.csv, moment_arms.csv,
-            report.json and figures. An earlier run of the same scene in it is replaced, other files are left
-            alone. Without it nothing is written.
+            report.json and figures. Where an earlier run of the same scene is in it, killed or not, muscles
+            that it has finished with the same inputs and settings are taken over, and all others are
+            computed; other files are left alone. Without it nothing is written.
         frames : str, slice, range or int, optional
             Which frames to keep and write, e.g. ``"0:10"`` for the first ten (the end is not
             included, as in Python); default all. Frames before them are computed, for the deformation
@@ -184,6 +190,17 @@ class Scene(SceneData):
         overwrite : bool, optional
             Whether results of another scene in that folder, or files that no run has written, may be
             replaced. The scene's own files never are.
+        fresh : bool, optional
+            Compute muscles again that are finished in that folder.
+        errors : bool or iterable of str, optional
+            What part of the error of lengths, moment arms and areas is found by further solves beside the
+            run's own: ``"model"`` (paths against the volume), ``"mesh"`` (edges half as long), ``"slices"``
+            (of the fibres at rest), ``"pruning"`` (of the weights that carry them), ``"landmarks"`` (moved
+            about); True is all but the last. The parts that take no further solve are always there.
+        landmark_error : float, optional
+            By how much landmarks are moved for ``"landmarks"`` [mm].
+        landmark_samples : int, optional
+            How often, 3 or more.
 
         Returns
         -------
@@ -206,6 +223,8 @@ class Scene(SceneData):
         compile_ahead()
         if out is not None and not str(out):
             raise ValueError("out is empty; give the name of a folder")
+        kinds = () if errors is False else SOLVED if errors is True else tuple(errors)
+        study = ErrorStudy(self, kinds, landmark_error=landmark_error, landmark_samples=landmark_samples)
         check_sense(self)
         target = None if out is None else Path(out)
         hold = nullcontext() if target is None else claimed(target, self, overwrite=overwrite)
@@ -219,6 +238,8 @@ class Scene(SceneData):
                 workers=workers,
                 series=series,
                 observe=observe,
+                fresh=fresh,
+                errors=study,
             )
 
     def with_quality(self, quality: str) -> Self:

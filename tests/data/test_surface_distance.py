@@ -253,3 +253,14 @@ def read(path):
     reader.SetFileName(str(path))
     reader.Update()
     return checked_surface(reader.GetOutput(), str(path))
+
+
+@pytest.mark.parametrize("shape", [ball, torus, needle])
+def test_what_is_inside_has_a_depth(shape):
+    distance = SurfaceDistance(surface_from(*shape()))
+    low, high = distance.box
+    places = np.random.default_rng(3).uniform(low - 1.0, high + 1.0, (4000, 3))
+    inside = distance.inside(places)
+    assert np.array_equal(inside, distance.depth(places) > 0.0)
+    assert inside.any()
+    assert not inside.all()

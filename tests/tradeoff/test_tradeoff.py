@@ -1,7 +1,6 @@
 """The study of speed against accuracy: what it compares, what it writes, and that nothing is run twice."""
 
 import csv
-import json
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -16,6 +15,7 @@ from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.data.arrays import Polylines, points_of, polylines_from, surface_from, triangles_of
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.filters.deformer.quality import PRESETS
+from vtkmuscle.io.parts import Parts
 from vtkmuscle.tradeoff import plots, trade_off, write_plots, write_tables
 from vtkmuscle.tradeoff import study as study_module
 from vtkmuscle.tradeoff.estimates import estimates, estimates_in_words
@@ -161,8 +161,8 @@ def test_nothing_is_run_twice_and_what_is_lost_is_run_again(done, scene, monkeyp
     assert [row.figures for row in again.rows] == [row.figures for row in study.rows]
     (lost,) = [
         file
-        for file in (out / "settings").glob("*.json")
-        if json.loads(file.read_text())["key"][0] == settings[1].plain()
+        for file in (out / "settings").glob("*.npz")
+        if Parts(file.parent).read(file.stem).facts.get("key", [None])[0] == settings[1].plain()
     ]
     lost.unlink()
     trade_off(scene, out, compared=compared)
@@ -193,7 +193,7 @@ def test_each_muscle_has_iterations_of_its_own_in_the_reference(monkeypatch, tmp
 
 def test_the_key_tells_scenes_frames_settings_and_code_apart(scene, tmp_path, monkeypatch):
     def key(scene=scene, frames=(0, 1), **setting):
-        return Records(tmp_path, scene, frames).path(Setting("any", "any", **setting).plain(), ".json")
+        return Records(tmp_path, scene, frames).name(Setting("any", "any", **setting).plain())
 
     whole = with_everything(scene)
     keys = [key(), key(frames=(0, 2)), key(fibres={"weight_tolerance": 1.0}), key(solver={"iterations": 2})]

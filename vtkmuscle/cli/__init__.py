@@ -218,6 +218,9 @@ def tradeoff(
         int,
         typer.Option("--every", metavar="N", min=1, help="Use only every Nth frame of the motion."),
     ] = 1,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Run settings again that are finished in the folder.")
+    ] = False,
     quiet: QuietOption = False,
 ) -> None:
     """Measure what speed costs in accuracy: run a scene with many settings, each against a converged run.
@@ -244,6 +247,7 @@ def tradeoff(
             only=only or (),
             muscles=muscle or (),
             compared=compared,
+            fresh=fresh,
             tell=lambda words: say(quiet, words),
         )
         for path in [*write_tables(out, study), *write_plots(out, study)]:

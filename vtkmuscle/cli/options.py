@@ -67,6 +67,9 @@ class RunOptions:
             help="Replace results of another scene, and files that no run has written; never the inputs.",
         ),
     ] = False
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Compute again what is finished in the folder of results.")
+    ] = False
     quality: Annotated[
         str | None,
         typer.Option(
@@ -74,6 +77,19 @@ class RunOptions:
             help="Preset of the solver, in place of the scene's; what the scene's solver table sets stays.",
         ),
     ] = None
+    errors: Annotated[
+        str | None,
+        typer.Option(
+            metavar="all|KIND,...",
+            help="Further solves beside the run's own, for the errors of its numbers: model, mesh, slices, "
+            "pruning, landmarks; all is all but the last.",
+        ),
+    ] = None
+    landmark_error: Annotated[
+        float,
+        typer.Option(metavar="MM", help="How far --errors landmarks moves the areas of attachment."),
+    ] = 5.0
+    landmark_samples: Annotated[int, typer.Option(metavar="N", help="How often --errors landmarks does.")] = 8
 
 
 def with_run_options(command: Callable[..., None]) -> Callable[..., None]:

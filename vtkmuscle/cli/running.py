@@ -30,7 +30,8 @@ def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
 
         left = unfinished(out)
         if left is not None:
-            console.print(f"{one_line(left)}; it is replaced", markup=False, style="yellow", soft_wrap=True)
+            then = "it is replaced" if options.fresh else "what it has finished is taken over"
+            console.print(f"{one_line(left)}; {then}", markup=False, style="yellow", soft_wrap=True)
     with one_clear_error(out), _progress_bars(list(scene.muscles), console, quiet=options.quiet) as progress:
         result = scene.run(
             out,
@@ -41,7 +42,14 @@ def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
             series=options.series,
             observe=_table(list(scene.muscles), console) if options.verbose else None,
             overwrite=options.overwrite,
+            fresh=options.fresh,
+            errors=options.errors == "all" or [one for one in (options.errors or "").split(",") if one],
+            landmark_error=options.landmark_error,
+            landmark_samples=options.landmark_samples,
         )
+    if result.report["taken_over"]:
+        words = ", ".join(result.report["taken_over"])
+        say(options.quiet, f"taken over from an earlier run, for nothing they depend on has changed: {words}")
     for name, muscle in result.report["muscles"].items():
         say(options.quiet, f"{name}: {_found(muscle)}")
         for reason in reasons_of(muscle["verdict"]):

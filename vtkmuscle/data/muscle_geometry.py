@@ -144,7 +144,8 @@ class MuscleGeometry:
     def samples(self, count: int) -> Floats:
         """Return positions (k, 3) of even density in it, `count` but where it has next to no volume [mm]."""
         if len(self._samples) < count:
-            self._samples = samples_inside(self.distance.depth, self.points, count)
+            # Up to a power of two: another number of fibres then needs none of its own.
+            self._samples = samples_inside(self.distance.inside, self.points, 2 ** (count - 1).bit_length())
         return self._samples[:count]
 
 

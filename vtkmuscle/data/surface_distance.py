@@ -17,7 +17,7 @@ from vtkmuscle.core.mesh.closed_shells import welded
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.surface import edge_uses, half_edges, point_components, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.data.arrays import checked_surface
 
 #: Cells of the grid that sorts out points which cannot be inside.
@@ -112,6 +112,16 @@ class SurfaceDistance:
             in_reach = np.flatnonzero(sieve.contains(positions))
             depths = -shell.tree.signed(positions[in_reach])[0]
             result[in_reach] = np.maximum(result[in_reach], depths)
+        return result
+
+    def inside(self, points: ArrayLike) -> Bools:
+        """Return whether each point (n, 3) is inside the surface, where its depth is more than 0, (n,)."""
+        positions = _checked(points)
+        result = np.zeros(len(positions), dtype=np.bool_)
+        for shell in self._shells:
+            result |= shell.sieve.encloses(positions)
+            open_ = np.flatnonzero(~result & shell.sieve.contains(positions))
+            result[open_] = shell.tree.signed(positions[open_])[0] < 0.0
         return result
 
     def into(self, points: ArrayLike) -> Floats:

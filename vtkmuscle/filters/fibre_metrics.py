@@ -17,7 +17,7 @@ from vtkmuscle.core.fibres.measures import (
 )
 from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume, triangle_normals
-from vtkmuscle.core.mesh.triangle_tree import triangle_tree
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_bent
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     Polylines,
@@ -109,6 +109,8 @@ class FibreMetrics(Filter):
         "field arrays ``SectionArea`` [mm^2], ``SectionFibres`` and ``SectionDensity`` [1/mm^2].",
     )
 
+    _tree: TriangleTree | None = None
+
     def execute(
         self,
         fibres: vtkPolyData,
@@ -125,7 +127,7 @@ class FibreMetrics(Filter):
         if fibres.GetCellData().HasArray("RestLength"):
             set_cell_array(result, "Strain", _strain(fibres, lengths))
         if muscle is not None:
-            origin, insertion = _pennation(lines, muscle, attachments)
+            origin, insertion = self._pennation(lines, muscle, attachments)
             set_cell_array(result, "PennationOrigin", origin)
             set_cell_array(result, "PennationInsertion", insertion)
         if bones is not None:
@@ -140,6 +142,31 @@ class FibreMetrics(Filter):
         set_field_array(result, "LengthMean", lengths.mean())
         set_field_array(result, "LengthSD", lengths.std())
         return result
+
+    def _pennation(
+        self, lines: Polylines, muscle: vtkPolyData, attachments: vtkMultiBlockDataSet | None
+    ) -> tuple[Floats, Floats]:
+        """Return the angles between fibres and the surface at their ends, (k,) each [degrees]."""
+        points, triangles = checked_surface(muscle, "FibreMetrics: muscle")
+        if attachments is not None:
+            areas = end_areas(attachments, "FibreMetrics: attachments")
+            inner, faces = inner_areas(areas, muscle_geometry(muscle, "FibreMetrics: muscle"))
+            triangles = np.vstack([triangles, faces + len(points)])
+            points = np.vstack([points, inner])
+        normals = triangle_normals(points, triangles)
+        sizes = np.linalg.norm(normals, axis=1)
+        proper = sizes > 0
+        if not proper.any():
+            raise InputError("FibreMetrics: muscle", "no triangle has an area, and so a direction")
+        normals = normals[proper] / sizes[proper, None]
+        # Of the frame before, where there is one: the muscle has bent, and is the same.
+        self._tree = tree_of_bent(self._tree, points, triangles[proper])
+        ends = (lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1])
+        angles = []
+        for places, runs in zip(ends, end_directions(lines.points, lines.offsets), strict=True):
+            sines = np.abs(np.einsum("ij,ij->i", runs, normals[self._tree.nearest(places)[0]]))
+            angles.append(np.degrees(np.arcsin(np.clip(sines, 0.0, 1.0))))
+        return angles[0], angles[1]
 
     def _measure_muscle(
         self, result: vtkPolyData, lines: Polylines, lengths: Floats, muscle: vtkPolyData | None
@@ -206,30 +233,6 @@ def _strain(fibres: vtkPolyData, lengths: Floats) -> Floats:
         )
     strain: Floats = np.divide(lengths - rest, rest, out=np.zeros_like(lengths), where=rest > 0)
     return strain
-
-
-def _pennation(
-    lines: Polylines, muscle: vtkPolyData, attachments: vtkMultiBlockDataSet | None
-) -> tuple[Floats, Floats]:
-    points, triangles = checked_surface(muscle, "FibreMetrics: muscle")
-    if attachments is not None:
-        areas = end_areas(attachments, "FibreMetrics: attachments")
-        inner, faces = inner_areas(areas, muscle_geometry(muscle, "FibreMetrics: muscle"))
-        triangles = np.vstack([triangles, faces + len(points)])
-        points = np.vstack([points, inner])
-    normals = triangle_normals(points, triangles)
-    sizes = np.linalg.norm(normals, axis=1)
-    proper = sizes > 0
-    if not proper.any():
-        raise InputError("FibreMetrics: muscle", "no triangle has an area, and so a direction")
-    normals = normals[proper] / sizes[proper, None]
-    tree = triangle_tree(points, triangles[proper])
-    ends = (lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1])
-    angles = []
-    for places, runs in zip(ends, end_directions(lines.points, lines.offsets), strict=True):
-        sines = np.abs(np.einsum("ij,ij->i", runs, normals[tree.nearest(places)[0]]))
-        angles.append(np.degrees(np.arcsin(np.clip(sines, 0.0, 1.0))))
-    return angles[0], angles[1]
 
 
 def _penetration(lines: Polylines, bones: vtkMultiBlockDataSet) -> Floats:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from vtkmuscle.core.fibres.sparse_weights import (
 from vtkmuscle.core.fibres.vertex_groups import vertex_groups
 from vtkmuscle.core.mesh.inside import points_inside
 from vtkmuscle.core.mesh.polylines import polyline_lengths
-from vtkmuscle.core.mesh.triangle_tree import triangle_tree
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_bent, triangle_tree
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import (
     Polylines,
@@ -67,6 +68,11 @@ class _Rest:
             and np.array_equal(self.triangles, triangles)
         )
 
+    @cached_property
+    def tree(self) -> TriangleTree:
+        """Of the muscle at rest."""
+        return triangle_tree(self.points, self.triangles)
+
     @property
     def error(self) -> float:
         """What the weights err by at most [mm]."""
@@ -98,6 +104,23 @@ class _Rest:
             )
             report(min(first + _BLOCK, count) / (count + 1))
         return joined(parts)
+
+    def keep_within(self, fibre_points: Floats, surface: Floats) -> None:
+        """Move fibre points (p, 3) to the surface (n, 3) that are farther outside of it than at rest.
+
+        Which are outside follows from parity: the nearest triangle of a muscle that touches itself may be
+        that of the other side.
+        """
+        assert self.gap is not None
+        outside = np.flatnonzero(~points_inside(fibre_points, surface, self.triangles))
+        if not len(outside):
+            return
+        tree = tree_of_bent(self.tree, surface, self.triangles)
+        _, nearest, distances = tree.nearest(fibre_points[outside])
+        far = distances > self.gap[outside]
+        out, nearest = outside[far], nearest[far]
+        part = (self.gap[out] / distances[far])[:, None]
+        fibre_points[out] = nearest + part * (fibre_points[out] - nearest)
 
     def _of_block(self, first: int) -> Floats:
         """Return all weights of the block of fibre points from number `first` on."""
@@ -208,7 +231,7 @@ class FibreTransport(Filter):
             distance = muscle_geometry(rest_muscle, "FibreTransport: rest_muscle").distance
             rest.gap = np.linalg.norm(distance.into(lines.points) - lines.points, axis=1)
         if carried is not None:
-            _keep_within(moved, rest.gap, deformed, triangles)
+            rest.keep_within(moved, deformed)
         result = with_polylines(rest_fibres, Polylines(moved, lines.offsets))
         set_cell_array(result, "RestLength", polyline_lengths(lines.points, lines.offsets))
         slack = _ON_SURFACE * float(np.linalg.norm(np.ptp(points, axis=0)))
@@ -232,19 +255,3 @@ class FibreTransport(Filter):
         if self._rest is None or not self._rest.is_of(fibre_points, points, triangles, self.weight_tolerance):
             self._rest = _Rest(fibre_points, points, triangles, self.weight_tolerance)
         return self._rest
-
-
-def _keep_within(fibre_points: Floats, gap: Floats, surface: Floats, triangles: Ints) -> None:
-    """Move fibre points (p, 3) to the surface that are farther outside of it than their gap at rest (p,).
-
-    Which are outside follows from parity: the nearest triangle of a muscle that touches itself may be that of
-    the other side.
-    """
-    outside = np.flatnonzero(~points_inside(fibre_points, surface, triangles))
-    if not len(outside):
-        return
-    _, nearest, distances = triangle_tree(surface, triangles).nearest(fibre_points[outside])
-    far = distances > gap[outside]
-    out, nearest = outside[far], nearest[far]
-    part = (gap[out] / distances[far])[:, None]
-    fibre_points[out] = nearest + part * (fibre_points[out] - nearest)

@@ -7,7 +7,7 @@ import os
 import re
 import shutil
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
@@ -28,8 +28,10 @@ LOCK = ".vtkmuscle.lock"
 #: Tables and folders of a run, beside those that are called after muscles.
 _LISTS = ("lengths.csv", "moment_arms.csv", "moment_arms_summary.csv")
 _FILES = ("report.json", *_LISTS, "bones.pvd", "bones.vtkhdf")
-_FOLDERS = ("bones", "figures")
+_FOLDERS = ("bones", "figures", "finished")
 _TABLES = ("_fibres.csv",)
+#: Endings of the notes of a finished muscle.
+_NOTES = (".npz", ".vtp", "_fibres.vtp")
 
 
 @contextmanager
@@ -66,15 +68,23 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
         yield
 
 
-def remove_results(folder: Path, scene: SceneData) -> None:
+def remove_results(folder: Path, scene: SceneData, kept: Collection[str] = ()) -> None:
     """Remove the results of an earlier run from a claimed folder, so that nothing old stands beside the new.
 
     That is the report, the tables, and the series with the frames that they list, of the muscles of the
-    scene and of those that the report names; and the figures that the report lists.
+    scene and of those that the report names, but for those that are ``kept``; and the figures that the
+    report lists.
     """
     report = read_report(folder) or {}
     names = {*scene.muscles, *(name for name in report.get("muscles", ()) if re.fullmatch(r"[^/\\]+", name))}
-    for number, series in enumerate(("bones", *sorted(names), *(f"{name}_fibres" for name in sorted(names)))):
+    notes = folder / "finished"
+    for note in (notes / f"{name}{end}" for name in ("scene", *names - {*kept}) for end in _NOTES):
+        note.unlink(missing_ok=True)  # first: what is noted is there
+    if (notes / "bones").is_dir() and not notes.is_symlink() and not (notes / "bones").is_symlink():
+        for bone in (notes / "bones").glob("*.vtp"):
+            bone.unlink()
+    gone = sorted(names - {*kept})
+    for number, series in enumerate(("bones", *gone, *(f"{name}_fibres" for name in gone))):
         _remove_series(folder, series, numbered=number > 0)
     for name in sorted(names):
         for ending in _TABLES:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from collections.abc import Collection as Collection_
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,16 +15,20 @@ from vtkmuscle._version import __version__
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import blocks_of, set_field_array
 from vtkmuscle.filters.bone_motion import BoneMotion
+from vtkmuscle.io.parts import plain
 from vtkmuscle.io.series import Collection, Series
 from vtkmuscle.io.temporal import read_series, write_vtkhdf
 from vtkmuscle.io.writing import beside, write_polydata, write_text
 from vtkmuscle.run.claim import remove_results
+from vtkmuscle.run.finished import STAMPS, finished_muscles, note_finished
+from vtkmuscle.run.loading import note_scene
 from vtkmuscle.run.poses import merged
 from vtkmuscle.run.report import fibre_table
 
 if TYPE_CHECKING:
     from vtkmuscle.run.moment_arms import MomentArmTable
-    from vtkmuscle.run.result import MuscleTrack, Result
+    from vtkmuscle.run.result import Result
+    from vtkmuscle.run.track import MuscleTrack
     from vtkmuscle.scene.data import SceneData
 
 
@@ -39,12 +44,14 @@ class RunFolder:
     ``NAME.pvd`` and ``NAME_fibres.pvd`` per muscle with their frames in folders of these names,
     ``bones.pvd`` with ``bones/``, ``lengths.csv``, ``NAME_fibres.csv`` with all measures,
     ``moment_arms.csv`` with ``moment_arms_summary.csv`` where the motion has a coordinate,
-    ``report.json`` and ``figures/``.
+    ``report.json`` and ``figures/``; and ``finished/`` with what :meth:`vtkmuscle.Result.load` and a later
+    run need: a note of each finished muscle with its key, the muscles and bones at rest, and the motion.
 
     Parameters
     ----------
     path : Path
-        Made where it does not exist. Results of an earlier run are replaced, other files are left alone.
+        Made where it does not exist. Results of an earlier run are replaced, but for muscles that
+        are finished and of the same key; other files are left alone.
     series : str, optional
         ``"pvd"``, or ``"vtkhdf"``: each series is gathered in one file when it is finished; one that is
         not finished stays a .pvd.
@@ -66,11 +73,26 @@ class RunFolder:
         self.path = path
         self._gather = series == "vtkhdf"
         self._series: dict[str, Series] = {}
+        self._keys: dict[str, str] = {}
 
-    def begin(self, report: dict[str, Any], scene: SceneData) -> None:
-        """Write a report that says that nothing is finished, and remove the results of an earlier run."""
-        remove_results(self.path, scene)
+    def finished(self, keys: Mapping[str, str], millimetres: float) -> dict[str, MuscleTrack]:
+        """Return the muscles that an earlier run has finished, by their keys."""
+        return finished_muscles(self.path, self._with_format(keys), millimetres)
+
+    def begin(
+        self, report: dict[str, Any], scene: SceneData, keys: Mapping[str, str], kept: Collection_[str] = ()
+    ) -> None:
+        """Write a report that says that the run is not finished, and remove the results of an earlier run.
+
+        Muscles are finished under these keys; files of those that are ``kept`` stay.
+        """
+        self._keys = self._with_format(keys)
+        remove_results(self.path, scene, kept)
         self.write_report(report)
+        note_scene(self.path, scene)
+
+    def _with_format(self, keys: Mapping[str, str]) -> dict[str, str]:
+        return {name: f"{key} {'vtkhdf' if self._gather else 'pvd'}" for name, key in keys.items()}
 
     def write_frame(
         self,
@@ -89,11 +111,12 @@ class RunFolder:
                     number, time, _stamped(data, scene)
                 )
 
-    def finish(self, muscle: str) -> None:
-        """Say that all frames of a muscle are written."""
+    def finish(self, muscle: str, track: MuscleTrack) -> None:
+        """Note that a muscle is finished: all its frames are written."""
         for name in (muscle, f"{muscle}_fibres"):
             if self._gather and name in self._series:
                 self._gathered(name)
+        note_finished(self.path, muscle, self._keys[muscle], track)
 
     def _gathered(self, name: str) -> None:
         """Turn a collection of files into one file."""
@@ -135,13 +158,15 @@ class RunFolder:
         self, report: dict[str, Any], scene: SceneData, numbers: range, tracks: dict[str, MuscleTrack]
     ) -> None:
         """Write lengths.csv, a table of each muscle's fibres and report.json, as far as there are frames."""
-        lines = ["muscle,fibre,time,length_mm"]
+        lines = ["muscle,fibre,time,length_mm,length_err_mm"]
         for name, track in tracks.items():
             times = [float(scene.motion.times[number]) for number in numbers[: len(track.lengths)]]
+            known = track.errors.get("fibre_length")
             for fibre in range(len(track.lengths[0]) if track.lengths else 0):
+                errors = [""] * len(times) if known is None else [f"{e:.6g}" for e in known.total[:, fibre]]
                 lines += [
-                    f"{name},{fibre},{time!r},{float(lengths[fibre])!r}"
-                    for time, lengths in zip(times, track.lengths, strict=True)
+                    f"{name},{fibre},{time!r},{float(lengths[fibre])!r},{error}"
+                    for time, lengths, error in zip(times, track.lengths, errors, strict=True)
                 ]
         write_text(self.path / "lengths.csv", "\n".join(lines) + "\n")
         for name, track in tracks.items():
@@ -183,7 +208,7 @@ class RunFolder:
 
     def write_report(self, report: dict[str, Any]) -> None:
         """Write report.json."""
-        text = json.dumps(report, indent=1, allow_nan=False, default=_plain)
+        text = json.dumps(report, indent=1, allow_nan=False, default=plain)
         write_text(self.path / "report.json", text + "\n")
 
 
@@ -191,15 +216,6 @@ def _stamped(data: vtkPolyData, scene: SceneData) -> vtkPolyData:
     """Return a shallow copy whose field data say what it is part of."""
     copy = vtkPolyData()
     copy.ShallowCopy(data)
-    for name, value in (("Scene", scene.name), ("Units", scene.units), ("Version", __version__)):
+    for name, value in zip(STAMPS, (scene.name, scene.units, __version__), strict=True):
         set_field_array(copy, name, value)
     return copy
-
-
-def _plain(value: Any) -> Any:
-    """Turn what JSON does not know into what it knows."""
-    if isinstance(value, Path):
-        return str(value)
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    return repr(value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from vtkmuscle.core.collision.muscle_contact import depth_in
 from vtkmuscle.core.mesh.inside import points_inside
 from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, unique_edges
 from vtkmuscle.core.mesh.topology import mesh_topology
-from vtkmuscle.core.mesh.triangle_tree import triangle_tree
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_bent, triangle_tree
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.pbd.rest_shape import dihedral_angles
 from vtkmuscle.core.types import Floats, Ints
@@ -66,6 +67,10 @@ class MuscleMeasure:
         self._unfolded = defined & (np.abs(angles) < np.radians(NOT_FOLDED))
         self._rest_depths: Floats | None = None
         self._fibre_rest_depths: Floats | None = None
+
+    @cached_property
+    def _rest_tree(self) -> TriangleTree:
+        return triangle_tree(self._rest, self._triangles)
 
     @property
     def n_edges(self) -> int:
@@ -153,7 +158,8 @@ class MuscleMeasure:
         outside = fibre_points[~points_inside(fibre_points, points, self._triangles)]
         farthest = 0.0
         if len(outside):
-            farthest = float(triangle_tree(points, self._triangles).nearest(outside)[2].max())
+            tree = tree_of_bent(self._rest_tree, points, self._triangles)
+            farthest = float(tree.nearest(outside)[2].max())
         grown = None
         if depths is not None:
             deepest = np.maximum.reduceat(depths, offsets[:-1])

@@ -5,11 +5,26 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import numpy as np
+
+from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.types import Floats
 from vtkmuscle.run.table import Table
 
-#: Columns of the table: a row per muscle, coordinate, fibre and value of the coordinate.
-COLUMNS = ("muscle", "coordinate", "unit", "fibre", "value", "moment_arm_mm", "error_mm", "quartic_mm")
+#: Columns of the table: a row per muscle, coordinate, fibre and value of the coordinate; ``error_mm`` is the
+#: standard error of the slope, ``moment_arm_err_mm`` all that is known of the error, with 95 % confidence.
+COLUMNS = (
+    "muscle",
+    "coordinate",
+    "unit",
+    "fibre",
+    "value",
+    "moment_arm_mm",
+    "error_mm",
+    "quartic_mm",
+    "moment_arm_err_mm",
+)
 #: Columns of its summary: a row per muscle, coordinate and value.
 SUMMARY = (
     "muscle",
@@ -21,6 +36,7 @@ SUMMARY = (
     "min_mm",
     "max_mm",
     "quartic_mean_mm",
+    "mean_err_mm",
 )
 
 
@@ -33,6 +49,8 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         Per muscle, per coordinate.
     refused : mapping of str to str, optional
         Coordinates by which there are none, and why.
+    errors : mapping of str to mapping of str to Estimate, optional
+        Per muscle ``moment_arm_NAME`` of the fibres' mean and ``fibre_moment_arm_NAME``, by coordinates.
 
     Attributes
     ----------
@@ -41,8 +59,12 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
     """
 
     def __init__(
-        self, arms: Mapping[str, Mapping[str, JointArms]], refused: Mapping[str, str] | None = None
+        self,
+        arms: Mapping[str, Mapping[str, JointArms]],
+        refused: Mapping[str, str] | None = None,
+        errors: Mapping[str, Mapping[str, Estimate]] | None = None,
     ) -> None:
+        self._errors = dict(errors or {})
         self._arms = {muscle: dict(found) for muscle, found in arms.items()}
         self.refused = dict(refused or {})
 
@@ -99,17 +121,28 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
     def _rows(self) -> Iterator[tuple[Any, ...]]:
         for muscle, found in self._arms.items():
             for name, one in found.items():
+                total = self._totals(muscle, f"fibre_moment_arm_{name}", one.arms)
                 for fibre in range(one.arms.shape[1]):
                     for i, value in enumerate(one.values):
                         quartic = None if one.quartic is None else float(one.quartic[i, fibre])
                         arm, error = float(one.arms[i, fibre]), float(one.errors[i, fibre])
-                        yield muscle, name, one.unit, fibre, float(value), arm, error, quartic
+                        all_of_it = float(total[i, fibre])
+                        yield muscle, name, one.unit, fibre, float(value), arm, error, quartic, all_of_it
 
     def _summary(self) -> Iterator[tuple[Any, ...]]:
         for muscle, found in self._arms.items():
             for name, one in found.items():
+                total = self._totals(muscle, f"moment_arm_{name}", one.mean)
                 for i, value in enumerate(one.values):
                     mean, error = float(one.mean[i]), float(one.mean_error[i])
                     low, high = float(one.arms[i].min()), float(one.arms[i].max())
                     quartic = None if one.quartic is None else float(one.quartic[i].mean())
-                    yield muscle, name, one.unit, float(value), mean, error, low, high, quartic
+                    row = muscle, name, one.unit, float(value), mean, error, low, high, quartic
+                    yield *row, float(total[i])
+
+    def _totals(self, muscle: str, quantity: str, like: Floats) -> Floats:
+        """Return the errors of a quantity, NaN where they are not known, or those of other frames."""
+        known = self._errors.get(muscle, {}).get(quantity)
+        if known is None or known.total.shape != like.shape:
+            return np.full(like.shape, np.nan)
+        return known.total

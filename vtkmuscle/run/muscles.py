@@ -35,8 +35,8 @@ from vtkmuscle.run.limits import CHECKS, FULL_SIZE
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.pipeline import muscle_pipeline
 from vtkmuscle.run.report import architecture_of, fibres_at_rest, measures_of_fibres
-from vtkmuscle.run.result import MuscleTrack
 from vtkmuscle.run.sliding import slides_of
+from vtkmuscle.run.track import MuscleTrack
 from vtkmuscle.run.verdict import judge, slackness_of
 from vtkmuscle.scene.data import SceneData
 
@@ -136,7 +136,7 @@ class MuscleRun:
         self._judge(numbers, measure)
         if self.folder is not None:
             with self._timed("writing"):
-                self.folder.finish(self.name)
+                self.folder.finish(self.name, self.track)
         if scene.muscle_contact == "off":
             self.deformer = None  # with all that it keeps of the frames; later muscles do not ask for it
         self._tell("done", 1.0)

@@ -22,6 +22,25 @@ FIBRE_TOLERANCE = 0.5
 #: Sections across the centroid path in which fibres are counted.
 ARCHITECTURE_SECTIONS = 10
 
+#: What is said of errors in a report.
+ERROR_DEFINITIONS = {
+    "errors": "of the mean length of the fibres, their mean moment arm by each coordinate, volume and "
+    "physiological cross-sectional area: the value, mean over the frames; parts, what each cause adds, and "
+    "total, the root of the sum of their squares, each as the root mean square over the frames. All are half "
+    "widths of intervals of about 95 % confidence. Causes that are not there are not known: "
+    "errors_not_known says why",
+    "errors.solve": "distance to the end of the solve; of a volume, by how much it is not kept",
+    "errors.segments": "fibres of straight segments for curved ones; part of slices where these are known",
+    "errors.fibres": "number of fibres that a mean is taken of",
+    "errors.regression": "standard error of the slope that a moment arm is",
+    "errors.facets": "flat triangles for a round surface",
+    "errors.model": "difference between the muscle's fibres and the taut paths alone",
+    "errors.mesh": "difference to a mesh with edges half as long",
+    "errors.slices": "difference to a slice for every height and fibres of twice the segments",
+    "errors.pruning": "difference to fibres carried by all vertices",
+    "errors.landmarks": "spread over runs with the areas moved about",
+}
+
 #: What the numbers of a report mean; it is part of every report.
 DEFINITIONS = {
     "estimated_attachments": "attachment areas that were made from where the muscle touches bones",
@@ -84,6 +103,9 @@ DEFINITIONS = {
     "a quartic leaves of the lengths; positive: the coordinate's positive direction; reason, refused: why "
     "there are none, by any or by some coordinates",
     "seconds": "wall-clock time per stage; muscles run side by side",
+    "taken_over": "muscles that an earlier run into the folder had finished, with the same inputs and "
+    "settings",
+    **ERROR_DEFINITIONS,
 }
 
 #: Cell arrays of FibreMetrics, and what they are called in a report and in tables.

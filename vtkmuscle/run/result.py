@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from os import PathLike
+from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
 
+from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import smoothed_curve
 from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
@@ -18,41 +20,12 @@ from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import with_points
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.literature import LiteratureCurve
+from vtkmuscle.run.loading import read_result
 from vtkmuscle.run.moment_arms import MomentArmTable
 from vtkmuscle.run.table import Table
+from vtkmuscle.run.track import MuscleTrack
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(eq=False)
-class MuscleTrack:
-    """The finished frames of one muscle.
-
-    Attributes
-    ----------
-    rest : vtkPolyData or None
-        At rest, with the point array ``FixedTo``.
-    rest_fibres : vtkPolyData or None
-        Fibres at rest.
-    points : list of (n, 3) array
-        Points per finished frame.
-    fibres : list of vtkPolyData
-        Fibres per finished frame, empty for a muscle without fibres.
-    lengths : list of (k,) array
-        Fibre lengths per finished frame [mm].
-    report : dict
-        What is known of the muscle, JSON-able.
-    failure : (int, float, Exception) or None
-        Frame and time that could not be computed, and why; the frames before are there.
-    """
-
-    rest: vtkPolyData | None = None
-    rest_fibres: vtkPolyData | None = None
-    points: list[Floats] = field(default_factory=list)
-    fibres: list[vtkPolyData] = field(default_factory=list)
-    lengths: list[Floats] = field(default_factory=list)
-    report: dict[str, Any] = field(default_factory=dict)
-    failure: tuple[int, float, Exception] | None = None
 
 
 class Result:
@@ -115,7 +88,7 @@ class Result:
 
     >>> table = result.length_table()
     >>> table
-    Table: 24 rows of muscle, fibre, frame, time, length_mm
+    Table: 24 rows of muscle, fibre, frame, time, length_mm, length_err_mm
     >>> table.where(frame=2)["length_mm"].shape
     (8,)
     >>> result.frame_table().where(muscle="spindle")["volume_ratio"].round(6)
@@ -156,9 +129,50 @@ class Result:
         self._mover = BoneMotion(motion=motion)
         self._mover.connect(0, bones)
 
+    @classmethod
+    def load(cls, folder: str | PathLike[str]) -> Self:
+        """Read the result of a finished run back from its folder.
+
+        Parameters
+        ----------
+        folder : path
+            What was given to :meth:`vtkmuscle.Scene.run` as ``out``, or to ``vtkmuscle run`` as ``--out``.
+
+        Returns
+        -------
+        Result
+            The same as the run gave: muscles, fibres, lengths, bones, motion, report and verdicts.
+
+        Raises
+        ------
+        ValueError
+            If it is not the folder of a run, the run did not end, or a file in it is missing or is not what
+            the run wrote; the message says which.
+
+        Examples
+        --------
+        >>> from tempfile import mkdtemp
+        >>> from vtkmuscle import Result, Scene, phantoms
+        >>> scene = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=8)
+        >>> out = mkdtemp()
+        >>> result = scene.run(out, frames="0:2", figures=False)
+        >>> Result.load(out)
+        Result('spindle_over_hinge': 2 frames of spindle (ok))
+        """
+        return cls(**read_result(Path(folder)))
+
     def __repr__(self) -> str:
         muscles = ", ".join(f"{name} ({self.verdicts[name]})" for name in self.muscle_names)
         return f"Result({self.name!r}: {len(self.times)} frames of {muscles})"
+
+    @property
+    def errors(self) -> dict[str, Mapping[str, Estimate]]:
+        """Per muscle the quantities with their errors, see :mod:`vtkmuscle.accuracy.estimates`.
+
+        ``errors["iliacus"]["length"].total`` is that of the mean length in each frame,
+        ``errors["iliacus"]["moment_arm_hip_flexion_r"].parts["model"]`` a part of that of the moment arm.
+        """
+        return {name: track.errors for name, track in self._tracks.items()}
 
     def finished(self, name: str) -> int:
         """Return how many of the kept frames a muscle has: all, or those before the one that failed."""
@@ -225,17 +239,19 @@ class Result:
             refused |= without
         if problems and not arms:
             raise problems[0]
-        return MomentArmTable(arms, refused)
+        return MomentArmTable(arms, refused, self.errors)
 
     def length_table(self) -> Table:
         """Return the fibre lengths, a row per muscle, fibre and frame: as lengths.csv, and the frame."""
         return Table(
-            ("muscle", "fibre", "frame", "time", "length_mm"),
+            ("muscle", "fibre", "frame", "time", "length_mm", "length_err_mm"),
             (
-                (name, fibre, frame, time, length)
+                (name, fibre, frame, time, length, error)
                 for name, lengths in self.lengths.items()
-                for fibre, curve in enumerate(lengths.T)
-                for frame, time, length in zip(self.frames, self.times, curve, strict=False)
+                for fibre, (curve, errors) in enumerate(
+                    zip(lengths.T, length_errors(self.errors[name], lengths).T, strict=True)
+                )
+                for frame, time, length, error in zip(self.frames, self.times, curve, errors, strict=False)
             ),
         )
 
@@ -339,6 +355,12 @@ class Result:
                 f"{name!r} failed before frame {self.frames[i]}, so that it is not there",
                 f"it has {self.finished(name)} of {len(self.frames)} frames",
             )
+
+
+def length_errors(errors: Mapping[str, Estimate], lengths: Floats) -> Floats:
+    """Return the errors of fibre lengths (f, k), NaN where they are not known [mm]."""
+    known = errors.get("fibre_length")
+    return np.full(lengths.shape, np.nan) if known is None else known.total
 
 
 def _wrapped(data: vtkDataObject) -> Any:

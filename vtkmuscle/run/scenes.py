@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.closed_shells import closed_shells
@@ -20,13 +21,16 @@ from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.run.claim import scene_file
+from vtkmuscle.run.errors import ErrorStudy
 from vtkmuscle.run.folder import RunFolder
+from vtkmuscle.run.keys import muscle_keys
 from vtkmuscle.run.memory import check_memory
 from vtkmuscle.run.moment_arms import MomentArmTable
 from vtkmuscle.run.muscles import Clock, MuscleRun, Observe, Progress
 from vtkmuscle.run.reach import bones_with_reach
 from vtkmuscle.run.report import DEFINITIONS, versions
-from vtkmuscle.run.result import MuscleTrack, Result
+from vtkmuscle.run.result import Result
+from vtkmuscle.run.track import MuscleTrack
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.faults import SceneError
 
@@ -94,6 +98,8 @@ def run_scene(
     series: str = "pvd",
     observe: Observe | None = None,
     clock: Clock = time.perf_counter,
+    fresh: bool = False,
+    errors: ErrorStudy | None = None,
 ) -> Result:
     """Run a scene; see :meth:`vtkmuscle.Scene.run`. The clock [s] times the muscles' stages."""
     began = time.perf_counter()
@@ -103,31 +109,39 @@ def run_scene(
     check_memory(scene, numbers)
     folder = None if out is None else RunFolder(out, series=series)
     bones, distances = bones_with_reach(scene), bone_distances(scene)
-    tracks = {name: MuscleTrack() for name in scene.muscles}
-    report = _first_report(scene, numbers, tracks)
+    keys, kept = _kept(folder, scene, bones, numbers, fresh=fresh)
+    tracks = {name: kept.get(name) or MuscleTrack() for name in scene.muscles}
+    report = _first_report(scene, numbers, tracks) | {"taken_over": list(kept)}
     stop = threading.Event()
     report_progress = _one_at_a_time(progress)
     seen = observe or (lambda muscle, row: None)
-    count = min(workers or cpu_count() or 1, len(scene.muscles))
-    if scene.muscle_contact != "off":
-        count = 1  # each muscle waits for those before it, and shares their filters
+    further = {} if errors is None else errors.jobs(numbers, bones, stop)
+    count = _side_by_side(workers, scene, len(further))
     try:
         with ThreadPoolExecutor(count) as pool, _setting_if_interrupted(stop):
             jobs: dict[str, Future[None]] = {}
             runs: list[MuscleRun] = []
             if folder is not None:
-                folder.begin(report, scene)
+                folder.begin(report, scene, keys, kept)
             for name, track in tracks.items():
+                if name in kept:
+                    report_progress(name, "done", 1.0)
+                    continue
                 others = tuple(runs) if scene.muscle_contact != "off" else ()
                 run = MuscleRun(
                     scene, name, track, bones, distances, folder, stop, report_progress, seen, others, clock
                 )
                 runs.append(run)
                 jobs[f"muscles.{name}"] = pool.submit(run.go, numbers)
+            jobs |= {key: pool.submit(job) for key, job in further.items()}
             if folder is not None:
                 folder.write_bones(scene, numbers, stop.is_set)
             _wait_for(list(jobs.values()), stop)
         _raise_first_failure(jobs, scene)
+        result = _result(scene, numbers, tracks, report)
+        report["seconds"] = {"muscles": time.perf_counter() - began}
+        arms = _moment_arms(result, report)
+        arms = _with_errors(arms, errors, result, tracks, report)
     except BaseException as error:
         report["stopped_by"] = f"{type(error).__name__}: {error}".rstrip(": ")
         if folder is not None:
@@ -135,8 +149,29 @@ def run_scene(
                 folder.write_tables(report, scene, numbers, tracks)
         raise
     report["complete"] = True
-    report["seconds"] = {"muscles": time.perf_counter() - began}
-    result = Result(
+    if folder is not None:
+        folder.write_moment_arms(arms)
+        folder.write_tables(report, scene, numbers, tracks)
+        if figures:
+            with _unfinished_if_it_fails(folder, report):
+                _draw(folder, result, report)
+    report["seconds"]["total"] = time.perf_counter() - began
+    if folder is not None:
+        folder.write_report(report)
+    return result
+
+
+def _side_by_side(workers: int | None, scene: SceneData, n_further: int) -> int:
+    """Return how many threads to use for the muscles, and for further solves."""
+    if scene.muscle_contact != "off":
+        return 1  # each muscle waits for those before it, and shares their filters
+    return min(workers or cpu_count() or 1, len(scene.muscles) + n_further)
+
+
+def _result(
+    scene: SceneData, numbers: range, tracks: dict[str, MuscleTrack], report: dict[str, Any]
+) -> Result:
+    return Result(
         scene.name,
         scene.units,
         scene.bones_data(),
@@ -147,18 +182,19 @@ def run_scene(
         literature={name: muscle.literature for name, muscle in scene.muscles.items()},
         crosses={name: one.crosses for name, one in scene.muscles.items() if one.crosses is not None},
     )
-    arms = _moment_arms(result, report)
-    if folder is not None:
-        folder.write_moment_arms(arms)
-        folder.write_tables(report, scene, numbers, tracks)
-        if figures:
-            with _unfinished_if_it_fails(folder, report):
-                _draw(folder, result, report)
-        report["seconds"]["total"] = time.perf_counter() - began
-        folder.write_tables(report, scene, numbers, tracks)
-    else:
-        report["seconds"]["total"] = time.perf_counter() - began
-    return result
+
+
+def _kept(
+    folder: RunFolder | None, scene: SceneData, bones: dict[str, vtkPolyData], numbers: range, *, fresh: bool
+) -> tuple[dict[str, str], dict[str, MuscleTrack]]:
+    """Return the keys of the muscles, and those that the folder has finished."""
+    if folder is None:
+        return {}, {}
+    keys = muscle_keys(scene, bones, numbers)
+    kept = {} if fresh else folder.finished(keys, scene.millimetres)
+    if scene.muscle_contact != "off" and len(kept) < len(scene.muscles):
+        kept = {}  # the others are kept out of these, and ask their filters for it
+    return keys, kept
 
 
 def _moment_arms(result: Result, report: dict[str, Any]) -> MomentArmTable:
@@ -174,6 +210,24 @@ def _moment_arms(result: Result, report: dict[str, Any]) -> MomentArmTable:
     for name in arms:
         report["muscles"][name]["moment_arms"] = arms.report(name)
     return arms
+
+
+def _with_errors(
+    arms: MomentArmTable,
+    study: ErrorStudy | None,
+    result: Result,
+    tracks: dict[str, MuscleTrack],
+    report: dict[str, Any],
+) -> MomentArmTable:
+    """Estimate the errors of all muscles, and return the moment arms with theirs."""
+    if study is None:
+        return arms
+    before = time.perf_counter()
+    motion = result.motion.part(result.frames)
+    for name, track in tracks.items():
+        track.errors = study.estimates(name, track, motion)
+    report["seconds"]["errors"] = time.perf_counter() - before
+    return MomentArmTable(arms, arms.refused, result.errors)
 
 
 def bone_distances(scene: SceneData) -> dict[str, SurfaceDistance]:

@@ -19,7 +19,7 @@ from vtkmuscle.scene.schema import ALONE, ESTIMATE, Estimate, Motion, MuscleTabl
 from vtkmuscle.scene.settings import Settings
 
 #: Names that the run writes itself, beside those of the muscles.
-_RESERVED = ("bones", "figures", "scene")
+_RESERVED = ("bones", "figures", "finished", "scene")
 
 #: What is missing where a key that is a table is missing.
 _TABLES = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -29,7 +29,7 @@ class Row:
     """A setting and what was measured of it."""
 
     setting: Setting
-    figures: dict[str, Any]
+    figures: Mapping[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +86,7 @@ def trade_off(
     only: Sequence[str] = (),
     muscles: Sequence[str] = (),
     compared: Sequence[int] | None = None,
+    fresh: bool = False,
     tell: Callable[[str], None] = lambda words: None,
 ) -> Study:
     """Run a scene with many settings, and compare each with a converged run of the scene.
@@ -107,6 +108,8 @@ def trade_off(
     compared : sequence of int, optional
         Numbers of the frames to compare; each fifth and the last by default. Frames up to the last of them
         are computed.
+    fresh : bool, optional
+        Run settings again that are finished in the folder.
     tell : callable, optional
         Called with a line of text for each thing that is done.
 
@@ -128,7 +131,7 @@ def trade_off(
     settings = chosen(grid(), only)
     last = len(scene.motion.times) - 1
     frames = sorted({*range(0, last + 1, COMPARED_EVERY), last}) if compared is None else sorted(compared)
-    records = Records(out / "settings", scene, frames)
+    records = Records(out / "settings", scene, frames, fresh=fresh)
 
     def run(setting: Setting, muscles: Sequence[str], **more: Any) -> dict[str, Trial | None]:
         return tried(scene, setting, frames, muscles, **more)

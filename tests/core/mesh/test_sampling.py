@@ -93,17 +93,22 @@ def block():
 
 @pytest.mark.parametrize(("points", "depth"), [(rod(), in_rod), (block(), in_block)], ids=["rod", "block"])
 def test_positions_in_a_symmetric_body_depend_neither_on_noise_nor_on_how_it_is_turned(points, depth):
-    expected = samples_inside(depth, points, 1000)
+    expected = samples_inside(lambda places: depth(places) > 0.0, points, 1000)
     rng = np.random.default_rng(0)
     for _ in range(5):
         turn, shift = Rotation.random(random_state=rng).as_matrix(), 100.0 * rng.normal(size=3)
         noisy = points @ turn.T + shift + 1e-10 * rng.normal(size=points.shape)
-        samples = samples_inside(lambda places, r=turn, d=shift: depth((places - d) @ r), noisy, 1000)
+        samples = samples_inside(lambda places, r=turn, d=shift: depth((places - d) @ r) > 0.0, noisy, 1000)
         assert_allclose(samples, expected @ turn.T + shift, atol=1e-6)
 
 
+def test_more_positions_in_a_body_begin_with_the_same_ones():
+    few, many = (samples_inside(lambda places: in_rod(places) > 0.0, rod(), n) for n in (300, 3000))
+    assert np.array_equal(many[:300], few)
+
+
 def test_positions_in_a_body_are_of_even_density():
-    samples = samples_inside(in_rod, rod(), 3000)
+    samples = samples_inside(lambda places: in_rod(places) > 0.0, rod(), 3000)
     assert len(samples) == 3000
     assert (in_rod(samples) > 0.0).all()
     shares = [np.mean(np.hypot(*samples[:, :2].T) < radius) for radius in (2.5, 5.0, 7.5)]

@@ -246,7 +246,9 @@ def _already_there(ends: Floats, area: EndArea, tolerance: float) -> NDArray[np.
     are pinched together in the tip of a muscle, that a few end on the area is no reason to keep those.
     """
     size, tree = area.samples.area, area.samples.tree(64 * len(ends))
-    on_area = tree.query(ends)[0] <= tolerance + np.sqrt(size / tree.n)
+    near = tolerance + np.sqrt(size / tree.n)
+    # Without a bound a far end would be compared with thousands of positions that are about as far.
+    on_area = tree.query(ends, distance_upper_bound=near * (1.0 + 1e-9))[0] <= near
     if area.distance is not None:
         on_area |= area.distance(ends) <= tolerance
     apart = np.full(len(ends), True)

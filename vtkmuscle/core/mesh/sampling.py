@@ -12,11 +12,10 @@ from scipy.stats import qmc
 
 from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.mesh.surface import triangle_normals, unique_edges
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import Bools, Floats, Ints
 
-#: Blocks of eight times as many positions as wanted that are looked through: bodies fill most of a tenth of
-#: their boxes.
-MOST_BLOCKS = 64
+#: Blocks of as many positions as wanted that are looked through: bodies fill most of a tenth of their boxes.
+MOST_BLOCKS = 512
 #: Positions above each other in a column.
 LAYERS = 16
 #: Root of g^3 = g + 1: remainders of multiples of 1 / g and 1 / g^2 are spread evenly over a square, however
@@ -204,7 +203,7 @@ def uneven_weights(count: int) -> Floats:
     return fractions
 
 
-def samples_inside(depth: Callable[[Floats], Floats], points: Floats, count: int) -> Floats:
+def samples_inside(inside: Callable[[Floats], Bools], points: Floats, count: int) -> Floats:
     """Return positions of even density in a body; where the body moves they move with it.
 
     They stand in columns along the body's longest axis, one layer above the other: what positions beside a
@@ -212,8 +211,8 @@ def samples_inside(depth: Callable[[Floats], Floats], points: Floats, count: int
 
     Parameters
     ----------
-    depth : callable
-        From positions (n, 3) to how deep they are in the body (n,), 0 outside.
+    inside : callable
+        From positions (n, 3) to whether they are in the body (n,).
     points : (m, 3) array
         Of its surface [mm].
     count : int
@@ -222,8 +221,8 @@ def samples_inside(depth: Callable[[Floats], Floats], points: Floats, count: int
     Returns
     -------
     (k, 3) array
-        Column by column, the columns from a low-discrepancy sequence [mm]; fewer than `count` where the body
-        has next to no volume.
+        Column by column, the columns from a low-discrepancy sequence: more positions begin with the same
+        ones [mm]. Fewer than `count` where the body has next to no volume.
     """
     centre = points.mean(axis=0)
     # A round body has no second axis, and any axis may as well point the other way: rounding would decide.
@@ -234,7 +233,7 @@ def samples_inside(depth: Callable[[Floats], Floats], points: Floats, count: int
     axes *= np.where(weights @ (points - centre) @ axes.T < 0.0, -1.0, 1.0)[:, None]
     along = (points - centre) @ axes.T
     low, high = along.min(axis=0), along.max(axis=0)
-    block = 2 ** int(np.ceil(np.log2(8 * count / LAYERS)))
+    block = -(-count // LAYERS)
     layers = (np.arange(LAYERS) + 0.5) / LAYERS
     found = np.empty((0, 3))
     for first in range(0, MOST_BLOCKS * block, block):
@@ -242,7 +241,7 @@ def samples_inside(depth: Callable[[Floats], Floats], points: Floats, count: int
         across = np.repeat(numbers * [1.0 / GOLDEN, 1.0 / GOLDEN**2] % 1.0, LAYERS, axis=0)
         shares = np.column_stack([np.tile(layers, block), across])
         places = centre + (low + shares * (high - low)) @ axes
-        found = np.vstack([found, places[depth(places) > 0.0]])
+        found = np.vstack([found, places[inside(places)]])
         if len(found) >= count:
             break
     return found[:count]

@@ -1,0 +1,220 @@
+"""Runs that go on where an earlier one stopped, and results read back from their folders."""
+
+import json
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from faults import check_whole, results
+from tiny_scene import write_tiny_scene
+
+from vtkmuscle import InputError, Result, Scene
+from vtkmuscle.core.motion.coordinates import Coordinate
+from vtkmuscle.data.arrays import points_of, with_points
+from vtkmuscle.run.muscles import MuscleRun
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    """Two muscles, the second one narrower, with fibres; a third without."""
+    one = Scene.load(write_tiny_scene(tmp_path_factory.mktemp("scene")))
+    spindle = one.muscles["spindle"]
+    thin = replace(
+        spindle, surface=with_points(spindle.surface, points_of(spindle.surface) * (0.9, 0.9, 1.0))
+    )
+    bare = replace(thin, fibres=None)
+    angle = Coordinate(one.motion.times, "deg", "flexion")
+    motion = replace(one.motion, coordinates={"angle": angle})
+    return replace(one, muscles={"spindle": spindle, "thin": thin, "bare": bare}, motion=motion, files={})
+
+
+@pytest.fixture
+def computed(monkeypatch):
+    """The muscles that are computed, in order."""
+    names = []
+    go = MuscleRun.go
+
+    def noted(self, numbers):
+        names.append(self.name)
+        go(self, numbers)
+
+    monkeypatch.setattr(MuscleRun, "go", noted)
+    return names
+
+
+def run(scene, out, **more):
+    return scene.run(out, figures=False, workers=1, **more)
+
+
+def same(one, other):
+    """Check that two results are the same bit by bit."""
+    assert (one.name, one.units, one.frames, one.times) == (
+        other.name,
+        other.units,
+        other.frames,
+        other.times,
+    )
+    assert (one.verdicts, one.time_label) == (other.verdicts, other.time_label)
+    assert one.muscle_names == other.muscle_names
+    for name in one.muscle_names:
+        assert one.rest_muscle(name) == other.rest_muscle(name)
+        assert one.rest_fibres(name) == other.rest_fibres(name)
+        for frame in one.frames[: one.finished(name)]:
+            assert one.fibres(name, frame=frame) == other.fibres(name, frame=frame)
+            if one.report["model"] == "volume":
+                assert one.muscle(name, frame=frame) == other.muscle(name, frame=frame)
+    for frame in one.frames:
+        for bone, moved in zip(one.bones(frame=frame), other.bones(frame=frame), strict=True):
+            assert bone == moved
+    assert one.lengths.keys() == other.lengths.keys()
+    for name, lengths in one.lengths.items():
+        np.testing.assert_array_equal(lengths, other.lengths[name])
+    arms, again = (dict(found.moment_arms().table()) for found in (one, other))
+    for column, values in arms.items():
+        np.testing.assert_array_equal(values, again[column])
+
+
+@pytest.mark.parametrize("series", ["pvd", "vtkhdf"])
+@pytest.mark.parametrize("model", ["volume", "paths"])
+def test_a_result_that_is_read_back_is_what_the_run_gave(scene, tmp_path, series, model):
+    muscles = {name: one for name, one in scene.muscles.items() if model == "volume" or one.fibres}
+    result = run(replace(scene, model=model, muscles=muscles), tmp_path, series=series, frames="1:5")
+    loaded = Result.load(tmp_path)
+    same(result, loaded)
+    assert loaded.report == json.loads((tmp_path / "report.json").read_text())
+    assert list(loaded.report) == list(result.report)
+
+
+def test_a_folder_without_a_finished_run_is_one_clear_error(scene, tmp_path):
+    def refused(folder, words):
+        with pytest.raises(InputError, match=words):
+            Result.load(folder)
+
+    refused(tmp_path / "none", "there is no such folder")
+    refused(tmp_path, "no report.json")
+    (tmp_path / "file").write_text("")
+    refused(tmp_path / "file", "this is a file")
+    out = tmp_path / "out"
+
+    def stop(muscle, row):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(scene, out, observe=stop)
+    refused(out, r"did not end \(KeyboardInterrupt\); frames there")
+    run(scene, out)
+    for damage, words in (
+        (lambda file: file.unlink(), "missing"),
+        (lambda file: file.write_bytes(file.read_bytes()[:-9]), "is not what the run|damaged"),
+        (lambda file: file.write_bytes(b"0" + file.read_bytes()[1:]), "is not what the run|damaged"),
+    ):
+        for name in (
+            "thin.pvd",
+            "thin/thin_0001.vtp",
+            "finished/thin.npz",
+            "finished/thin_fibres.vtp",
+            "finished/scene.npz",
+            "finished/bones/lower.vtp",
+            "report.json",
+        ):
+            kept = (out / name).read_bytes()
+            damage(out / name)
+            with pytest.raises(InputError, match=words if name != "report.json" else "report"):
+                Result.load(out)
+            (out / name).write_bytes(kept)
+    Result.load(out)
+
+
+def test_what_is_finished_is_not_computed_again_and_what_is_changed_is_computed_alone(
+    scene, tmp_path, computed
+):
+    run(scene, tmp_path)
+    whole = results(tmp_path)
+    assert computed == ["spindle", "thin", "bare"]
+    stamps = {path: os.stat(path).st_mtime_ns for path in tmp_path.rglob("*.vtp") if "bones" not in str(path)}
+    again = run(scene, tmp_path)
+    assert len(computed) == 3
+    assert again.report["taken_over"] == ["spindle", "thin", "bare"]
+    assert results(tmp_path) == whole
+    assert {path: os.stat(path).st_mtime_ns for path in stamps} == stamps
+    same(again, Result.load(tmp_path))
+
+    thin = replace(scene.muscles["thin"], solver={"iterations": 4})
+    changed = replace(scene, muscles={**scene.muscles, "thin": thin})
+    computed.clear()
+    run(changed, tmp_path)
+    assert computed == ["thin"]
+    afresh = tmp_path / "afresh"
+    run(changed, afresh)
+    assert {name: one for name, one in results(tmp_path).items() if "afresh" not in name} == results(afresh)
+
+    computed.clear()
+    run(changed, tmp_path, fresh=True)
+    assert computed == ["spindle", "thin", "bare"]
+
+
+def test_what_a_muscle_depends_on_is_in_its_key(scene, tmp_path, computed):
+    run(scene, tmp_path)
+    moved = with_points(scene.bones["upper"], points_of(scene.bones["upper"]) - np.array([0.0, 0.0, 0.01]))
+    area, *others = scene.muscles["thin"].attachments
+    landmarks = replace(area, landmarks=np.asarray(area.landmarks) * (1.0, 0.99, 1.0))
+    muscles = scene.muscles
+    for changed, expected in (
+        (replace(scene, bones={**scene.bones, "upper": moved}), list(muscles)),
+        (replace(scene, motion=scene.motion.part(range(4))), list(muscles)),
+        (replace(scene, solver={"iterations": 2}), list(muscles)),
+        (replace(scene, quality="preview"), list(muscles)),
+        (
+            replace(scene, muscles={**muscles, "thin": replace(muscles["thin"], fixing={"distance": 2.0})}),
+            ["thin"],
+        ),
+        (
+            replace(
+                scene, muscles={**muscles, "thin": replace(muscles["thin"], attachments=(landmarks, *others))}
+            ),
+            ["thin"],
+        ),
+        (
+            replace(scene, muscles={**muscles, "thin": replace(muscles["thin"], crosses=("angle",))}),
+            [],
+        ),
+    ):
+        run(scene, tmp_path)
+        computed.clear()
+        run(changed, tmp_path)
+        assert computed == expected
+
+
+def test_damaged_frames_are_computed_again(scene, tmp_path, computed):
+    run(scene, tmp_path)
+    whole = results(tmp_path)
+    for name in ("thin/thin_0002.vtp", "finished/thin.npz"):
+        file = tmp_path / name
+        content = bytearray(file.read_bytes())
+        content[len(content) // 2] ^= 1
+        file.write_bytes(content)
+        computed.clear()
+        run(scene, tmp_path)
+        assert computed == ["thin"]
+        assert results(tmp_path) == whole
+    check_whole(tmp_path)
+
+
+@pytest.mark.parametrize("contact", ["off", "measure"])
+def test_a_run_that_was_stopped_goes_on_and_gives_the_same(scene, tmp_path, computed, contact):
+    scene = replace(scene, muscle_contact=contact)
+    run(scene, tmp_path / "whole")
+
+    def stop(muscle, row):
+        if muscle == "thin" and row["frame"] == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(scene, tmp_path / "out", observe=stop)
+    computed.clear()
+    result = run(scene, tmp_path / "out")
+    # Where muscles may meet, each asks those before it where they are.
+    assert computed == (["thin", "bare"] if contact == "off" else ["spindle", "thin", "bare"])
+    assert results(tmp_path / "out") == results(tmp_path / "whole")
+    same(result, Result.load(tmp_path / "whole"))

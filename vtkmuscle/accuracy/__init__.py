@@ -1,0 +1,11 @@
+"""The error of every number of a run: what is known of it from the run, and what further solves tell.
+
+Open :mod:`~vtkmuscle.accuracy.causes` for the causes and how each one's part is had,
+:mod:`~vtkmuscle.accuracy.variants` for the further solves, :mod:`~vtkmuscle.accuracy.estimates` for lengths,
+moment arms, volumes and areas with their errors, and :mod:`~vtkmuscle.accuracy.study` for what a run calls.
+"""
+
+from vtkmuscle.accuracy.causes import KINDS, SOLVED
+from vtkmuscle.accuracy.study import ErrorStudy
+
+__all__ = ["KINDS", "SOLVED", "ErrorStudy"]

@@ -1,0 +1,149 @@
+"""Lengths, moment arms, volume and cross-sectional area of a muscle, with their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from vtkmuscle.accuracy.causes import Cause
+from vtkmuscle.core.accuracy.convergence import convergence_error
+from vtkmuscle.core.accuracy.estimate import COVERAGE_FACTOR, Estimate, expanded_of_samples
+from vtkmuscle.core.accuracy.polylines import bends, segment_errors
+from vtkmuscle.core.mesh.halving import rounded_volume
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.types import Floats
+from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
+from vtkmuscle.run.track import MuscleTrack
+
+#: From lengths (f, k) of fibres in all frames to moment arms by each coordinate.
+Arms = Callable[[Floats], Mapping[str, JointArms]]
+
+#: A triangle's chords are off a smooth surface by the square of their length.
+FACET_ORDER = 2.0
+
+
+def causes_known_of_a_run(track: MuscleTrack, millimetres: float) -> list[Cause]:
+    """Return the causes whose part in lengths is known without a further solve.
+
+    ``solve``: the estimated distance to the end of the solve, root mean square over the surface, taken as the
+    standard deviation of fibre points, all of them off in the direction that changes the length most.
+    ``segments``: chords for arcs. ``millimetres`` is the length of the scene's unit.
+    """
+    lengths = np.array(track.lengths)
+    lines = [polylines_of(frame, "fibres") for frame in track.fibres]
+    assert track.rest_fibres is not None  # there are frames of them
+    rested = polylines_of(track.rest_fibres, "fibres")
+    rest = polyline_lengths(rested.points, rested.offsets)
+    chords = np.array([segment_errors(one.points, one.offsets) for one in lines])
+    of_rest = segment_errors(rested.points, rested.offsets)
+    causes = [Cause("segments", [lengths + chords * millimetres], [(rest + of_rest) * millimetres])]
+    distances = [row.get("estimated_distance_mm") for row in track.report["frames"]]
+    if all(distance is not None for distance in distances):
+        turns = np.array([bends(one.points, one.offsets) for one in lines])
+        off = COVERAGE_FACTOR * np.array(distances, dtype=np.float64)[:, None] * turns
+        causes.append(Cause("solve", [lengths + off]))
+    return causes
+
+
+def length_estimates(lengths: Floats, causes: Sequence[Cause]) -> dict[str, Estimate]:
+    """Return ``length``, of the fibres' mean per frame (f,), and ``fibre_length`` (f, k) [mm]."""
+    mean = lengths.mean(axis=1)
+    parts = {cause.name: cause.part(_mean_of_last, mean, cause.lengths) for cause in causes}
+    of_fibres = {cause.name: cause.part(_itself, lengths, cause.lengths) for cause in causes}
+    return {
+        "length": Estimate(mean, "mm", parts | _of_number(lengths.T)),
+        "fibre_length": Estimate(lengths, "mm", of_fibres),
+    }
+
+
+def arm_estimates(lengths: Floats, causes: Sequence[Cause], arms: Arms) -> dict[str, Estimate]:
+    """Return ``moment_arm_NAME`` (m,) by each coordinate, and ``fibre_moment_arm_NAME`` (m, k) [mm].
+
+    Parameters
+    ----------
+    lengths : (f, k) array
+        In all frames of the motion [mm].
+    causes : sequence of Cause
+        With lengths in all of them.
+    arms : callable
+        From lengths to moment arms.
+    """
+    known = arms(lengths)
+    others = {cause.name: [arms(other) for other in cause.lengths] for cause in causes}
+    estimates: dict[str, Estimate] = {}
+    for name, found in known.items():
+        parts: dict[str, Floats] = {"regression": COVERAGE_FACTOR * found.mean_error}
+        of_fibres: dict[str, Floats] = {"regression": COVERAGE_FACTOR * found.errors}
+        for cause in causes:
+            if any(name not in other for other in others[cause.name]):
+                continue
+            means = [other[name].mean for other in others[cause.name]]
+            parts[cause.name] = cause.part(_itself, found.mean, means)
+            every = [other[name].arms for other in others[cause.name]]
+            of_fibres[cause.name] = cause.part(_itself, found.arms, every)
+        estimates[f"moment_arm_{name}"] = Estimate(found.mean, "mm", parts | _of_number(found.arms.T))
+        estimates[f"fibre_moment_arm_{name}"] = Estimate(found.arms, "mm", of_fibres)
+    return estimates
+
+
+def volume_estimate(track: MuscleTrack, millimetres: float) -> Estimate:
+    """Return the muscle's volume per frame (f,), or at rest (1,) where it is not deformed [mm^3].
+
+    ``facets``: flat triangles for a round surface. ``solve``: by how much the volume is not kept.
+    """
+    assert track.rest is not None  # it was run
+    points, triangles = points_of(track.rest), triangles_of(track.rest, "muscle")
+    volume = float(track.report["volume_mm3"])
+    rounded = rounded_volume(points, triangles) * millimetres**3
+    ratios = [row["volume_ratio"] for row in track.report["frames"] if "volume_ratio" in row]
+    now = volume * np.array(ratios or [1.0])
+    facets = np.broadcast_to(convergence_error(volume, rounded, order=FACET_ORDER), now.shape)
+    parts = {"facets": facets}
+    return Estimate(now, "mm^3", parts | ({"solve": np.abs(now - volume)} if ratios else {}))
+
+
+def area_estimate(architecture: Mapping[str, Any], volume: Estimate, rest: Estimate) -> Estimate:
+    """Return the physiological cross-sectional area [mm^2]: volume / length, whose relative variances add.
+
+    JCGM 100:2008, 5.1.6, eq. 12, cause by cause.
+
+    Parameters
+    ----------
+    architecture : mapping
+        Of the report.
+    volume : Estimate
+        At rest or in motion; what is not kept in motion does not count.
+    rest : Estimate
+        Mean length of the fibres at rest (1,).
+    """
+    area = np.array([float(architecture["pcsa_mm2"])])
+    relative: dict[str, Floats] = {"facets": volume.parts["facets"][:1] / volume.value[:1]}
+    relative |= {cause: part / rest.value for cause, part in rest.parts.items()}
+    return Estimate(area, "mm^2", {cause: area * part for cause, part in relative.items()})
+
+
+def rest_estimate(rest: Floats, causes: Sequence[Cause]) -> Estimate:
+    """Return the mean length of the fibres at rest (1,), of their lengths (k,) [mm]."""
+    mean = np.array([rest.mean()])
+    parts = {
+        cause.name: cause.part(lambda other: np.array([other.mean()]), mean, cause.rest)
+        for cause in causes
+        if len(cause.rest)
+    }
+    return Estimate(mean, "mm", parts | _of_number(rest[:, None]))
+
+
+def _of_number(values: Floats) -> dict[str, Floats]:
+    """Return what a mean owes to the number of fibres, of values (k, ...); nothing of a single one."""
+    return {"fibres": expanded_of_samples(values, of_mean=True)} if len(values) > 1 else {}
+
+
+def _itself(value: Floats) -> Floats:
+    return value
+
+
+def _mean_of_last(value: Floats) -> Floats:
+    return np.asarray(value.mean(axis=-1))

@@ -1,0 +1,139 @@
+"""Numbers with the parts of their error, and how these combine.
+
+Every part is the half width of an interval that holds the true value with about 95 % confidence, as far as
+that cause goes: an expanded uncertainty with the coverage factor 2 (JCGM 100:2008, *Guide to the expression
+of uncertainty in measurement*, 6.2 and 6.3.3). Causes are taken as independent, so that variances add, and
+the total is the root of the sum of squares (5.1.2, eq. 10); with one factor for all that holds for the
+expanded parts as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import t as student
+
+from vtkmuscle.core.types import Floats
+
+#: From a standard to an expanded uncertainty of about 95 % (JCGM 100:2008, 6.3.3).
+COVERAGE_FACTOR = 2.0
+#: Confidence of an expanded uncertainty.
+CONFIDENCE = 0.95
+
+
+def root_of_squares(*parts: ArrayLike) -> Floats:
+    """Return the root of the sum of squares of independent parts, which broadcast together; 0 of none.
+
+    Source: JCGM 100:2008, 5.1.2, eq. 10, with sensitivities of 1.
+
+    Examples
+    --------
+    >>> from vtkmuscle.core.accuracy.estimate import root_of_squares
+    >>> float(root_of_squares(3.0, 4.0))
+    5.0
+    """
+    total: Floats = np.sqrt(
+        sum((np.square(np.asarray(part, dtype=np.float64)) for part in parts), np.zeros(()))
+    )
+    return total
+
+
+def expanded_of_bounds(half_width: ArrayLike) -> Floats:
+    """Return the expanded uncertainty where only bounds are known: all values within them alike likely.
+
+    The variance of a rectangular distribution is a third of the square of its half width (JCGM 100:2008,
+    4.3.7), so that this is 2 / sqrt(3) of the half width.
+
+    Parameters
+    ----------
+    half_width : array_like
+        Of the bounds, of either sign.
+    """
+    expanded: Floats = COVERAGE_FACTOR / np.sqrt(3.0) * np.abs(np.asarray(half_width, dtype=np.float64))
+    return expanded
+
+
+def expanded_of_samples(values: ArrayLike, *, of_mean: bool = False) -> Floats:
+    """Return the expanded uncertainty that repeated values tell of, along the first axis.
+
+    Student's t for n - 1 degrees of freedom at 95 %, times the standard deviation: of one more value, or of
+    their mean, by the root of n smaller (JCGM 100:2008, 4.2 and G.3).
+
+    Parameters
+    ----------
+    values : (n, ...) array_like
+        n >= 2 samples.
+    of_mean : bool, optional
+        Whether the mean of the samples is what is uncertain, not one of them.
+
+    Returns
+    -------
+    (...) array
+        Not negative.
+
+    Examples
+    --------
+    >>> from vtkmuscle.core.accuracy.estimate import expanded_of_samples
+    >>> float(expanded_of_samples([1.0, 3.0]).round(3))
+    17.969
+    """
+    samples = np.asarray(values, dtype=np.float64)
+    count = len(samples)
+    factor = float(student.ppf((1.0 + CONFIDENCE) / 2.0, count - 1)) / (np.sqrt(count) if of_mean else 1.0)
+    return np.asarray(factor * samples.std(axis=0, ddof=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """A quantity and what is known of its error.
+
+    Attributes
+    ----------
+    value : array
+        Of any shape, for instance a value per frame.
+    unit : str
+        Of the value and of all errors.
+    parts : mapping of str to array
+        Per cause an expanded uncertainty, of the shape of the value; causes that are not there are not known.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from vtkmuscle.core.accuracy.estimate import Estimate
+    >>> parts = {"solve": np.array([0.3, 0.3]), "model": np.array([0.4, 0.4])}
+    >>> length = Estimate(np.array([100.0, 90.0]), "mm", parts)
+    >>> length.total
+    array([0.5, 0.5])
+    >>> length.report()["total"]
+    0.5
+    """
+
+    value: Floats
+    unit: str
+    parts: Mapping[str, Floats] = field(default_factory=dict)
+
+    @property
+    def total(self) -> Floats:
+        """All parts together, of the shape of the value."""
+        return np.broadcast_to(root_of_squares(*self.parts.values()), np.shape(self.value))
+
+    def report(self) -> dict[str, Any]:
+        """Return the mean value, the root mean square of each part, and of the total: JSON-able."""
+        return {
+            "value": float(np.mean(self.value)),
+            "unit": self.unit,
+            "parts": {cause: _root_mean_square(part) for cause, part in self.parts.items()},
+            "total": _root_mean_square(self.total),
+        }
+
+    def with_parts(self, parts: Mapping[str, Floats]) -> Estimate:
+        """Return the same quantity with more parts; those of the same name are replaced."""
+        return Estimate(self.value, self.unit, {**self.parts, **parts})
+
+
+def _root_mean_square(values: Floats) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else 0.0

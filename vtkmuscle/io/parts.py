@@ -1,0 +1,125 @@
+"""Finished parts of a piece of work on disk, so that none is made again.
+
+A part has a name and a key, a digest of all that it depends on (:mod:`vtkmuscle.run.keys`). One of another
+key, or one that is damaged, counts as none.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.io.writing import replacing
+
+#: Entry of a file that holds the key and the facts; no array is called so.
+_FACTS = "facts"
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What is kept of a finished part.
+
+    Attributes
+    ----------
+    facts : dict
+        JSON-able.
+    arrays : dict of str to array
+        Numbers, kept bit by bit.
+    """
+
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+
+class Parts:
+    """A folder of finished parts, a file ``NAME.npz`` for each, which is moved into place complete.
+
+    Parameters
+    ----------
+    folder : Path
+        Made when the first part is written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import mkdtemp
+    >>> from vtkmuscle.io.parts import Part, Parts
+    >>> parts = Parts(Path(mkdtemp()))
+    >>> parts.made("one", "key", lambda: Part({"value": 1})).facts
+    {'value': 1}
+    >>> parts.made("one", "key", lambda: Part({"value": 2})).facts  # it is there, and not made again
+    {'value': 1}
+    >>> parts.read("one", "another key") is None
+    True
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def path(self, name: str) -> Path:
+        """Return the file of a part."""
+        return self.folder / f"{name}.npz"
+
+    def read(self, name: str, key: str | None = None) -> Part | None:
+        """Return a part; None where there is none, it is damaged, or its key is another.
+
+        Without a key that of the file is not looked at.
+        """
+        try:
+            with self.path(name).open("rb") as file, np.load(file, allow_pickle=False) as kept:
+                found = json.loads(str(kept[_FACTS]))
+                if key is not None and found["key"] != key:
+                    return None
+                arrays = {entry: kept[entry] for entry in kept.files if entry != _FACTS}
+                return Part(found["facts"], arrays)
+        except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
+            return None
+        except (NotImplementedError, RecursionError, MemoryError, SyntaxError):  # of damaged headers
+            return None
+
+    def write(self, name: str, key: str, part: Part) -> None:
+        """Keep a part, in place of one of the same name.
+
+        Raises
+        ------
+        OSError
+            If it cannot be written.
+        """
+        text = json.dumps({"key": key, "facts": part.facts}, allow_nan=False, default=plain)
+        with replacing(self.path(name)) as beside, beside.open("wb") as file:
+            entries: dict[str, Any] = {_FACTS: np.array(text), **part.arrays}
+            np.savez_compressed(file, allow_pickle=False, **entries)
+
+    def made(self, name: str, key: str, make: Callable[[], Part]) -> Part:
+        """Return a part: the one that is there, or else a new one, which is kept."""
+        found = self.read(name, key)
+        if found is None:
+            self.write(name, key, make())
+            found = self.read(name, key)
+        if found is None:
+            raise OSError(f"{self.path(name)}: it cannot be read again right after it was written")
+        return found
+
+
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 of a file's content."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def plain(value: Any) -> Any:
+    """Turn what JSON does not know into what it knows."""
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    return repr(value)

@@ -1,0 +1,116 @@
+"""The finished muscles of a run's folder: noted with their keys and files, and read back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.data.arrays import cell_array, points_of
+from vtkmuscle.io.parts import Part, Parts, file_digest
+from vtkmuscle.io.surfaces import read_polydata
+from vtkmuscle.io.writing import write_polydata
+from vtkmuscle.run.poses import series_of
+from vtkmuscle.run.track import MuscleTrack
+
+#: The folder of notes in that of a run.
+FINISHED = "finished"
+#: Field arrays that say what a file is part of.
+STAMPS = ("Scene", "Units", "Version")
+#: Field array that VTK's writer adds to data that a pipeline made for a time.
+_TIME = "TimeValue"
+
+_AGAIN = "run the scene again: what is whole is kept"
+
+
+def note_finished(folder: Path, name: str, key: str, track: MuscleTrack) -> None:
+    """Note that all files of a muscle are written, with the digest of each, and what it is at rest."""
+    inside = folder / FINISHED
+    files = []
+    for series in (name, f"{name}_fibres"):
+        found = series_of(folder, series)
+        if found is not None:
+            files += [*found.files, folder / f"{series}.pvd"]
+    for ending, rest in (("", track.rest), ("_fibres", track.rest_fibres)):
+        if rest is not None:
+            files.append(inside / f"{name}{ending}.vtp")
+            write_polydata(files[-1], rest)
+    facts = {
+        "report": track.report,
+        "fibres": track.rest_fibres is not None,
+        "files": digests_of(folder, files),
+    }
+    Parts(inside).write(name, key, Part(facts))
+
+
+def digests_of(folder: Path, files: list[Path]) -> dict[str, str]:
+    """Return the digests of files by their paths in a folder; those that are not there are left out."""
+    there = dict.fromkeys(file for file in files if file.is_file())
+    return {file.relative_to(folder).as_posix(): file_digest(file) for file in there}
+
+
+def finished_muscles(folder: Path, keys: Mapping[str, str], millimetres: float) -> dict[str, MuscleTrack]:
+    """Return the muscles that are finished in a folder, of these keys, and as they were written."""
+    tracks = {}
+    for name, key in keys.items():
+        part = Parts(folder / FINISHED).read(name, key)
+        if part is not None:
+            try:
+                tracks[name] = read_track(folder, name, part, millimetres)
+            except (ValueError, OSError):  # damaged: it is computed again
+                continue
+    return tracks
+
+
+def read_track(folder: Path, name: str, part: Part, millimetres: float) -> MuscleTrack:
+    """Return a finished muscle from its files.
+
+    Raises
+    ------
+    ValueError
+        If a file is not what the run has written.
+    OSError
+        If one is missing, or cannot be read.
+    """
+    check_files(folder, part.facts)
+    inside = folder / FINISHED
+    track = MuscleTrack(rest=_rest(inside / f"{name}.vtp"), report=dict(part.facts["report"]))
+    count = len(track.report["frames"])
+    track.points = [points_of(frame) for frame in _frames(folder, name)]
+    if part.facts["fibres"]:
+        track.rest_fibres = _rest(inside / f"{name}_fibres.vtp")
+        track.fibres = _frames(folder, f"{name}_fibres")
+        where = f"muscles.{name}: fibres"
+        lengths = (np.array(cell_array(fibres, "Length", where)) for fibres in track.fibres)
+        track.lengths = [one * millimetres for one in lengths]
+    if any(len(one) not in (0, count) for one in (track.points, track.fibres)):
+        raise InputError(folder, f"it has not all frames of {name!r}", _AGAIN)
+    return track
+
+
+def check_files(folder: Path, facts: Mapping[str, Any]) -> None:
+    """Raise an error where a file of finished work is missing, or is not what was written."""
+    for name, digest in facts["files"].items():
+        if not (folder / name).is_file():
+            raise InputError(folder / name, "the file is missing", _AGAIN)
+        if file_digest(folder / name) != digest:
+            raise InputError(folder / name, "the file is not what the run has written", _AGAIN)
+
+
+def _rest(path: Path) -> vtkPolyData:
+    data = read_polydata(path)
+    data.GetFieldData().RemoveArray(_TIME)
+    return data
+
+
+def _frames(folder: Path, name: str) -> list[vtkPolyData]:
+    series = series_of(folder, name)
+    frames = [] if series is None else [series.frame(number) for number in range(len(series.times))]
+    for frame in frames:
+        for stamp in (*STAMPS, _TIME):
+            frame.GetFieldData().RemoveArray(stamp)
+    return frames

@@ -1,0 +1,125 @@
+"""Keys of finished work: digests of all that it depends on."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkDataArray
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.core.collision.distance_obstacle import DistanceObstacle
+from vtkmuscle.data.arrays import field_array, points_of, triangles_of
+from vtkmuscle.scene.data import SceneData
+
+#: Parts of the package that only start runs or show what came out of them.
+_SHOWING = ("cli", "cohort", "paraview", "plotting", "report/", "tradeoff/plots", "tradeoff/table", "view/")
+#: Fields of a scene that its result does not depend on: where it was read from.
+_NOT_SCENE = ("files",)
+#: Packages that have a part in the numbers.
+_PACKAGES = ("numpy", "scipy", "numba", "vtk", "pyamg")
+#: The key of a file of which the content counts, not the name.
+_FILE = "template_file"
+
+
+def muscle_keys(scene: SceneData, bones: Mapping[str, vtkPolyData], numbers: range) -> dict[str, str]:
+    """Return the key of each muscle of a scene: a digest of all that its frames depend on.
+
+    That is its surface, attachments, fibres and settings, all bones and their motion, which frames are kept,
+    this package's source, and the versions of the packages that it computes with. Where muscles may meet,
+    also the muscles before it in the scene. What is done with the frames afterwards, as drawings beside
+    published curves, does not count.
+
+    Parameters
+    ----------
+    scene : SceneData
+        All of it: how much of a bone is measured depends on where all muscles may meet it.
+    bones : mapping of str to vtkPolyData
+        As :func:`~vtkmuscle.run.reach.bones_with_reach` gives them.
+    numbers : range
+        Of the frames that are kept.
+    """
+    regions = {name: _region(name, bone) for name, bone in bones.items()}
+    settings = scene.name, scene.units, scene.model, scene.muscle_contact
+    common = digest_of([code_digest(), settings, scene.motion, list(numbers), scene.bones, regions])
+    keys: dict[str, str] = {}
+    for name, muscle in scene.muscles.items():
+        before = list(keys.values()) if scene.muscle_contact != "off" else []
+        own = [muscle.surface, muscle.attachments, muscle.fibres, muscle.superficial_fibres]
+        keys[name] = digest_of([common, before, name, *own, scene.solver_of(name), scene.fixing_of(name)])
+    return keys
+
+
+def _region(name: str, bone: vtkPolyData) -> Any:
+    """Return the box of a bone in which its distances are measured; None for all of it."""
+    reach = field_array(bone, "Reach")
+    return DistanceObstacle(0, points_of(bone), triangles_of(bone, name), reach=reach).region
+
+
+def digest_of(value: Any) -> str:
+    """Return a digest of all that a scene, or a value in it, is made of."""
+    digest = hashlib.sha256()
+    _feed(digest, value)
+    return digest.hexdigest()
+
+
+def _feed(digest: Any, value: Any) -> None:
+    digest.update(f"{type(value).__name__}(".encode())
+    if isinstance(value, vtkPolyData):
+        _feed_surface(digest, value)
+    elif isinstance(value, np.ndarray):
+        digest.update(f"{value.dtype} {value.shape}".encode())
+        digest.update(np.ascontiguousarray(value).tobytes())
+    elif is_dataclass(value):
+        for field in fields(value):
+            if not (isinstance(value, SceneData) and field.name in _NOT_SCENE):
+                _feed(digest, (field.name, getattr(value, field.name)))
+    elif isinstance(value, Mapping):
+        for key, one in value.items():  # in order: muscles yield to those before them
+            _feed(digest, (key, Path(one).read_bytes() if key == _FILE and one is not None else one))
+    elif isinstance(value, list | tuple):
+        for part in value:
+            _feed(digest, part)
+    else:
+        digest.update(repr(value).encode())
+    digest.update(b")")
+
+
+def _feed_surface(digest: Any, data: vtkPolyData) -> None:
+    _feed(digest, points_of(data))
+    for cells in (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()):
+        _feed(digest, vtk_to_numpy(cells.GetOffsetsArray()))
+        _feed(digest, vtk_to_numpy(cells.GetConnectivityArray()))
+    for arrays in (data.GetPointData(), data.GetCellData(), data.GetFieldData()):
+        for number in range(arrays.GetNumberOfArrays()):
+            one = arrays.GetAbstractArray(number)
+            if isinstance(one, vtkDataArray):
+                _feed(digest, (one.GetName(), vtk_to_numpy(one)))
+            else:
+                values = [one.GetValue(i) for i in range(one.GetNumberOfValues())]
+                _feed(digest, (one.GetName(), values))
+
+
+@cache
+def code_digest() -> str:
+    """Return a digest of what computes: the package's source, without what only shows, and other packages."""
+    root = Path(__file__).parents[1]
+    digest = hashlib.sha256()
+    for package in _PACKAGES:
+        try:
+            digest.update(f"{package} {version(package)}\n".encode())
+        except PackageNotFoundError:  # e.g. VTK built from source, as in ParaView
+            digest.update(f"{package} unknown\n".encode())
+    for file in sorted(root.rglob("*.py")):
+        name = file.relative_to(root).as_posix()
+        if not name.startswith(_SHOWING):
+            digest.update(name.encode())
+            digest.update(file.read_bytes())
+    return digest.hexdigest()
