@@ -71,6 +71,7 @@ sphinx_gallery_conf = {
     "gallery_dirs": "gallery",
     "filename_pattern": r"plot_.*\.py",
     "image_scrapers": (Scraper(), "matplotlib"),
+    "within_subsection_order": "docstrings.place_in_gallery",
     "reset_modules": ("docstrings.warnings_are_errors",),
     "reset_modules_order": "both",
     "abort_on_example_error": True,
