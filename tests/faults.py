@@ -78,6 +78,8 @@ def check_whole(folder: Path) -> int:
             assert Parts(path.parent).read(path.stem) is not None
         elif path.suffix == ".json":
             json.loads(path.read_text())
+        elif path.suffix == ".html":
+            assert path.read_text(encoding="utf-8").endswith("</html>\n")
         else:
             assert path.suffix == ".png", path
             assert path.read_bytes()[-8:-4] == b"IEND"

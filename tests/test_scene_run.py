@@ -261,6 +261,7 @@ def test_everything_is_written_and_nothing_else(result, out):
             "lengths.csv",
             "spindle_fibres.csv",
             "report.json",
+            "report.html",
             "bones.pvd",
             "bones/upper.vtp",
             *(f"bones/lower/lower_{i:04d}.vtp" for i in frames),
@@ -314,7 +315,7 @@ def test_the_tables_hold_the_result(result, out):
         assert found == pytest.approx([lengths.mean(), lengths.std(), lengths.min(), lengths.max()])
     assert len(report["muscles"]["spindle"]["fibre_measures"]) == FRAMES
     assert report["muscles"]["spindle"]["frames"] == result.report["muscles"]["spindle"]["frames"]
-    assert report["seconds"].keys() == {"muscles", "total"}
+    assert report["seconds"].keys() == {"muscles", "errors", "page", "total"}
 
 
 def test_other_files_of_the_folder_are_left_alone(scene, tmp_path):

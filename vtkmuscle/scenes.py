@@ -150,6 +150,7 @@ class Scene(SceneData):
         *,
         frames: str | slice | range | int | None = None,
         figures: bool = True,
+        report: bool = True,
         progress: Callable[[str, str, float], None] | None = None,
         workers: int | None = None,
         series: str = "pvd",
@@ -166,15 +167,18 @@ class Scene(SceneData):
         ----------
         out : path, optional
             Folder to write to: a .pvd per muscle, its fibres and the bones, lengths.csv, moment_arms.csv,
-            report.json and figures. Where an earlier run of the same scene is in it, killed or not, muscles
-            that it has finished with the same inputs and settings are taken over, and all others are
-            computed; other files are left alone. Without it nothing is written.
+            report.json, figures, and report.html with all of it. Where an earlier run of the same scene is in
+            it, killed or not, muscles that it has finished with the same inputs and settings are taken over,
+            and all others are computed; other files are left alone. Without it nothing is written.
         frames : str, slice, range or int, optional
             Which frames to keep and write, e.g. ``"0:10"`` for the first ten (the end is not
             included, as in Python); default all. Frames before them are computed, for the deformation
             depends on its past; frames after them are not.
         figures : bool, optional
             Draw figures; where there is no OpenGL, a warning says so and all else is written.
+        report : bool, optional
+            Write report.html: the scene to be turned and moved, curves, tables and verdicts in one file that
+            a browser opens.
         progress : callable, optional
             Called with the muscle's name, what is being done, and the part that is done, 0 to 1; from
             several threads.
@@ -225,7 +229,7 @@ class Scene(SceneData):
             raise ValueError("out is empty; give the name of a folder")
         kinds = () if errors is False else SOLVED if errors is True else tuple(errors)
         study = ErrorStudy(self, kinds, landmark_error=landmark_error, landmark_samples=landmark_samples)
-        check_sense(self)
+        odd = check_sense(self)
         target = None if out is None else Path(out)
         hold = nullcontext() if target is None else claimed(target, self, overwrite=overwrite)
         with hold:
@@ -234,6 +238,8 @@ class Scene(SceneData):
                 target,
                 frames=frames,
                 figures=figures,
+                page=report,
+                odd=odd,
                 progress=progress,
                 workers=workers,
                 series=series,

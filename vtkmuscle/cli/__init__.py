@@ -189,6 +189,24 @@ def export(
 
 
 @app.command()
+def report(
+    results: Annotated[Path, typer.Argument(help="Folder of a run's results.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", metavar="HTML", parser=named, help="Default: report.html in that folder."
+        ),
+    ] = None,
+) -> None:
+    """Write the page of a finished run again: the scene, curves, tables and verdicts in one file."""
+    with one_clear_error(out):
+        from vtkmuscle.run import Result
+        from vtkmuscle.run.claim import PAGE
+
+        typer.echo(f"wrote {Result.load(results).write_report(out or results / PAGE)}")
+
+
+@app.command()
 def tradeoff(
     scene: Annotated[
         str,

@@ -38,6 +38,9 @@ class RunOptions:
     ] = None
     quiet: QuietOption = False
     figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Draw figures.")] = True
+    report: Annotated[
+        bool, typer.Option("--report/--no-report", help="Write report.html, the page with all results.")
+    ] = True
     series: Annotated[
         str,
         typer.Option(

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
     """Run a scene, and print what was found and where it is."""
+    from vtkmuscle.run.claim import PAGE
     from vtkmuscle.run.verdict import reasons_of
 
     if options.quality is not None:
@@ -37,6 +38,7 @@ def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
             out,
             frames=options.frames,
             figures=options.figures,
+            report=options.report,
             progress=progress,
             workers=options.workers,
             series=options.series,
@@ -62,6 +64,11 @@ def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
     files = ", ".join(f"{name}.{options.series}" for name in ("NAME", "NAME_fibres", "bones"))
     tables = "lengths.csv, " + ("moment_arms.csv, " if (out / "moment_arms.csv").is_file() else "")
     say(options.quiet, f"  report.json, {tables}figures/, and {files} for ParaView")
+    if options.report:
+        say(
+            options.quiet,
+            f"Look at {out / PAGE} in a browser: the scene, curves, tables and what to make of them",
+        )
     if "failed" in result.verdicts.values():
         raise typer.Exit(FAILED)
 

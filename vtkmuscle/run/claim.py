@@ -25,8 +25,11 @@ if TYPE_CHECKING:
 #: The file that a run holds while it writes to a folder.
 LOCK = ".vtkmuscle.lock"
 
+#: The page with all that a run has found.
+PAGE = "report.html"
+
 #: Tables and folders of a run, beside those that are called after muscles.
-_LISTS = ("lengths.csv", "moment_arms.csv", "moment_arms_summary.csv")
+_LISTS = ("lengths.csv", "moment_arms.csv", "moment_arms_summary.csv", PAGE)
 _FILES = ("report.json", *_LISTS, "bones.pvd", "bones.vtkhdf")
 _FOLDERS = ("bones", "figures", "finished")
 _TABLES = ("_fibres.csv",)

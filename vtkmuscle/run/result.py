@@ -20,6 +20,7 @@ from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import with_points
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.literature import LiteratureCurve
+from vtkmuscle.run.limits import CHECKS
 from vtkmuscle.run.loading import read_result
 from vtkmuscle.run.moment_arms import MomentArmTable
 from vtkmuscle.run.table import Table
@@ -329,6 +330,30 @@ class Result:
     def rest_bones(self) -> Any:
         """Return the bones at rest."""
         return _wrapped(self._bones)
+
+    def write_report(self, path: str | PathLike[str]) -> Path:
+        """Write the page of the run: the scene to be turned and moved, curves, tables and verdicts.
+
+        Parameters
+        ----------
+        path : path
+            The .html file; replaced where it exists. It holds all that it shows and needs no network.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        ValueError
+            If the name does not end in .html.
+        """
+        from vtkmuscle.report import write_page  # noqa: PLC0415 -- only a page needs its parts
+
+        if Path(path).suffix.lower() not in (".html", ".htm"):
+            raise InputError(str(path), "a report is a page of HTML", "give it a name that ends in .html")
+        return write_page(path, self, CHECKS)
 
     def _track(self, name: str) -> MuscleTrack:
         if name not in self._tracks:

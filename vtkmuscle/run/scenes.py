@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from os import cpu_count
@@ -20,7 +20,8 @@ from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.algorithm import AbortedError
-from vtkmuscle.run.claim import scene_file
+from vtkmuscle.io.parts import file_digest
+from vtkmuscle.run.claim import PAGE, scene_file
 from vtkmuscle.run.errors import ErrorStudy
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.keys import muscle_keys
@@ -93,6 +94,8 @@ def run_scene(
     *,
     frames: str | slice | range | int | None,
     figures: bool,
+    page: bool = True,
+    odd: Sequence[str] = (),
     progress: Progress | None,
     workers: int | None,
     series: str = "pvd",
@@ -101,7 +104,10 @@ def run_scene(
     fresh: bool = False,
     errors: ErrorStudy | None = None,
 ) -> Result:
-    """Run a scene; see :meth:`vtkmuscle.Scene.run`. The clock [s] times the muscles' stages."""
+    """Run a scene; see :meth:`vtkmuscle.Scene.run`.
+
+    What is ``odd`` about the scene goes into the report. The clock [s] times the muscles' stages.
+    """
     began = time.perf_counter()
     numbers = frame_numbers(frames, len(scene.motion.times))
     if workers is not None and workers < 1:
@@ -111,27 +117,26 @@ def run_scene(
     bones, distances = bones_with_reach(scene), bone_distances(scene)
     keys, kept = _kept(folder, scene, bones, numbers, fresh=fresh)
     tracks = {name: kept.get(name) or MuscleTrack() for name in scene.muscles}
-    report = _first_report(scene, numbers, tracks) | {"taken_over": list(kept)}
+    report = _first_report(scene, numbers, tracks) | {"taken_over": list(kept), "sense": list(odd)}
     stop = threading.Event()
     report_progress = _one_at_a_time(progress)
     seen = observe or (lambda muscle, row: None)
     further = {} if errors is None else errors.jobs(numbers, bones, stop)
-    count = _side_by_side(workers, scene, len(further))
+
+    def muscle_run(name: str, others: tuple[MuscleRun, ...]) -> MuscleRun:
+        return MuscleRun(
+            scene, name, tracks[name], bones, distances, folder, stop, report_progress, seen, others, clock
+        )
+
     try:
+        jobs: dict[str, Future[None]] = {}
+        count = _side_by_side(workers, scene, len(further))
         with ThreadPoolExecutor(count) as pool, _setting_if_interrupted(stop):
-            jobs: dict[str, Future[None]] = {}
-            runs: list[MuscleRun] = []
             if folder is not None:
                 folder.begin(report, scene, keys, kept)
-            for name, track in tracks.items():
-                if name in kept:
-                    report_progress(name, "done", 1.0)
-                    continue
-                others = tuple(runs) if scene.muscle_contact != "off" else ()
-                run = MuscleRun(
-                    scene, name, track, bones, distances, folder, stop, report_progress, seen, others, clock
-                )
-                runs.append(run)
+            for name in kept:
+                report_progress(name, "done", 1.0)
+            for name, run in _runs(scene, kept, muscle_run).items():
                 jobs[f"muscles.{name}"] = pool.submit(run.go, numbers)
             jobs |= {key: pool.submit(job) for key, job in further.items()}
             if folder is not None:
@@ -152,13 +157,26 @@ def run_scene(
     if folder is not None:
         folder.write_moment_arms(arms)
         folder.write_tables(report, scene, numbers, tracks)
-        if figures:
+        if figures or page:
             with _unfinished_if_it_fails(folder, report):
-                _draw(folder, result, report)
+                _show(folder, result, report, figures=figures, page=page)
     report["seconds"]["total"] = time.perf_counter() - began
     if folder is not None:
         folder.write_report(report)
     return result
+
+
+def _runs(
+    scene: SceneData,
+    kept: Mapping[str, MuscleTrack],
+    make: Callable[[str, tuple[MuscleRun, ...]], MuscleRun],
+) -> dict[str, MuscleRun]:
+    """Return the runs of the muscles that are not kept from an earlier one; each may meet those before it."""
+    runs: dict[str, MuscleRun] = {}
+    for name in scene.muscles:
+        if name not in kept:
+            runs[name] = make(name, tuple(runs.values()) if scene.muscle_contact != "off" else ())
+    return runs
 
 
 def _side_by_side(workers: int | None, scene: SceneData, n_further: int) -> int:
@@ -258,6 +276,7 @@ def _first_report(scene: SceneData, numbers: range, tracks: dict[str, MuscleTrac
         "complete": False,
         "versions": versions(),
         "files": {key or "scene": str(path) for key, path in scene.files.items()},
+        "sha256": {key or "scene": file_digest(path) for key, path in scene.files.items() if path.is_file()},
         "frames": list(numbers),
         "times": [float(scene.motion.times[number]) for number in numbers],
         "definitions": dict(DEFINITIONS),
@@ -320,13 +339,23 @@ def _raise_first_failure(jobs: dict[str, Future[None]], scene: SceneData) -> Non
         raise error
 
 
+def _show(folder: RunFolder, result: Result, report: dict[str, Any], *, figures: bool, page: bool) -> None:
+    """Draw the figures of a run, and write its page."""
+    if figures:
+        _draw(folder, result, report)
+    if page:
+        before = time.perf_counter()
+        result.write_report(folder.path / PAGE)
+        report["seconds"]["page"] = time.perf_counter() - before
+
+
 def _draw(folder: RunFolder, result: Result, report: dict[str, Any]) -> None:
     from vtkmuscle.plotting import can_render  # noqa: PLC0415 -- only figures need PyVista
 
     reason = can_render()
     if reason is not None:
         report["figures"] = {"written": [], "reason": reason}
-        warnings.warn(f"no figures were drawn, all else was written: {reason}", stacklevel=4)
+        warnings.warn(f"no figures were drawn, all else was written: {reason}", stacklevel=5)
         return
     before = time.perf_counter()
     report["figures"] = {"written": folder.write_figures(result)}

@@ -48,8 +48,8 @@ _MOST_LANDMARKS = 150
 Finding = tuple[str, str, str, bool]
 
 
-def check_sense(scene: SceneData) -> None:
-    """Say what cannot be meant of a scene.
+def check_sense(scene: SceneData) -> list[str]:
+    """Say what cannot be meant of a scene, and return the warnings.
 
     Raises
     ------
@@ -61,12 +61,15 @@ def check_sense(scene: SceneData) -> None:
     UserWarning
         For each thing that is probably wrong.
     """
+    said = []
     for key, problem, remedy, sure in sorted(findings(scene), key=lambda one: not one[-1]):
         file = scene.files.get(key, scene.files.get(""))
         error = SceneError(problem, key, remedy, file)
         if sure:
             raise error
-        warnings.warn(str(error), stacklevel=3)
+        said.append(str(error))
+        warnings.warn(said[-1], stacklevel=3)
+    return said
 
 
 def findings(scene: SceneData) -> Iterator[Finding]:

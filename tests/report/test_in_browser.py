@@ -1,0 +1,231 @@
+"""The page of a run, in a browser: it draws, it moves, it asks nothing of anyone, and all can use it."""
+
+import itertools
+
+import pytest
+from browser import Page, needs_chromium
+
+pytestmark = needs_chromium
+
+#: What is drawn of the scene, as a number for each picture, and the part that is not background.
+PICTURE = """(() => {
+  const pixels = report.viewer.pixels();
+  let sum = 0, drawn = 0;
+  for (let i = 0; i < pixels.length; i += 4) {
+    sum = (sum * 31 + pixels[i] * 65536 + pixels[i + 1] * 256 + pixels[i + 2]) % 2147483647;
+    drawn += pixels[i] !== pixels[0] || pixels[i + 1] !== pixels[1] || pixels[i + 2] !== pixels[2];
+  }
+  return { sum, part: drawn / (pixels.length / 4) };
+})()"""
+
+#: Controls without a name that a screen reader could say.
+NAMELESS = """[...document.querySelectorAll("button, select, input, canvas, [role=img], a")].filter((one) =>
+  !(one.getAttribute("aria-label") || one.textContent.trim() || one.labels?.[0]?.textContent.trim())
+).map((one) => one.outerHTML)"""
+
+#: Texts whose contrast with what is behind them is less than 4.5 (WCAG 2.1, AA).
+PALE = """(() => {
+  const rgb = (text) => text.match(/[\\d.]+/g).map(Number);
+  const light = ([r, g, b]) => [r, g, b].map((v) => v / 255)
+    .map((v) => (v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4))
+    .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
+  const behind = (one) => {
+    for (; one; one = one.parentElement) {
+      const colour = rgb(getComputedStyle(one).backgroundColor);
+      if (colour.length === 3 || colour[3] > 0.5) return colour;
+    }
+    return [255, 255, 255];
+  };
+  const found = [];
+  for (const one of document.querySelectorAll("body *:not(script):not(style):not(svg *)")) {
+    const own = [...one.childNodes].some((node) => node.nodeType === 3 && node.textContent.trim());
+    if (!own || !one.checkVisibility()) continue;
+    const [a, b] = [light(rgb(getComputedStyle(one).color)), light(behind(one))];
+    const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+    if (ratio < 4.5) found.push(`${one.tagName} ${one.textContent.trim().slice(0, 30)} ${ratio.toFixed(2)}`);
+  }
+  return found;
+})()"""
+
+#: What is wider than the page, but for what scrolls by itself.
+WIDE = """[...document.querySelectorAll("main *")].filter((one) => {
+  if (one.closest(".table, .chart, nav, canvas, svg")) return false;
+  return one.getBoundingClientRect().right > innerWidth + 1 && one.checkVisibility();
+}).map((one) => one.outerHTML.slice(0, 80))"""
+
+
+@pytest.fixture(scope="module")
+def page(run_folder):
+    with Page() as page:
+        page.open((run_folder[0] / "report.html").as_uri())
+        yield page
+
+
+def picture(page):
+    return page.value(PICTURE)
+
+
+def choose(page, control, value):
+    page.value(
+        f"(() => {{ const one = document.getElementById('{control}'); one.value = '{value}';"
+        "one.dispatchEvent(new Event(one.tagName === 'SELECT' ? 'change' : 'input', { bubbles: true })); })()"
+    )
+
+
+def tick(page, selector):
+    page.value(f"document.querySelector(`{selector}`).click()")
+
+
+def test_it_draws_and_the_slider_moves_the_muscles(page):
+    first = picture(page)
+    assert 0.03 < first["part"] < 0.9
+    said = page.value("document.getElementById('readout').textContent")
+    choose(page, "time", 4)
+    last = picture(page)
+    assert last["sum"] != first["sum"]
+    assert page.value("document.getElementById('readout').textContent") != said
+    assert "20" in page.value("document.getElementById('time').getAttribute('aria-valuetext')")
+    choose(page, "time", 0)
+    assert picture(page)["sum"] == first["sum"], "the same frame is the same picture"
+
+
+def test_what_is_drawn_is_where_the_result_has_it(page, run_folder):
+    """Muscles alone: their outline on the canvas is as wide as the points of the frame are."""
+    import numpy as np
+
+    from vtkmuscle.data.arrays import points_of
+
+    result = run_folder[1]
+    for box in ("show-bones", "show-surfaces"):
+        choose(page, box, "hidden" if box == "show-bones" else "solid")
+    page.value("report.viewer.look([1, 0, 0])")
+    choose(page, "time", 4)
+    columns = page.value("""(() => {
+      const pixels = report.viewer.pixels(), { width, height } = document.getElementById("canvas");
+      let low = Infinity, high = -1;
+      for (let i = 0; i < width * height; i++) {
+        if (pixels[4 * i] !== pixels[0]) { low = Math.min(low, i % width); high = Math.max(high, i % width); }
+      }
+      const { focus, half } = report.viewer.camera;
+      return [low, high + 1].map((x) => focus[1] + ((x / width) * 2 - 1) * half * (width / height));
+    })()""")
+    points = np.vstack([points_of(result.muscle(name, frame=4)) for name in result.muscle_names])
+    for name in ("show-bones", "show-surfaces"):
+        choose(page, name, "solid" if name == "show-bones" else "translucent")
+    page.value("report.viewer.look(null)")
+    choose(page, "time", 0)
+    assert columns == pytest.approx([points[:, 1].min(), points[:, 1].max()], abs=0.6)
+
+
+@pytest.mark.parametrize("colour", ["strain", "length", "depth", "stretch"])
+def test_colours_change_and_have_a_scale(page, colour):
+    choose(page, "time", 4)
+    before = picture(page)
+    assert page.value("document.getElementById('legend').hidden")
+    choose(page, "colour-by", colour)
+    assert picture(page)["sum"] != before["sum"]
+    assert not page.value("document.getElementById('legend').hidden")
+    ends = page.value("document.querySelector('#legend .high').textContent")
+    assert ends.endswith("mm" if colour in ("length", "depth") else "%")
+    choose(page, "colour-by", "muscle")
+    choose(page, "time", 0)
+
+
+def test_parts_are_switched_on_and_off(page):
+    seen = {picture(page)["sum"]}
+    choose(page, "show-bones", "hidden")
+    seen.add(picture(page)["sum"])
+    choose(page, "show-surfaces", "hidden")
+    seen.add(picture(page)["sum"])
+    tick(page, "#show-fibres")
+    seen.add(picture(page)["sum"])
+    assert len(seen) == 4
+    assert picture(page)["part"] == 0.0
+    choose(page, "show-bones", "solid")
+    choose(page, "show-surfaces", "translucent")
+    tick(page, "#show-fibres")
+    assert picture(page)["sum"] in seen
+
+
+def test_the_scene_turns_and_zooms_by_keys_and_by_the_pointer(page):
+    page.value("document.getElementById('canvas').focus()")
+    start = picture(page)["sum"]
+    for key in ("ArrowLeft", "ArrowUp", "+"):
+        before = picture(page)["sum"]
+        page.key(key)
+        assert picture(page)["sum"] != before, key
+    page.key("0")
+    assert picture(page)["sum"] == start
+    page.value("document.getElementById('canvas').scrollIntoView({behavior: 'instant', block: 'center'})")
+    x, y = page.value(
+        "(() => { const box = canvas.getBoundingClientRect(); return [box.x + 200, box.y + 200]; })()"
+    )
+    for kind, at in (("mousePressed", x), ("mouseMoved", x + 60), ("mouseReleased", x + 60)):
+        page.call("Input.dispatchMouseEvent", type=kind, x=at, y=y, button="left", buttons=1, clickCount=1)
+    assert picture(page)["sum"] != start
+    page.value("report.viewer.look(null)")
+
+
+def test_the_slider_is_moved_by_keys(page):
+    page.value("document.getElementById('time').focus()")
+    page.key("ArrowRight")
+    assert page.value("report.viewer.state.frame") == 1
+    page.key("Home")
+    assert page.value("report.viewer.state.frame") == 0
+
+
+def test_curves_are_drawn_and_follow_what_is_chosen(page, run_folder):
+    names = "(id) => document.getElementById(id).data.map((one) => one.name)"
+    assert set(page.value(f"({names})('lengths')")) >= {"spindle", "second one"}
+    arms = page.value("document.getElementById('arms').data.find((one) => one.name === 'spindle').y")
+    found = run_folder[1].moment_arms()["spindle"]["knee_angle"]
+    assert arms == pytest.approx(found.mean, abs=1e-3)
+    tick(page, "input[name=which][value=spindle]")
+    page.wait(f"({names})('arms').includes('Somebody1985, fibres')")
+    assert "error of the mean (95 %)" in page.value(f"({names})('arms')")
+    tick(page, "input[name=which][value='']")
+    page.wait(f"!({names})('arms').includes('Somebody1985, fibres')")
+
+
+def test_a_click_on_a_curve_shows_that_frame(page):
+    page.value("document.getElementById('lengths').emit('plotly_click', { points: [{ x: 14.0 }] })")
+    assert page.value("report.viewer.state.frame") == 3
+    page.wait("document.getElementById('lengths').layout.shapes[0].x0 === 15")
+    choose(page, "time", 0)
+
+
+def test_it_plays_and_stops(page):
+    tick(page, "#play")
+    page.wait("report.viewer.state.frame > 1")
+    assert page.value("document.getElementById('play').getAttribute('aria-pressed')") == "true"
+    tick(page, "#play")
+    at = page.value("report.viewer.state.frame")
+    page.value("new Promise((done) => setTimeout(done, 300))")
+    assert page.value("report.viewer.state.frame") == at
+    choose(page, "time", 0)
+
+
+@pytest.mark.parametrize("width", [390, 1440])
+def test_it_is_readable_at_every_width(page, width):
+    page.resize(width, 900)
+    page.value("new Promise((done) => setTimeout(done, 300))")
+    assert page.value(WIDE) == []
+    assert page.value("document.documentElement.scrollWidth <= innerWidth")
+    assert 0.02 < picture(page)["part"] < 0.9
+    page.resize(1440, 900)
+
+
+def test_every_control_has_a_name_and_every_text_can_be_read(page):
+    assert page.value(NAMELESS) == []
+    assert page.value(PALE) == []
+    assert page.value("document.documentElement.lang") == "en"
+    levels = page.value("[...document.querySelectorAll('h1, h2, h3')].map((one) => Number(one.tagName[1]))")
+    assert levels[0] == 1
+    assert all(after - before <= 1 for before, after in itertools.pairwise(levels))
+
+
+def test_nothing_is_asked_of_the_network_and_nothing_is_complained_of(page, run_folder):
+    """The last test of the page: after all that was done with it."""
+    loaded = [address for address in page.requests if not address.startswith(("data:", "blob:"))]
+    assert loaded == [(run_folder[0] / "report.html").as_uri()]
+    assert page.errors == []

@@ -1,0 +1,182 @@
+"""The page of a run, as text."""
+
+import copy
+import html
+import re
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from vtkmuscle import Result
+from vtkmuscle.cli import app
+from vtkmuscle.report import page_of
+from vtkmuscle.run.limits import CHECKS
+
+#: Whatever a browser would load: in attributes of HTML, or in a style.
+LOADS = re.compile(r"""(?:src|href|action)\s*=\s*["']?(?!#|data:)[^"'\s>]+|url\(|@import""")
+
+
+def words_of(page):
+    """Return what a page says, without its programs, styles and data."""
+    bare = re.sub(r"<(script|style).*?</\1>", "", page, flags=re.DOTALL)
+    return html.unescape(re.sub(r"<[^>]+>", " ", bare))
+
+
+@pytest.fixture(scope="module")
+def page(run_folder):
+    return (run_folder[0] / "report.html").read_text(encoding="utf-8")
+
+
+def changed(result, **changes):
+    """Return a result with another report or name."""
+    other = copy.copy(result)
+    other.report = copy.deepcopy(dict(result.report))
+    for name, value in changes.items():
+        setattr(other, name, value)
+    return other
+
+
+def test_a_run_writes_its_page_and_a_result_read_back_writes_the_same(run_folder, tmp_path):
+    out, result = run_folder
+    again = Result.load(out).write_report(tmp_path / "again.html")
+    # The time that the page itself took is known after it is written.
+    now = result.write_report(tmp_path / "now.html")
+    assert again.read_text(encoding="utf-8") == now.read_text(encoding="utf-8")
+
+
+def test_the_command_writes_it_again(run_folder, tmp_path):
+    out, _ = run_folder
+    answer = CliRunner().invoke(app, ["report", str(out), "--out", str(tmp_path / "new.html")])
+    assert answer.exit_code == 0, answer.output
+    assert (tmp_path / "new.html").stat().st_size > 1e6
+    refused = CliRunner().invoke(app, ["report", str(tmp_path)])
+    assert refused.exit_code != 0
+
+
+def test_without_a_report_there_is_no_page(two_muscles, tmp_path):
+    two_muscles.run(tmp_path, frames="0:2", figures=False, report=False)
+    assert not (tmp_path / "report.html").exists()
+    two_muscles.run(tmp_path, frames="0:2", figures=False)
+    assert (tmp_path / "report.html").exists()
+    two_muscles.run(tmp_path, frames="0:2", figures=False, report=False)
+    assert not (tmp_path / "report.html").exists(), "an old page would speak of another run"
+
+
+def test_nothing_is_loaded_from_anywhere(page):
+    assert LOADS.findall(re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)) == []
+    assert not re.search(r"<script[^>]+src", page)
+    assert "default-src 'none'" in page, "what a browser goes by, whatever its programs do"
+    assert len(page) < 15e6
+
+
+def test_it_says_what_was_found(run_folder, page):
+    _, result = run_folder
+    words = words_of(page)
+    for name in ("spindle", "second one"):
+        assert name in words
+    for muscle in result.report["muscles"].values():
+        for reason in muscle["verdict"]["reasons"]:
+            assert reason["says"][1:] in words
+            assert reason["do"][1:] in words
+    for digest in result.report["sha256"].values():
+        assert digest in words
+    assert result.report["versions"]["vtk"] in words
+
+
+def test_names_are_text_and_no_html(run_folder):
+    odd = '</script><script>alert("x")</script>&amp;'
+    page = page_of(changed(run_folder[1], name=odd), CHECKS)
+    assert 'alert("x")' not in page
+    assert html.escape(odd, quote=False) in page.replace("&#34;", '"')
+
+
+def test_what_was_odd_about_the_scene_is_said(run_folder):
+    other = changed(run_folder[1])
+    other.report["sense"] = ["muscles.spindle: it is in <metres>"]
+    assert "it is in <metres>" in words_of(page_of(other, CHECKS))
+
+
+def test_errors_are_shown_with_their_parts(run_folder):
+    other = changed(run_folder[1])
+    other.report["muscles"]["spindle"]["errors"] = {
+        "length": {
+            "value_mm": 101.25,
+            "parts": {"mesh": 0.4, "distance to convergence": 0.3},
+            "total": 0.5,
+            "unit": "mm",
+        }
+    }
+    words = " ".join(words_of(page_of(other, CHECKS)).split())
+    assert "101 ± 0.50 mm" in words
+    assert "mesh 0.40; distance to convergence 0.30" in words
+    assert "were not determined" not in words
+
+
+def test_a_muscle_that_failed_on_the_way_shows_the_frames_it_has(run_folder):
+    _, result = run_folder
+    track = copy.copy(result._tracks["spindle"])
+    track.report = {**track.report, "frames": track.report["frames"][:2]}
+    track.points, track.fibres, track.lengths = track.points[:2], track.fibres[:2], track.lengths[:2]
+    report = copy.deepcopy(dict(result.report))
+    report["muscles"]["spindle"]["frames"] = report["muscles"]["spindle"]["frames"][:2]
+    arguments = result.name, result.units, result.rest_bones(), result.motion, result.frames
+    other = Result(*arguments, {**result._tracks, "spindle": track}, report)
+    words = " ".join(words_of(page_of(other, CHECKS)).split())
+    assert "frames 2 of 5" in words
+
+
+def test_a_muscle_without_any_frame_has_a_page_too(run_folder):
+    _, result = run_folder
+    track = copy.copy(result._tracks["spindle"])
+    track.report = {**track.report, "frames": []}
+    track.points, track.fibres, track.lengths = [], [], []
+    report = copy.deepcopy(dict(result.report))
+    report["muscles"]["spindle"] |= {"frames": [], "fibre_measures": []}
+    arguments = result.name, result.units, result.rest_bones(), result.motion, result.frames
+    other = Result(*arguments, {**result._tracks, "spindle": track}, report)
+    assert "spindle" in words_of(page_of(other, CHECKS))
+
+
+@pytest.mark.parametrize("model", ["paths", "no fibres", "no coordinate"])
+def test_scenes_without_surfaces_fibres_or_coordinates_have_a_page(model, two_muscles):
+    from dataclasses import replace
+
+    scene = two_muscles
+    if model == "paths":
+        scene = replace(scene, model="paths")
+    if model == "no fibres":
+        scene = replace(scene, muscles={n: replace(m, fibres=None) for n, m in scene.muscles.items()})
+    if model == "no coordinate":
+        scene = replace(scene, motion=replace(scene.motion, coordinates={}))
+    page = page_of(scene.run(frames="0:4"), CHECKS)
+    assert ('id="show-surfaces"' in page) == (model != "paths")
+    assert ('id="lengths"' in page) == (model != "no fibres")
+    assert ('id="arms"' in page) == (model == "paths")
+
+
+def test_one_frame_has_a_page(two_muscles):
+    page = page_of(two_muscles.run(frames="2"), CHECKS)
+    assert 'max="0"' in page
+
+
+def test_a_page_ends_in_html(run_folder, tmp_path):
+    with pytest.raises(ValueError, match=r"ends in \.html"):
+        run_folder[1].write_report(tmp_path / "report.json")
+
+
+def test_numbers_are_short_and_plain():
+    from vtkmuscle.report.tables import number
+
+    found = [number(value) for value in (0.0, 1.0, -12.345, 1234.5, 0.00012, None, np.nan, 99.97, 1e-9)]
+    assert found == [
+        "0",
+        "1.00",
+        "\u221212.3",
+        "1\u202f234",
+        "1.2e\u221204",
+        "\u2013",
+        "\u2013",
+        "100.0",
+        "0",
+    ]

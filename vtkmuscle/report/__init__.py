@@ -1,0 +1,5 @@
+"""The page of a run: one file with the scene to be turned, curves, tables and what to make of them."""
+
+from vtkmuscle.report.page import page_of, write_page
+
+__all__ = ["page_of", "write_page"]

@@ -1,0 +1,236 @@
+"""The curves of a page: lengths, moment arms and measures of the shape over the motion, as numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.motion.coordinates import ANGLES
+from vtkmuscle.core.types import Floats
+from vtkmuscle.io.literature import LOWER, UPPER, LiteratureCurve, curves_for
+from vtkmuscle.plotting.surfaces import PALETTE
+from vtkmuscle.report.packing import Pack
+from vtkmuscle.report.source import RunResult
+
+#: Fibres of a muscle that are drawn one by one, at most.
+MOST_FIBRES = 100
+#: Digits of what is drawn.
+_DIGITS = 5
+
+
+class Limit(Protocol):
+    """From where on a muscle is looked at, and has failed."""
+
+    @property
+    def look(self) -> float:
+        """From where on it should be looked at."""
+
+    @property
+    def failed(self) -> float:
+        """From where on it has failed."""
+
+
+#: Measures of the shape that are drawn: the key in a report's frames, what it is, the check whose limits it
+#: has, and factor and offset to the limits' unit.
+CHECKS = (
+    ("volume_ratio", "change of the volume [%]", "volume", 100.0, -100.0),
+    ("edge_stretch_p95", "length of edges / at rest, 95th percentile", "long edges", 1.0, 0.0),
+    ("edge_stretch_p5", "length of edges / at rest, 5th percentile", "short edges", 1.0, 0.0),
+    (
+        "dihedral_error_p95_deg",
+        "change of angles between triangles, 95th percentile [deg]",
+        "crumpled",
+        1.0,
+        0.0,
+    ),
+    ("penetration_new_max_mm", "depth in a bone that was not there at rest [mm]", "penetration", 1.0, 0.0),
+    ("estimated_distance_mm", "estimated distance to the converged shape [mm]", "estimate", 1.0, 0.0),
+    ("fibres_outside_max_mm", "fibres out of their muscle [mm]", "fibres outside", 1.0, 0.0),
+    (
+        "fibres_penetration_new_max_mm",
+        "fibres in bone that were not there at rest [mm]",
+        "fibres in bone",
+        1.0,
+        0.0,
+    ),
+)
+
+
+def curves_of(
+    result: RunResult, arms: Mapping[str, Mapping[str, JointArms]], limits: Mapping[str, Limit], pack: Pack
+) -> dict[str, Any]:
+    """Return what a page draws over the motion, JSON-able; single fibres are in the pack.
+
+    Parameters
+    ----------
+    result : RunResult
+        Of a run.
+    arms : mapping of str to mapping of str to JointArms
+        Its moment arms, per muscle and coordinate.
+    limits : mapping of str to Limit
+        Per check.
+    pack : Pack
+        Takes the arrays in.
+    """
+    name, _, unit = result.time_label.partition(" [")
+    muscles = [
+        _muscle(result, number, arms.get(one, {}), pack) for number, one in enumerate(result.muscle_names)
+    ]
+    return {
+        "times": rounded(result.times),
+        "timeLabel": result.time_label,
+        "timeName": name,
+        "timeUnit": f" {unit.removesuffix(']')}".rstrip(),
+        "muscles": muscles,
+        "coordinates": _coordinates(result, arms),
+        "checks": [
+            {"key": key, "label": label, **_limits(limits.get(check), check)}
+            for key, label, check, _, _ in CHECKS
+            if any(key in muscle["checks"] for muscle in muscles)
+        ],
+    }
+
+
+def rounded(values: Any) -> Any:
+    """Return numbers to five digits, as lists; None for those that are not finite."""
+    array = np.asarray(values, dtype=np.float64)
+    return [_short(value) for value in array.tolist()] if array.ndim == 1 else [rounded(row) for row in array]
+
+
+def _short(value: float) -> float | None:
+    return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
+
+
+def label_of(name: str) -> str:
+    """Return the name of a muscle or coordinate in words."""
+    return name.replace("_", " ")
+
+
+def colour_of(number: int) -> str:
+    """Return the colour of a muscle by its place in the scene."""
+    return PALETTE[number % len(PALETTE)]
+
+
+def _muscle(result: RunResult, number: int, arms: Mapping[str, JointArms], pack: Pack) -> dict[str, Any]:
+    name = result.muscle_names[number]
+    frames = result.report["muscles"][name]["frames"]
+    checks = {}
+    for key, _, _, factor, offset in CHECKS:
+        values = [row.get(key) for row in frames]
+        if any(value is not None for value in values):
+            found = np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+            checks[key] = rounded(
+                np.where(np.abs(factor * found + offset) < 1e-9, 0.0, factor * found + offset)
+            )
+    found_arms = {
+        coordinate: _arms(one, curves_for(result.literature.get(name, ()), coordinate=coordinate))
+        for coordinate, one in arms.items()
+    }
+    lengths = result.lengths.get(name)
+    return {
+        "name": name,
+        "label": label_of(name),
+        "colour": colour_of(number),
+        "lengths": None if lengths is None else _lengths(lengths, pack),
+        "arms": found_arms,
+        "checks": checks,
+    }
+
+
+def _lengths(lengths: Floats, pack: Pack) -> dict[str, Any]:
+    lower, upper = np.percentile(lengths, (25.0, 75.0), axis=1)
+    count = lengths.shape[1]
+    drawn = np.unique(np.linspace(0, count - 1, min(count, MOST_FIBRES)).round().astype(int))
+    return {
+        "mean": rounded(lengths.mean(axis=1)),
+        "low": rounded(lengths.min(axis=1)),
+        "high": rounded(lengths.max(axis=1)),
+        "lower": rounded(lower),
+        "upper": rounded(upper),
+        "fibres": pack.add(lengths[:, drawn], "f32"),
+        "drawn": len(drawn),
+    }
+
+
+def _arms(found: JointArms, published: Sequence[LiteratureCurve]) -> dict[str, Any]:
+    # A sweep up and down has values twice: curves are drawn by ascending value.
+    order = np.argsort(found.values, kind="stable")
+    quartic = None if found.quartic is None else rounded(found.quartic.mean(axis=1)[order])
+    unit = ANGLES.get(found.unit)
+    return {
+        "values": rounded(found.values[order]),
+        "mean": rounded(found.mean[order]),
+        "low": rounded(found.arms.min(axis=1)[order]),
+        "high": rounded(found.arms.max(axis=1)[order]),
+        "error": rounded(found.mean_error[order]),
+        "quartic": quartic,
+        "literature": [] if unit is None else _published(published, math.pi / 180.0 / unit),
+    }
+
+
+def _published(curves: Sequence[LiteratureCurve], per_degree: float) -> list[dict[str, Any]]:
+    """Return published curves: bands where a source has two sides, else lines or single values."""
+    colours = {
+        source: PALETTE[-1 - k % len(PALETTE)]
+        for k, source in enumerate(dict.fromkeys(c.source for c in curves))
+    }
+    uppers = {_sides(curve): curve for curve in curves if curve.part.endswith(UPPER)}
+    lowers = {_sides(curve) for curve in curves if curve.part.endswith(LOWER)}
+    found = []
+    for curve in curves:
+        drawn: dict[str, Any] = {"colour": colours[curve.source]}
+        other = uppers.get(_sides(curve))
+        if curve.part.endswith(LOWER) and other is not None:
+            grid = np.unique(np.concatenate([curve.angles, other.angles]))
+            grid = grid[
+                (grid >= max(curve.angles[0], other.angles[0]))
+                & (grid <= min(curve.angles[-1], other.angles[-1]))
+            ]
+            low, high = (np.interp(grid, side.angles, side.arms) for side in (curve, other))
+            drawn |= {"x": rounded(grid * per_degree), "low": rounded(low), "high": rounded(high)}
+            drawn["label"] = f"{curve.source}, fibres"
+        elif curve.part.endswith(UPPER) and _sides(curve) in lowers:
+            continue  # drawn with the other side
+        else:
+            drawn |= {"x": rounded(curve.angles * per_degree), "y": rounded(curve.arms)}
+            drawn["label"] = ", ".join(label_of(word) for word in (curve.source, curve.part) if word)
+        found.append(drawn)
+    return found
+
+
+def _sides(curve: LiteratureCurve) -> tuple[str, str]:
+    """Return what the two sides of a band have in common."""
+    return curve.source, curve.part.removesuffix(LOWER).removesuffix(UPPER)
+
+
+def _coordinates(result: RunResult, arms: Mapping[str, Mapping[str, JointArms]]) -> list[dict[str, Any]]:
+    """Return the coordinates that there are moment arms by, and their values in the kept frames."""
+    names = dict.fromkeys(name for found in arms.values() for name in found)
+    listed = []
+    for name in names:
+        one = result.motion.coordinates[name]
+        listed.append(
+            {
+                "name": name,
+                "label": label_of(name),
+                "unit": one.unit,
+                "positive": one.positive,
+                "of": "mm" if one.unit in ANGLES else "1",
+                "values": rounded(np.asarray(one.values)[list(result.frames)]),
+            }
+        )
+    return listed
+
+
+def _limits(limit: Limit | None, check: str) -> dict[str, Any]:
+    if limit is None:
+        return {"look": None, "failed": None, "floor": None}
+    return {
+        "look": limit.look,
+        "failed": limit.failed,
+        "floor": [-limit.look, limit.look] if check == "volume" else [limit.look],
+    }

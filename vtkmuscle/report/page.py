@@ -1,0 +1,224 @@
+"""A run's report as one page that needs nothing else: the scene, curves, tables, and what to make of them."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+from collections.abc import Mapping
+from importlib.resources import files
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+from vtkmuscle._version import __version__
+from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.io.writing import write_text
+from vtkmuscle.report.curves import Limit, colour_of, curves_of, label_of
+from vtkmuscle.report.packing import Pack
+from vtkmuscle.report.scene3d import scene_of
+from vtkmuscle.report.source import RunResult
+from vtkmuscle.report.tables import (
+    errors_of,
+    not_checked_of,
+    number,
+    run_tables_of,
+    settings_of,
+    tables_of,
+)
+
+#: Verdicts in words.
+BADGES = {"ok": "✓ ok", "look": "! look at it", "failed": "✗ failed"}
+#: The parts of the page's program, in the order in which they are read.
+_SCRIPTS = ("arrays.js", "viewer.js", "curves.js", "page.js")
+
+
+def write_page(path: str | PathLike[str], result: RunResult, limits: Mapping[str, Limit]) -> Path:
+    """Write the page of a run.
+
+    Parameters
+    ----------
+    path : path
+        The .html file; replaced where it exists.
+    result : RunResult
+        What a run has given.
+    limits : mapping of str to Limit
+        Per check of the verdicts, drawn beside the curves.
+
+    Returns
+    -------
+    Path
+        The file. It holds all that it shows, and loads nothing from anywhere.
+    """
+    write_text(Path(path), page_of(result, limits))
+    return Path(path)
+
+
+def page_of(result: RunResult, limits: Mapping[str, Limit]) -> str:
+    """Return the page of a run as text, see :func:`write_page`."""
+    report = result.report
+    arms = _arms(result)
+    pack = Pack()
+    scene = scene_of(result, pack)
+    curves = curves_of(result, arms, limits, pack)
+    muscles = [_card(result, number_, name) for number_, name in enumerate(result.muscle_names)]
+    errors, unchecked = errors_of(report), not_checked_of(report)
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("vtkmuscle.report", "page"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template("report.html").render(
+        name=result.name,
+        version=__version__,
+        style=_part("style.css"),
+        script=Markup("\n").join(map(_part, _SCRIPTS)),
+        lead=_lead(result),
+        summary=_summary(result),
+        stopped=report.get("stopped_by") if not report["complete"] else None,
+        warnings=report.get("sense", ()),
+        badge=BADGES,
+        muscles=muscles,
+        thinned=_thinned(scene),
+        alt=f"The scene in three dimensions: {', '.join(one['label'] for one in muscles)}, "
+        f"and the bones {', '.join(bone['name'] for bone in scene['bones'])}.",
+        surfaces=report["model"] != "paths",
+        fibres=bool(result.lengths),
+        curves=bool(result.lengths or curves["checks"]),
+        lengths=bool(result.lengths),
+        arms=bool(arms),
+        checks=curves["checks"],
+        coordinates=curves["coordinates"],
+        time_label=result.time_label,
+        last=len(scene["shown"]) - 1,
+        tables=tables_of(report),
+        trust={
+            "words": _trust(errors is not None),
+            "tables": [table for table in (errors, unchecked) if table is not None],
+        },
+        run_tables=run_tables_of(report),
+        settings=settings_of(report),
+        definitions=list(report["definitions"].items()),
+        data={"scene": scene, "curves": curves, "frames": list(result.frames)},
+        arrays=Markup(pack.text()),
+        plotly=Markup(_plotly()),
+    )
+
+
+def _arms(result: RunResult) -> Mapping[str, Mapping[str, JointArms]]:
+    """Return the moment arms of a result that its report says it has."""
+    found = any(muscle.get("moment_arms") for muscle in result.report["muscles"].values())
+    return result.moment_arms() if found else {}
+
+
+def _part(name: str) -> Markup:
+    """Return a part of the page as it is; it is ours, and holds no end of a script."""
+    return Markup((files("vtkmuscle.report") / "page" / name).read_text(encoding="utf-8"))
+
+
+def _plotly() -> str:
+    """Return Plotly's program, compressed and written as text: two fifths of its size."""
+    from plotly.offline import get_plotlyjs  # noqa: PLC0415 -- a page alone needs it
+
+    packed = gzip.compress(get_plotlyjs().encode("utf-8"), 6, mtime=0)
+    return base64.b64encode(packed).decode("ascii")
+
+
+def _lead(result: RunResult) -> str:
+    count, frames = len(result.muscle_names), len(result.frames)
+    name, _, unit = result.time_label.partition(" [")
+    unit = unit.removesuffix("]")
+    over = f"{name} {number(result.times[0])} to {number(result.times[-1])} {unit}".strip()
+    model = {"paths": "Fibres as taut paths round the bones, no volumes"}.get(
+        result.report["model"], "Muscles as volumes"
+    )
+    return f"{count} muscle{'s' * (count > 1)}, {frames} frame{'s' * (frames > 1)}, {over}. {model}."
+
+
+def _summary(result: RunResult) -> str:
+    """Return in plain words which muscles can be used."""
+    groups = {
+        verdict: [label_of(name) for name in result.muscle_names if result.verdicts[name] == verdict]
+        for verdict in BADGES
+    }
+    words = []
+    if len(groups["ok"]) == len(result.muscle_names):
+        words.append("All checks passed." if len(groups["ok"]) > 1 else "It passed all checks.")
+    elif groups["ok"]:
+        words.append(f"Passed all checks: {_listed(groups['ok'])}.")
+    if groups["look"]:
+        words.append(f"Use with care, and look at what is named below first: {_listed(groups['look'])}.")
+    if groups["failed"]:
+        words.append(f"Do not use: {_listed(groups['failed'])}.")
+    return " ".join(words)
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:-1]) + (" and " if len(names) > 1 else "") + names[-1]
+
+
+def _card(result: RunResult, place: int, name: str) -> dict[str, Any]:
+    muscle = result.report["muscles"][name]
+    facts = []
+    lengths = result.lengths.get(name)
+    if lengths is not None and len(lengths):
+        mean = lengths.mean(axis=1)
+        facts.append(("mean fibre length", f"{number(mean.min())} to {number(mean.max())} mm"))
+    for coordinate, found in (muscle.get("moment_arms") or {}).items():
+        words = f"{number(found['mean_mm'])} mm ({number(found['min_mm'])} to {number(found['max_mm'])})"
+        facts.append((f"moment arm, {label_of(coordinate)}", words))
+    architecture = muscle.get("architecture") or {}
+    if "pcsa_mm2" in architecture:
+        facts.append(("PCSA", f"{number(architecture['pcsa_mm2'] / 100.0)} cm²"))
+    if muscle.get("volume_mm3"):
+        facts.append(("volume", f"{number(muscle['volume_mm3'] / 1000.0)} cm³"))
+    finished = result.finished(name)
+    if finished < len(result.frames):
+        facts.append(("frames", f"{finished} of {len(result.frames)}"))
+    return {
+        "name": name,
+        "label": label_of(name),
+        "colour": colour_of(place),
+        "verdict": result.verdicts[name],
+        "facts": facts,
+        "reasons": [_reason(reason) for reason in muscle["verdict"]["reasons"]],
+    }
+
+
+def _reason(reason: Mapping[str, Any]) -> dict[str, Any]:
+    says = str(reason["says"])
+    return {
+        "says": f"{says[:1].upper()}{says[1:]}.",
+        "frame": reason["frame"],
+        "do": f"{str(reason['do'])[:1].upper()}{str(reason['do'])[1:]}.",
+    }
+
+
+def _thinned(scene: Mapping[str, Any]) -> str:
+    """Return in words what the scene leaves out to stay small."""
+    words = []
+    drawn = [one for one in scene["muscles"] if one["surface"] is not None]
+    if any(one["surface"]["points"]["points"] < one["surface"]["whole"] for one in drawn):
+        words.append("Surfaces are drawn with fewer triangles than were computed.")
+    fibres = [one["fibres"] for one in scene["muscles"] if one["fibres"] is not None]
+    if any(one["count"] < one["all"] for one in fibres):
+        words.append("Of many fibres some are drawn.")
+    return " ".join(words)
+
+
+def _trust(errors: bool) -> list[str]:
+    words = [
+        "The checks say whether a shape is sound: whether it keeps its volume, does not crumple, stays out "
+        "of the bones and follows its attachments. They do not say whether it is the shape of this person's "
+        "muscle: that depends on the segmentation, the attachments and the motion that were given.",
+        "Moment arms are by local regression of the lengths; their standard error is that of the regression, "
+        "not of the model.",
+    ]
+    if not errors:
+        words.append("The errors of the single numbers were not determined in this run.")
+    return words

@@ -1,0 +1,191 @@
+/* Curves over the motion that answer to the pointer, by Plotly: lengths, moment arms, and how the shape was kept. */
+
+const FONT = { family: "system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif", size: 13, color: "#2a2a2e" };
+const CONFIG = {
+  displaylogo: false,
+  responsive: true,
+  modeBarButtons: [["toImage"], ["zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]],
+  toImageButtonOptions: { format: "svg" },
+};
+
+function makeCurves(data, block, choose) {
+  const known = Object.fromEntries(data.muscles.map((muscle) => [muscle.name, muscle]));
+  const state = { muscle: "", coordinate: data.coordinates[0]?.name, check: data.checks[0]?.key, at: 0 };
+  const charts = ["lengths", "arms", "checks"].map((id) => document.getElementById(id)).filter(Boolean);
+  for (const chart of charts) chart.drawn = Promise.resolve();
+
+  function chosen() {
+    return state.muscle ? [known[state.muscle]] : data.muscles;
+  }
+
+  function lengths() {
+    const single = Boolean(state.muscle);
+    const traces = chosen().flatMap((muscle) => {
+      if (!muscle.lengths) return [];
+      const { mean, low, high, lower, upper, error } = muscle.lengths;
+      const times = data.times.slice(0, mean.length);
+      const bands = [band(times, low, high, muscle.colour, single ? 0.16 : 0.1, `${muscle.label}: all fibres`, single)];
+      if (single) {
+        bands.push(band(times, lower, upper, muscle.colour, 0.28, "middle half of the fibres", true));
+        bands.push(...fibres(muscle, times));
+      }
+      if (error) bands.push(errorBand(times, mean, error));
+      return [...bands.flat(), line(times, mean, muscle, single ? "mean of the fibres" : muscle.label)];
+    });
+    paint("lengths", traces, data.timeLabel, "fibre length [mm]");
+  }
+
+  function fibres(muscle, times) {
+    const values = arrayOf(block, muscle.lengths.fibres);
+    const { drawn } = muscle.lengths;
+    const x = [], y = [];
+    for (let k = 0; k < drawn; k++) {
+      for (let i = 0; i < times.length; i++) {
+        x.push(times[i]);
+        y.push(values[i * drawn + k]);
+      }
+      x.push(null);
+      y.push(null);
+    }
+    const style = { color: muscle.colour, width: 0.6 };
+    return [{ x, y, mode: "lines", line: style, opacity: 0.45, name: `${drawn} single fibres`, hoverinfo: "skip", visible: "legendonly" }];
+  }
+
+  function arms() {
+    const single = Boolean(state.muscle);
+    const coordinate = data.coordinates.find((one) => one.name === state.coordinate);
+    if (!coordinate) return;
+    const traces = chosen().flatMap((muscle) => {
+      const found = muscle.arms?.[state.coordinate];
+      if (!found) return [];
+      const { values, mean, low, high, error, quartic } = found;
+      const parts = [band(values, low, high, muscle.colour, single ? 0.16 : 0.1, `${muscle.label}: all fibres`, single)];
+      if (single) {
+        const bound = error.map((one) => 1.96 * one);
+        parts.push(errorBand(values, mean, bound));
+        if (quartic) {
+          const style = { color: "#2a2a2e", width: 1.2, dash: "dash" };
+          parts.push({ x: values, y: quartic, mode: "lines", line: style, name: "quartic fit", hoverinfo: "skip" });
+        }
+        parts.push(...(found.literature || []).flatMap(published));
+      }
+      return [...parts.flat(), line(values, mean, muscle, single ? "mean of the fibres" : muscle.label)];
+    });
+    const positive = coordinate.positive ? `<br><sup>positive: ${coordinate.positive}</sup>` : "";
+    paint("arms", traces, `${coordinate.label} [${coordinate.unit}]${positive}`, `moment arm, −dl/dq [${coordinate.of}]`);
+  }
+
+  function published(curve) {
+    if (curve.low) return band(curve.x, curve.low, curve.high, curve.colour, 0.25, curve.label, true);
+    const single = curve.x.length === 1;
+    const style = { color: curve.colour, width: 1.8, dash: "dot" };
+    const marker = { color: curve.colour, symbol: "diamond", size: 8 };
+    return [{ x: curve.x, y: curve.y, mode: single ? "markers" : "lines", line: style, marker, name: curve.label, hovertemplate: "%{y:.1f} mm" }];
+  }
+
+  function checks() {
+    const check = data.checks.find((one) => one.key === state.check);
+    if (!check) return;
+    const traces = chosen().flatMap((muscle) => {
+      const values = muscle.checks[check.key];
+      return values ? [line(data.times.slice(0, values.length), values, muscle, muscle.label)] : [];
+    });
+    const limits = [[check.look, "look", "#8a5a00"], [check.failed, "failed", "#a3161f"]].filter(([limit]) => limit !== null);
+    const tops = traces.flatMap((trace) => trace.y).concat(check.floor ?? []);
+    const most = Math.max(...tops.map(Math.abs), 1e-9);
+    for (const [limit, name, colour] of limits) {
+      if (Math.abs(limit) > 3 * most && name === "failed") continue;
+      const ends = [data.times[0], data.times.at(-1)];
+      traces.push({ x: ends, y: [limit, limit], mode: "lines", line: { color: colour, width: 1.2, dash: "dash" }, name: `limit: ${name}`, hoverinfo: "skip" });
+    }
+    paint("checks", traces, data.timeLabel, check.label);
+  }
+
+  function paint(id, traces, xLabel, yLabel) {
+    const chart = document.getElementById(id);
+    if (!chart) return;
+    const axis = { gridcolor: "#e7e5df", zerolinecolor: "#bdbab2", linecolor: "#8b8982", ticks: "outside", tickcolor: "#bdbab2", automargin: true };
+    const narrow = chart.clientWidth < 520;
+    const layout = {
+      font: FONT,
+      paper_bgcolor: "rgba(0,0,0,0)",
+      plot_bgcolor: "rgba(0,0,0,0)",
+      margin: { l: 58, r: 14, t: 14, b: 50 },
+      height: chart.clientHeight || 380,
+      hovermode: narrow ? "closest" : "x unified",
+      hoverlabel: { bgcolor: "#ffffff", font: { ...FONT, size: 12 } },
+      xaxis: { ...axis, title: { text: xLabel, standoff: 10 } },
+      yaxis: { ...axis, title: { text: yLabel, standoff: 8 } },
+      legend: { orientation: "h", y: -0.24, x: 0, font: { ...FONT, size: 12 }, traceorder: "normal" },
+      modebar: { bgcolor: "rgba(255,255,255,0.85)", color: "#8b8982", activecolor: "#2a2a2e" },
+      shapes: [cursor(id)],
+    };
+    chart.drawn = chart.drawn.then(() => Plotly.react(chart, traces, layout, CONFIG)).then(() => {
+      if (chart.heard) return;
+      chart.heard = true;
+      chart.on("plotly_click", (event) => choose(id === "arms" ? nearest(coordinateValues(), event.points[0].x) : nearest(data.times, event.points[0].x)));
+    });
+  }
+
+  function coordinateValues() {
+    return data.coordinates.find((one) => one.name === state.coordinate)?.values ?? data.times;
+  }
+
+  function cursor(id) {
+    const x = id === "arms" ? coordinateValues()[state.at] : data.times[state.at];
+    return { type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1, line: { color: "#55555c", width: 1.2, dash: "dot" }, layer: "below" };
+  }
+
+  let waiting = false;
+  function move() {
+    waiting = false;
+    for (const chart of charts) if (chart.data) Plotly.relayout(chart, { shapes: [cursor(chart.id)] });
+  }
+
+  function all() {
+    lengths();
+    arms();
+    checks();
+    return Promise.all(charts.map((chart) => chart.drawn));
+  }
+
+  return {
+    state,
+    draw: all,
+    set(changes) {
+      Object.assign(state, changes);
+      return all();
+    },
+    show(position) {
+      state.at = position;
+      if (!waiting) requestAnimationFrame(move);
+      waiting = true;
+    },
+  };
+}
+
+function line(x, y, muscle, name) {
+  const style = { color: muscle.colour, width: 2.4 };
+  const markers = y.length === 1;
+  return { x, y, mode: markers ? "markers" : "lines", line: style, marker: { color: muscle.colour, size: 8 }, name, hovertemplate: "%{y:.4~g}" };
+}
+
+function band(x, low, high, colour, opacity, name, listed) {
+  const fill = `rgba(${rgbOf(colour).map((part) => Math.round(255 * part)).join(",")},${opacity})`;
+  const round = { x: [...x, ...x.toReversed()], y: [...low, ...high.toReversed()] };
+  return [{ ...round, mode: "lines", line: { color: fill, width: 0 }, fill: "toself", fillcolor: fill, name, showlegend: listed, hoverinfo: "skip" }];
+}
+
+function errorBand(x, mean, error) {
+  const low = mean.map((value, i) => value - error[i]);
+  const high = mean.map((value, i) => value + error[i]);
+  return band(x, low, high, "#2a2a2e", 0.3, "error of the mean (95 %)", true);
+}
+
+function nearest(values, wanted) {
+  let best = 0;
+  values.forEach((value, i) => {
+    if (Math.abs(value - wanted) < Math.abs(values[best] - wanted)) best = i;
+  });
+  return best;
+}

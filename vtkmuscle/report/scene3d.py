@@ -1,0 +1,212 @@
+"""The scene of a page: bones, muscles and fibres in the frames that it shows, small enough to be sent."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkQuadricClustering, vtkQuadricDecimation
+
+from vtkmuscle.core.mesh.surface import triangle_normals, vertex_normals
+from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.data.arrays import blocks_of, points_of, polylines_of, surface_from, triangles_of
+from vtkmuscle.plotting.surfaces import PALETTE
+from vtkmuscle.plotting.views import choose_view
+from vtkmuscle.report.packing import Pack
+from vtkmuscle.report.source import RunResult
+from vtkmuscle.scene.data import MILLIMETRES
+
+#: Frames that a page shows, at most.
+MOST_FRAMES = 120
+#: Triangles of all bones, about.
+BONE_TRIANGLES = 60_000
+#: Points of all muscles, and of all fibres, over all frames that are shown, at most.
+MUSCLE_POINTS, FIBRE_POINTS = 1_000_000, 600_000
+#: Triangles that a muscle has at least, and at most.
+LEAST, MOST = 600, 12_000
+#: Rotations per bone are written with as many digits.
+_DIGITS = 7
+
+
+def scene_of(result: RunResult, pack: Pack) -> dict[str, Any]:
+    """Return what a page draws, JSON-able, its arrays in the pack.
+
+    Parameters
+    ----------
+    result : RunResult
+        Of a run.
+    pack : Pack
+        Takes the arrays in.
+
+    Returns
+    -------
+    dict
+        Of bones each its surface at rest and a rigid transform per frame that is shown; of muscles points
+        per frame, the first of them at rest; of fibres points and what was measured per frame.
+    """
+    shown = shown_frames(len(result.frames))
+    frames = [result.frames[i] for i in shown]
+    scale = MILLIMETRES[result.units]
+    names = list(result.muscle_names)
+    surfaces = result.report["model"] != "paths"
+    budget = MUSCLE_POINTS // max(len(names) * (len(shown) + 1), 1)
+    muscles = []
+    for number, name in enumerate(names):
+        done = [frame for i, frame in zip(shown, frames, strict=True) if i < result.finished(name)]
+        muscles.append(
+            {
+                "name": name,
+                "colour": PALETTE[number % len(PALETTE)],
+                "surface": _muscle(result, name, done, 2 * budget, pack) if surfaces else None,
+                "fibres": _fibres(result, name, done, shown, FIBRE_POINTS // len(names), pack),
+            }
+        )
+    return {
+        "shown": shown,
+        "mm": scale,
+        "bones": _bones(result, shown, pack),
+        "muscles": muscles,
+        "view": _view(result),
+    }
+
+
+def shown_frames(count: int) -> list[int]:
+    """Return the positions of the kept frames that a page shows: all, or evenly spread ones."""
+    positions = np.linspace(0, count - 1, min(count, MOST_FRAMES)).round()
+    return [int(position) for position in np.unique(positions)]
+
+
+def _bones(result: RunResult, shown: list[int], pack: Pack) -> list[dict[str, Any]]:
+    blocks = [(name, block) for name, block in blocks_of(result.rest_bones())]
+    total = sum(block.GetNumberOfCells() for _, block in blocks)
+    found = []
+    for name, block in blocks:
+        points, triangles = points_of(block), triangles_of(block, name)
+        if total > BONE_TRIANGLES:
+            wanted = max(int(len(triangles) * BONE_TRIANGLES / total), LEAST)
+            points, triangles, normals = _clustered(points, triangles, wanted)
+        else:
+            normals = vertex_normals(points, triangles)
+        moved = result.motion.transforms.get(name)
+        rows = None
+        if moved is not None:
+            kept = moved[[result.frames[i] for i in shown]]
+            if not np.allclose(kept, np.eye(4)):
+                rows = [round(float(value), _DIGITS) for value in kept[:, :3].ravel()]
+        found.append(
+            {
+                "name": name,
+                "points": pack.add_moving(points[None]),
+                "normals": pack.add(np.rint(127.0 * normals), "i8"),
+                "triangles": _indices(triangles, len(points), pack),
+                "transforms": rows,
+            }
+        )
+    return found
+
+
+def _clustered(points: Floats, triangles: Ints, wanted: int) -> tuple[Floats, Ints, Floats]:
+    """Return about as many triangles as wanted, on a part of the points, with their normals of the whole.
+
+    A tenth of the time that edges being collapsed would take.
+    """
+    surface = surface_from(points, triangles)
+    area = float(np.linalg.norm(triangle_normals(points, triangles), axis=1).sum()) / 2.0
+    # A cell of a grid that a surface passes through holds about two triangles.
+    cell = np.sqrt(2.0 * max(area, 1e-12) / wanted)
+    cluster = vtkQuadricClustering()
+    cluster.SetInputData(surface)
+    cluster.AutoAdjustNumberOfDivisionsOff()
+    cluster.SetNumberOfDivisions(*(int(n) for n in np.ceil(np.ptp(points, axis=0) / cell).clip(2, 400)))
+    cluster.UseInputPointsOn()
+    cluster.CopyCellDataOff()
+    cluster.Update()
+    coarse = cluster.GetOutput()
+    kept = points_of(coarse)
+    faces = triangles_of(coarse, "bone")
+    _, nearest = cKDTree(points).query(kept)
+    normals = vertex_normals(points, triangles)[nearest]
+    return kept, faces, normals
+
+
+def _muscle(
+    result: RunResult, name: str, frames: list[int], wanted: int, pack: Pack
+) -> dict[str, Any] | None:
+    rest = result.rest_muscle(name)
+    points, triangles = points_of(rest), triangles_of(rest, name)
+    kept = np.arange(len(points))
+    wanted = min(max(wanted, LEAST), MOST)
+    if len(triangles) > wanted:
+        kept, triangles = _decimated(rest, points, wanted)
+    moved = [points[kept], *(points_of(result.muscle(name, frame=frame))[kept] for frame in frames)]
+    return {
+        "points": pack.add_moving(np.array(moved)),
+        "triangles": _indices(triangles, len(kept), pack),
+        "whole": len(points_of(rest)),
+    }
+
+
+def _decimated(surface: vtkPolyData, points: Floats, wanted: int) -> tuple[Ints, Ints]:
+    """Return which points of a surface are kept, and triangles of these."""
+    decimation = vtkQuadricDecimation()
+    decimation.SetInputData(surface)
+    decimation.SetTargetReduction(1.0 - wanted / surface.GetNumberOfCells())
+    decimation.Update()
+    coarse = decimation.GetOutput()
+    _, nearest = cKDTree(points).query(points_of(coarse))
+    kept, place = np.unique(nearest, return_inverse=True)
+    triangles = place.reshape(-1)[triangles_of(coarse, "muscle")]
+    a, b, c = triangles.T
+    return kept, triangles[(a != b) & (b != c) & (c != a)]
+
+
+def _fibres(
+    result: RunResult, name: str, frames: list[int], shown: list[int], budget: int, pack: Pack
+) -> dict[str, Any] | None:
+    if name not in result.lengths or not frames:
+        return None
+    first = polylines_of(result.fibres(name, frame=frames[0]), name)
+    count = len(first.offsets) - 1
+    every = max(1, -(-len(first.points) * len(frames) // max(budget, 1)))
+    chosen = np.arange(0, count, every)
+    ids = np.concatenate([np.arange(first.offsets[k], first.offsets[k + 1]) for k in chosen])
+    sizes = np.diff(first.offsets)[chosen]
+    points: list[Floats] = []
+    measures: dict[str, list[Floats]] = {"strain": [], "depth": []}
+    scale = MILLIMETRES[result.units]
+    for frame in frames:
+        lines = result.fibres(name, frame=frame)
+        points.append(points_of(lines)[ids])
+        for word, array, factor in (("strain", "Strain", 100.0), ("depth", "Penetration", scale)):
+            values = lines.GetCellData().GetArray(array)
+            if values is not None:
+                measures[word].append(factor * np.asarray(values)[chosen])
+    lengths = result.lengths[name][shown[: len(frames)]]
+    return {
+        "points": pack.add_moving(np.array(points)),
+        "sizes": pack.add(sizes, "u16"),
+        "count": len(chosen),
+        "all": count,
+        "length": pack.add(lengths[:, chosen], "f32"),
+        **{
+            word: pack.add(np.array(rows), "f32")
+            for word, rows in measures.items()
+            if len(rows) == len(frames)
+        },
+    }
+
+
+def _view(result: RunResult) -> dict[str, Any]:
+    """Return from where most of the muscles is seen, at rest."""
+    append = vtkAppendPolyData()
+    for name in result.muscle_names:
+        append.AddInputData(result.rest_muscle(name))
+    append.Update()
+    view = choose_view([append.GetOutput()], [result.rest_bones()])
+    return {"towards": [float(value) for value in view.direction]}
+
+
+def _indices(triangles: Ints, n_points: int, pack: Pack) -> dict[str, Any]:
+    return pack.add(triangles, "u16" if n_points <= 65_535 else "u32")

@@ -1,0 +1,45 @@
+"""What a report is made of: a result of a run, as far as the page needs it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.types import Floats
+from vtkmuscle.io.literature import LiteratureCurve
+
+
+class RunResult(Protocol):
+    """The part of :class:`vtkmuscle.Result` that a page is made of; this layer is below that class."""
+
+    name: str
+    units: str
+    time_label: str
+    motion: RigidMotion
+    report: Mapping[str, Any]
+    frames: Sequence[int]
+    times: Sequence[float]
+    muscle_names: Sequence[str]
+    verdicts: Mapping[str, str]
+    lengths: Mapping[str, Floats]
+    literature: Mapping[str, Sequence[LiteratureCurve]]
+
+    def finished(self, name: str, /) -> int:
+        """Return how many of the kept frames a muscle has."""
+
+    def moment_arms(self, *coordinates: str) -> Mapping[str, Mapping[str, JointArms]]:
+        """Return the moment arms per muscle and coordinate."""
+
+    def muscle(self, name: str, /, *, frame: int | None = None) -> Any:
+        """Return a muscle in a kept frame."""
+
+    def fibres(self, name: str, /, *, frame: int | None = None) -> Any:
+        """Return the fibres of a muscle in a kept frame, None where it has none."""
+
+    def rest_muscle(self, name: str, /) -> Any:
+        """Return a muscle at rest."""
+
+    def rest_bones(self) -> Any:
+        """Return the bones at rest."""

@@ -1,0 +1,298 @@
+"""The tables of a page: architecture, moment arms, quality, errors, and what was run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vtkmuscle.report.curves import label_of
+
+#: Architecture: the key in a report, what stands above the column, and the factor to its unit.
+ARCHITECTURE = (
+    ("muscle_volume_mm3", "volume [cm³]", 1e-3),
+    ("pcsa_mm2", "PCSA [cm²]", 1e-2),
+    ("pcsa_along_line_of_action_mm2", "PCSA along the line of action [cm²]", 1e-2),
+    ("centroid_path_length_mm", "centroid path [mm]", 1.0),
+    ("section_area_mm2", "section area, mean [cm²]", 1e-2),
+    ("section_density_per_mm2", "fibres per cm² of section, mean", 1e2),
+)
+#: Measures of fibres in the first frame, likewise.
+FIBRES = (
+    ("length_mm", "fibre length [mm]", 1.0),
+    ("pennation_origin_deg", "pennation, origin [deg]", 1.0),
+    ("pennation_insertion_deg", "pennation, insertion [deg]", 1.0),
+    ("tortuosity", "length / distance of ends", 1.0),
+)
+#: Quality: the key in the rows of frames, what stands above the column, and which value of all frames.
+QUALITY = (
+    ("volume_ratio", "volume, largest change [%]", lambda v: 100.0 * np.abs(v - 1.0).max()),
+    ("edge_stretch_p5", "edges / at rest, 5th percentile, least", np.min),
+    ("edge_stretch_p95", "95th percentile, largest", np.max),
+    ("dihedral_error_p95_deg", "angles changed, 95th percentile [deg]", np.max),
+    ("penetration_new_max_mm", "deeper in a bone than at rest [mm]", np.max),
+    ("fibres_outside_max_mm", "fibres out of the muscle [mm]", np.max),
+    ("fixed_error_max_mm", "fixed points off their bone [mm]", np.max),
+    ("overlap_max_mm", "in another muscle [mm]", np.max),
+    ("estimated_distance_mm", "estimated distance to convergence [mm]", np.max),
+    ("iterations", "iterations, mean", np.mean),
+    ("ms", "time per frame [ms], median", np.median),
+)
+
+
+#: What stands where there is no number, and before one that is negative.
+DASH, MINUS = "\u2013", "\u2212"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell: its text, and ``"look"`` or ``"failed"`` where it is to be marked."""
+
+    text: str
+    mark: str = ""
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A table of a page; ``words`` where its cells are words rather than numbers."""
+
+    title: str
+    head: list[str]
+    rows: list[list[Cell]]
+    note: str = ""
+    words: bool = False
+
+
+def number(value: Any, digits: int = 3) -> str:
+    """Return a number as a table has it, with a sign that aligns; a dash where there is none."""
+    if value is None or (isinstance(value, float) and not np.isfinite(value)):
+        return DASH
+    size = abs(float(value))
+    if size < 5e-7:
+        return "0"
+    if size >= 10.0 ** (digits - 1):
+        return f"{value:,.0f}".replace(",", "\u202f").replace("-", MINUS)
+    places = max(0, digits - 1 - int(np.floor(np.log10(size))))
+    text = f"{value:.{places}f}" if size >= 1e-3 else f"{value:.1e}"
+    return text.replace("-", MINUS)
+
+
+def tables_of(report: Mapping[str, Any]) -> list[Sheet]:
+    """Return the tables of results of a run, from its report: those that there is something for."""
+    muscles = report["muscles"]
+    sheets = [_architecture(muscles), _moment_arms(muscles), _quality(muscles)]
+    return [sheet for sheet in sheets if sheet.rows]
+
+
+def errors_of(report: Mapping[str, Any]) -> Sheet | None:
+    """Return the errors of the numbers, where the report has some."""
+    rows = []
+    for name, muscle in report["muscles"].items():
+        for quantity, found in muscle.get("errors", {}).items():
+            if not isinstance(found, Mapping) or "total" not in found:
+                continue
+            unit = str(found.get("unit", ""))
+            value = next((one for key, one in found.items() if key.startswith("value")), None)
+            parts = "; ".join(
+                f"{label_of(cause)} {number(part, 2)}" for cause, part in found.get("parts", {}).items()
+            )
+            rows.append(
+                [
+                    Cell(label_of(name)),
+                    Cell(label_of(quantity)),
+                    Cell(f"{number(value)} ± {number(found['total'], 2)} {unit}".strip()),
+                    Cell(parts or DASH),
+                ]
+            )
+    if not rows:
+        return None
+    note = "Each number with its error, and what the error is made of, in the same unit."
+    return Sheet(
+        "Errors of the numbers", ["muscle", "number", "value ± error", "parts"], rows, note, words=True
+    )
+
+
+def not_checked_of(report: Mapping[str, Any]) -> Sheet | None:
+    """Return what could not be judged, where there is anything."""
+    reasons: dict[tuple[str, str], list[str]] = {}
+    for name, muscle in report["muscles"].items():
+        for check, why in muscle.get("verdict", {}).get("not_checked", {}).items():
+            reasons.setdefault((check, why), []).append(name)
+    every = len(report["muscles"])
+    rows = [
+        [
+            Cell(check),
+            Cell(why),
+            Cell("all muscles" if len(names) == every else ", ".join(map(label_of, names))),
+        ]
+        for (check, why), names in reasons.items()
+    ]
+    return Sheet("What was not checked", ["check", "why", "of"], rows, words=True) if rows else None
+
+
+def run_tables_of(report: Mapping[str, Any]) -> list[Sheet]:
+    """Return the versions that a run was made with, and its files with their hashes."""
+    versions = [[Cell(name), Cell(str(version))] for name, version in report["versions"].items()]
+    hashes = report.get("sha256", {})
+    files = [
+        [Cell(key), Cell(Path(path).name), Cell(hashes.get(key, DASH))]
+        for key, path in report["files"].items()
+    ]
+    seconds = report.get("seconds", {})
+    sheets = [Sheet("Versions", ["", "version"], versions, words=True)]
+    if files:
+        note = f"Read from {report['scene_file']}." if report.get("scene_file") else ""
+        sheets.append(Sheet("Inputs", ["key of the scene", "file", "SHA-256"], files, note, words=True))
+    if seconds:
+        rows = [[Cell(name), Cell(f"{number(value)} s")] for name, value in seconds.items()]
+        sheets.append(Sheet("Time", ["", "by the clock"], rows, words=True))
+    return sheets
+
+
+def settings_of(report: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return all parameters of muscles, those that several share once."""
+    groups: dict[str, list[str]] = {}
+    for name, muscle in report["muscles"].items():
+        groups.setdefault(json.dumps(muscle.get("parameters", {}), sort_keys=True, default=str), []).append(
+            name
+        )
+    return [
+        (", ".join(map(label_of, names)), list(_flat(json.loads(text)))) for text, names in groups.items()
+    ]
+
+
+def _flat(values: Mapping[str, Any], before: str = "") -> Iterable[tuple[str, str]]:
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{before}{key}.")
+        else:
+            yield f"{before}{key}", "none" if value is None else str(value)
+
+
+def _architecture(muscles: Mapping[str, Any]) -> Sheet:
+    known = {name: muscle.get("architecture") or {} for name, muscle in muscles.items()}
+    columns = [column for column in ARCHITECTURE if any(column[0] in one for one in known.values())]
+    more = _unlisted(known.values())
+    measures = {name: (muscle.get("fibre_measures") or [{}])[0] for name, muscle in muscles.items()}
+    of_fibres = [column for column in FIBRES if any(column[0] in one for one in measures.values())]
+    rows = []
+    for name, muscle in muscles.items():
+        cells = [
+            number(_mean(known[name].get(key)) * scale) if key in known[name] else DASH
+            for key, _, scale in columns
+        ]
+        cells += [number(known[name].get(key)) for key in more]
+        for key, _, scale in of_fibres:
+            one = measures[name].get(key)
+            cells.append(f"{number(one['mean'] * scale)} ± {number(one['sd'] * scale, 2)}" if one else DASH)
+        count = (muscle.get("fibres") or {}).get("fibres")
+        if known[name] or count:
+            rows.append([Cell(label_of(name)), Cell(str(count or DASH)), *map(Cell, cells)])
+    heads = (
+        [head for _, head, _ in columns]
+        + [label_of(key) for key in more]
+        + [head for _, head, _ in of_fibres]
+    )
+    note = (
+        "Of the muscle at rest; lengths, pennation and tortuosity in the first frame, mean ± standard "
+        "deviation over the fibres."
+    )
+    return Sheet("Architecture", ["muscle", "fibres", *heads], rows, note)
+
+
+def _unlisted(known: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Return the keys of further plain numbers of an architecture."""
+    listed = {key for key, _, _ in ARCHITECTURE}
+    found = {
+        key: None
+        for one in known
+        for key, value in one.items()
+        if isinstance(value, int | float) and key not in listed
+    }
+    return list(found)
+
+
+def _mean(value: Any) -> float:
+    return float(value["mean"]) if isinstance(value, Mapping) else float(value)
+
+
+def _moment_arms(muscles: Mapping[str, Any]) -> Sheet:
+    rows = []
+    for name, muscle in muscles.items():
+        for coordinate, found in (muscle.get("moment_arms") or {}).items():
+            low, high = found["values"]
+            rows.append(
+                [
+                    Cell(label_of(name)),
+                    Cell(f"{label_of(coordinate)} [{found['unit']}]"),
+                    Cell(f"{number(low)} to {number(high)}"),
+                    *(Cell(number(found[key])) for key in ("mean_mm", "min_mm", "max_mm")),
+                    Cell(number(found["error_mean_mm"], 2)),
+                    Cell(number(found.get("quartic_residual_mean_mm"), 2)),
+                ]
+            )
+    head = [
+        "muscle",
+        "coordinate",
+        "range",
+        "mean",
+        "least",
+        "largest",
+        "standard error, mean",
+        "quartic leaves",
+    ]
+    return Sheet(
+        "Moment arms [mm]",
+        head,
+        rows,
+        "-dl/dq over all fibres and frames; positive where the muscle drives the coordinate up.",
+    )
+
+
+def _quality(muscles: Mapping[str, Any]) -> Sheet:
+    series = {
+        name: {key: _column(muscle["frames"], key) for key, _, _ in QUALITY}
+        for name, muscle in muscles.items()
+    }
+    columns = [column for column in QUALITY if any(len(one[column[0]]) for one in series.values())]
+    rows = []
+    for name, muscle in muscles.items():
+        marks = _marks(muscle)
+        found = [(key, series[name][key], worst) for key, _, worst in columns]
+        cells = [
+            Cell(number(float(worst(values))) if len(values) else DASH, marks.get(key, ""))
+            for key, values, worst in found
+        ]
+        rows.append([Cell(label_of(name)), Cell(str(len(muscle["frames"]))), *cells])
+    return Sheet(
+        "Quality",
+        ["muscle", "frames", *(head for _, head, _ in columns)],
+        rows,
+        "The worst of all frames where nothing else is said; coloured where it is a reason to look.",
+    )
+
+
+def _column(frames: Iterable[Mapping[str, Any]], key: str) -> Any:
+    return np.array([row[key] for row in frames if row.get(key) is not None], dtype=np.float64)
+
+
+#: The checks that the columns of the quality belong to.
+_CHECKS = {
+    "volume": "volume_ratio",
+    "short edges": "edge_stretch_p5",
+    "long edges": "edge_stretch_p95",
+    "crumpled": "dihedral_error_p95_deg",
+    "penetration": "penetration_new_max_mm",
+    "fibres outside": "fibres_outside_max_mm",
+    "fixed points": "fixed_error_max_mm",
+    "estimate": "estimated_distance_mm",
+}
+
+
+def _marks(muscle: Mapping[str, Any]) -> dict[str, str]:
+    reasons = muscle.get("verdict", {}).get("reasons", ())
+    return {_CHECKS[one["check"]]: one["verdict"] for one in reasons if one["check"] in _CHECKS}
