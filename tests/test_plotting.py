@@ -277,8 +277,8 @@ def test_a_single_frame_is_drawn_as_points():
 
 @pytest.mark.parametrize("n_fixed", [1, 2, 7])
 def test_the_legend_of_the_rest_pose_is_on_the_picture_and_names_bones_that_hold_points(renders, n_fixed):
-    bones = multiblock_from({f"a_bone_with_a_long_name_{i}": pv.Sphere(10.0) for i in range(8)})
-    muscle = pv.Sphere(20.0)
+    bones = multiblock_from({f"a_bone_with_a_long_name_{i}": pv.Sphere(radius=10.0) for i in range(8)})
+    muscle = pv.Sphere(radius=20.0)
     set_point_array(muscle, "FixedTo", np.arange(muscle.n_points) % (n_fixed + 1) - 1)
     figure = plot_rest_pose({"ball": muscle}, bones)
     (legend,) = figure.legends
