@@ -21,7 +21,7 @@ from vtkmuscle.io.temporal import read_series, write_vtkhdf
 from vtkmuscle.io.writing import beside, write_polydata, write_text
 from vtkmuscle.run.architecture import architecture_table
 from vtkmuscle.run.claim import remove_results
-from vtkmuscle.run.finished import STAMPS, finished_muscles, note_finished
+from vtkmuscle.run.finished import STAMPS, finished_muscles, note_errors, note_finished
 from vtkmuscle.run.loading import note_scene
 from vtkmuscle.run.poses import merged
 from vtkmuscle.run.report import fibre_table
@@ -179,8 +179,9 @@ class RunFolder:
                 table.write(self.path / f"{name}_fibres.csv", digits=DIGITS)
         self.write_report(report)
 
-    def write_moment_arms(self, arms: MomentArmTable) -> None:
-        """Write moment_arms.csv and moment_arms_summary.csv, where there are moment arms."""
+    def write_moment_arms(self, arms: MomentArmTable, tracks: Mapping[str, MuscleTrack]) -> None:
+        """Write moment_arms.csv and moment_arms_summary.csv, where there are any; note their errors."""
+        note_errors(self.path, tracks)
         if arms:
             arms.table().write(self.path / "moment_arms.csv", digits=DIGITS)
             arms.summary().write(self.path / "moment_arms_summary.csv", digits=DIGITS)
