@@ -171,10 +171,11 @@ class Scene(SceneData):
         Parameters
         ----------
         out : path, optional
-            Folder to write to: a .pvd per muscle, its fibres and the bones, lengths.csv, moment_arms.csv,
-            report.json, figures, and report.html with all of it. Where an earlier run of the same scene is in
-            it, killed or not, muscles that it has finished with the same inputs and settings are taken over,
-            and all others are computed; other files are left alone. Without it nothing is written.
+            Folder to write to: a .pvd per muscle, its fibres and the bones, lengths.csv, architecture.csv,
+            moment_arms.csv, report.json, figures, and report.html with all of it. Where an earlier run of the
+            same scene is in it, killed or not, muscles that it has finished with the same inputs and settings
+            are taken over, and all others are computed; other files are left alone. Without it nothing is
+            written.
         frames : str, slice, range or int, optional
             Which frames to keep and write, e.g. ``"0:10"`` for the first ten (the end is not
             included, as in Python); default all. Frames before them are computed, for the deformation

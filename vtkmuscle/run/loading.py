@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
@@ -19,14 +18,20 @@ from vtkmuscle.io.parts import Part, Parts
 from vtkmuscle.io.surfaces import read_polydata
 from vtkmuscle.io.writing import write_polydata
 from vtkmuscle.run.claim import read_report
-from vtkmuscle.run.finished import FINISHED, check_files, digests_of, read_track
+from vtkmuscle.run.finished import (
+    AGAIN,
+    FINISHED,
+    check_files,
+    digests_of,
+    read_errors,
+    read_note,
+    read_track,
+)
 from vtkmuscle.run.unfinished import unfinished
 from vtkmuscle.scene.data import MILLIMETRES, SceneData
 
 #: The part that says what was run; no muscle is called so.
 SCENE = "scene"
-
-_AGAIN = "run the scene again: what is whole is kept"
 
 
 def note_scene(folder: Path, scene: SceneData) -> None:
@@ -53,36 +58,6 @@ def note_scene(folder: Path, scene: SceneData) -> None:
     Parts(inside).write(SCENE, "", Part(facts, arrays))
 
 
-def note_errors(folder: Path, errors: Mapping[str, Mapping[str, Estimate]]) -> None:
-    """Note the errors of a run's numbers, muscle by muscle, beside what is noted of its scene.
-
-    Raises
-    ------
-    ValueError
-        If nothing is noted of the scene.
-    """
-    parts = Parts(folder / FINISHED)
-    noted = _part(parts, SCENE)
-    facts: dict[str, Any] = {}
-    arrays = dict(noted.arrays)
-    for name, estimates in errors.items():
-        facts[name] = {}
-        for quantity, one in estimates.items():
-            place = f"errors{len(arrays)}"
-            facts[name][quantity] = {"at": place, "unit": one.unit, "causes": list(one.parts)}
-            of_parts = [np.broadcast_to(part, np.shape(one.value)) for part in one.parts.values()]
-            arrays[place] = np.stack([one.value, *of_parts])
-    parts.write(SCENE, "", Part({**noted.facts, "errors": facts}, arrays))
-
-
-def _errors(noted: Part, name: str) -> dict[str, Estimate]:
-    found = {}
-    for quantity, one in noted.facts.get("errors", {}).get(name, {}).items():
-        value, *parts = noted.arrays[one["at"]]
-        found[quantity] = Estimate(value, one["unit"], dict(zip(one["causes"], parts, strict=True)))
-    return found
-
-
 def read_result(folder: Path) -> dict[str, Any]:
     """Read what a :class:`~vtkmuscle.run.result.Result` is made of; see :meth:`vtkmuscle.Result.load`."""
     if not folder.is_dir():
@@ -92,20 +67,20 @@ def read_result(folder: Path) -> dict[str, Any]:
     if report is None:
         there = (folder / "report.json").exists()
         what = "its report.json is damaged" if there else "it holds no results of a run: no report.json"
-        raise InputError(folder, what, _AGAIN if there else "give the folder of a run's results, its --out")
+        raise InputError(folder, what, AGAIN if there else "give the folder of a run's results, its --out")
     if not report["complete"]:
         raise InputError(
-            folder, (unfinished(folder) or "").removeprefix(f"{folder} ") or "the run did not end", _AGAIN
+            folder, (unfinished(folder) or "").removeprefix(f"{folder} ") or "the run did not end", AGAIN
         )
     parts = Parts(folder / FINISHED)
-    noted = _part(parts, SCENE)
+    noted = read_note(parts, SCENE)
     check_files(folder, noted.facts)
     millimetres = MILLIMETRES[report["units"]]
     tracks = {}
     for name, known in report["muscles"].items():
-        tracks[name] = read_track(folder, name, _part(parts, name), millimetres)
+        tracks[name] = read_track(folder, name, read_note(parts, name), millimetres)
         tracks[name].report = known
-        tracks[name].errors = _errors(noted, name)
+        tracks[name].errors = read_errors(folder, name)
     inside = folder / FINISHED / "bones"
     bones = {name: read_polydata(inside / f"{name}.vtp") for name in noted.facts["bones"]}
     return {
@@ -121,14 +96,6 @@ def read_result(folder: Path) -> dict[str, Any]:
         },
         "crosses": {name: tuple(one) for name, one in noted.facts["crosses"].items()},
     }
-
-
-def _part(parts: Parts, name: str) -> Part:
-    part = parts.read(name)
-    if part is None:
-        there = parts.path(name).exists()
-        raise InputError(parts.path(name), "the file is damaged" if there else "the file is missing", _AGAIN)
-    return part
 
 
 def _motion(noted: Part) -> RigidMotion:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from os import cpu_count
@@ -102,11 +102,13 @@ def run_scene(
     observe: Observe | None = None,
     clock: Clock = time.perf_counter,
     fresh: bool = False,
+    muscles: Sequence[str] | None = None,
     errors: ErrorStudy | None = None,
 ) -> Result:
     """Run a scene; see :meth:`vtkmuscle.Scene.run`.
 
-    What is ``odd`` about the scene goes into the report. The clock [s] times the muscles' stages.
+    What is ``odd`` about the scene goes into the report. The clock [s] times the muscles' stages. With
+    ``muscles`` only these are run, as they are in a run of all.
     """
     began = time.perf_counter()
     numbers = frame_numbers(frames, len(scene.motion.times))
@@ -115,7 +117,7 @@ def run_scene(
     folder = None if out is None else RunFolder(out, series=series)
     bones, distances = bones_with_reach(scene), bone_distances(scene)
     keys, kept = _kept(folder, scene, bones, numbers, fresh=fresh)
-    tracks = {name: kept.get(name) or MuscleTrack() for name in scene.muscles}
+    tracks = {name: kept.get(name) or MuscleTrack() for name in muscles or scene.muscles}
     report = _first_report(scene, numbers, tracks) | {"taken_over": list(kept), "sense": list(odd)}
     stop, report_progress = threading.Event(), _one_at_a_time(progress)
     seen = observe or (lambda muscle, row: None)
@@ -134,7 +136,7 @@ def run_scene(
                 folder.begin(report, scene, keys, kept)
             for name in kept:
                 report_progress(name, "done", 1.0)
-            for name, run in _runs(scene, kept, muscle_run).items():
+            for name, run in _runs(scene, tracks, kept, muscle_run).items():
                 jobs[f"muscles.{name}"] = pool.submit(run.go, numbers)
             jobs |= {key: pool.submit(job) for key, job in further.items()}
             if folder is not None:
@@ -152,9 +154,8 @@ def run_scene(
         raise
     report["complete"] = True
     if folder is not None:
-        folder.write_moment_arms(arms)
+        folder.write_moment_arms(arms, tracks)
         folder.write_tables(report, scene, numbers, tracks)
-        folder.note_errors(tracks)
         _show(folder, result, report, figures=figures, page=page)
     report["seconds"]["total"] = time.perf_counter() - began
     if folder is not None:
@@ -169,12 +170,13 @@ def _check_workers(workers: int | None) -> None:
 
 def _runs(
     scene: SceneData,
+    names: Iterable[str],
     kept: Mapping[str, MuscleTrack],
     make: Callable[[str, tuple[MuscleRun, ...]], MuscleRun],
 ) -> dict[str, MuscleRun]:
     """Return the runs of the muscles that are not kept from an earlier one; each may meet those before it."""
     runs: dict[str, MuscleRun] = {}
-    for name in scene.muscles:
+    for name in names:
         if name not in kept:
             runs[name] = make(name, tuple(runs.values()) if scene.muscle_contact != "off" else ())
     return runs
