@@ -35,7 +35,8 @@ def test_spreads_are_of_each_frame_and_value_and_the_same_again(scene, spread_by
 def test_spreads_grow_with_the_distance_and_the_largest_cause_stands_first(scene, spread_by_5_mm):
     found = sensitivities(scene, samples=3, centre=0.01, landmarks=0.5)["gluteus_medius"]
     assert list(found) == ["landmarks", "centre"]
-    assert 0.0 <= found["landmarks"].lengths.mean() < spread_by_5_mm.lengths.mean() < 5.0
+    # Both ends move by 5 mm: a length changes by 10 at most.
+    assert 0.0 <= found["landmarks"].lengths.mean() < spread_by_5_mm.lengths.mean() < 10.0
 
 
 def test_each_cause_moves_its_own_input_by_its_amount(scene):
