@@ -6,6 +6,7 @@ import json
 import os
 import secrets
 import shutil
+import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -208,6 +209,9 @@ def _connected(
         return
     import dask  # noqa: PLC0415 -- of the extra `cohort`
 
+    root = str(Path(__file__).parents[2])
+    if root not in sys.path:  # it may be the working folder, which is left out; workers need the package too
+        sys.path.append(root)
     with (
         dask.config.set(
             {"distributed.scheduler.allowed-failures": retries, "distributed.worker.memory.terminate": 0.95}
