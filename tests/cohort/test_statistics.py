@@ -23,11 +23,6 @@ def written(out, rows):
     schema = pyarrow.schema([(name, kinds[kind]) for name, kind in COLUMNS.items()])
     common = dict.fromkeys(COLUMNS) | {"motion": "walk", "muscle": "iliacus", "fibre_group": 0}
     common["verdict"] = "ok"
-        "motion": "walk",
-        "muscle": "iliacus",
-        "fibre_group": 0,
-        "verdict": "ok",
-    }
     listed = [
         common
         | {"subject": subject, "setting": setting, "sample": sample, "coordinate": "flexion", "value": angle}
