@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -238,6 +239,12 @@ def _work(
     retries: int,
 ) -> Counter[str]:
     """Have all tasks done, and return how many were kept, done and failed."""
+    try:
+        client.run(import_module, "vtkmuscle.cohort.solve")  # by name: nothing of the package is sent
+    except ImportError as error:
+        raise InputError(
+            "", f"a worker cannot import vtkmuscle ({error})", "install 'vtkmuscle[cohort]' there too"
+        ) from error
     code, folder, run = code_digest(), str(parts.folder.absolute()), secrets.token_hex(4)
     tasks: dict[str, Task] = {}
     futures = []
