@@ -47,6 +47,7 @@ html_theme_options = {"show_prev_next": False, "show_toc_level": 2, "header_link
 html_sidebars = {"index": []}  # pages without others beside them have no use for it
 html_static_path = ["_static"]
 html_show_sourcelink = False
+smartquotes_action = "qe"  # "--out" is an option, not a dash
 html_css_files = ["vtkmuscle.css"]
 html_math_renderer = "mathml"
 
@@ -72,6 +73,7 @@ sphinx_gallery_conf = {
     "gallery_dirs": "gallery",
     "filename_pattern": r"plot_.*\.py",
     "image_scrapers": (Scraper(), "matplotlib"),
+    "within_subsection_order": "docstrings.place_in_gallery",
     "reset_modules": ("docstrings.warnings_are_errors",),
     "reset_modules_order": "both",
     "abort_on_example_error": True,

@@ -94,7 +94,8 @@ def test_nothing_old_stands_beside_new_results(scene, tmp_path):
     scene.run(tmp_path, frames="0:2", figures=False, series="vtkhdf")
     found = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
     assert found == {
-        *("notes.txt", "old/mine.txt", "report.json", "report.html", "lengths.csv", "spindle_fibres.csv"),
+        *("notes.txt", "old/mine.txt", "report.json", "report.html", "lengths.csv"),
+        *("architecture.csv", "spindle_fibres.csv"),
         *("spindle.vtkhdf", "spindle_fibres.vtkhdf", "bones.vtkhdf"),
         *(
             f"finished/{name}"

@@ -27,6 +27,7 @@ from vtkmuscle.plotting import (
     make_plotter,
     plot_lengths,
     plot_muscle,
+    plot_rest_pose,
     plot_volume,
     preflight,
 )
@@ -272,3 +273,16 @@ def test_the_volume_figure_holds_what_is_far_from_one():
 def test_a_single_frame_is_drawn_as_points():
     axes = plot_lengths([3.0], [[10.0, 12.0]]).axes[0]
     assert axes.lines[0].get_marker() == "o"
+
+
+@pytest.mark.parametrize("n_fixed", [1, 2, 7])
+def test_the_legend_of_the_rest_pose_is_on_the_picture_and_names_bones_that_hold_points(renders, n_fixed):
+    bones = multiblock_from({f"a_bone_with_a_long_name_{i}": pv.Sphere(radius=10.0) for i in range(8)})
+    muscle = pv.Sphere(radius=20.0)
+    set_point_array(muscle, "FixedTo", np.arange(muscle.n_points) % (n_fixed + 1) - 1)
+    figure = plot_rest_pose({"ball": muscle}, bones)
+    (legend,) = figure.legends
+    box = legend.get_window_extent()
+    assert 0 <= box.x0 < box.x1 <= figure.bbox.width
+    assert box.y1 <= figure.axes[0].get_window_extent().y0
+    assert len(legend.get_texts()) == n_fixed

@@ -11,6 +11,15 @@ from sphinx.application import Sphinx
 
 _DOI = re.compile(r"(?<![\w/`<])doi:(10\.\d{4,9}/[-._;()/:<>a-zA-Z0-9]*[a-zA-Z0-9])")
 _filters_before: list[Any] = []
+#: The gallery's examples, in the order in which a reader may want them.
+_EXAMPLES = """quickstart hip moment_arm two_joints knee gait_cycle opensim_model fixed_points
+fibre_templates own_template pennate_block superficial_fibres fibre_ends iliacus branching_pipeline
+time_slider animated_hip"""
+
+
+def place_in_gallery(filename: str) -> int:
+    """Return where an example comes in the gallery."""
+    return _EXAMPLES.split().index(filename.removeprefix("plot_").removesuffix(".py"))
 
 
 def warnings_are_errors(gallery_conf: dict[str, Any], fname: str, when: str) -> None:

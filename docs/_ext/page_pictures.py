@@ -16,6 +16,17 @@ from vtkmuscle.plotting import can_render
 log = logging.getLogger(__name__)
 #: Pages whose code draws their pictures, into pictures/NAME.
 PAGES = ["start/first_scene.rst"]
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+#: WebGL without a graphics card; the page's clock runs on until it has drawn all.
+FLAGS = [
+    "--headless=new",
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--hide-scrollbars",
+    "--window-size=1100,1250",
+    "--virtual-time-budget=15000",
+]
 
 
 def make_pictures(app: Sphinx) -> None:
@@ -40,6 +51,23 @@ def make_pictures(app: Sphinx) -> None:
         )
         if done.returncode:
             raise RuntimeError(f"{page}: its code fails\n{done.stderr}")
+        for report in folder.glob("*/report.html"):
+            photograph(app, report)
+
+
+def photograph(app: Sphinx, page: Path) -> None:
+    """Write a picture of a page beside it, as Chromium shows it."""
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
+        app.config.suppress_warnings.append("image.not_readable")
+        log.info("there is no Chromium: no picture of %s", page.name)
+        return
+    subprocess.run(
+        [browser, *FLAGS, f"--screenshot={page.with_suffix('.png')}", page.as_uri()],
+        capture_output=True,
+        timeout=300,
+        check=True,
+    )
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

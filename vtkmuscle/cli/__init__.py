@@ -72,7 +72,7 @@ def run(
 ) -> None:
     """Run a scene: deform its muscles, carry their fibres along, measure, and write all of it.
 
-    Without --out it writes to NAME_out, in the folder you are in.
+    Without --out it writes to NAME_out, in the folder you are in; with --muscle to NAME_MUSCLE_out.
     """
     with one_clear_error(None):
         from vtkmuscle.core.compile_ahead import compile_ahead
@@ -81,7 +81,9 @@ def run(
         from vtkmuscle.scenes import Scene
 
         loaded = Scene.load(scene)
-    run_and_tell(loaded, out or Path(f"{loaded.name}_out"), options)
+    # Of some muscles alone not to the folder of all: what is there of the others would go.
+    parts = [loaded.name, *(options.muscle or ()), "out"]
+    run_and_tell(loaded, out or Path("_".join(parts)), options)
 
 
 @app.command()
@@ -205,6 +207,21 @@ def report(
         from vtkmuscle.run.claim import PAGE
 
         typer.echo(f"wrote {Result.load(results).write_report(out or results / PAGE)}")
+
+
+@app.command("view")
+def view_command(
+    source: Annotated[Path, typer.Argument(help="Folder of a run's results, or a scene.toml.")],
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Default: a free one.")] = 0,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open it in a browser, or print the address.")
+    ] = True,
+) -> None:
+    """Look at results, or at a scene that is solved as the slider moves, in a browser; Ctrl-C ends it."""
+    with one_clear_error(None):
+        from vtkmuscle.view import view
+
+        view(source, port=port, browser=browser)
 
 
 @app.command()

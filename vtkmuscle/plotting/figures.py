@@ -17,7 +17,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import blocks_of, polylines_of
-from vtkmuscle.plotting.sheets import Panel, curves, sheet
+from vtkmuscle.plotting.sheets import LEGEND_FONT, Panel, curves, legend_columns, sheet
 from vtkmuscle.plotting.surfaces import FIBRE_MAP, MUSCLE_RED, PALETTE, fixed_bones, make_plotter
 from vtkmuscle.plotting.views import View, choose_view
 
@@ -53,15 +53,17 @@ def plot_rest_pose(
     if len(muscles) > 1:
         overview = choose_view(list(muscles.values()), [bones] * len(muscles))
         panels.insert(0, Panel(_capture(bones, list(muscles.values()), overview), "all muscles", overview))
-    figure = sheet(panels, title, units)
     fixed_to = np.concatenate([fixed_bones(muscle) for muscle in muscles.values()])
     counts = np.bincount(fixed_to + 1, minlength=bones.GetNumberOfBlocks() + 1)[1:]
+    named = [(i, name) for i, (name, _) in enumerate(blocks_of(bones)) if counts[i]]
     handles = [
         Line2D([], [], linestyle="", marker="o", markersize=9, color=PALETTE[i % len(PALETTE)])
-        for i, _ in enumerate(blocks_of(bones))
+        for i, _ in named
     ]
-    labels = [f"fixed to {name} ({n} points)" for (name, _), n in zip(blocks_of(bones), counts, strict=True)]
-    figure.legend(handles, labels, loc="lower center", ncols=4, frameon=False, fontsize=11)
+    labels = [f"fixed to {name} ({counts[i]} points)" for i, name in named]
+    figure = sheet(panels, title, units, legend=labels)
+    columns = legend_columns(figure.get_figwidth(), labels)
+    figure.legend(handles, labels, loc="lower center", ncols=columns, frameon=False, fontsize=LEGEND_FONT)
     return figure
 
 

@@ -15,6 +15,10 @@ from numpy.typing import NDArray
 from vtkmuscle.plotting.views import View
 
 DOTS_PER_INCH = 150
+#: Size of a legend's letters [points], their mean width and the height of a row of them [inches].
+LEGEND_FONT = 11
+LETTER = 0.095
+LEGEND_ROW = 0.28
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,14 +30,22 @@ class Panel:
     view: View
 
 
-def sheet(panels: Sequence[Panel], title: str, units: str) -> Figure:
-    """Return a figure of panels in rows, pixel for pixel, with room for a legend below."""
+def legend_columns(width: float, labels: Sequence[str]) -> int:
+    """Return in how many columns a legend fits into a figure of some width [inches]."""
+    letters = max((len(label) for label in labels), default=1)
+    return max(1, int(width / (0.5 + LETTER * letters)))
+
+
+def sheet(panels: Sequence[Panel], title: str, units: str, *, legend: Sequence[str] = ()) -> Figure:
+    """Return a figure of panels in rows, pixel for pixel, with room below for a legend of some labels."""
     columns = len(panels) if len(panels) <= 4 else math.ceil(len(panels) / 2)
     rows = [panels[i : i + columns] for i in range(0, len(panels), columns)]
     gap, head, top, bottom = 0.12, 0.34, 0.45 if title else 0.0, 0.85  # inches
     widths = [sum(p.image.shape[1] / DOTS_PER_INCH + gap for p in row) + gap for row in rows]
     heights = [max(p.image.shape[0] for p in row) / DOTS_PER_INCH + head for row in rows]
-    width, height = max(5.0, *widths), top + bottom + sum(heights)
+    width = max(5.0, *widths)
+    bottom += LEGEND_ROW * (math.ceil(len(legend) / legend_columns(width, legend)) - 1 if legend else 0)
+    height = top + bottom + sum(heights)
     figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, facecolor="white")
     FigureCanvasAgg(figure)
     if title:

@@ -112,16 +112,14 @@ def run_scene(
     """
     began = time.perf_counter()
     numbers = frame_numbers(frames, len(scene.motion.times))
-    if workers is not None and workers < 1:
-        raise InputError("", f"workers is {workers}, but must be an integer >= 1")
+    _check_workers(workers)
     check_memory(scene, numbers)
     folder = None if out is None else RunFolder(out, series=series)
     bones, distances = bones_with_reach(scene), bone_distances(scene)
     keys, kept = _kept(folder, scene, bones, numbers, fresh=fresh)
     tracks = {name: kept.get(name) or MuscleTrack() for name in muscles or scene.muscles}
     report = _first_report(scene, numbers, tracks) | {"taken_over": list(kept), "sense": list(odd)}
-    stop = threading.Event()
-    report_progress = _one_at_a_time(progress)
+    stop, report_progress = threading.Event(), _one_at_a_time(progress)
     seen = observe or (lambda muscle, row: None)
     further = {} if errors is None else errors.jobs(numbers, bones, stop)
 
@@ -147,8 +145,7 @@ def run_scene(
         _raise_first_failure(jobs, scene)
         result = _result(scene, numbers, tracks, report)
         report["seconds"] = {"muscles": time.perf_counter() - began}
-        arms = _moment_arms(result, report)
-        arms = _with_errors(arms, errors, result, tracks, report)
+        arms = _with_errors(_moment_arms(result, report), errors, result, tracks, report)
     except BaseException as error:
         report["stopped_by"] = f"{type(error).__name__}: {error}".rstrip(": ")
         if folder is not None:
@@ -159,13 +156,16 @@ def run_scene(
     if folder is not None:
         folder.write_moment_arms(arms, tracks)
         folder.write_tables(report, scene, numbers, tracks)
-        if figures or page:
-            with _unfinished_if_it_fails(folder, report):
-                _show(folder, result, report, figures=figures, page=page)
+        _show(folder, result, report, figures=figures, page=page)
     report["seconds"]["total"] = time.perf_counter() - began
     if folder is not None:
         folder.write_report(report)
     return result
+
+
+def _check_workers(workers: int | None) -> None:
+    if workers is not None and workers < 1:
+        raise InputError("", f"workers is {workers}, but must be an integer >= 1")
 
 
 def _runs(
@@ -344,12 +344,13 @@ def _raise_first_failure(jobs: dict[str, Future[None]], scene: SceneData) -> Non
 
 def _show(folder: RunFolder, result: Result, report: dict[str, Any], *, figures: bool, page: bool) -> None:
     """Draw the figures of a run, and write its page."""
-    if figures:
-        _draw(folder, result, report)
-    if page:
-        before = time.perf_counter()
-        result.write_report(folder.path / PAGE)
-        report["seconds"]["page"] = time.perf_counter() - before
+    with _unfinished_if_it_fails(folder, report):
+        if figures:
+            _draw(folder, result, report)
+        if page:
+            before = time.perf_counter()
+            result.write_report(folder.path / PAGE)
+            report["seconds"]["page"] = time.perf_counter() - before
 
 
 def _draw(folder: RunFolder, result: Result, report: dict[str, Any]) -> None:
