@@ -152,6 +152,7 @@ def test_a_result_and_a_scene_print_in_a_line_or_two(result):
         "Scene('hip': gluteus_medius, gluteus_maximus, iliacus; bones pelvis, femur; 46 frames; mm)"
     )
     many = copy.copy(result)
+    many.muscle_names = [f"muscle_{i}" for i in range(30)]
     many.verdicts = {f"muscle_{i}": "look" if i % 3 else "ok" for i in range(30)}
     assert repr(many) == "Result('tiny': 5 frames of 30 muscles (10 ok, 20 look))"
 

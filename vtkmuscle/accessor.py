@@ -201,7 +201,7 @@ class MuscleAccessor:
         pyvista.Plotter or None
             Where it is not shown; None once it is.
         """
-        named = bones if isinstance(bones, Mapping) else {} if bones is None else dict(blocks_of(bones))
+        named = {} if bones is None else bones
         lines_alone = self._mesh.GetNumberOfPolys() == 0
         muscles = {} if lines_alone else {"muscle": self._mesh.triangulate()}
         lines = self._mesh if lines_alone else fibres

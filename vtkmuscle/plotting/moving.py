@@ -8,11 +8,18 @@ from typing import Any
 
 import numpy as np
 import pyvista
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.mesh.surface import vertex_normals
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import multiblock_from, points_of, polylines_from, polylines_of, triangles_of
+from vtkmuscle.data.arrays import (
+    blocks_of,
+    multiblock_from,
+    points_of,
+    polylines_from,
+    polylines_of,
+    triangles_of,
+)
 from vtkmuscle.plotting.surfaces import IVORY, PALETTE, x_server_warning_off
 from vtkmuscle.plotting.views import View, axes_of, choose_view
 
@@ -42,8 +49,8 @@ class MovingScene:
 
     Parameters
     ----------
-    bones : mapping of str to vtkPolyData
-        Surfaces at rest.
+    bones : mapping of str to vtkPolyData, or vtkMultiBlockDataSet
+        Surfaces at rest, by name.
     muscles : mapping of str to vtkPolyData
         Surfaces at rest, of triangles; none where fibres alone are shown.
     fibres : mapping of str to vtkPolyData
@@ -73,16 +80,17 @@ class MovingScene:
 
     def __init__(
         self,
-        bones: Mapping[str, vtkPolyData],
+        bones: Mapping[str, vtkPolyData] | vtkMultiBlockDataSet,
         muscles: Mapping[str, vtkPolyData],
         fibres: Mapping[str, vtkPolyData],
         *,
         off_screen: bool | None = None,
         size: tuple[int, int] = SIZE,
     ) -> None:
-        seen = [*muscles.values()] or [_tubes(lines) for lines in fibres.values()] or [*bones.values()]
+        named = dict(blocks_of(bones)) if isinstance(bones, vtkMultiBlockDataSet) else bones
+        seen = [*muscles.values()] or [_tubes(lines) for lines in fibres.values()] or [*named.values()]
         self.view = choose_view(
-            [pyvista.merge([pyvista.wrap(one) for one in seen])], [multiblock_from(dict(bones))]
+            [pyvista.merge([pyvista.wrap(one) for one in seen])], [multiblock_from(dict(named))]
         )
         with x_server_warning_off():
             self.plotter = pyvista.Plotter(
@@ -91,7 +99,7 @@ class MovingScene:
         self.plotter.set_background("white")
         self.plotter.enable_anti_aliasing("ssaa")
         colours = {name: PALETTE[i % len(PALETTE)] for i, name in enumerate(muscles or fibres)}
-        self._bones = {name: self._surface(surface, IVORY, 1.0)[0] for name, surface in bones.items()}
+        self._bones = {name: self._surface(surface, IVORY, 1.0)[0] for name, surface in named.items()}
         self._muscles = {
             name: self._surface(surface, colours[name], 0.55 if name in fibres else 0.9)
             for name, surface in muscles.items()

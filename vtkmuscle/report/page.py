@@ -32,7 +32,10 @@ from vtkmuscle.report.tables import (
 #: Verdicts in words.
 BADGES = {"ok": "✓ ok", "look": "! look at it", "failed": "✗ failed"}
 #: The parts of the page's program, in the order in which they are read.
-_SCRIPTS = ("arrays.js", "viewer.js", "curves.js", "page.js")
+_SCRIPTS = (
+    *("arrays.js", "webgl.js", "shaders.js", "colours.js", "shapes.js", "camera.js", "viewer.js"),
+    *("curves.js", "page.js"),
+)
 
 
 def write_page(path: str | PathLike[str], result: RunResult, limits: Mapping[str, Limit]) -> Path:
