@@ -51,7 +51,7 @@ def shapes(count: int) -> list[dict[str, float]]:
         if np.abs(drawn).max() <= _FARTHEST:
             found.append(
                 {
-                    name: round(mean + one * sd, 4)
+                    name: float(round(mean + one * sd, 4))
                     for one, (name, (mean, sd, _)) in zip(drawn, VARIED.items(), strict=True)
                 }
             )

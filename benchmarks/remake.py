@@ -19,7 +19,7 @@ from muscle_problem import data_folder
 
 ROOT = made.HERE.parent
 #: Hips of the documentation's atlas.
-SUBJECTS = "60"
+SUBJECTS = "40"
 PHANTOM = ROOT / "tests" / "benchmarks" / "phantom_tables"
 
 

@@ -24,6 +24,7 @@ project_copyright = author
 version = release = vtkmuscle.__version__
 
 extensions = [
+    "atlas_picture",
     "sphinx_gallery.gen_gallery",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",

@@ -12,7 +12,9 @@ from tiny_scene import write_tiny_scene
 from vtkmuscle import InputError, Result, Scene
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.data.arrays import points_of, with_points
+from vtkmuscle.run.keys import digest_of, muscle_keys
 from vtkmuscle.run.muscles import MuscleRun
+from vtkmuscle.run.reach import bones_with_reach
 
 
 @pytest.fixture(scope="module")
@@ -160,36 +162,42 @@ def test_what_is_finished_is_not_computed_again_and_what_is_changed_is_computed_
     assert computed == ["spindle", "thin", "bare"]
 
 
-def test_what_a_muscle_depends_on_is_in_its_key(scene, tmp_path, computed):
-    run(scene, tmp_path)
+def test_what_a_muscle_depends_on_is_in_its_key(scene):
+    def keys(changed, count=5):
+        return muscle_keys(changed, bones_with_reach(changed), range(count))
+
+    def with_thin(**changes):
+        return replace(scene, muscles={**scene.muscles, "thin": replace(scene.muscles["thin"], **changes)})
+
+    before, everything = keys(scene), set(scene.muscles)
     moved = with_points(scene.bones["upper"], points_of(scene.bones["upper"]) - np.array([0.0, 0.0, 0.01]))
     area, *others = scene.muscles["thin"].attachments
     landmarks = replace(area, landmarks=np.asarray(area.landmarks) * (1.0, 0.99, 1.0))
-    muscles = scene.muscles
+    thin = scene.muscles["thin"].surface
     for changed, expected in (
-        (replace(scene, bones={**scene.bones, "upper": moved}), list(muscles)),
-        (replace(scene, motion=scene.motion.part(range(4))), list(muscles)),
-        (replace(scene, solver={"iterations": 2}), list(muscles)),
-        (replace(scene, quality="preview"), list(muscles)),
-        (
-            replace(scene, muscles={**muscles, "thin": replace(muscles["thin"], fixing={"distance": 2.0})}),
-            ["thin"],
-        ),
-        (
-            replace(
-                scene, muscles={**muscles, "thin": replace(muscles["thin"], attachments=(landmarks, *others))}
-            ),
-            ["thin"],
-        ),
-        (
-            replace(scene, muscles={**muscles, "thin": replace(muscles["thin"], crosses=("angle",))}),
-            [],
-        ),
+        (replace(scene, bones={**scene.bones, "upper": moved}), everything),
+        (replace(scene, motion=scene.motion.part(range(4))), everything),
+        (replace(scene, solver={"iterations": 2}), everything),
+        (replace(scene, quality="preview"), everything),
+        (replace(scene, model="paths", muscles={"spindle": scene.muscles["spindle"]}), everything),
+        (with_thin(fixing={"distance": 2.0}), {"thin"}),
+        (with_thin(attachments=(landmarks, *others)), {"thin"}),
+        (with_thin(surface=with_points(thin, points_of(thin) * (0.999, 1.0, 1.0))), {"thin"}),
+        (with_thin(fibres={"n_fibres": 7, "template": "parallel"}), {"thin"}),
+        (with_thin(crosses=("angle",)), set()),
     ):
-        run(scene, tmp_path)
-        computed.clear()
-        run(changed, tmp_path)
-        assert computed == expected
+        after = keys(changed)
+        assert {name for name in before if after.get(name) != before[name]} == expected
+    assert keys(scene) == before
+    assert not set(keys(scene, 4).values()) & set(before.values())
+
+
+def test_a_template_file_counts_by_its_content(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text("one")
+    before = digest_of({"template_file": str(file)})
+    file.write_text("two")
+    assert digest_of({"template_file": str(file)}) != before
 
 
 def test_damaged_frames_are_computed_again(scene, tmp_path, computed):

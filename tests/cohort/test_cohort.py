@@ -173,7 +173,6 @@ solver = { iterations = 2 }
 [sensitivity]
 samples = 3
 landmarks = 0.5
-axis = 0.5
 [compare]
 by = "setting"
 """
@@ -195,7 +194,7 @@ by = "setting"
     assert {row["fibre_group"] for row in found} == {"0", "1"}
     with (out / "sensitivity.csv").open(newline="") as lines:
         spreads = list(csv.DictReader(lines))
-    assert {row["cause"] for row in spreads} == {"landmarks", "axis"}
+    assert {row["cause"] for row in spreads} == {"landmarks"}
     assert all(float(row["sd_length_mm"]) > 0.0 for row in spreads)
     with (out / "comparison.csv").open(newline="") as lines:
         compared = list(csv.DictReader(lines))

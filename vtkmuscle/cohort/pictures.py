@@ -19,7 +19,7 @@ _MUSCLE, _BONE, _FIBRE = np.array([0.78, 0.33, 0.30]), "#b9b4a6", "#8c2d29"
 
 
 def strip(result: Result, name: str) -> bytes:
-    """Return a PNG of a muscle in its first, its middle and its last frame, from the side it shows most of.
+    """Return a PNG of a muscle in its first, its middle and its last frame; bones move across the picture.
 
     The surface is shaded, bones are dots; of model ``"paths"`` the fibres are drawn.
     """
@@ -27,12 +27,12 @@ def strip(result: Result, name: str) -> bytes:
     frames = [result.frames[i] for i in ((0, (count - 1) // 2, count - 1) if count else ())]
     figure = Figure(figsize=_SIZE, dpi=_DOTS)
     FigureCanvasAgg(figure)
-    across, up, forward = _view(points_of(result.rest_muscle(name)))
+    across, up, forward = _view(result, name, frames)
     for number, frame in enumerate(frames):
         axes = figure.add_axes((number / 3.0, 0.0, 1.0 / 3.0, 1.0))
         axes.set_axis_off()
         axes.set_aspect("equal")
-        bones = np.concatenate([points_of(bone) for _, bone in blocks_of(result.bones(frame=frame))])
+        bones = _bone_points(result, frame)
         bones = bones[:: max(1, len(bones) // _BONE_POINTS)]
         axes.scatter(bones @ across, bones @ up, s=0.4, c=_BONE, linewidths=0)
         if result.report["model"] == "paths":
@@ -54,14 +54,27 @@ def strip(result: Result, name: str) -> bytes:
     return file.getvalue()
 
 
-def _view(points: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the directions across, up and towards the eye: up is z, seen from where most is to be seen."""
-    flat = points[:, :2] - points[:, :2].mean(axis=0)
-    _, _, axes = np.linalg.svd(flat, full_matrices=False)
+def _view(result: Result, name: str, frames: list[int]) -> tuple[Floats, Floats, Floats]:
+    """Return the directions across, up and towards the eye: z is up, and bones move in the picture's plane.
+
+    Where none moves sideways, the muscle is seen from where it is widest.
+    """
+    shape = points_of(result.rest_muscle(name))
+    seen = shape[:, :2] - shape[:, :2].mean(axis=0)
+    if frames:
+        first, last = (_bone_points(result, frame) for frame in (frames[0], frames[-1]))
+        moves = (last - first)[:, :2]
+        if np.abs(moves).max() > 1e-3 * np.ptp(shape, axis=0).max():
+            seen = moves
+    _, _, axes = np.linalg.svd(seen, full_matrices=False)
     across = np.array([axes[0, 0], axes[0, 1], 0.0])
     across *= 1.0 if across[np.argmax(np.abs(across))] > 0 else -1.0
     up = np.array([0.0, 0.0, 1.0])
     return across, up, np.cross(across, up)
+
+
+def _bone_points(result: Result, frame: int) -> Floats:
+    return np.concatenate([points_of(bone) for _, bone in blocks_of(result.bones(frame=frame))])
 
 
 def _shaded(corners: Floats, across: Floats, up: Floats, forward: Floats) -> PolyCollection:

@@ -6,11 +6,13 @@ import json
 import os
 import secrets
 import shutil
+import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -208,6 +210,9 @@ def _connected(
         return
     import dask  # noqa: PLC0415 -- of the extra `cohort`
 
+    root = str(Path(__file__).parents[2])
+    if root not in sys.path:  # it may be the working folder, which is left out; workers need the package too
+        sys.path.append(root)
     with (
         dask.config.set(
             {"distributed.scheduler.allowed-failures": retries, "distributed.worker.memory.terminate": 0.95}
@@ -234,6 +239,12 @@ def _work(
     retries: int,
 ) -> Counter[str]:
     """Have all tasks done, and return how many were kept, done and failed."""
+    try:
+        client.run(import_module, "vtkmuscle.cohort.solve")  # by name: nothing of the package is sent
+    except ImportError as error:
+        raise InputError(
+            "", f"a worker cannot import vtkmuscle ({error})", "install 'vtkmuscle[cohort]' there too"
+        ) from error
     code, folder, run = code_digest(), str(parts.folder.absolute()), secrets.token_hex(4)
     tasks: dict[str, Task] = {}
     futures = []

@@ -117,7 +117,7 @@ class _Loaded:
 
 def _loaded(task: Task) -> _Loaded:
     """Return the scene of a task: the one in memory, unless a file of it has changed since."""
-    text = json.dumps(asdict(task) | {"muscle": ""}, sort_keys=True)
+    text = json.dumps(asdict(task) | {"muscle": ""})  # in order: muscles yield to those before
     found = _scene(text)
     if any(_digest(Path(name)) != digest for name, digest in found.files.items()):
         _scene.cache_clear()

@@ -71,7 +71,9 @@ def digest_of(value: Any) -> str:
 
 
 def _feed(digest: Any, value: Any) -> None:
-    digest.update(f"{type(value).__name__}(".encode())
+    # Importing PyVista changes what VTK's own classes are called.
+    kind = "vtkPolyData" if isinstance(value, vtkPolyData) else type(value).__name__
+    digest.update(f"{kind}(".encode())
     if isinstance(value, vtkPolyData):
         _feed_surface(digest, value)
     elif isinstance(value, np.ndarray):
@@ -82,7 +84,10 @@ def _feed(digest: Any, value: Any) -> None:
             if not (isinstance(value, SceneData) and field.name in _NOT_SCENE):
                 _feed(digest, (field.name, getattr(value, field.name)))
     elif isinstance(value, Mapping):
-        for key, one in value.items():  # in order: muscles yield to those before them
+        # In order: muscles yield to those before them, and points are fixed to bones by number. The order of
+        # settings says nothing, and differs from process to process.
+        ordered = any(isinstance(one, vtkPolyData) or is_dataclass(one) for one in value.values())
+        for key, one in value.items() if ordered else sorted(value.items(), key=lambda item: str(item[0])):
             _feed(digest, (key, Path(one).read_bytes() if key == _FILE and one is not None else one))
     elif isinstance(value, list | tuple):
         for part in value:
@@ -95,8 +100,8 @@ def _feed(digest: Any, value: Any) -> None:
 def _feed_surface(digest: Any, data: vtkPolyData) -> None:
     _feed(digest, points_of(data))
     for cells in (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()):
-        _feed(digest, vtk_to_numpy(cells.GetOffsetsArray()))
-        _feed(digest, vtk_to_numpy(cells.GetConnectivityArray()))
+        for ids in (cells.GetOffsetsArray(), cells.GetConnectivityArray()):
+            _feed(digest, vtk_to_numpy(ids).astype(np.int64))  # VTK chooses how it keeps them
     for arrays in (data.GetPointData(), data.GetCellData(), data.GetFieldData()):
         for number in range(arrays.GetNumberOfArrays()):
             one = arrays.GetAbstractArray(number)
