@@ -20,6 +20,7 @@ from vtkmuscle.pipelines.fibres import PUBLISHED_FIBRES
 HERE = Path(__file__).resolve().parent
 DOCS = HERE.parent / "docs"
 PAPER, HOW_RIGHT = DOCS / "validation/paper_tables", DOCS / "validation/how_right_tables"
+ATLAS = DOCS / "explanation/atlas_tables"
 
 
 def settings() -> str:
@@ -44,12 +45,12 @@ def scripts_of(table: Path) -> list[Path]:
     if table.parent == PAPER:
         paper = HERE / "paper"
         return [paper / f"{table.stem}.py", paper / "common.py", paper / "published_loop.py"]
-    return [HERE / "how_right.py"]
+    return [HERE / ("atlas.py" if table.parent == ATLAS else "how_right.py")]
 
 
 def tables() -> list[Path]:
     """Return the generated tables of the documentation."""
-    return sorted([*PAPER.glob("*.txt"), *HOW_RIGHT.rglob("*.csv")])
+    return sorted([*PAPER.glob("*.txt"), *HOW_RIGHT.rglob("*.csv"), *ATLAS.glob("*.csv")])
 
 
 def of(table: Path) -> dict[str, str]:

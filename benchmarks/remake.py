@@ -11,12 +11,15 @@ import argparse
 import shlex
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import made
 from muscle_problem import data_folder
 
 ROOT = made.HERE.parent
+#: Hips of the documentation's atlas.
+SUBJECTS = "60"
 PHANTOM = ROOT / "tests" / "benchmarks" / "phantom_tables"
 
 
@@ -25,6 +28,9 @@ def command_of(table: Path) -> list[str]:
     if table.parent == made.PAPER:
         script = "benchmarks/paper/all_experiments.py"
         return [script, "--data", "real", "--only", table.stem, "--rst", "docs/validation/paper_tables"]
+    if table.parent == made.ATLAS:
+        folder = str(Path(tempfile.gettempdir()) / "vtkmuscle_atlas")
+        return ["benchmarks/atlas.py", folder, "--subjects", SUBJECTS, "--write"]
     how = ["benchmarks/how_right.py", "--rst", f"docs/{table.parent.relative_to(made.DOCS)}"]
     if table.name in ("hip.csv", "knee.csv"):
         folder = data_folder() if table.name == "hip.csv" else data_folder().with_name("bp3d_knee")

@@ -38,6 +38,7 @@ def call(arguments, status=0):
 def test_both_formats_hold_the_same(runs):
     assert not list((runs / "vtkhdf").rglob("*.vtp"))
     assert sorted(path.name for path in (runs / "vtkhdf").iterdir()) == [
+        "architecture.csv",
         "bones.vtkhdf",
         "lengths.csv",
         "report.json",

@@ -94,9 +94,13 @@ def test_nothing_old_stands_beside_new_results(scene, tmp_path):
     scene.run(tmp_path, frames="0:2", figures=False, series="vtkhdf")
     found = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
     assert found == {
-        *("notes.txt", "old/mine.txt", "report.json", "report.html", "lengths.csv", "spindle_fibres.csv"),
+        *("notes.txt", "old/mine.txt", "report.json", "report.html", "lengths.csv"),
+        *("architecture.csv", "spindle_fibres.csv"),
         *("spindle.vtkhdf", "spindle_fibres.vtkhdf", "bones.vtkhdf"),
-        *(f"finished/{name}" for name in ("scene.npz", "bones/upper.vtp", "bones/lower.vtp")),
+        *(
+            f"finished/{name}"
+            for name in ("scene.npz", "bones/upper.vtp", "bones/lower.vtp", "errors/spindle.npz")
+        ),
         *(f"finished/spindle{ending}" for ending in (".npz", ".vtp", "_fibres.vtp")),
     }
     scene.run(tmp_path, frames="0:1", figures=False)

@@ -67,6 +67,11 @@ def same(one, other):
     for frame in one.frames:
         for bone, moved in zip(one.bones(frame=frame), other.bones(frame=frame), strict=True):
             assert bone == moved
+    for name, errors in one.errors.items():
+        for what, known in errors.items():
+            again = other.errors[name][what]
+            assert (known.unit, list(known.parts)) == (again.unit, list(again.parts))
+            np.testing.assert_array_equal(known.total, again.total)
     assert one.lengths.keys() == other.lengths.keys()
     for name, lengths in one.lengths.items():
         np.testing.assert_array_equal(lengths, other.lengths[name])
@@ -115,6 +120,7 @@ def test_a_folder_without_a_finished_run_is_one_clear_error(scene, tmp_path):
             "finished/thin.npz",
             "finished/thin_fibres.vtp",
             "finished/scene.npz",
+            "finished/errors/thin.npz",
             "finished/bones/lower.vtp",
             "report.json",
         ):

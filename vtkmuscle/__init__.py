@@ -26,15 +26,15 @@ if TYPE_CHECKING:
     from vtkmuscle.scene.data import Muscle
     from vtkmuscle.scene.faults import SceneError
     from vtkmuscle.scenes import Scene
-    from vtkmuscle.sensitivity import LandmarkError, landmark_errors
+    from vtkmuscle.sensitivity import Spread, sensitivities
 
 _MODULES = ("filters", "phantoms", "pipelines", "plotting")
 _SOURCES = {
     "RigidMotion": "vtkmuscle.core.motion.rigid",
     "hinge": "vtkmuscle.core.motion.rigid",
     "InputError": "vtkmuscle.core.errors",
-    "LandmarkError": "vtkmuscle.sensitivity",
-    "landmark_errors": "vtkmuscle.sensitivity",
+    "Spread": "vtkmuscle.sensitivity",
+    "sensitivities": "vtkmuscle.sensitivity",
     "MomentArmTable": "vtkmuscle.run.moment_arms",
     "Muscle": "vtkmuscle.scene.data",
     "Result": "vtkmuscle.run.result",
@@ -45,21 +45,21 @@ _SOURCES = {
 
 __all__ = [
     "InputError",
-    "LandmarkError",
     "MomentArmTable",
     "Muscle",
     "Result",
     "RigidMotion",
     "Scene",
     "SceneError",
+    "Spread",
     "Table",
     "__version__",
     "filters",
     "hinge",
-    "landmark_errors",
     "phantoms",
     "pipelines",
     "plotting",
+    "sensitivities",
 ]
 
 

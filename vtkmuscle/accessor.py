@@ -20,6 +20,7 @@ from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.fibre_tubes import FibreTubes
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.pipelines import decompose, deform
+from vtkmuscle.plotting.moving import MovingScene
 
 
 @pyvista.register_dataset_accessor("muscle", pyvista.PolyData)
@@ -173,6 +174,42 @@ class MuscleAccessor:
     def fibre_lengths(self) -> Floats:
         """Return the length of each polyline of the mesh, (n,) [mm], by FibreMetrics."""
         return np.array(FibreMetrics().apply(self._mesh)["Length"])
+
+    def plot(
+        self,
+        *,
+        fibres: Any = None,
+        bones: Any = None,
+        show: bool = True,
+        off_screen: bool | None = None,
+    ) -> Any:
+        """Show the muscle with its fibres and bones, in a window or in a cell of a notebook.
+
+        Parameters
+        ----------
+        fibres : pyvista.PolyData, optional
+            Polylines, drawn inside the muscle.
+        bones : pyvista.MultiBlock or mapping of str to vtkPolyData, optional
+            In the same pose.
+        show : bool, optional
+            False to get the plotter before it is shown.
+        off_screen : bool, optional
+            Draw without a window; PyVista's own setting by default.
+
+        Returns
+        -------
+        pyvista.Plotter or None
+            Where it is not shown; None once it is.
+        """
+        named = bones if isinstance(bones, Mapping) else {} if bones is None else dict(blocks_of(bones))
+        lines_alone = self._mesh.GetNumberOfPolys() == 0
+        muscles = {} if lines_alone else {"muscle": self._mesh.triangulate()}
+        lines = self._mesh if lines_alone else fibres
+        scene = MovingScene(named, muscles, {} if lines is None else {"muscle": lines}, off_screen=off_screen)
+        if not show:
+            return scene.plotter
+        scene.plotter.show()
+        return None
 
     def tubes(self, **parameters: Any) -> Any:
         """Return tubes around the polylines of the mesh, by FibreTubes.

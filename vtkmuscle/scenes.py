@@ -14,6 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
 from vtkmuscle.accuracy import SOLVED, ErrorStudy
 from vtkmuscle.core.compile_ahead import compile_ahead
+from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.filters.deformer.quality import PRESETS
 from vtkmuscle.phantoms.phantom import Phantom
@@ -22,9 +23,13 @@ from vtkmuscle.run.result import Result
 from vtkmuscle.run.scenes import run_scene
 from vtkmuscle.scene.checks import checked
 from vtkmuscle.scene.data import Muscle, SceneData
+from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.reading import read_fields
 from vtkmuscle.scene.sense import check_sense
 from vtkmuscle.scene.writing import write_scene
+
+#: Muscles that are named one by one where a scene is printed, at most.
+_MOST_LISTED = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,10 +179,11 @@ class Scene(SceneData):
         Parameters
         ----------
         out : path, optional
-            Folder to write to: a .pvd per muscle, its fibres and the bones, lengths.csv, moment_arms.csv,
-            report.json, figures, and report.html with all of it. Where an earlier run of the same scene is in
-            it, killed or not, muscles that it has finished with the same inputs and settings are taken over,
-            and all others are computed; other files are left alone. Without it nothing is written.
+            Folder to write to: a .pvd per muscle, its fibres and the bones, lengths.csv, architecture.csv,
+            moment_arms.csv, report.json, figures, and report.html with all of it. Where an earlier run of the
+            same scene is in it, killed or not, muscles that it has finished with the same inputs and settings
+            are taken over, and all others are computed; other files are left alone. Without it nothing is
+            written.
         frames : str, slice, range or int, optional
             Which frames to keep and write, e.g. ``"0:10"`` for the first ten (the end is not
             included, as in Python); default all. Frames before them are computed, for the deformation
@@ -255,6 +261,29 @@ class Scene(SceneData):
                 fresh=fresh,
                 errors=study,
             )
+
+    def __repr__(self) -> str:
+        muscles = ", ".join(self.muscles)
+        listed = muscles if len(self.muscles) <= _MOST_LISTED else f"{len(self.muscles)} muscles"
+        times = f"{len(self.motion.times)} frames"
+        return f"Scene({self.name!r}: {listed}; bones {', '.join(self.bones)}; {times}; {self.units})"
+
+    def with_muscles(self, *names: str) -> Self:
+        """Return the scene with some of its muscles alone, in their order.
+
+        Raises
+        ------
+        SceneError
+            If there is no such muscle, or none is named.
+        """
+        if not names:
+            raise SceneError("no muscle is named", "muscles", f"there are: {', '.join(self.muscles)}")
+        for name in names:
+            if name not in self.muscles:
+                remedy = suggestion(name, self.muscles)
+                raise SceneError(f"the scene has no muscle {name!r}", "muscles", remedy, self.files.get(""))
+        kept = {name: muscle for name, muscle in self.muscles.items() if name in names}
+        return replace(self, muscles=kept)
 
     def with_quality(self, quality: str) -> Self:
         """Return the scene with another preset.

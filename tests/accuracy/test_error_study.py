@@ -13,6 +13,7 @@ from vtkmuscle.accuracy import study as study_module
 from vtkmuscle.core.accuracy.convergence import convergence_error
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.phantoms import spindle_over_hinge
+from vtkmuscle.run.memory import estimated_memory
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +39,9 @@ def plain(scene):
 
 def test_every_run_states_what_takes_no_further_solve(plain):
     errors = plain.report["muscles"]["spindle"]["errors"]
-    assert errors.keys() == {"length", "volume", "pcsa", "moment_arm_distal_angle"}
+    of_rest = {"volume", "pcsa", "pcsa_without_tendon", "fascicle_length"}
+    assert errors.keys() == {"length", "moment_arm_distal_angle", *of_rest}
+    assert errors["fascicle_length"]["parts"].keys() == {"segments", "fibres", "tendon"}
     assert errors["length"]["parts"].keys() == {"solve", "segments", "fibres"}
     assert errors["volume"]["parts"].keys() == {"facets", "solve"}
     assert errors["moment_arm_distal_angle"]["parts"].keys() == {"solve", "segments", "fibres", "regression"}
@@ -107,6 +110,14 @@ def test_a_solve_that_fails_is_said_and_the_run_goes_on(scene, monkeypatch):
     told = result.report["muscles"]["spindle"]
     assert told["errors_not_known"]["mesh"] == "the mesh is too fine"
     assert "mesh" not in told["errors"]["length"]["parts"]
+
+
+def test_a_mesh_that_would_take_too_much_memory_is_not_begun(scene, monkeypatch):
+    needed = dict(estimated_memory(scene, range(5)))
+    most = sum(needed.values()) + needed["muscles.spindle.surface"]
+    monkeypatch.setenv("VTKMUSCLE_MOST_MEMORY", str(most / 1e9))
+    result = scene.run(frames="0:5", figures=False, errors=["mesh"])
+    assert "GB of memory" in result.report["muscles"]["spindle"]["errors_not_known"]["mesh"]
 
 
 @pytest.mark.parametrize(

@@ -84,6 +84,13 @@ def test_no_two_fibres_end_in_one_place(muscle):
         assert gaps.min() > 1.5
 
 
+def test_it_says_how_many_fibres_end_on_the_areas_as_they_are(muscle):
+    led = FibreTrimmer()(fibres(), muscle, attachments_from(areas()))
+    assert_array_equal(field_array(led, "EndsKept"), [0.0, 0.0])
+    again = FibreTrimmer()(led, muscle, attachments_from(areas()))
+    assert field_array(again, "EndsKept").min() > 0.9
+
+
 def test_number_of_points_and_arrays_are_kept(muscle):
     before = fibres()
     trimmed = FibreTrimmer()(before, muscle, attachments_from(areas()))

@@ -9,7 +9,12 @@ import numpy as np
 
 from vtkmuscle.accuracy.causes import Cause
 from vtkmuscle.core.accuracy.convergence import convergence_error
-from vtkmuscle.core.accuracy.estimate import COVERAGE_FACTOR, Estimate, expanded_of_samples
+from vtkmuscle.core.accuracy.estimate import (
+    COVERAGE_FACTOR,
+    Estimate,
+    expanded_of_bounds,
+    expanded_of_samples,
+)
 from vtkmuscle.core.accuracy.polylines import bends, segment_errors
 from vtkmuscle.core.mesh.halving import rounded_volume
 from vtkmuscle.core.mesh.polylines import polyline_lengths
@@ -28,8 +33,9 @@ FACET_ORDER = 2.0
 def causes_known_of_a_run(track: MuscleTrack, millimetres: float) -> list[Cause]:
     """Return the causes whose part in lengths is known without a further solve.
 
-    ``solve``: the estimated distance to the end of the solve, root mean square over the surface, taken as the
-    standard deviation of fibre points, all of them off in the direction that changes the length most.
+    ``solve``: the estimated distance to the end of the solve, root mean square over the surface. One
+    component of a displacement that may have any direction is 1 / sqrt(3) of it, which is taken as the
+    standard deviation of all points of a fibre together, in the directions that change its length.
     ``segments``: chords for arcs. ``millimetres`` is the length of the scene's unit.
     """
     lengths = np.array(track.lengths)
@@ -43,7 +49,7 @@ def causes_known_of_a_run(track: MuscleTrack, millimetres: float) -> list[Cause]
     distances = [row.get("estimated_distance_mm") for row in track.report["frames"]]
     if all(distance is not None for distance in distances):
         turns = np.array([bends(one.points, one.offsets) for one in lines])
-        off = COVERAGE_FACTOR * np.array(distances, dtype=np.float64)[:, None] * turns
+        off = COVERAGE_FACTOR / np.sqrt(3.0) * np.array(distances, dtype=np.float64)[:, None] * turns
         causes.append(Cause("solve", [lengths + off]))
     return causes
 
@@ -105,10 +111,12 @@ def volume_estimate(track: MuscleTrack, millimetres: float) -> Estimate:
     return Estimate(now, "mm^3", parts | ({"solve": np.abs(now - volume)} if ratios else {}))
 
 
-def area_estimate(architecture: Mapping[str, Any], volume: Estimate, rest: Estimate) -> Estimate:
-    """Return the physiological cross-sectional area [mm^2]: volume / length, whose relative variances add.
+def architecture_estimates(
+    architecture: Mapping[str, Any], volume: Estimate, rest: Estimate
+) -> dict[str, Estimate]:
+    """Return areas and fascicle length: quotients and parts, whose relative variances add.
 
-    JCGM 100:2008, 5.1.6, eq. 12, cause by cause.
+    JCGM 100:2008, 5.1.6, eq. 12, cause by cause. ``tendon``: the range over what may count as tendon.
 
     Parameters
     ----------
@@ -118,11 +126,38 @@ def area_estimate(architecture: Mapping[str, Any], volume: Estimate, rest: Estim
         At rest or in motion; what is not kept in motion does not count.
     rest : Estimate
         Mean length of the fibres at rest (1,).
+
+    Returns
+    -------
+    dict of str to Estimate
+        ``pcsa`` and ``pcsa_without_tendon`` [mm^2], ``fascicle_length`` [mm], (1,) each.
     """
-    area = np.array([float(architecture["pcsa_mm2"])])
-    relative: dict[str, Floats] = {"facets": volume.parts["facets"][:1] / volume.value[:1]}
-    relative |= {cause: part / rest.value for cause, part in rest.parts.items()}
-    return Estimate(area, "mm^2", {cause: area * part for cause, part in relative.items()})
+    facets = {"facets": volume.parts["facets"][:1] / volume.value[:1]}
+    relative = {cause: part / rest.value for cause, part in rest.parts.items()}
+    given = (
+        ("pcsa", architecture["pcsa_mm2"], "mm^2", facets | relative, None),
+        (
+            "pcsa_without_tendon",
+            architecture["pcsa_without_tendon_mm2"],
+            "mm^2",
+            facets | relative,
+            architecture["pcsa_without_tendon_range_mm2"],
+        ),
+        (
+            "fascicle_length",
+            architecture["fascicle_length_mm"]["mean"],
+            "mm",
+            relative,
+            architecture["fascicle_length_range_mm"],
+        ),
+    )
+    estimates = {}
+    for name, value, unit, shares, bounds in given:
+        parts = {cause: np.array([value]) * share for cause, share in shares.items()}
+        if bounds is not None:
+            parts["tendon"] = expanded_of_bounds([(bounds[1] - bounds[0]) / 2.0])
+        estimates[name] = Estimate(np.array([value]), unit, parts)
+    return estimates
 
 
 def rest_estimate(rest: Floats, causes: Sequence[Cause]) -> Estimate:

@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.accuracy.causes import KINDS, Cause
 from vtkmuscle.accuracy.estimates import (
-    area_estimate,
+    architecture_estimates,
     arm_estimates,
     causes_known_of_a_run,
     length_estimates,
@@ -28,6 +28,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import polylines_of
+from vtkmuscle.run.memory import check_memory
 from vtkmuscle.run.track import MuscleTrack
 from vtkmuscle.scene.data import SceneData
 
@@ -117,7 +118,9 @@ class ErrorStudy:
 
         def solve() -> None:
             try:
-                places[number] = solved(make(), name, numbers, bones, stop)
+                variant = make()
+                check_memory(variant, numbers)
+                places[number] = solved(variant, name, numbers, bones, stop)
             except ValueError as error:
                 problem, _ = fault_of(error, placed=True)
                 self._failed[name, kind] = problem
@@ -150,7 +153,7 @@ class ErrorStudy:
             rested = polylines_of(track.rest_fibres, "fibres")
             rest = polyline_lengths(rested.points, rested.offsets) * self.scene.millimetres
             at_rest = rest_estimate(rest, causes)
-            estimates["pcsa"] = area_estimate(track.report["architecture"], estimates["volume"], at_rest)
+            estimates |= architecture_estimates(track.report["architecture"], estimates["volume"], at_rest)
             if len(lengths) == len(motion.times) and "moment_arms" in track.report:
                 estimates |= arm_estimates(lengths, causes, self._arms(name, motion))
         track.report["errors"] = {

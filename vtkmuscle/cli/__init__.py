@@ -14,6 +14,7 @@ from typing import Annotated
 import typer
 
 from vtkmuscle._version import __version__
+from vtkmuscle.cli.cohort import run_cohort
 from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, TerminatedError, one_clear_error, say
 from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, with_run_options
 from vtkmuscle.cli.running import run_and_tell
@@ -71,7 +72,7 @@ def run(
 ) -> None:
     """Run a scene: deform its muscles, carry their fibres along, measure, and write all of it.
 
-    Without --out it writes to NAME_out, in the folder you are in.
+    Without --out it writes to NAME_out, in the folder you are in; with --muscle to NAME_MUSCLE_out.
     """
     with one_clear_error(None):
         from vtkmuscle.core.compile_ahead import compile_ahead
@@ -80,7 +81,9 @@ def run(
         from vtkmuscle.scenes import Scene
 
         loaded = Scene.load(scene)
-    run_and_tell(loaded, out or Path(f"{loaded.name}_out"), options)
+    # Of some muscles alone not to the folder of all: what is there of the others would go.
+    parts = [loaded.name, *(options.muscle or ()), "out"]
+    run_and_tell(loaded, out or Path("_".join(parts)), options)
 
 
 @app.command()
@@ -207,6 +210,21 @@ def report(
         typer.echo(f"wrote {Result.load(results).write_report(out or results / PAGE)}")
 
 
+@app.command("view")
+def view_command(
+    source: Annotated[Path, typer.Argument(help="Folder of a run's results, or a scene.toml.")],
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Default: a free one.")] = 0,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open it in a browser, or print the address.")
+    ] = True,
+) -> None:
+    """Look at results, or at a scene that is solved as the slider moves, in a browser; Ctrl-C ends it."""
+    with one_clear_error(None):
+        from vtkmuscle.view import view
+
+        view(source, port=port, browser=browser)
+
+
 @app.command()
 def tradeoff(
     scene: Annotated[
@@ -271,6 +289,52 @@ def tradeoff(
         )
         for path in [*write_tables(out, study), *write_plots(out, study)]:
             say(quiet, f"wrote {path}")
+
+
+@app.command()
+def cohort(
+    study: Annotated[Path, typer.Argument(help="A STUDY.toml.")],
+    out: Annotated[
+        Path,
+        typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to."),
+    ],
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler", metavar="tcp://HOST:PORT", help="Of a Dask cluster that is there already."
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers", metavar="N", min=1, help="Processes on this machine. Default: one per processor."
+        ),
+    ] = None,
+    memory: Annotated[
+        str | None,
+        typer.Option("--memory", metavar="4GB", help="What each of them may take. Default: its share."),
+    ] = None,
+    retries: Annotated[
+        int,
+        typer.Option("--retries", metavar="N", min=0, help="How often a muscle may lose its worker."),
+    ] = 2,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Run again what is finished in the folder.")] = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Run a study: every muscle of many subjects, by Dask, into one table and a page.
+
+    What is finished is kept in OUT and not run again; stop and start it as you like.
+    """
+    run_cohort(
+        study,
+        out,
+        scheduler=scheduler,
+        workers=workers,
+        memory=memory,
+        retries=retries,
+        fresh=fresh,
+        quiet=quiet,
+    )
 
 
 @app.command()

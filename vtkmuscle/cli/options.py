@@ -73,6 +73,10 @@ class RunOptions:
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Compute again what is finished in the folder of results.")
     ] = False
+    muscle: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Run this muscle of the scene alone; may be repeated."),
+    ] = None
     quality: Annotated[
         str | None,
         typer.Option(

@@ -22,8 +22,10 @@ def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
     from vtkmuscle.run.claim import PAGE
     from vtkmuscle.run.verdict import reasons_of
 
-    if options.quality is not None:
-        with one_clear_error(None):
+    with one_clear_error(None):
+        if options.muscle:
+            scene = scene.with_muscles(*options.muscle)
+        if options.quality is not None:
             scene = scene.with_quality(options.quality)
     console = Console(stderr=True)
     with one_clear_error(out):

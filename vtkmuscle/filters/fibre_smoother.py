@@ -13,7 +13,14 @@ from vtkmuscle.core.fibres.spreading import cloud, move_ends, steps_to_centres
 from vtkmuscle.core.mesh.polylines import polyline_lengths, smooth_polylines
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, field_string, polylines_of, set_cell_array, with_polylines
+from vtkmuscle.data.arrays import (
+    Polylines,
+    field_array,
+    field_string,
+    polylines_of,
+    set_cell_array,
+    with_polylines,
+)
 from vtkmuscle.data.attachments import end_areas
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
 from vtkmuscle.filters.base.filter import Filter
@@ -22,7 +29,7 @@ from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
 #: Positions in the muscle by which fibres are spread: for each fibre, and at least.
 SAMPLES, LEAST_SAMPLES = 64, 2048
-#: How far parallel fibres are moved by each pass.
+#: How far fibres that fill the muscle are moved by each pass.
 SPREADING = 1.5
 
 
@@ -39,8 +46,10 @@ class FibreSmoother(Filter):
     bare. So where the muscle is connected, each pass also moves every fibre towards the middle of the part
     of the muscle that is nearest to it (Lloyd's relaxation), ``spreading`` times the way. The ends of
     fibres stay where they are, but where attachments are connected they move along on the areas. That is
-    for fibres of which nothing is known but that they fill the muscle, and so is done by default to those
-    of the parallel template only: pennate ones would be drawn into corners that they leave free.
+    for fibres of which nothing is known but that they fill the muscle: those of the parallel template, and
+    of any template whose fibres had to be cut and led to the areas. Where most fibres of another template
+    end on the areas as they are, their course is the muscle's own, and what they leave free is free: pennate
+    ones would be drawn into its corners.
 
     Raises
     ------
@@ -71,7 +80,8 @@ class FibreSmoother(Filter):
         maximum=2.0,
         doc="How far each pass moves a fibre towards the middle of its part of the muscle: 1 is all the way, "
         "1.5 gets there with the fewest passes, 0: fibres are smoothed only. None: 1.5 where the fibres' "
-        "field array ``Template`` says that they are parallel, else 0.",
+        "field array ``Template`` says that they are parallel, or ``EndsKept`` of FibreTrimmer that half of "
+        "them or more got other ends; else 0.",
     )
 
     fibres = InputPort(vtkPolyData, doc="Polylines, any number of points each.")
@@ -96,7 +106,7 @@ class FibreSmoother(Filter):
             geometry = muscle_geometry(muscle, "FibreSmoother: muscle")
             spreading = self.spreading
             if spreading is None:
-                spreading = SPREADING if field_string(fibres, "Template") == "parallel" else 0.0
+                spreading = SPREADING if _fill_the_muscle(fibres) else 0.0
             points = self._in_muscle(lines, spreading, geometry, _areas(attachments, geometry))
         elif attachments is not None:
             raise InputError(
@@ -142,6 +152,12 @@ class FibreSmoother(Filter):
             points[inner] = geometry.distance.into(points[inner])
             self.report_progress((done + 1) / self.smoothing_passes)
         return points
+
+
+def _fill_the_muscle(fibres: vtkPolyData) -> bool:
+    """Return whether nothing is known of the course of fibres but that they fill the muscle."""
+    kept = field_array(fibres, "EndsKept")
+    return field_string(fibres, "Template") == "parallel" or (kept is not None and float(kept.min()) <= 0.5)
 
 
 def _areas(

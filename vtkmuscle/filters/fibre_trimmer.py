@@ -13,7 +13,7 @@ from vtkmuscle.core.fibres.ends_as_printed import ends_as_printed
 from vtkmuscle.core.fibres.trimming import EndArea, trim_fibres
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import Polylines, field_array, polylines_of, with_polylines
+from vtkmuscle.data.arrays import Polylines, field_array, polylines_of, set_field_array, with_polylines
 from vtkmuscle.data.attachments import AttachmentArea, end_areas
 from vtkmuscle.data.inner_areas import inner_areas
 from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
@@ -95,7 +95,10 @@ class FibreTrimmer(Filter):
     muscle = InputPort(vtkPolyData, doc="The muscle's surface, triangles.")
     attachments = InputPort(vtkMultiBlockDataSet, doc="Areas of both roles, landmarks near the muscle.")
     output = OutputPort(
-        vtkPolyData, doc="The trimmed polylines, with the cell and field arrays of the input."
+        vtkPolyData,
+        doc="The trimmed polylines, with the cell and field arrays of the input, and the field array "
+        "``EndsKept``: at the origin and at the insertion, the part of the fibres that end on the area as "
+        "they are.",
     )
 
     def execute(
@@ -137,7 +140,11 @@ class FibreTrimmer(Filter):
             tolerance=TOLERANCE * geometry.mean_edge,
             largest_cut=self.largest_cut,
         )
-        return with_polylines(fibres, Polylines(trimmed, lines.offsets))
+        result = with_polylines(fibres, Polylines(trimmed, lines.offsets))
+        kept = (trimmed == lines.points).all(axis=1)
+        ends = lines.offsets[:-1], lines.offsets[1:] - 1
+        set_field_array(result, "EndsKept", np.array([kept[end].mean() for end in ends]))
+        return result
 
 
 def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeometry, ends: Floats) -> EndArea:

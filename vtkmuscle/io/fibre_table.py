@@ -61,7 +61,7 @@ def fibre_summary(fibres: vtkPolyData) -> dict[str, dict[str, float]]:
     {'mean': 5.0, 'sd': 0.0, 'min': 5.0, 'max': 5.0}
     """
     return {
-        name: _spread(values)
+        name: spread(values)
         for name, values in fibre_columns(fibres).items()
         if name != "FibreId" and len(values)
     }
@@ -110,11 +110,12 @@ def muscle_summary(fibres: vtkPolyData) -> dict[str, float | list[float] | dict[
     for name in ("SectionArea", "SectionFibres", "SectionDensity"):
         values = field_array(fibres, name)
         if values is not None:
-            found[name] = _spread(np.asarray(values, dtype=np.float64))
+            found[name] = spread(np.asarray(values, dtype=np.float64))
     return found
 
 
-def _spread(values: NDArray[np.float64]) -> dict[str, float]:
+def spread(values: NDArray[np.float64]) -> dict[str, float]:
+    """Return ``mean``, ``sd`` (of the population), ``min`` and ``max`` of values."""
     return {
         "mean": float(values.mean()),
         "sd": float(values.std()),

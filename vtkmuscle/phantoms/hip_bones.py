@@ -10,11 +10,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from vtkmuscle.core.motion.rigid import rotation_about
+from vtkmuscle.core.types import Floats
 from vtkmuscle.phantoms.implicit import Solid, ball, thick_curve, thick_sheet, union
 
 #: Radii of the femoral head and of the acetabulum [mm]: cartilage fills what is between them.
 HEAD_RADIUS = 23.0
 SOCKET_RADIUS = 25.5
+
+#: Angle between neck and shaft [degrees], and the neck's points from head to shaft [mm].
+NECK_ANGLE = 127.0
+NECK = np.array([(-8.0, 1.0, -5.0), (-26.0, 5.0, -19.0), (-46.0, 9.0, -34.0)])
 
 #: Where the acetabulum opens to, and the centre of its rim [mm].
 OUTWARD = np.array([-0.80, -0.33, -0.50]) / np.linalg.norm([-0.80, -0.33, -0.50])
@@ -42,16 +48,30 @@ WING_HALF_THICKNESS = np.array(
 )
 
 
-def pelvis() -> Solid:
-    """Return the right hip bone and the sacrum, one solid."""
+def neck_shift(neck_angle: float = NECK_ANGLE) -> Floats:
+    """Return where a neck of another angle to the shaft moves the shaft to, (3,) [mm]: the head stays."""
+    shift: Floats = _neck(neck_angle)[-1] - NECK[-1]
+    return shift
+
+
+def _neck(neck_angle: float) -> Floats:
+    """Return the points of the neck, turned about the head in the plane of the body's front."""
+    turn = rotation_about((0, 0, 0), (0, 1, 0), NECK_ANGLE - neck_angle)
+    turned: Floats = NECK @ turn[:3, :3].T
+    return turned
+
+
+def pelvis(head_radius: float = HEAD_RADIUS) -> Solid:
+    """Return the right hip bone and the sacrum, one solid, for a femoral head of a radius [mm]."""
+    socket_radius = SOCKET_RADIUS + (head_radius - HEAD_RADIUS)
     wing = thick_sheet(WING, WING_HALF_THICKNESS)
-    cup = ball((3, 2, 3), 36.0).beside(RIM, OUTWARD, 5.0)
+    cup = ball((3, 2, 3), 36.0 + (head_radius - HEAD_RADIUS)).beside(RIM, OUTWARD, 5.0)
     ischium = thick_curve([(20, 28, 2), (28, 36, -34), (26, 28, -78)], [19, 14, 15.5])
     lower_ramus = thick_curve([(26, 24, -84), (50, -14, -76), (80, -46, -44)], [11, 6.5, 8])
     upper_ramus = thick_curve([(12, -18, 16), (36, -42, 14), (62, -54, -4), (80, -52, -26)], [15, 9, 8, 10])
     body = thick_curve([(80, -52, -22), (80, -46, -46)], [10, 9])
     bone = union([wing, cup, ischium, upper_ramus, lower_ramus, body], 9.0)
-    free = thick_curve(np.outer([0.0, 30.0], OUTWARD), [SOCKET_RADIUS, SOCKET_RADIUS + 2.0])
+    free = thick_curve(np.outer([0.0, 30.0], OUTWARD), [socket_radius, socket_radius + 2.0])
     return bone.without(free, 4.0).joined(sacrum(), 14.0)
 
 
@@ -68,21 +88,27 @@ def sacrum() -> Solid:
     return union([ala, first_body, spines], 12.0)
 
 
-def femur() -> Solid:
-    """Return the upper part of the femur, sawn off below."""
-    return upper_femur().beside((0, 0, -240), (0, 0, -1), 3.0)
+def femur(head_radius: float = HEAD_RADIUS, neck_angle: float = NECK_ANGLE) -> Solid:
+    """Return the upper part of the femur, sawn off below; head's radius [mm], neck's angle [degrees]."""
+    return upper_femur(head_radius, neck_angle).beside((0, 0, -240), (0, 0, -1), 3.0)
 
 
-def upper_femur() -> Solid:
+def upper_femur(head_radius: float = HEAD_RADIUS, neck_angle: float = NECK_ANGLE) -> Solid:
     """Return the upper part of the femur, to be cut or joined below z = -235."""
-    head = ball((0, 0, 0), HEAD_RADIUS)
-    neck = thick_curve([(-8, 1, -5), (-26, 5, -19), (-46, 9, -34)], [16, 14, 18])
+    head = ball((0, 0, 0), head_radius)
+    neck = thick_curve(_neck(neck_angle), [16, 14, 18])
+    shift = neck_shift(neck_angle)
+
+    def moved(*points: tuple[float, float, float]) -> Floats:
+        placed: Floats = np.array(points, dtype=np.float64) + shift
+        return placed
+
     shaft = thick_curve(
-        [(-50, 10, -34), (-47, 8, -72), (-42, 3, -130), (-36, 2, -190), (-30, 6, -260)],
+        moved((-50, 10, -34), (-47, 8, -72), (-42, 3, -130), (-36, 2, -190), (-30, 6, -260)),
         [19, 16, 14, 14, 14.5],
     )
-    greater = thick_curve([(-57, 8, -36), (-62, 13, -18), (-57, 19, -3)], [17, 14.5, 11])
-    lesser = ball((-30, 25, -62), 9.0)
-    tuberosity = thick_curve([(-57, 17, -72), (-52, 15, -104), (-46, 11, -140)], [6, 6, 5])
-    crest = thick_curve([(-54, 24, -8), (-44, 26, -32), (-33, 25, -58)], [8, 7, 7])
+    greater = thick_curve(moved((-57, 8, -36), (-62, 13, -18), (-57, 19, -3)), [17, 14.5, 11])
+    lesser = ball(moved((-30, 25, -62))[0], 9.0)
+    tuberosity = thick_curve(moved((-57, 17, -72), (-52, 15, -104), (-46, 11, -140)), [6, 6, 5])
+    crest = thick_curve(moved((-54, 24, -8), (-44, 26, -32), (-33, 25, -58)), [8, 7, 7])
     return union([head, neck, shaft, greater, lesser, crest, tuberosity], 9.0)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from functools import cache
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.data.attachments import AttachmentArea
-from vtkmuscle.phantoms.hip_bones import HEAD_RADIUS, femur, pelvis
-from vtkmuscle.phantoms.hip_muscles import Sheet, gluteus_maximus, gluteus_medius, iliacus
+from vtkmuscle.phantoms.hip_bones import HEAD_RADIUS, NECK_ANGLE, femur, neck_shift, pelvis
+from vtkmuscle.phantoms.hip_muscles import Build, Sheet, gluteus_maximus, gluteus_medius, iliacus
 from vtkmuscle.phantoms.implicit import Solid
 from vtkmuscle.phantoms.meshing import mesh_of
 from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
@@ -44,31 +45,86 @@ def hip() -> Phantom:
     >>> sorted(hip().muscles)
     ['gluteus_maximus', 'gluteus_medius', 'iliacus']
     """
-    bones, muscles, areas = hip_parts()
+    return varied_hip(HipShape())
+
+
+@dataclass(frozen=True)
+class HipShape:
+    """What a hip is like.
+
+    Attributes
+    ----------
+    head_radius : float
+        Of the femoral head [mm]; the socket goes with it.
+    neck_angle : float
+        Between neck and shaft of the femur [degrees]; the shaft is moved beside the head, which stays.
+    muscle_volume : float
+        Of the muscles, as a part of that of :func:`hip`, in which they are not yet cut at the bones.
+    """
+
+    head_radius: float = HEAD_RADIUS
+    neck_angle: float = NECK_ANGLE
+    muscle_volume: float = 1.0
+
+
+def varied_hip(
+    shape: HipShape,
+    *,
+    axis: ArrayLike = (-1, 0, 0),
+    angles: ArrayLike = tuple(range(0, 91, 2)),
+    detail: float = 1.0,
+) -> Phantom:
+    """Return a hip of another shape than :func:`hip`, made like it.
+
+    Parameters
+    ----------
+    shape : HipShape
+        What it is like.
+    axis : (3,) array_like, optional
+        Of flexion, through the centre of the head.
+    angles : (k,) array_like, optional
+        Of flexion [degrees], ascending.
+    detail : float, optional
+        Number of triangles, as a part of that of :func:`hip`.
+
+    Examples
+    --------
+    >>> from vtkmuscle.phantoms.hip_joint import HipShape, varied_hip
+    >>> varied_hip(HipShape(head_radius=25.0), detail=0.3).known
+    {'head_radius': 25.0}
+    """
+    bones, muscles, areas = hip_parts(shape, detail)
     return phantom_from(
         "hip",
         bones=bones,
         muscles=muscles,
         areas=areas,
-        motion=hinge("femur", centre=(0, 0, 0), axis=(-1, 0, 0), angles=np.arange(0.0, 91.0, 2.0)),
+        motion=hinge("femur", centre=(0, 0, 0), axis=axis, angles=angles),
         templates=dict.fromkeys(muscles, "parallel"),
-        known={"head_radius": HEAD_RADIUS},
+        known={"head_radius": shape.head_radius},
     )
 
 
-@cache
-def hip_parts() -> tuple[dict[str, Surface], dict[str, Surface], dict[str, list[AttachmentArea]]]:
+@lru_cache(maxsize=2)
+def hip_parts(
+    shape: HipShape, detail: float
+) -> tuple[dict[str, Surface], dict[str, Surface], dict[str, list[AttachmentArea]]]:
     """Return bones, muscles, and the muscles' attachment areas, by name."""
-    pelvic, femoral = pelvis(), femur()
-    medius, maximus, iliac = (make(pelvic, femoral) for make in (gluteus_medius, gluteus_maximus, iliacus))
+    pelvic, femoral = pelvis(shape.head_radius), femur(shape.head_radius, shape.neck_angle)
+    build = Build(shape.muscle_volume, neck_shift(shape.neck_angle))
+    makers = gluteus_medius, gluteus_maximus, iliacus
+    medius, maximus, iliac = (make(pelvic, femoral, build) for make in makers)
     medius_solid = _beside_bones(medius, pelvic, femoral)
     maximus_solid = _beside_bones(maximus, pelvic, femoral).without(medius_solid, CUT, gap=1.0)
     iliac_solid = _beside_bones(iliac, pelvic, femoral)
-    bones = {"pelvis": mesh_of(pelvic, 4.0, 14000), "femur": mesh_of(femoral, 3.5, 7000)}
+    bones = {
+        "pelvis": mesh_of(pelvic, 4.0, round(14000 * detail)),
+        "femur": mesh_of(femoral, 3.5, round(7000 * detail)),
+    }
     muscles = {
-        "gluteus_medius": mesh_of(medius_solid, 3.5, 3000),
-        "gluteus_maximus": mesh_of(maximus_solid, 4.2, 3000),
-        "iliacus": mesh_of(iliac_solid, 3.2, 3000),
+        "gluteus_medius": mesh_of(medius_solid, 3.5, round(3000 * detail)),
+        "gluteus_maximus": mesh_of(maximus_solid, 4.2, round(3000 * detail)),
+        "iliacus": mesh_of(iliac_solid, 3.2, round(3000 * detail)),
     }
     line = maximus.points(np.full(9, 1.0), np.linspace(0.04, 0.96, 9))
     areas = {

@@ -52,9 +52,34 @@ class Sheet:
         return points
 
 
-def _sheet(rows: list[Floats], half_thickness: ArrayLike) -> Sheet:
+@dataclass(frozen=True, eq=False)
+class Build:
+    """How a muscle differs from that of the phantom hip.
+
+    Attributes
+    ----------
+    volume : float
+        Its volume, as a part of that one's: it is so much thicker.
+    shift : (3,) array
+        Where the femur is moved to [mm]; what lies between the bones is drawn along.
+    """
+
+    volume: float = 1.0
+    shift: ArrayLike = (0.0, 0.0, 0.0)
+
+    def along(self, part: float, points: ArrayLike) -> Floats:
+        """Return points of a part (0 at the pelvis, 1 at the femur) of the way, drawn along."""
+        drawn: Floats = np.array(points, dtype=np.float64) + part * np.asarray(self.shift)
+        return drawn
+
+
+_AS_IT_IS = Build()
+
+
+def _sheet(rows: list[Floats], half_thickness: ArrayLike, volume: float) -> Sheet:
     knots = np.array(rows)
-    return Sheet(np.dstack([knots, np.outer(np.asarray(half_thickness, dtype=np.float64), np.array(ACROSS))]))
+    half = volume * np.outer(np.asarray(half_thickness, dtype=np.float64), np.array(ACROSS))
+    return Sheet(np.dstack([knots, half]))
 
 
 def _wing(height: float, span: tuple[float, float]) -> Floats:
@@ -72,7 +97,7 @@ def _on(bone: Solid, points: ArrayLike, offset: float, side: ArrayLike = (0, 0, 
     return lifted
 
 
-def gluteus_medius(pelvis: Solid, femur: Solid) -> Sheet:
+def gluteus_medius(pelvis: Solid, femur: Solid, build: Build = _AS_IT_IS) -> Sheet:
     """Return the fan from the outer face of the ilium to the side of the greater trochanter."""
     outer = (-0.9, 0.4, -0.2)
     trochanter = [(-76, 0, -13), (-79, 6, -15), (-80, 12, -16), (-79, 18, -14), (-74, 25, -10)]
@@ -81,15 +106,16 @@ def gluteus_medius(pelvis: Solid, femur: Solid) -> Sheet:
             _on(pelvis, _wing(0.90, (0.08, 0.72)), 1.0, outer),
             _on(pelvis, _wing(0.64, (0.08, 0.72)), 4.5, outer),
             _on(pelvis, _wing(0.36, (0.12, 0.70)), 7.0, outer),
-            np.array([(-46, -22, 26), (-50, -8, 28), (-49, 6, 30), (-44, 21, 32), (-35, 35, 34)]),
-            np.array([(-66, -5, 3), (-68, 3, 5), (-68, 11, 6), (-66, 19, 7), (-61, 28, 9)]),
-            _on(femur, trochanter, 1.0),
+            build.along(0.5, [(-46, -22, 26), (-50, -8, 28), (-49, 6, 30), (-44, 21, 32), (-35, 35, 34)]),
+            build.along(0.9, [(-66, -5, 3), (-68, 3, 5), (-68, 11, 6), (-66, 19, 7), (-61, 28, 9)]),
+            _on(femur, build.along(1.0, trochanter), 1.0),
         ],
         [5.0, 8.0, 10.0, 9.5, 7.5, 5.0],
+        build.volume,
     )
 
 
-def gluteus_maximus(pelvis: Solid, femur: Solid) -> Sheet:
+def gluteus_maximus(pelvis: Solid, femur: Solid, build: Build = _AS_IT_IS) -> Sheet:
     """Return the thick quadrilateral from the back of ilium and sacrum to the gluteal tuberosity."""
     back = [(16, 95, 102), (37, 111, 82), (54, 106, 57), (65, 112, 29), (73, 111, 1)]
     middle = [
@@ -101,14 +127,15 @@ def gluteus_maximus(pelvis: Solid, femur: Solid) -> Sheet:
     return _sheet(
         [
             _on(pelvis, back, 2.0),
-            *(np.array(row, dtype=np.float64) for row in middle),
-            _on(femur, tuberosity, 2.0),
+            *(build.along(part, row) for part, row in zip((0.25, 0.5, 0.75), middle, strict=True)),
+            _on(femur, build.along(1.0, tuberosity), 2.0),
         ],
         [6.5, 12.0, 14.5, 11.5, 6.0],
+        build.volume,
     )
 
 
-def iliacus(pelvis: Solid, femur: Solid) -> Sheet:
+def iliacus(pelvis: Solid, femur: Solid, build: Build = _AS_IT_IS) -> Sheet:
     """Return the muscle from the iliac fossa over the pelvic brim to the lesser trochanter."""
     inner = (0.9, -0.4, 0.2)
     middle = [
@@ -122,8 +149,9 @@ def iliacus(pelvis: Solid, femur: Solid) -> Sheet:
             _on(pelvis, _wing(0.88, (0.10, 0.66)), 1.0, inner),
             _on(pelvis, _wing(0.62, (0.10, 0.68)), 3.5, inner),
             _on(pelvis, _wing(0.34, (0.06, 0.56)), 6.0, inner),
-            *(np.array(row, dtype=np.float64) for row in middle),
-            _on(femur, trochanter, 1.5),
+            *(build.along(part, row) for part, row in zip((0.0, 0.4, 0.8), middle, strict=True)),
+            _on(femur, build.along(1.0, trochanter), 1.5),
         ],
         [5.0, 6.5, 8.5, 9.0, 9.0, 7.5, 5.5],
+        build.volume,
     )

@@ -15,7 +15,7 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.coordinates import checked_poses
 from vtkmuscle.phantoms.hip_bones import HEAD_RADIUS, pelvis
-from vtkmuscle.phantoms.hip_joint import CUT, hip_parts
+from vtkmuscle.phantoms.hip_joint import CUT, HipShape, hip_parts
 from vtkmuscle.phantoms.implicit import Solid, thick_curve
 from vtkmuscle.phantoms.leg_bones import ANKLE, KNEE, femur, foot, tibia
 from vtkmuscle.phantoms.meshing import mesh_of
@@ -203,7 +203,7 @@ def leg_tree() -> KinematicTree:
 
 @cache
 def _parts() -> tuple[dict[str, Surface], dict[str, Surface], dict[str, list[AttachmentArea]]]:
-    hip_bones, muscles, areas = hip_parts()
+    hip_bones, muscles, areas = hip_parts(HipShape(), 1.0)
     solids = {"femur": femur(), "tibia": tibia(), "foot": foot()}
     bones = {"pelvis": hip_bones["pelvis"]}
     for (name, solid), count in zip(solids.items(), (7000, 4000, 3000), strict=True):

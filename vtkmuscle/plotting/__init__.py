@@ -15,15 +15,20 @@ from vtkmuscle.plotting.figures import (
     plot_volume,
 )
 from vtkmuscle.plotting.moment_arms import plot_moment_arms
+from vtkmuscle.plotting.movie import check_movie, write_movie
+from vtkmuscle.plotting.moving import MovingScene, Pose
 from vtkmuscle.plotting.preflight import can_render
 from vtkmuscle.plotting.surfaces import make_plotter
 from vtkmuscle.plotting.times import add_time_slider, show_time
 from vtkmuscle.plotting.views import View, choose_view, framed
 
 __all__ = [
+    "MovingScene",
+    "Pose",
     "View",
     "add_time_slider",
     "can_render",
+    "check_movie",
     "choose_view",
     "export_scene",
     "framed",
@@ -34,4 +39,5 @@ __all__ = [
     "plot_rest_pose",
     "plot_volume",
     "show_time",
+    "write_movie",
 ]

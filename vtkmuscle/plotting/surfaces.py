@@ -62,7 +62,7 @@ def make_plotter(
     pyvista.Plotter
         To be shown, or captured by ``screenshot``; close it afterwards.
     """
-    with _x_server_warning_off():
+    with x_server_warning_off():
         plotter = pyvista.Plotter(
             off_screen=off_screen, window_size=view.size, theme=pyvista.themes.DocumentTheme()
         )
@@ -139,7 +139,7 @@ def _look(plotter: pyvista.Plotter, view: View) -> None:
 
 
 @contextmanager
-def _x_server_warning_off() -> Iterator[None]:
+def x_server_warning_off() -> Iterator[None]:
     """Keep quiet VTK's warning that there is no X server, which a picture off-screen does not need."""
     before = vtkLogger.GetCurrentVerbosityCutoff()
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)

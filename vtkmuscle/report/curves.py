@@ -8,10 +8,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.literature import LOWER, UPPER, LiteratureCurve, curves_for
+from vtkmuscle.plotting.moment_arms import BAND
 from vtkmuscle.plotting.surfaces import PALETTE
 from vtkmuscle.report.packing import Pack
 from vtkmuscle.report.source import RunResult
@@ -126,8 +128,12 @@ def _muscle(result: RunResult, number: int, arms: Mapping[str, JointArms], pack:
             checks[key] = rounded(
                 np.where(np.abs(factor * found + offset) < 1e-9, 0.0, factor * found + offset)
             )
+    errors = result.errors.get(name, {})
+    published = result.literature.get(name, ())
     found_arms = {
-        coordinate: _arms(one, curves_for(result.literature.get(name, ()), coordinate=coordinate))
+        coordinate: _arms(
+            one, errors.get(f"moment_arm_{coordinate}"), curves_for(published, coordinate=coordinate)
+        )
         for coordinate, one in arms.items()
     }
     lengths = result.lengths.get(name)
@@ -135,18 +141,19 @@ def _muscle(result: RunResult, number: int, arms: Mapping[str, JointArms], pack:
         "name": name,
         "label": label_of(name),
         "colour": colour_of(number),
-        "lengths": None if lengths is None else _lengths(lengths, pack),
+        "lengths": None if lengths is None else _lengths(lengths, errors.get("length"), pack),
         "arms": found_arms,
         "checks": checks,
     }
 
 
-def _lengths(lengths: Floats, pack: Pack) -> dict[str, Any]:
+def _lengths(lengths: Floats, error: Estimate | None, pack: Pack) -> dict[str, Any]:
     lower, upper = np.percentile(lengths, (25.0, 75.0), axis=1)
     count = lengths.shape[1]
     drawn = np.unique(np.linspace(0, count - 1, min(count, MOST_FIBRES)).round().astype(int))
     return {
         "mean": rounded(lengths.mean(axis=1)),
+        "error": None if error is None else rounded(error.total),
         "low": rounded(lengths.min(axis=1)),
         "high": rounded(lengths.max(axis=1)),
         "lower": rounded(lower),
@@ -156,7 +163,7 @@ def _lengths(lengths: Floats, pack: Pack) -> dict[str, Any]:
     }
 
 
-def _arms(found: JointArms, published: Sequence[LiteratureCurve]) -> dict[str, Any]:
+def _arms(found: JointArms, error: Estimate | None, published: Sequence[LiteratureCurve]) -> dict[str, Any]:
     # A sweep up and down has values twice: curves are drawn by ascending value.
     order = np.argsort(found.values, kind="stable")
     quartic = None if found.quartic is None else rounded(found.quartic.mean(axis=1)[order])
@@ -166,7 +173,7 @@ def _arms(found: JointArms, published: Sequence[LiteratureCurve]) -> dict[str, A
         "mean": rounded(found.mean[order]),
         "low": rounded(found.arms.min(axis=1)[order]),
         "high": rounded(found.arms.max(axis=1)[order]),
-        "error": rounded(found.mean_error[order]),
+        "error": rounded((BAND * found.mean_error if error is None else error.total)[order]),
         "quartic": quartic,
         "literature": [] if unit is None else _published(published, math.pi / 180.0 / unit),
     }

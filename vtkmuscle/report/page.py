@@ -22,7 +22,7 @@ from vtkmuscle.report.scene3d import scene_of
 from vtkmuscle.report.source import RunResult
 from vtkmuscle.report.tables import (
     errors_of,
-    not_checked_of,
+    not_known_of,
     number,
     run_tables_of,
     settings_of,
@@ -64,7 +64,7 @@ def page_of(result: RunResult, limits: Mapping[str, Limit]) -> str:
     scene = scene_of(result, pack)
     curves = curves_of(result, arms, limits, pack)
     muscles = [_card(result, number_, name) for number_, name in enumerate(result.muscle_names)]
-    errors, unchecked = errors_of(report), not_checked_of(report)
+    errors = errors_of(report)
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("vtkmuscle.report", "page"),
         autoescape=True,
@@ -99,7 +99,7 @@ def page_of(result: RunResult, limits: Mapping[str, Limit]) -> str:
         tables=tables_of(report),
         trust={
             "words": _trust(errors is not None),
-            "tables": [table for table in (errors, unchecked) if table is not None],
+            "tables": [*([] if errors is None else [errors]), *not_known_of(report)],
         },
         run_tables=run_tables_of(report),
         settings=settings_of(report),
@@ -174,9 +174,9 @@ def _card(result: RunResult, place: int, name: str) -> dict[str, Any]:
         facts.append((f"moment arm, {label_of(coordinate)}", words))
     architecture = muscle.get("architecture") or {}
     if "pcsa_mm2" in architecture:
-        facts.append(("PCSA", f"{number(architecture['pcsa_mm2'] / 100.0)} cm²"))
+        facts.append(("PCSA", f"{_with_error(muscle, 'pcsa', architecture['pcsa_mm2'], 100.0)} cm²"))
     if muscle.get("volume_mm3"):
-        facts.append(("volume", f"{number(muscle['volume_mm3'] / 1000.0)} cm³"))
+        facts.append(("volume", f"{_with_error(muscle, 'volume', muscle['volume_mm3'], 1000.0)} cm³"))
     finished = result.finished(name)
     if finished < len(result.frames):
         facts.append(("frames", f"{finished} of {len(result.frames)}"))
@@ -188,6 +188,13 @@ def _card(result: RunResult, place: int, name: str) -> dict[str, Any]:
         "facts": facts,
         "reasons": [_reason(reason) for reason in muscle["verdict"]["reasons"]],
     }
+
+
+def _with_error(muscle: Mapping[str, Any], quantity: str, value: float, per: float) -> str:
+    """Return a number in another unit, with its error where that is known."""
+    known = muscle.get("errors", {}).get(quantity)
+    error = f" ± {number(known['total'] / per, 2)}" if known else ""
+    return f"{number(value / per)}{error}"
 
 
 def _reason(reason: Mapping[str, Any]) -> dict[str, Any]:

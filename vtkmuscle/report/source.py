@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
+from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
@@ -25,6 +26,10 @@ class RunResult(Protocol):
     verdicts: Mapping[str, str]
     lengths: Mapping[str, Floats]
     literature: Mapping[str, Sequence[LiteratureCurve]]
+
+    @property
+    def errors(self) -> Mapping[str, Mapping[str, Estimate]]:
+        """Per muscle the quantities whose errors are known."""
 
     def finished(self, name: str, /) -> int:
         """Return how many of the kept frames a muscle has."""

@@ -95,7 +95,7 @@ def errors_of(report: Mapping[str, Any]) -> Sheet | None:
         for quantity, found in muscle.get("errors", {}).items():
             if not isinstance(found, Mapping) or "total" not in found:
                 continue
-            unit = str(found.get("unit", ""))
+            unit = str(found.get("unit", "")).replace("^2", "²").replace("^3", "³")
             value = next((one for key, one in found.items() if key.startswith("value")), None)
             parts = "; ".join(
                 f"{label_of(cause)} {number(part, 2)}" for cause, part in found.get("parts", {}).items()
@@ -110,28 +110,41 @@ def errors_of(report: Mapping[str, Any]) -> Sheet | None:
             )
     if not rows:
         return None
-    note = "Each number with its error, and what the error is made of, in the same unit."
+    note = (
+        "Each number with its error: half the width of an interval that holds the true value with about 95 % "
+        "confidence, as far as the named causes go. Means over all frames; parts in the same unit."
+    )
     return Sheet(
         "Errors of the numbers", ["muscle", "number", "value ± error", "parts"], rows, note, words=True
     )
 
 
-def not_checked_of(report: Mapping[str, Any]) -> Sheet | None:
-    """Return what could not be judged, where there is anything."""
-    reasons: dict[tuple[str, str], list[str]] = {}
-    for name, muscle in report["muscles"].items():
-        for check, why in muscle.get("verdict", {}).get("not_checked", {}).items():
-            reasons.setdefault((check, why), []).append(name)
-    every = len(report["muscles"])
+def not_known_of(report: Mapping[str, Any]) -> list[Sheet]:
+    """Return what is in no error, and what could not be judged, where there is anything."""
+    muscles = report["muscles"]
+    causes = {name: muscle.get("errors_not_known", {}) for name, muscle in muscles.items()}
+    checks = {name: muscle.get("verdict", {}).get("not_checked", {}) for name, muscle in muscles.items()}
+    sheets = [
+        _reasons("What is not in these errors", "cause", causes),
+        _reasons("What was not checked", "check", checks),
+    ]
+    return [sheet for sheet in sheets if sheet.rows]
+
+
+def _reasons(title: str, what: str, of_muscles: Mapping[str, Mapping[str, str]]) -> Sheet:
+    muscles: dict[tuple[str, str], list[str]] = {}
+    for name, reasons in of_muscles.items():
+        for one, why in reasons.items():
+            muscles.setdefault((one, str(why)), []).append(label_of(name))
     rows = [
         [
-            Cell(check),
+            Cell(label_of(one)),
             Cell(why),
-            Cell("all muscles" if len(names) == every else ", ".join(map(label_of, names))),
+            Cell("all muscles" if len(names) == len(of_muscles) else ", ".join(names)),
         ]
-        for (check, why), names in reasons.items()
+        for (one, why), names in muscles.items()
     ]
-    return Sheet("What was not checked", ["check", "why", "of"], rows, words=True) if rows else None
+    return Sheet(title, [what, "why", "of"], rows, words=True)
 
 
 def run_tables_of(report: Mapping[str, Any]) -> list[Sheet]:
@@ -143,13 +156,13 @@ def run_tables_of(report: Mapping[str, Any]) -> list[Sheet]:
         for key, path in report["files"].items()
     ]
     seconds = report.get("seconds", {})
-    sheets = [Sheet("Versions", ["", "version"], versions, words=True)]
+    sheets = [Sheet("Versions", ["of", "version"], versions, words=True)]
+    if seconds:
+        rows = [[Cell(name), Cell(f"{number(value)} s")] for name, value in seconds.items()]
+        sheets.append(Sheet("Time", ["for", "by the clock"], rows, words=True))
     if files:
         note = f"Read from {report['scene_file']}." if report.get("scene_file") else ""
         sheets.append(Sheet("Inputs", ["key of the scene", "file", "SHA-256"], files, note, words=True))
-    if seconds:
-        rows = [[Cell(name), Cell(f"{number(value)} s")] for name, value in seconds.items()]
-        sheets.append(Sheet("Time", ["", "by the clock"], rows, words=True))
     return sheets
 
 
@@ -243,7 +256,7 @@ def _moment_arms(muscles: Mapping[str, Any]) -> Sheet:
         "least",
         "largest",
         "standard error, mean",
-        "quartic leaves",
+        "left by a quartic",
     ]
     return Sheet(
         "Moment arms [mm]",

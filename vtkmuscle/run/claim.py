@@ -29,7 +29,7 @@ LOCK = ".vtkmuscle.lock"
 PAGE = "report.html"
 
 #: Tables and folders of a run, beside those that are called after muscles.
-_LISTS = ("lengths.csv", "moment_arms.csv", "moment_arms_summary.csv", PAGE)
+_LISTS = ("lengths.csv", "architecture.csv", "moment_arms.csv", "moment_arms_summary.csv", PAGE)
 _FILES = ("report.json", *_LISTS, "bones.pvd", "bones.vtkhdf")
 _FOLDERS = ("bones", "figures", "finished")
 _TABLES = ("_fibres.csv",)
@@ -57,7 +57,7 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
         raise NotADirectoryError(f"{folder} is a file; give another folder for the results")
     _check_inputs(folder, scene)
     folder.mkdir(parents=True, exist_ok=True)
-    with _locked(folder):
+    with locked(folder):
         for path in _places(scene.muscles, folder=True):
             _check_is_folder(folder / path)
         for path in _places(scene.muscles, folder=False):
@@ -83,9 +83,10 @@ def remove_results(folder: Path, scene: SceneData, kept: Collection[str] = ()) -
     notes = folder / "finished"
     for note in (notes / f"{name}{end}" for name in ("scene", *names - {*kept}) for end in _NOTES):
         note.unlink(missing_ok=True)  # first: what is noted is there
-    if (notes / "bones").is_dir() and not notes.is_symlink() and not (notes / "bones").is_symlink():
-        for bone in (notes / "bones").glob("*.vtp"):
-            bone.unlink()
+    for inside, ending in (("bones", ".vtp"), ("errors", ".npz")):
+        if not notes.is_symlink() and not (notes / inside).is_symlink():
+            for note in (notes / inside).glob(f"*{ending}"):
+                note.unlink()
     gone = sorted(names - {*kept})
     for number, series in enumerate(("bones", *gone, *(f"{name}_fibres" for name in gone))):
         _remove_series(folder, series, numbered=number > 0)
@@ -206,7 +207,7 @@ def read_report(folder: Path) -> dict[str, Any] | None:
 
 
 @contextmanager
-def _locked(folder: Path) -> Iterator[None]:
+def locked(folder: Path) -> Iterator[None]:
     """Hold the lock of a folder; the system lets go of it where the process is killed."""
     path = folder / LOCK
     if os.name != "posix":

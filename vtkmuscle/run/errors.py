@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.motion.rigid import RigidMotion
-
-if TYPE_CHECKING:
-    from vtkmuscle.run.track import MuscleTrack
+from vtkmuscle.run.track import MuscleTrack
 
 
 class ErrorStudy(Protocol):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -20,7 +21,9 @@ from vtkmuscle.plotting import (
     plot_rest_pose,
     plot_volume,
 )
-from vtkmuscle.run.result import Result
+
+if TYPE_CHECKING:
+    from vtkmuscle.run.result import Result
 
 
 def write_figures(folder: str | Path, result: Result) -> list[Path]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import cell_array, points_of
 from vtkmuscle.io.parts import Part, Parts, file_digest
@@ -19,12 +20,15 @@ from vtkmuscle.run.track import MuscleTrack
 
 #: The folder of notes in that of a run.
 FINISHED = "finished"
+#: The one in it of what is known of errors.
+ERRORS = "errors"
 #: Field arrays that say what a file is part of.
 STAMPS = ("Scene", "Units", "Version")
 #: Field array that VTK's writer adds to data that a pipeline made for a time.
 _TIME = "TimeValue"
 
-_AGAIN = "run the scene again: what is whole is kept"
+#: What to do where files are missing or damaged.
+AGAIN = "run the scene again: what is whole is kept"
 
 
 def note_finished(folder: Path, name: str, key: str, track: MuscleTrack) -> None:
@@ -45,6 +49,47 @@ def note_finished(folder: Path, name: str, key: str, track: MuscleTrack) -> None
         "files": digests_of(folder, files),
     }
     Parts(inside).write(name, key, Part(facts))
+
+
+def note_errors(folder: Path, tracks: Mapping[str, MuscleTrack]) -> None:
+    """Note what is known of the errors of all muscles, once all are finished."""
+    parts = Parts(folder / FINISHED / ERRORS)
+    for name, track in tracks.items():
+        arrays: dict[str, Any] = {}
+        for number, one in enumerate(track.errors.values()):
+            arrays |= {f"{number}": one.value}
+            arrays |= {f"{number}.{i}": part for i, part in enumerate(one.parts.values())}
+        known = {what: [one.unit, list(one.parts)] for what, one in track.errors.items()}
+        parts.write(name, "", Part({"errors": known}, arrays))
+
+
+def read_errors(folder: Path, name: str) -> dict[str, Estimate]:
+    """Return what is known of the errors of a muscle.
+
+    Raises
+    ------
+    ValueError
+        If the note is missing or damaged.
+    """
+    parts = Parts(folder / FINISHED / ERRORS)
+    noted = read_note(parts, name)
+    return {
+        what: Estimate(
+            noted.arrays[f"{number}"],
+            unit,
+            {cause: noted.arrays[f"{number}.{i}"] for i, cause in enumerate(causes)},
+        )
+        for number, (what, (unit, causes)) in enumerate(noted.facts["errors"].items())
+    }
+
+
+def read_note(parts: Parts, name: str) -> Part:
+    """Return a note; raise an InputError where it is missing or damaged."""
+    part = parts.read(name)
+    if part is None:
+        there = parts.path(name).exists()
+        raise InputError(parts.path(name), "the file is damaged" if there else "the file is missing", AGAIN)
+    return part
 
 
 def digests_of(folder: Path, files: list[Path]) -> dict[str, str]:
@@ -88,7 +133,7 @@ def read_track(folder: Path, name: str, part: Part, millimetres: float) -> Muscl
         lengths = (np.array(cell_array(fibres, "Length", where)) for fibres in track.fibres)
         track.lengths = [one * millimetres for one in lengths]
     if any(len(one) not in (0, count) for one in (track.points, track.fibres)):
-        raise InputError(folder, f"it has not all frames of {name!r}", _AGAIN)
+        raise InputError(folder, f"it has not all frames of {name!r}", AGAIN)
     return track
 
 
@@ -96,9 +141,9 @@ def check_files(folder: Path, facts: Mapping[str, Any]) -> None:
     """Raise an error where a file of finished work is missing, or is not what was written."""
     for name, digest in facts["files"].items():
         if not (folder / name).is_file():
-            raise InputError(folder / name, "the file is missing", _AGAIN)
+            raise InputError(folder / name, "the file is missing", AGAIN)
         if file_digest(folder / name) != digest:
-            raise InputError(folder / name, "the file is not what the run has written", _AGAIN)
+            raise InputError(folder / name, "the file is not what the run has written", AGAIN)
 
 
 def _rest(path: Path) -> vtkPolyData:

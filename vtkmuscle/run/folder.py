@@ -19,8 +19,9 @@ from vtkmuscle.io.parts import plain
 from vtkmuscle.io.series import Collection, Series
 from vtkmuscle.io.temporal import read_series, write_vtkhdf
 from vtkmuscle.io.writing import beside, write_polydata, write_text
+from vtkmuscle.run.architecture import architecture_table
 from vtkmuscle.run.claim import remove_results
-from vtkmuscle.run.finished import STAMPS, finished_muscles, note_finished
+from vtkmuscle.run.finished import STAMPS, finished_muscles, note_errors, note_finished
 from vtkmuscle.run.loading import note_scene
 from vtkmuscle.run.poses import merged
 from vtkmuscle.run.report import fibre_table
@@ -42,8 +43,8 @@ class RunFolder:
     """What a run writes, and where.
 
     ``NAME.pvd`` and ``NAME_fibres.pvd`` per muscle with their frames in folders of these names,
-    ``bones.pvd`` with ``bones/``, ``lengths.csv``, ``NAME_fibres.csv`` with all measures,
-    ``moment_arms.csv`` with ``moment_arms_summary.csv`` where the motion has a coordinate,
+    ``bones.pvd`` with ``bones/``, ``lengths.csv``, ``architecture.csv``, ``NAME_fibres.csv`` with all
+    measures, ``moment_arms.csv`` with ``moment_arms_summary.csv`` where the motion has a coordinate,
     ``report.json`` and ``figures/``; and ``finished/`` with what :meth:`vtkmuscle.Result.load` and a later
     run need: a note of each finished muscle with its key, the muscles and bones at rest, and the motion.
 
@@ -157,7 +158,7 @@ class RunFolder:
     def write_tables(
         self, report: dict[str, Any], scene: SceneData, numbers: range, tracks: dict[str, MuscleTrack]
     ) -> None:
-        """Write lengths.csv, a table of each muscle's fibres and report.json, as far as there are frames."""
+        """Write report.json, tables of lengths, architecture and fibres, as far as there are frames."""
         lines = ["muscle,fibre,time,length_mm,length_err_mm"]
         for name, track in tracks.items():
             times = [float(scene.motion.times[number]) for number in numbers[: len(track.lengths)]]
@@ -169,6 +170,8 @@ class RunFolder:
                     for time, lengths, error in zip(times, track.lengths, errors, strict=True)
                 ]
         write_text(self.path / "lengths.csv", "\n".join(lines) + "\n")
+        if any("architecture" in muscle for muscle in report["muscles"].values()):
+            architecture_table(report["muscles"]).write(self.path / "architecture.csv", digits=DIGITS)
         for name, track in tracks.items():
             if track.fibres:
                 times = [float(scene.motion.times[number]) for number in numbers[: len(track.fibres)]]
@@ -176,8 +179,9 @@ class RunFolder:
                 table.write(self.path / f"{name}_fibres.csv", digits=DIGITS)
         self.write_report(report)
 
-    def write_moment_arms(self, arms: MomentArmTable) -> None:
-        """Write moment_arms.csv and moment_arms_summary.csv, where there are moment arms."""
+    def write_moment_arms(self, arms: MomentArmTable, tracks: Mapping[str, MuscleTrack]) -> None:
+        """Write moment_arms.csv and moment_arms_summary.csv, where there are any; note their errors."""
+        note_errors(self.path, tracks)
         if arms:
             arms.table().write(self.path / "moment_arms.csv", digits=DIGITS)
             arms.summary().write(self.path / "moment_arms_summary.csv", digits=DIGITS)

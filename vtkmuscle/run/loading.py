@@ -18,14 +18,20 @@ from vtkmuscle.io.parts import Part, Parts
 from vtkmuscle.io.surfaces import read_polydata
 from vtkmuscle.io.writing import write_polydata
 from vtkmuscle.run.claim import read_report
-from vtkmuscle.run.finished import FINISHED, check_files, digests_of, read_track
+from vtkmuscle.run.finished import (
+    AGAIN,
+    FINISHED,
+    check_files,
+    digests_of,
+    read_errors,
+    read_note,
+    read_track,
+)
 from vtkmuscle.run.unfinished import unfinished
 from vtkmuscle.scene.data import MILLIMETRES, SceneData
 
 #: The part that says what was run; no muscle is called so.
 SCENE = "scene"
-
-_AGAIN = "run the scene again: what is whole is kept"
 
 
 def note_scene(folder: Path, scene: SceneData) -> None:
@@ -61,19 +67,20 @@ def read_result(folder: Path) -> dict[str, Any]:
     if report is None:
         there = (folder / "report.json").exists()
         what = "its report.json is damaged" if there else "it holds no results of a run: no report.json"
-        raise InputError(folder, what, _AGAIN if there else "give the folder of a run's results, its --out")
+        raise InputError(folder, what, AGAIN if there else "give the folder of a run's results, its --out")
     if not report["complete"]:
         raise InputError(
-            folder, (unfinished(folder) or "").removeprefix(f"{folder} ") or "the run did not end", _AGAIN
+            folder, (unfinished(folder) or "").removeprefix(f"{folder} ") or "the run did not end", AGAIN
         )
     parts = Parts(folder / FINISHED)
-    noted = _part(parts, SCENE)
+    noted = read_note(parts, SCENE)
     check_files(folder, noted.facts)
     millimetres = MILLIMETRES[report["units"]]
     tracks = {}
     for name, known in report["muscles"].items():
-        tracks[name] = read_track(folder, name, _part(parts, name), millimetres)
+        tracks[name] = read_track(folder, name, read_note(parts, name), millimetres)
         tracks[name].report = known
+        tracks[name].errors = read_errors(folder, name)
     inside = folder / FINISHED / "bones"
     bones = {name: read_polydata(inside / f"{name}.vtp") for name in noted.facts["bones"]}
     return {
@@ -89,14 +96,6 @@ def read_result(folder: Path) -> dict[str, Any]:
         },
         "crosses": {name: tuple(one) for name, one in noted.facts["crosses"].items()},
     }
-
-
-def _part(parts: Parts, name: str) -> Part:
-    part = parts.read(name)
-    if part is None:
-        there = parts.path(name).exists()
-        raise InputError(parts.path(name), "the file is damaged" if there else "the file is missing", _AGAIN)
-    return part
 
 
 def _motion(noted: Part) -> RigidMotion:

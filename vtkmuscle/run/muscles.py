@@ -30,11 +30,12 @@ from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.deformer.convergence_report import read_convergence
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.pipelines import MusclePipeline
+from vtkmuscle.run.architecture import architecture_of
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.limits import CHECKS, FULL_SIZE
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.pipeline import muscle_pipeline
-from vtkmuscle.run.report import architecture_of, fibres_at_rest, measures_of_fibres
+from vtkmuscle.run.report import fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.sliding import slides_of
 from vtkmuscle.run.track import MuscleTrack
 from vtkmuscle.run.verdict import judge, slackness_of
@@ -164,7 +165,9 @@ class MuscleRun:
             measure.take_fibres_at_rest(rested.points, rested.offsets)
             areas = self.scene.attachments_data(self.name)
             track.report["fibres"] = fibres_at_rest(track.rest_fibres, rest, millimetres)
-            track.report["architecture"] = architecture_of(track.rest_fibres, rest, areas, millimetres)
+            track.report["architecture"] = architecture_of(
+                track.rest_fibres, rest, areas, millimetres, self.scene.muscles[self.name].hill
+            )
         track.report["fibre_measures"] = []
 
     def _pull(self, numbers: range, pipeline: MusclePipeline, measure: MuscleMeasure) -> None:

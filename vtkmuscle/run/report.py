@@ -8,32 +8,30 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.data.arrays import field_array, points_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
-from vtkmuscle.filters.fibre_metrics import FibreMetrics
-from vtkmuscle.io.fibre_table import fibre_columns, fibre_summary, muscle_summary
+from vtkmuscle.io.fibre_table import fibre_columns, fibre_summary
+from vtkmuscle.run import architecture
 from vtkmuscle.run.table import Table
 
 #: A fibre point counts as inside its muscle up to this far outside [mm].
 FIBRE_TOLERANCE = 0.5
 
-#: Sections across the centroid path in which fibres are counted.
-ARCHITECTURE_SECTIONS = 10
-
 #: What is said of errors in a report.
 ERROR_DEFINITIONS = {
-    "errors": "of the mean length of the fibres, their mean moment arm by each coordinate, volume and "
-    "physiological cross-sectional area: the value, mean over the frames; parts, what each cause adds, and "
-    "total, the root of the sum of their squares, each as the root mean square over the frames. All are half "
-    "widths of intervals of about 95 % confidence. Causes that are not there are not known: "
-    "errors_not_known says why",
+    "errors": "of the mean length of the fibres, their mean moment arm by each coordinate, volume, "
+    "physiological cross-sectional area with and without tendon, and fascicle length: the value, mean over "
+    "the frames; parts, what each cause adds, and total, the root of the sum of their squares, each as the "
+    "root mean square over the frames. All are half widths of intervals of about 95 % confidence. Causes "
+    "that are not there are not known: errors_not_known says why",
     "errors.solve": "distance to the end of the solve; of a volume, by how much it is not kept",
     "errors.segments": "fibres of straight segments for curved ones; part of slices where these are known",
     "errors.fibres": "number of fibres that a mean is taken of",
     "errors.regression": "standard error of the slope that a moment arm is",
     "errors.facets": "flat triangles for a round surface",
+    "errors.tendon": "what counts as tendon",
     "errors.model": "difference between the muscle's fibres and the taut paths alone",
     "errors.mesh": "difference to a mesh with edges half as long",
     "errors.slices": "difference to a slice for every height and fibres of twice the segments",
@@ -93,16 +91,13 @@ DEFINITIONS = {
     "fibres, of length, strain (length / length at rest - 1), pennation (angle to the surface), tortuosity "
     "(length / distance of the ends), curvature (mean and largest along a fibre) and penetration (of a "
     "fibre's deepest point into the exact surface of a bone; where a bone is closed)",
-    "architecture": "of the muscle at rest: volume; physiological cross-sectional area, volume / mean fibre "
-    "length, and its part along the line of action; the line of action, from the mean of the fibres' first "
-    "points to that of their last; length of the centroid path; over ten sections across that path mean, "
-    "standard deviation, least and largest of their area, of the number of fibres and of fibres per area",
     "moment_arms": "by each coordinate of the motion, -dl/dq of the fibres' lengths by local regression, "
     "positive where the muscle drives the coordinate up: mean, least and largest over fibres and frames, "
     "mean standard error, how many values a window of the regression holds, and the root mean square of what "
     "a quartic leaves of the lengths; positive: the coordinate's positive direction; reason, refused: why "
     "there are none, by any or by some coordinates",
     "seconds": "wall-clock time per stage; muscles run side by side",
+    **architecture.DEFINITIONS,
     "taken_over": "muscles that an earlier run into the folder had finished, with the same inputs and "
     "settings",
     **ERROR_DEFINITIONS,
@@ -119,18 +114,6 @@ FIBRE_MEASURES = {
     "CurvatureMax": "curvature_max_per_mm",
     "Penetration": "penetration_mm",
 }
-#: What :func:`vtkmuscle.io.muscle_summary` has, likewise, and the power of the length that it is.
-ARCHITECTURE = {
-    "MuscleVolume": ("muscle_volume_mm3", 3),
-    "PCSA": ("pcsa_mm2", 2),
-    "PCSALine": ("pcsa_along_line_of_action_mm2", 2),
-    "LineOfAction": ("line_of_action", 0),
-    "CentroidPathLength": ("centroid_path_length_mm", 1),
-    "SectionArea": ("section_area_mm2", 2),
-    "SectionFibres": ("section_fibres", 0),
-    "SectionDensity": ("section_density_per_mm2", -2),
-}
-
 #: Field arrays of SliceMorpher, likewise.
 TWIST_MEASURES = {
     "Twist": "twist_degrees",
@@ -194,25 +177,6 @@ def _scale(name: str, millimetres: float) -> float:
     if name.endswith("_per_mm"):
         return 1.0 / millimetres
     return millimetres if name.endswith("_mm") else 1.0
-
-
-def architecture_of(
-    fibres: vtkPolyData, muscle: vtkPolyData, attachments: vtkMultiBlockDataSet | None, millimetres: float
-) -> dict[str, Any]:
-    """Return what is published of a muscle as a whole, at rest.
-
-    JSON-able, by the names of :data:`ARCHITECTURE`; ``millimetres`` is the length of the scene's unit.
-    """
-    metrics = FibreMetrics(architecture=True, sections=ARCHITECTURE_SECTIONS)
-    summary = muscle_summary(metrics(fibres, muscle, None, attachments))
-    result: dict[str, Any] = {}
-    for array, (name, power) in ARCHITECTURE.items():
-        found, scale = summary[array], millimetres**power
-        if isinstance(found, dict):
-            result[name] = {word: value * scale for word, value in found.items()}
-        else:
-            result[name] = found if isinstance(found, list) else found * scale
-    return result
 
 
 def fibre_table(frames: Sequence[vtkPolyData], times: Sequence[float], millimetres: float) -> Table:

@@ -2,34 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
 
-from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import smoothed_curve
 from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
-from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.core.words import suggestion
-from vtkmuscle.data.arrays import with_points
-from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.io.literature import LiteratureCurve
+from vtkmuscle.run.frames import KeptFrames, length_errors
 from vtkmuscle.run.limits import CHECKS
 from vtkmuscle.run.loading import read_result
 from vtkmuscle.run.moment_arms import MomentArmTable
 from vtkmuscle.run.table import Table
-from vtkmuscle.run.track import MuscleTrack
+from vtkmuscle.run.verdict import VERDICTS
 
 Floats = NDArray[np.float64]
 
+#: Muscles that are named one by one where a result is printed, at most.
+_MOST_LISTED = 8
 
-class Result:
+
+class Result(KeptFrames):
     """The muscles, fibres and bones of a run, frame by frame, and its report.
 
     Parameters
@@ -96,40 +93,6 @@ class Result:
     array([1., 1., 1.])
     """
 
-    def __init__(
-        self,
-        name: str,
-        units: str,
-        bones: vtkMultiBlockDataSet,
-        motion: RigidMotion,
-        frames: Sequence[int],
-        tracks: dict[str, MuscleTrack],
-        report: dict[str, Any],
-        *,
-        literature: Mapping[str, Sequence[LiteratureCurve]] | None = None,
-        crosses: Mapping[str, Sequence[str]] | None = None,
-    ) -> None:
-        self.name = name
-        self.motion = motion
-        self.time_label = _time_label(motion)
-        self.literature: Mapping[str, Sequence[LiteratureCurve]] = dict(literature or {})
-        self.crosses: Mapping[str, Sequence[str]] = dict(crosses or {})
-        self.units = units
-        self.report: Mapping[str, Any] = report
-        self.frames: Sequence[int] = list(frames)
-        self.times: Sequence[float] = [float(motion.times[frame]) for frame in self.frames]
-        self.muscle_names: Sequence[str] = list(tracks)
-        self.lengths: Mapping[str, Floats] = {
-            name: np.array(track.lengths) for name, track in tracks.items() if track.lengths
-        }
-        self.verdicts: Mapping[str, str] = {
-            name: track.report["verdict"]["verdict"] for name, track in tracks.items()
-        }
-        self._tracks = tracks
-        self._bones = bones
-        self._mover = BoneMotion(motion=motion)
-        self._mover.connect(0, bones)
-
     @classmethod
     def load(cls, folder: str | PathLike[str]) -> Self:
         """Read the result of a finished run back from its folder.
@@ -163,21 +126,12 @@ class Result:
         return cls(**read_result(Path(folder)))
 
     def __repr__(self) -> str:
+        verdicts = list(self.verdicts.values())
         muscles = ", ".join(f"{name} ({self.verdicts[name]})" for name in self.muscle_names)
+        if len(verdicts) > _MOST_LISTED:
+            counts = ", ".join(f"{verdicts.count(one)} {one}" for one in VERDICTS if one in verdicts)
+            muscles = f"{len(verdicts)} muscles ({counts})"
         return f"Result({self.name!r}: {len(self.times)} frames of {muscles})"
-
-    @property
-    def errors(self) -> dict[str, Mapping[str, Estimate]]:
-        """Per muscle the quantities with their errors, see :mod:`vtkmuscle.accuracy.estimates`.
-
-        ``errors["iliacus"]["length"].total`` is that of the mean length in each frame,
-        ``errors["iliacus"]["moment_arm_hip_flexion_r"].parts["model"]`` a part of that of the moment arm.
-        """
-        return {name: track.errors for name, track in self._tracks.items()}
-
-    def finished(self, name: str) -> int:
-        """Return how many of the kept frames a muscle has: all, or those before the one that failed."""
-        return len(self._tracks[name].report["frames"])
 
     def smoothed_lengths(self, *, passes: int = 5) -> dict[str, Floats]:
         """Return the fibre lengths without their noise over the frames.
@@ -269,67 +223,131 @@ class Result:
         }
         return Table(tuple(known), ([row.get(key) for key in known] for row in rows))
 
-    def muscle(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
-        """Return a muscle in a kept frame, with the arrays it has at rest (``FixedTo`` and its own).
+    def to_frame(self) -> Any:
+        """Return the fibre lengths for pandas, a row per muscle, fibre and frame, as ``length_table()``.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed; ``length_table()`` needs none.
+        """
+        return self.length_table().to_frame()
+
+    def plot(
+        self,
+        *,
+        frame: int | None = None,
+        time: float | None = None,
+        muscles: Sequence[str] | None = None,
+        show: bool = True,
+        off_screen: bool | None = None,
+    ) -> Any:
+        """Show the scene in a window, or in a cell of a notebook.
 
         Parameters
         ----------
-        name : str
-            Name of the muscle.
-        frame : int, optional
-            Number of the frame in the motion, one of ``frames``.
-        time : float, optional
-            Time of the frame, one of ``times``, instead.
+        frame, time : int, float, optional
+            Of one kept frame; without either, a slider goes through all of them.
+        muscles : sequence of str, optional
+            Which to show; default all.
+        show : bool, optional
+            False to get the plotter before it is shown, to add to it or to capture it.
+        off_screen : bool, optional
+            Draw without a window; PyVista's own setting by default.
 
         Returns
         -------
-        pyvista.PolyData
-            The surface.
+        pyvista.Plotter or None
+            With the scene on it, where it is not shown; None once it is.
 
         Raises
         ------
         ValueError
-            If there is no such muscle or kept frame, or the scene's model is ``"paths"``, which deforms no
-            muscle.
+            If there is no such muscle or kept frame.
         """
-        i, track = self._position(frame, time), self._track(name)
-        if self.report["model"] == "paths":
-            raise InputError(
-                "",
-                f"the scene's model is 'paths', so that {name!r} was not deformed",
-                f"fibres({name!r}, frame={self.frames[i]}) has its fibres, and model 'volume' deforms it",
-            )
-        self._check_finished(name, i)
-        return _wrapped(with_points(track.rest, track.points[i]))
+        from vtkmuscle.run.shown import ShownResult  # noqa: PLC0415 -- only pictures need PyVista
 
-    def fibres(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
-        """Return the fibres of a muscle in a kept frame, None where it has none; see :meth:`muscle`."""
-        i, track = self._position(frame, time), self._track(name)
-        if not track.fibres and track.rest_fibres is None:
-            return None
-        self._check_finished(name, i)
-        return _wrapped(track.fibres[i])
+        position = 0 if frame is None and time is None else self._position(frame, time)
+        shown = ShownResult(self, muscles, off_screen=off_screen)
+        shown.show(position)
+        if frame is None and time is None and len(self.frames) > 1:
+            shown.add_slider()
+        if not show:
+            return shown.scene.plotter
+        shown.scene.plotter.show()
+        return None
 
-    def bones(self, *, frame: int | None = None, time: float | None = None) -> Any:
-        """Return the bones in a kept frame, a block each, with the field array ``Transform``."""
-        moved = vtkMultiBlockDataSet()
-        moved.ShallowCopy(self._mover.update(time=self.times[self._position(frame, time)]).output)
-        return _wrapped(moved)
+    def movie(
+        self,
+        path: str | PathLike[str],
+        *,
+        fps: float = 15.0,
+        muscles: Sequence[str] | None = None,
+        size: tuple[int, int] = (1024, 768),
+    ) -> Path:
+        """Write a film of all kept frames.
 
-    def rest_muscle(self, name: str) -> Any:
-        """Return a muscle at rest, with the point array ``FixedTo``."""
-        rest = self._track(name).rest
-        assert rest is not None  # a result is made when all muscles are done
-        return _wrapped(rest)
+        Parameters
+        ----------
+        path : path
+            A .gif, or an .mp4, which needs the extra ``movie``; replaced where it exists.
+        fps : float, optional
+            Frames per second.
+        muscles : sequence of str, optional
+            Which to show; default all.
+        size : (int, int), optional
+            Width and height [pixels], even numbers.
 
-    def rest_fibres(self, name: str) -> Any:
-        """Return the fibres of a muscle at rest, None where it has none."""
-        fibres = self._track(name).rest_fibres
-        return None if fibres is None else _wrapped(fibres)
+        Returns
+        -------
+        Path
+            The file.
 
-    def rest_bones(self) -> Any:
-        """Return the bones at rest."""
-        return _wrapped(self._bones)
+        Raises
+        ------
+        ValueError
+            For another suffix, rate or size, or if there is no such muscle.
+        ImportError
+            For an .mp4 without the extra.
+        RuntimeError
+            If no picture can be rendered here.
+        """
+        from vtkmuscle.plotting import can_render, check_movie, write_movie  # noqa: PLC0415 -- need PyVista
+        from vtkmuscle.run.shown import ShownResult  # noqa: PLC0415
+
+        file = check_movie(path, fps)
+        if any(side < 2 or side % 2 for side in size):
+            raise InputError("", f"size is {size}, but must be two even numbers of pixels, e.g. (1024, 768)")
+        reason = can_render()
+        if reason is not None:
+            raise RuntimeError(f"no film can be made: {reason}")
+        shown = ShownResult(self, muscles, off_screen=True, size=size)
+        try:
+            return write_movie(file, shown.pictures(), fps=fps)
+        finally:
+            shown.scene.plotter.close()
+
+    def write_figures(self, folder: str | PathLike[str]) -> list[Path]:
+        """Draw the figures of a run again: rest pose, muscles, lengths, moment arms, volumes.
+
+        Parameters
+        ----------
+        folder : path
+            Made where it does not exist.
+
+        Returns
+        -------
+        list of Path
+            The .png files.
+
+        Raises
+        ------
+        RuntimeError
+            If no picture can be rendered here.
+        """
+        from vtkmuscle.run.figures import write_figures  # noqa: PLC0415 -- only figures need PyVista
+
+        return write_figures(Path(folder), self)
 
     def write_report(self, path: str | PathLike[str]) -> Path:
         """Write the page of the run: the scene to be turned and moved, curves, tables and verdicts.
@@ -354,55 +372,3 @@ class Result:
         if Path(path).suffix.lower() not in (".html", ".htm"):
             raise InputError(str(path), "a report is a page of HTML", "give it a name that ends in .html")
         return write_page(path, self, CHECKS)
-
-    def _track(self, name: str) -> MuscleTrack:
-        if name not in self._tracks:
-            raise InputError("", f"there is no muscle {name!r} in the result", suggestion(name, self._tracks))
-        return self._tracks[name]
-
-    def _position(self, frame: int | None, time: float | None) -> int:
-        """Return the place of a frame, given by its number or its time, among those that are kept."""
-        if (frame is None) == (time is None):
-            raise InputError("", "give either the number of a frame (frame=10) or its time (time=20.0)")
-        if frame is not None:
-            if frame not in self.frames:
-                raise InputError("", f"frame {frame} was not kept", f"there are {_listed(self.frames)}")
-            return self.frames.index(frame)
-        near = np.flatnonzero(np.isclose(self.times, float(time), rtol=1e-9, atol=1e-9))  # type: ignore[arg-type]
-        if not len(near):
-            raise InputError("", f"no frame of time {time:g} was kept", f"there are {_listed(self.times)}")
-        return int(near[0])
-
-    def _check_finished(self, name: str, i: int) -> None:
-        if i >= self.finished(name):
-            raise InputError(
-                "",
-                f"{name!r} failed before frame {self.frames[i]}, so that it is not there",
-                f"it has {self.finished(name)} of {len(self.frames)} frames",
-            )
-
-
-def length_errors(errors: Mapping[str, Estimate], lengths: Floats) -> Floats:
-    """Return the errors of fibre lengths (f, k), NaN where they are not known [mm]."""
-    known = errors.get("fibre_length")
-    return np.full(lengths.shape, np.nan) if known is None else known.total
-
-
-def _wrapped(data: vtkDataObject) -> Any:
-    """Return a data set as PyVista has it."""
-    import pyvista  # noqa: PLC0415 -- a run needs none
-
-    return pyvista.wrap(data)
-
-
-def _listed(values: Sequence[float]) -> str:
-    """Return the first and last of some numbers in words."""
-    words = [f"{value:g}" for value in values]
-    return ", ".join(words if len(words) <= 6 else [*words[:3], "...", *words[-2:]])
-
-
-def _time_label(motion: RigidMotion) -> str:
-    for name, one in motion.coordinates.items():
-        if np.array_equal(one.values, motion.times):
-            return f"{name.replace('_', ' ')} [{one.unit}]"
-    return "time"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from os import cpu_count
@@ -102,24 +102,24 @@ def run_scene(
     observe: Observe | None = None,
     clock: Clock = time.perf_counter,
     fresh: bool = False,
+    muscles: Sequence[str] | None = None,
     errors: ErrorStudy | None = None,
 ) -> Result:
     """Run a scene; see :meth:`vtkmuscle.Scene.run`.
 
-    What is ``odd`` about the scene goes into the report. The clock [s] times the muscles' stages.
+    What is ``odd`` about the scene goes into the report. The clock [s] times the muscles' stages. With
+    ``muscles`` only these are run, as they are in a run of all.
     """
     began = time.perf_counter()
     numbers = frame_numbers(frames, len(scene.motion.times))
-    if workers is not None and workers < 1:
-        raise InputError("", f"workers is {workers}, but must be an integer >= 1")
+    _check_workers(workers)
     check_memory(scene, numbers)
     folder = None if out is None else RunFolder(out, series=series)
     bones, distances = bones_with_reach(scene), bone_distances(scene)
     keys, kept = _kept(folder, scene, bones, numbers, fresh=fresh)
-    tracks = {name: kept.get(name) or MuscleTrack() for name in scene.muscles}
+    tracks = {name: kept.get(name) or MuscleTrack() for name in muscles or scene.muscles}
     report = _first_report(scene, numbers, tracks) | {"taken_over": list(kept), "sense": list(odd)}
-    stop = threading.Event()
-    report_progress = _one_at_a_time(progress)
+    stop, report_progress = threading.Event(), _one_at_a_time(progress)
     seen = observe or (lambda muscle, row: None)
     further = {} if errors is None else errors.jobs(numbers, bones, stop)
 
@@ -136,7 +136,7 @@ def run_scene(
                 folder.begin(report, scene, keys, kept)
             for name in kept:
                 report_progress(name, "done", 1.0)
-            for name, run in _runs(scene, kept, muscle_run).items():
+            for name, run in _runs(scene, tracks, kept, muscle_run).items():
                 jobs[f"muscles.{name}"] = pool.submit(run.go, numbers)
             jobs |= {key: pool.submit(job) for key, job in further.items()}
             if folder is not None:
@@ -145,8 +145,7 @@ def run_scene(
         _raise_first_failure(jobs, scene)
         result = _result(scene, numbers, tracks, report)
         report["seconds"] = {"muscles": time.perf_counter() - began}
-        arms = _moment_arms(result, report)
-        arms = _with_errors(arms, errors, result, tracks, report)
+        arms = _with_errors(_moment_arms(result, report), errors, result, tracks, report)
     except BaseException as error:
         report["stopped_by"] = f"{type(error).__name__}: {error}".rstrip(": ")
         if folder is not None:
@@ -155,25 +154,29 @@ def run_scene(
         raise
     report["complete"] = True
     if folder is not None:
-        folder.write_moment_arms(arms)
+        folder.write_moment_arms(arms, tracks)
         folder.write_tables(report, scene, numbers, tracks)
-        if figures or page:
-            with _unfinished_if_it_fails(folder, report):
-                _show(folder, result, report, figures=figures, page=page)
+        _show(folder, result, report, figures=figures, page=page)
     report["seconds"]["total"] = time.perf_counter() - began
     if folder is not None:
         folder.write_report(report)
     return result
 
 
+def _check_workers(workers: int | None) -> None:
+    if workers is not None and workers < 1:
+        raise InputError("", f"workers is {workers}, but must be an integer >= 1")
+
+
 def _runs(
     scene: SceneData,
+    names: Iterable[str],
     kept: Mapping[str, MuscleTrack],
     make: Callable[[str, tuple[MuscleRun, ...]], MuscleRun],
 ) -> dict[str, MuscleRun]:
     """Return the runs of the muscles that are not kept from an earlier one; each may meet those before it."""
     runs: dict[str, MuscleRun] = {}
-    for name in scene.muscles:
+    for name in names:
         if name not in kept:
             runs[name] = make(name, tuple(runs.values()) if scene.muscle_contact != "off" else ())
     return runs
@@ -341,12 +344,13 @@ def _raise_first_failure(jobs: dict[str, Future[None]], scene: SceneData) -> Non
 
 def _show(folder: RunFolder, result: Result, report: dict[str, Any], *, figures: bool, page: bool) -> None:
     """Draw the figures of a run, and write its page."""
-    if figures:
-        _draw(folder, result, report)
-    if page:
-        before = time.perf_counter()
-        result.write_report(folder.path / PAGE)
-        report["seconds"]["page"] = time.perf_counter() - before
+    with _unfinished_if_it_fails(folder, report):
+        if figures:
+            _draw(folder, result, report)
+        if page:
+            before = time.perf_counter()
+            result.write_report(folder.path / PAGE)
+            report["seconds"]["page"] = time.perf_counter() - before
 
 
 def _draw(folder: RunFolder, result: Result, report: dict[str, Any]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -35,9 +36,12 @@ from vtkmuscle.scene.validation import validated
 T = TypeVar("T")
 
 
-def read_fields(path: Path) -> dict[str, Any]:
-    """Return the fields of the scene in a scene.toml; see :meth:`vtkmuscle.Scene.load`."""
-    table = validated(parsed(path), path)
+def read_fields(path: Path, values: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Return the fields of the scene in a scene.toml; see :meth:`vtkmuscle.Scene.load`.
+
+    ``values`` stand for what is in the file, where they are given.
+    """
+    table = validated(parsed(path) if values is None else values, path)
     files, faults = SceneFiles(path), Faults()
     bones: dict[str, vtkPolyData] = {}
     for name, bone in table.bones.items():

@@ -28,7 +28,14 @@ _TABLES = {
     "motion": "a table [motion] with bone and transforms, or with file or grid and [joints.NAME], or "
     "[motion.hinge]",
 }
-_KINDS = {"string_type": "a text", "string_too_short": "a text", "bool_type": "true or false"}
+_KINDS = {
+    "string_type": "a text",
+    "string_too_short": "a text",
+    "bool_type": "true or false",
+    "int_type": "a whole number",
+    "float_type": "a number",
+    "list_type": "a list",
+}
 
 #: Where a fault is, what it is, and its remedy.
 _Fault = tuple[str, str, str]
@@ -45,19 +52,27 @@ def validated(values: Mapping[str, Any], file: Path | None) -> SceneTable:
     try:
         table = SceneTable.model_validate(values)
     except ValidationError as error:
-        found = _in_words(error.errors(include_url=False))
+        found = faults_in_words(error.errors(include_url=False))
     else:
         found = _disagreements(table)
     Faults(SceneError(problem, key, remedy, file) for key, problem, remedy in found).raise_any()
     return table
 
 
-def _in_words(errors: list[ErrorDetails]) -> Iterator[_Fault]:
-    """Give the faults that the schema has found: unknown keys first, which what is missing may be."""
+def faults_in_words(errors: list[ErrorDetails], root: type[BaseModel] = SceneTable) -> Iterator[_Fault]:
+    """Give key, problem and remedy of what a schema has found: unknown keys first, which may be meant.
+
+    Parameters
+    ----------
+    errors : list of ErrorDetails
+        As pydantic gives them.
+    root : type, optional
+        The model of the whole file.
+    """
     unknown = {error["loc"] for error in errors if error["type"] == "extra_forbidden"}
     for error in sorted(errors, key=lambda one: len(one["loc"]) if one["loc"] in unknown else 99):
         *path, name = error["loc"] if error["loc"][-1] != "[key]" else error["loc"][:-1]
-        known = _model_at(tuple(path))
+        known = _model_at(tuple(path), root)
         if error["type"] == "missing" and any(
             suggestion(str(loc[-1]), known.model_fields).startswith(f"did you mean {name!r}")
             for loc in unknown
@@ -87,12 +102,15 @@ def _fault(error: ErrorDetails, name: str, known: type[BaseModel]) -> tuple[str,
             first = field.description.partition(". ")[0]
             remedy = first[0].lower() + first[1:].rstrip(".")
         return f"must be {_KINDS[kind]}, not {shown(value)}", remedy
+    if kind not in ("dict_type", "model_type", "model_attributes_type"):
+        allowed = error["msg"].replace("Input should be", "it must be").replace("List should", "it must")
+        return f"{shown(value)} is not allowed", allowed
     return f"must be a table, not {shown(value)}", "see the format of a scene.toml"
 
 
-def _model_at(path: tuple[int | str, ...]) -> type[BaseModel]:
+def _model_at(path: tuple[int | str, ...], root: type[BaseModel]) -> type[BaseModel]:
     """Return the model of the table at a place."""
-    model: type[BaseModel] = SceneTable
+    model = root
     parts = iter(path)
     for part in parts:
         kinds = list(_kinds(model.model_fields[str(part)].annotation))

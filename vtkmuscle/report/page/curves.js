@@ -29,7 +29,7 @@ function makeCurves(data, block, choose) {
         bands.push(band(times, lower, upper, muscle.colour, 0.28, "middle half of the fibres", true));
         bands.push(...fibres(muscle, times));
       }
-      if (error) bands.push(errorBand(times, mean, error));
+      if (error && single) bands.push(errorBand(times, mean, error));
       return [...bands.flat(), line(times, mean, muscle, single ? "mean of the fibres" : muscle.label)];
     });
     paint("lengths", traces, data.timeLabel, "fibre length [mm]");
@@ -61,8 +61,7 @@ function makeCurves(data, block, choose) {
       const { values, mean, low, high, error, quartic } = found;
       const parts = [band(values, low, high, muscle.colour, single ? 0.16 : 0.1, `${muscle.label}: all fibres`, single)];
       if (single) {
-        const bound = error.map((one) => 1.96 * one);
-        parts.push(errorBand(values, mean, bound));
+        parts.push(errorBand(values, mean, error));
         if (quartic) {
           const style = { color: "#2a2a2e", width: 1.2, dash: "dash" };
           parts.push({ x: values, y: quartic, mode: "lines", line: style, name: "quartic fit", hoverinfo: "skip" });

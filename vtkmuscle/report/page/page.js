@@ -101,7 +101,7 @@ function controls(viewer, data, canvas) {
   const ruler = document.getElementById("ruler");
   const axes = document.getElementById("axes");
   viewer.watch((camera, height) => {
-    const half = canvas.clientWidth < canvas.clientHeight ? (camera.half * canvas.clientHeight) / canvas.clientWidth : camera.half;
+    const half = canvas.clientWidth < canvas.clientHeight ? (1.15 * camera.half * canvas.clientHeight) / canvas.clientWidth : camera.half;
     const perUnit = height / (2 * half);
     const wanted = (90 / perUnit) * data.scene.mm;
     const power = 10 ** Math.floor(Math.log10(wanted));

@@ -474,7 +474,7 @@ function anglesOf(towards) {
 function cameraOf(towards, { low, high }) {
   const focus = low.map((value, axis) => (value + high[axis]) / 2);
   const reach = Math.hypot(...low.map((value, axis) => high[axis] - value)) / 2;
-  return { ...anglesOf(towards), focus, half: 0.74 * reach, reach };
+  return { ...anglesOf(towards), focus, half: 0.77 * reach, reach };
 }
 
 function axesOf({ azimuth, elevation }) {
@@ -484,7 +484,7 @@ function axesOf({ azimuth, elevation }) {
 
 function eyeOf(camera, aspect, reach) {
   const { right, up, towards } = axesOf(camera);
-  const half = aspect < 1 ? camera.half / aspect : camera.half;
+  const half = aspect < 1 ? (1.15 * camera.half) / aspect : camera.half;
   const turn = new Float32Array([0, 1, 2].flatMap((axis) => [right[axis], up[axis], towards[axis]]));
   return { turn, focus: camera.focus, scale: [1 / (half * aspect), 1 / half, -1 / (20 * reach)] };
 }

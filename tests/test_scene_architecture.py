@@ -1,0 +1,61 @@
+"""The architecture that a run reports: with its tendons and without, and as a table."""
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vtkmuscle import Scene
+from vtkmuscle.core.accuracy.estimate import expanded_of_bounds
+from vtkmuscle.phantoms import fibre_block, spindle_over_hinge
+
+
+def run(phantom, *, out=None, **hill):
+    scene = Scene.from_phantom(phantom, n_fibres=20)
+    ((name, muscle),) = scene.muscles.items()
+    scene = replace(scene, muscles={name: replace(muscle, hill=hill)})
+    return scene.run(out, frames="0:1", figures=False), name
+
+
+def test_a_pennate_block_has_the_fascicles_that_are_known():
+    phantom = fibre_block("pennate")
+    result, name = run(phantom)
+    found, known = result.report["muscles"][name]["architecture"], phantom.known
+    assert found["fascicle_length_mm"]["mean"] == pytest.approx(known["fibre_length"], rel=0.01)
+    for end in ("origin", "insertion"):
+        angle = found[f"fascicle_pennation_{end}_deg"]["mean"]
+        assert angle == pytest.approx(known["pennation"], abs=1.0)
+    area = known["volume"] / known["fibre_length"]
+    assert found["pcsa_mm2"] == pytest.approx(area, rel=0.01)
+    cosine = np.cos(np.radians(known["pennation"]))
+    assert found["pcsa_without_tendon_mm2"] == pytest.approx(area * cosine, rel=0.02)
+
+
+def test_the_scenes_tendon_shortens_every_fibre_by_itself():
+    (whole, name), (less, _) = run(spindle_over_hinge()), run(spindle_over_hinge(), tendon_slack_length=40.0)
+    found = less.report["muscles"][name]["architecture"]
+    fibres = np.linalg.norm(np.diff(whole.rest_fibres(name).points.reshape(20, -1, 3), axis=1), axis=2).sum(
+        axis=1
+    )
+    assert found["tendon_from"] == "scene"
+    assert found["tendon_length_mm"] == pytest.approx(40.0)
+    assert found["fascicle_length_mm"]["mean"] == pytest.approx(fibres.mean() - 40.0, rel=1e-6)
+    assert less.errors[name]["fascicle_length"].parts["tendon"][0] == 0.0
+    estimated = whole.report["muscles"][name]["architecture"]
+    assert estimated["tendon_from"] == "estimate"
+    low, high = estimated["fascicle_length_range_mm"]
+    assert low <= estimated["fascicle_length_mm"]["mean"] <= high
+    part = whole.errors[name]["fascicle_length"].parts["tendon"][0]
+    assert part == pytest.approx(float(expanded_of_bounds((high - low) / 2.0)))
+
+
+def test_architecture_is_a_table_with_errors(tmp_path):
+    result, name = run(spindle_over_hinge(), out=tmp_path)
+    (row,) = csv.DictReader((tmp_path / "architecture.csv").read_text().splitlines())
+    found, errors = (result.report["muscles"][name][key] for key in ("architecture", "errors"))
+    assert row["muscle"] == name
+    assert float(row["volume_mm3"]) == pytest.approx(found["muscle_volume_mm3"])
+    assert float(row["fascicle_length_mm"]) == pytest.approx(found["fascicle_length_mm"]["mean"])
+    for quantity, unit in (("volume", "mm3"), ("pcsa", "mm2"), ("fascicle_length", "mm")):
+        assert float(row[f"{quantity}_err_{unit}"]) == pytest.approx(errors[quantity]["total"])

@@ -1,0 +1,124 @@
+"""The viewer: its server starts, its page draws, and its slider moves the muscles."""
+
+import os
+import socket
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from browser import Page, needs_chromium
+from PIL import Image
+from tiny_scene import write_tiny_scene
+
+from vtkmuscle import InputError, Scene
+from vtkmuscle.data.arrays import points_of
+from vtkmuscle.plotting import can_render
+
+pytestmark = pytest.mark.skipif(can_render() is not None, reason=str(can_render()))
+
+
+@pytest.fixture(scope="module")
+def scene_file(tmp_path_factory):
+    return write_tiny_scene(tmp_path_factory.mktemp("scene"))
+
+
+def test_a_scene_is_solved_for_the_frames_that_are_shown(scene_file):
+    from vtkmuscle.view import SolvedScene
+
+    scene = Scene.load(scene_file)
+    solved = SolvedScene(scene, off_screen=True, size=(200, 160))
+    solved.show(4)
+    result = scene.run()
+    pose = solved._known[4]
+    np.testing.assert_allclose(
+        pose.muscles["spindle"], points_of(result.muscle("spindle", frame=4)), atol=1e-9
+    )
+    np.testing.assert_allclose(
+        pose.fibres["spindle"], points_of(result.fibres("spindle", frame=4)), atol=1e-9
+    )
+    assert set(solved._known) == {0, 4}, "what is not shown is not asked for"
+    solved.scene.plotter.close()
+
+
+def test_what_is_not_there_is_said(tmp_path):
+    pytest.importorskip("trame_pyvista", reason="the extra 'view' is not installed")
+    from vtkmuscle.view import make_app
+
+    with pytest.raises(InputError, match="no such file or folder"):
+        make_app(tmp_path / "nothing")
+
+
+def test_without_trame_it_is_said_what_to_install(scene_file, monkeypatch):
+    from vtkmuscle.view import make_app
+
+    monkeypatch.setitem(sys.modules, "trame.app", None)
+    with pytest.raises(ImportError, match=r"vtkmuscle\[view\]"):
+        make_app(scene_file)
+
+
+@pytest.fixture
+def address(scene_file, tmp_path):
+    """The address of a viewer of the scene, in a process of its own."""
+    pytest.importorskip("trame_pyvista", reason="the extra 'view' is not installed")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    command = [
+        sys.executable,
+        "-m",
+        "vtkmuscle",
+        "view",
+        str(scene_file),
+        "--no-browser",
+        "--port",
+        str(port),
+    ]
+    log = tmp_path / "log.txt"
+    with log.open("w") as said:
+        process = subprocess.Popen(command, stdout=said, stderr=subprocess.STDOUT, env=os.environ)
+    try:
+        end = time.monotonic() + 120
+        while True:
+            assert process.poll() is None, log.read_text()
+            assert time.monotonic() < end, log.read_text()
+            try:
+                socket.create_connection(("127.0.0.1", port), timeout=1).close()
+                break
+            except OSError:
+                time.sleep(0.2)
+        yield f"http://127.0.0.1:{port}/"
+    finally:
+        process.terminate()
+        process.wait()
+
+
+#: The picture of the scene has come.
+DRAWN = "[...document.querySelectorAll('main img')].some((one) => one.naturalWidth > 100)"
+
+
+@needs_chromium
+def test_the_page_draws_and_the_slider_moves_the_muscle(address, tmp_path):
+    def picture(page, name):
+        page.picture(tmp_path / name)
+        return np.asarray(Image.open(tmp_path / name).convert("RGB"), dtype=int)[100:500]
+
+    with Page(900, 600) as page:
+        page.open(address, ready=DRAWN)
+        page.wait("document.querySelector('main').textContent.includes('time 0')")
+        end = time.monotonic() + 30
+        while (first := picture(page, "first.png")).min() > 200 and time.monotonic() < end:
+            time.sleep(0.3)
+        assert first.min() < 200, "the scene is there"
+        page.value("document.querySelector('[role=slider]').focus()")
+        page.key("End")
+        page.wait("document.querySelector('main').textContent.includes('time 20')")
+        moved = first
+        while np.abs(moved - first).max() < 60 and time.monotonic() < end:
+            time.sleep(0.3)
+            moved = picture(page, "moved.png")
+        assert (np.abs(moved - first).max(axis=2) > 60).mean() > 0.001
+        assert page.value("document.querySelector('[role=slider]').getAttribute('aria-label')") == "time"
+        elsewhere = [one for one in page.requests if not one.startswith((address, "data:", "blob:"))]
+        assert elsewhere == []

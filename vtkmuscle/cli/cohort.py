@@ -1,0 +1,111 @@
+"""Run a study from the command line: progress per subject, the time that is left, and what came out."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+from rich.console import Console
+
+from vtkmuscle.cli.messages import FAILED, INTERRUPTED, TerminatedError, one_clear_error, one_line, say
+
+if TYPE_CHECKING:
+    from vtkmuscle.cohort import Progress
+
+
+def run_cohort(
+    study: Path,
+    out: Path,
+    *,
+    scheduler: str | None,
+    workers: int | None,
+    memory: str | None,
+    retries: int,
+    fresh: bool,
+    quiet: bool,
+) -> None:
+    """Run a study, and say what came out; exit status 1 where a muscle could not be computed."""
+    with one_clear_error(None):
+        from vtkmuscle.cohort import Study, run_study
+
+        loaded = Study.load(study)
+        _silence_dask()
+        try:
+            with _told(quiet=quiet) as progress:
+                report = run_study(
+                    loaded,
+                    out,
+                    scheduler=scheduler,
+                    workers=workers,
+                    memory=memory,
+                    retries=retries,
+                    fresh=fresh,
+                    progress=progress,
+                    announce=lambda words: say(quiet, words),
+                )
+        except KeyboardInterrupt as stop:
+            console = Console(stderr=True, soft_wrap=True, highlight=False)
+            words = f"stopped. What is finished is kept in {out}: the same command goes on from there"
+            console.print(words, markup=False, style="yellow")
+            status = 128 + stop.number if isinstance(stop, TerminatedError) else INTERRUPTED
+            raise typer.Exit(status) from None
+    tasks = report["tasks"]
+    counts = ", ".join(f"{count} {state}" for state, count in tasks.items())
+    say(
+        quiet,
+        f"{sum(tasks.values())} muscles of {report['subjects']} subjects: {counts}. Results are in {out}:",
+    )
+    say(quiet, "  cohort.html, cohort.csv, cohort.parquet")
+    if tasks.get("failed"):
+        raise typer.Exit(FAILED)
+
+
+def _silence_dask() -> None:
+    """Leave it to this program to say what has happened to a cluster."""
+    from importlib.util import find_spec
+
+    if find_spec("distributed") is None:
+        return  # the study says so
+    import distributed  # noqa: F401 -- it sets up its loggers
+
+    for name in list(logging.root.manager.loggerDict):
+        if name.partition(".")[0] == "distributed":
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+
+
+@contextmanager
+def _told(*, quiet: bool) -> Iterator[Callable[[Progress], None]]:
+    """Give what prints failures, and, unless it is to be quiet, subjects that are done and the time left."""
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+    from rich.progress import Progress as Bars
+
+    console = Console(stderr=True, highlight=False)
+    columns = TextColumn("muscles"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[left]}")
+    with Bars(*columns, console=console, disable=quiet) as bars:
+        bar = bars.add_task("muscles", total=None, left="")
+
+        def tell(ended: Progress) -> None:
+            if ended.state == "failed":
+                task = ended.task
+                words = (
+                    f"{task.subject}, {task.motion}, {task.muscle or 'all muscles'}: {one_line(ended.words)}"
+                )
+                console.print(words, markup=False, style="bold red", soft_wrap=True)
+            left = "" if ended.seconds_left is None else f"{_in_words(ended.seconds_left)} left"
+            bars.update(bar, total=ended.total, completed=ended.done, left=left)
+            if not quiet and ended.subject_done == ended.subject_total:
+                words = f"{ended.task.subject}: {ended.subject_total} done{', ' + left if left else ''}"
+                console.print(words, markup=False, soft_wrap=True)
+
+        yield tell
+
+
+def _in_words(seconds: float) -> str:
+    minutes = round(seconds / 60.0)
+    if minutes >= 120:
+        return f"{minutes / 60.0:.1f} h"
+    return f"{minutes} min" if minutes >= 2 else f"{seconds:.0f} s"

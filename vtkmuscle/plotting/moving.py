@@ -1,0 +1,167 @@
+"""A scene on a plotter that is moved from pose to pose without being made anew."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pyvista
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+from vtkmuscle.core.mesh.surface import vertex_normals
+from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.data.arrays import multiblock_from, points_of, polylines_from, polylines_of, triangles_of
+from vtkmuscle.plotting.surfaces import IVORY, PALETTE, x_server_warning_off
+from vtkmuscle.plotting.views import View, axes_of, choose_view
+
+#: Width and height of the picture in pixels.
+SIZE = (1024, 768)
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where everything is at a time.
+
+    Attributes
+    ----------
+    bones : mapping of str to (4, 4) array
+        Rigid transforms from rest, of the bones that have moved.
+    muscles, fibres : mapping of str to (n, 3) array
+        Points, by the name of the muscle; what is not there is hidden.
+    """
+
+    bones: Mapping[str, Floats] = field(default_factory=dict)
+    muscles: Mapping[str, Floats] = field(default_factory=dict)
+    fibres: Mapping[str, Floats] = field(default_factory=dict)
+
+
+class MovingScene:
+    """Bones, translucent muscles and their fibres on a plotter, moved by :meth:`show`.
+
+    Parameters
+    ----------
+    bones : mapping of str to vtkPolyData
+        Surfaces at rest.
+    muscles : mapping of str to vtkPolyData
+        Surfaces at rest, of triangles; none where fibres alone are shown.
+    fibres : mapping of str to vtkPolyData
+        Polylines, by the name of their muscle.
+    off_screen : bool or None, optional
+        None for a window that ``plotter.show()`` opens, unless PyVista is set to draw off-screen.
+    size : (int, int), optional
+        Width and height [pixels].
+
+    Attributes
+    ----------
+    plotter : pyvista.Plotter
+        To be shown, or captured by ``screenshot``; close it afterwards.
+    view : View
+        From where most of the muscles is seen at rest.
+
+    Examples
+    --------
+    >>> from vtkmuscle import phantoms
+    >>> from vtkmuscle.plotting import MovingScene, Pose
+    >>> phantom = phantoms.spindle_over_hinge()
+    >>> scene = MovingScene(phantom.bones, phantom.muscles, {}, off_screen=True)
+    >>> transforms = {bone: table[-1] for bone, table in phantom.motion.transforms.items()}
+    >>> scene.show(Pose(bones=transforms))
+    >>> scene.plotter.close()
+    """
+
+    def __init__(
+        self,
+        bones: Mapping[str, vtkPolyData],
+        muscles: Mapping[str, vtkPolyData],
+        fibres: Mapping[str, vtkPolyData],
+        *,
+        off_screen: bool | None = None,
+        size: tuple[int, int] = SIZE,
+    ) -> None:
+        seen = [*muscles.values()] or [_tubes(lines) for lines in fibres.values()] or [*bones.values()]
+        self.view = choose_view(
+            [pyvista.merge([pyvista.wrap(one) for one in seen])], [multiblock_from(dict(bones))]
+        )
+        with x_server_warning_off():
+            self.plotter = pyvista.Plotter(
+                off_screen=off_screen, window_size=list(size), theme=pyvista.themes.DocumentTheme()
+            )
+        self.plotter.set_background("white")
+        self.plotter.enable_anti_aliasing("ssaa")
+        colours = {name: PALETTE[i % len(PALETTE)] for i, name in enumerate(muscles or fibres)}
+        self._bones = {name: self._surface(surface, IVORY, 1.0)[0] for name, surface in bones.items()}
+        self._muscles = {
+            name: self._surface(surface, colours[name], 0.55 if name in fibres else 0.9)
+            for name, surface in muscles.items()
+        }
+        self._fibres = {name: self._lines(lines, colours[name]) for name, lines in fibres.items()}
+        self.look(self.view)
+
+    def show(self, pose: Pose) -> None:
+        """Move everything to a pose; the plotter is drawn when it is shown, captured or rendered next."""
+        for name, actor in self._bones.items():
+            actor.user_matrix = pose.bones.get(name, np.eye(4))
+        for name, (actor, mesh, triangles) in self._muscles.items():
+            points = pose.muscles.get(name)
+            actor.visibility = points is not None
+            if points is not None:
+                mesh.points = points
+                mesh.point_data["Normals"] = vertex_normals(points, triangles)
+        for name, (actor, mesh) in self._fibres.items():
+            points = pose.fibres.get(name)
+            actor.visibility = points is not None
+            if points is not None:
+                mesh.points = points
+        self.plotter.renderer.ResetCameraClippingRange()
+
+    def look(self, view: View) -> None:
+        """Look from somewhere, in parallel projection."""
+        width, height = self.plotter.window_size
+        camera = self.plotter.camera
+        camera.parallel_projection = True
+        camera.focal_point = tuple(view.focus)
+        camera.position = tuple(view.focus + 10.0 * view.half_height * view.direction)
+        camera.up = tuple(axes_of(view.direction)[1])
+        camera.parallel_scale = 1.2 * view.half_height * max(1.0, view.aspect * height / width)
+        self.plotter.renderer.ResetCameraClippingRange()
+
+    def _surface(self, surface: vtkPolyData, colour: str, opacity: float) -> tuple[Any, Any, Ints]:
+        points, triangles = points_of(surface), triangles_of(surface, "plotting")
+        mesh = pyvista.PolyData.from_regular_faces(points, triangles)
+        mesh.point_data["Normals"] = vertex_normals(points, triangles)
+        mesh.point_data.active_normals_name = "Normals"
+        actor = self.plotter.add_mesh(
+            mesh,
+            color=colour,
+            opacity=opacity,
+            culling="back" if opacity < 1.0 else False,
+            scalars=None,
+            show_scalar_bar=False,
+            ambient=0.15,
+            specular=0.1,
+            reset_camera=False,
+        )
+        actor.prop.interpolation = "Phong"
+        return actor, mesh, triangles
+
+    def _lines(self, lines: vtkPolyData, colour: str) -> tuple[Any, Any]:
+        mesh = pyvista.wrap(polylines_from(polylines_of(lines, "plotting: fibres")))
+        pale = pyvista.Color(colour)
+        mixed = [0.5 + 0.5 * part for part in pale.float_rgb]
+        actor = self.plotter.add_mesh(
+            mesh,
+            color=mixed,
+            line_width=2.5,
+            render_lines_as_tubes=True,
+            show_scalar_bar=False,
+            reset_camera=False,
+        )
+        return actor, mesh
+
+
+def _tubes(lines: vtkPolyData) -> Any:
+    """Return fibres as a surface, which stands for a muscle where none was deformed."""
+    mesh = pyvista.wrap(polylines_from(polylines_of(lines, "plotting: fibres")))
+    return mesh.tube(radius=0.004 * mesh.length, n_sides=6).triangulate()

@@ -1,0 +1,170 @@
+"""The architecture of a muscle at rest as it is published: with its tendons, and without."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+
+from vtkmuscle.core.fibres.architecture import (
+    TENDON_AREA,
+    TENDON_AREAS,
+    Fascicles,
+    area_profile,
+    fascicles,
+)
+from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.types import Floats
+from vtkmuscle.data.arrays import polylines_of
+from vtkmuscle.data.muscle_geometry import muscle_geometry
+from vtkmuscle.filters.fibre_metrics import FibreMetrics
+from vtkmuscle.io.fibre_table import muscle_summary, spread
+from vtkmuscle.run.table import Table
+
+#: Sections across the centroid path in which fibres are counted.
+SECTIONS = 10
+#: Positions in the muscle by which the curve through its middle is found.
+SAMPLES = 4096
+
+#: What :func:`vtkmuscle.io.muscle_summary` has, what it is called, and the power of the length that it is.
+ARCHITECTURE = {
+    "MuscleVolume": ("muscle_volume_mm3", 3),
+    "PCSA": ("pcsa_mm2", 2),
+    "PCSALine": ("pcsa_along_line_of_action_mm2", 2),
+    "LineOfAction": ("line_of_action", 0),
+    "CentroidPathLength": ("centroid_path_length_mm", 1),
+    "SectionArea": ("section_area_mm2", 2),
+    "SectionFibres": ("section_fibres", 0),
+    "SectionDensity": ("section_density_per_mm2", -2),
+}
+
+#: What the numbers mean; part of every report.
+DEFINITIONS = {
+    "architecture": "of the muscle at rest: volume; physiological cross-sectional area, volume / mean fibre "
+    "length, and its part along the line of action; the line of action, from the mean of the fibres' first "
+    "points to that of their last; length of the centroid path; over ten sections across that path mean, "
+    "standard deviation, least and largest of their area, of the number of fibres and of fibres per area",
+    "tendon_from": "scene: fibres are shorter by hill.tendon_slack_length; estimate: by where the muscle is "
+    f"thinner than {100 * TENDON_AREA:.0f} % of its thickest section",
+    "tendon_length_mm": "mean length of the fibres less that of their fascicles",
+    "fascicle_length_mm": "of the parts of the fibres without tendon: mean, standard deviation and range",
+    "fascicle_length_range_mm": "its mean where a place counts as tendon below "
+    f"{100 * TENDON_AREAS[1]:.0f} % and {100 * TENDON_AREAS[0]:.0f} % of the thickest section",
+    "fascicle_pennation_origin_deg": "angle of the fascicles, at the end towards the origin, to the curve "
+    "through the muscle's middle; likewise fascicle_pennation_insertion_deg",
+    "volume_without_tendon_mm3": "of the part of the muscle that is thicker than tendon",
+    "pcsa_without_tendon_mm2": "its volume times the mean cosine of both pennations / mean fascicle length; "
+    "likewise pcsa_without_tendon_range_mm2",
+}
+
+
+def architecture_of(
+    fibres: vtkPolyData,
+    muscle: vtkPolyData,
+    attachments: vtkMultiBlockDataSet | None,
+    millimetres: float,
+    hill: Mapping[str, float] | None = None,
+) -> dict[str, Any]:
+    """Return what is published of a muscle as a whole, at rest.
+
+    JSON-able, see :data:`DEFINITIONS`.
+
+    Parameters
+    ----------
+    fibres, muscle, attachments : vtkPolyData, vtkPolyData, vtkMultiBlockDataSet or None
+        At rest.
+    millimetres : float
+        Of the scene's unit of length.
+    hill : mapping of str to float, optional
+        Of the muscle; ``tendon_slack_length`` in the scene's unit.
+    """
+    metrics = FibreMetrics(architecture=True, sections=SECTIONS)
+    summary = muscle_summary(metrics(fibres, muscle, None, attachments))
+    result: dict[str, Any] = {}
+    for array, (name, power) in ARCHITECTURE.items():
+        found, scale = summary[array], millimetres**power
+        if isinstance(found, dict):
+            result[name] = {word: value * scale for word, value in found.items()}
+        else:
+            result[name] = found if isinstance(found, list) else found * scale
+    return result | _without_tendon(fibres, muscle, millimetres, (hill or {}).get("tendon_slack_length"))
+
+
+def _without_tendon(
+    fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float, tendon: float | None
+) -> dict[str, Any]:
+    lines, geometry = polylines_of(fibres, "fibres"), muscle_geometry(muscle, "muscle")
+    surface = geometry.points, geometry.triangles
+    volume = abs(signed_volume(*surface))
+    profile = area_profile(*surface, geometry.samples(SAMPLES), lines.points, lines.offsets)
+    found, *ends = (
+        fascicles(profile, volume, lines.points, lines.offsets, share=share)
+        for share in (TENDON_AREA, *TENDON_AREAS)
+    )
+    whole = polyline_lengths(lines.points, lines.offsets)
+    lengths, areas, means = found.lengths, _areas(ends, None), [one.lengths.mean() for one in ends]
+    if tendon is not None and tendon < whole.min():
+        lengths = whole - tendon
+        areas, means = _areas(ends, lengths), [lengths.mean()] * 2
+    square = millimetres**2
+    return {
+        "tendon_from": "estimate" if lengths is found.lengths else "scene",
+        "tendon_length_mm": float((whole - lengths).mean()) * millimetres,
+        "fascicle_length_mm": spread(lengths * millimetres),
+        "fascicle_length_range_mm": sorted(float(mean) * millimetres for mean in means),
+        "fascicle_pennation_origin_deg": spread(found.origin_angles),
+        "fascicle_pennation_insertion_deg": spread(found.insertion_angles),
+        "volume_without_tendon_mm3": found.volume * millimetres**3,
+        "pcsa_without_tendon_mm2": found.cross_section(lengths) * square,
+        "pcsa_without_tendon_range_mm2": sorted(area * square for area in areas),
+    }
+
+
+def _areas(ends: list[Fascicles], lengths: Floats | None) -> list[float]:
+    return [one.cross_section(lengths) for one in ends]
+
+
+def architecture_table(muscles: Mapping[str, Mapping[str, Any]]) -> Table:
+    """Return the architecture of the muscles of a report, a row each, with the errors that are known.
+
+    Parameters
+    ----------
+    muscles : mapping of str to mapping
+        ``report["muscles"]``; those without fibres are left out.
+    """
+    known = {name: muscle for name, muscle in muscles.items() if "architecture" in muscle}
+    columns = ("muscle", *(column for quantity, unit, _ in _COLUMNS for column in _named(quantity, unit)))
+    return Table(columns, (_row(name, muscle) for name, muscle in known.items()))
+
+
+#: Quantities of the table, their units in columns' names, and where a report has them.
+_COLUMNS = (
+    ("volume", "mm3", "muscle_volume_mm3"),
+    ("pcsa", "mm2", "pcsa_mm2"),
+    ("tendon_length", "mm", "tendon_length_mm"),
+    ("fascicle_length", "mm", "fascicle_length_mm"),
+    ("fascicle_pennation_origin", "deg", "fascicle_pennation_origin_deg"),
+    ("fascicle_pennation_insertion", "deg", "fascicle_pennation_insertion_deg"),
+    ("volume_without_tendon", "mm3", "volume_without_tendon_mm3"),
+    ("pcsa_without_tendon", "mm2", "pcsa_without_tendon_mm2"),
+)
+#: Those whose error is known.
+_WITH_ERRORS = ("volume", "pcsa", "fascicle_length", "pcsa_without_tendon")
+
+
+def _named(quantity: str, unit: str) -> tuple[str, ...]:
+    errors = (f"{quantity}_err_{unit}",) if quantity in _WITH_ERRORS else ()
+    return (f"{quantity}_{unit}", *errors)
+
+
+def _row(name: str, muscle: Mapping[str, Any]) -> list[Any]:
+    row: list[Any] = [name]
+    for quantity, _, key in _COLUMNS:
+        found = muscle["architecture"][key]
+        row.append(found["mean"] if isinstance(found, Mapping) else found)
+        if quantity in _WITH_ERRORS:
+            row.append(muscle.get("errors", {}).get(quantity, {}).get("total", np.nan))
+    return row

@@ -1,0 +1,185 @@
+"""The kept frames of a run: muscles, fibres and bones by frame or time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
+
+from vtkmuscle.core.accuracy.estimate import Estimate
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.types import Floats
+from vtkmuscle.core.words import suggestion
+from vtkmuscle.data.arrays import with_points
+from vtkmuscle.filters.bone_motion import BoneMotion
+from vtkmuscle.io.literature import LiteratureCurve
+from vtkmuscle.run.track import MuscleTrack
+
+
+class KeptFrames:
+    """The muscles, fibres and bones of a run, frame by frame; parameters as of :class:`vtkmuscle.Result`."""
+
+    def __init__(
+        self,
+        name: str,
+        units: str,
+        bones: vtkMultiBlockDataSet,
+        motion: RigidMotion,
+        frames: Sequence[int],
+        tracks: dict[str, MuscleTrack],
+        report: dict[str, Any],
+        *,
+        literature: Mapping[str, Sequence[LiteratureCurve]] | None = None,
+        crosses: Mapping[str, Sequence[str]] | None = None,
+    ) -> None:
+        self.name = name
+        self.motion = motion
+        self.time_label = time_label(motion)
+        self.literature: Mapping[str, Sequence[LiteratureCurve]] = dict(literature or {})
+        self.crosses: Mapping[str, Sequence[str]] = dict(crosses or {})
+        self.units = units
+        self.report: Mapping[str, Any] = report
+        self.frames: Sequence[int] = list(frames)
+        self.times: Sequence[float] = [float(motion.times[frame]) for frame in self.frames]
+        self.muscle_names: Sequence[str] = list(tracks)
+        self.lengths: Mapping[str, Floats] = {
+            name: np.array(track.lengths) for name, track in tracks.items() if track.lengths
+        }
+        self.verdicts: Mapping[str, str] = {
+            name: track.report["verdict"]["verdict"] for name, track in tracks.items()
+        }
+        self._tracks = tracks
+        self._bones = bones
+        self._mover = BoneMotion(motion=motion)
+        self._mover.connect(0, bones)
+
+    @property
+    def errors(self) -> dict[str, Mapping[str, Estimate]]:
+        """Per muscle the quantities with their errors, see :mod:`vtkmuscle.accuracy.estimates`.
+
+        ``errors["iliacus"]["length"].total`` is that of the mean length in each frame,
+        ``errors["iliacus"]["moment_arm_hip_flexion_r"].parts["model"]`` a part of that of the moment arm.
+        """
+        return {name: track.errors for name, track in self._tracks.items()}
+
+    def finished(self, name: str) -> int:
+        """Return how many of the kept frames a muscle has: all, or those before the one that failed."""
+        return len(self._tracks[name].report["frames"])
+
+    def muscle(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
+        """Return a muscle in a kept frame, with the arrays it has at rest (``FixedTo`` and its own).
+
+        Parameters
+        ----------
+        name : str
+            Name of the muscle.
+        frame : int, optional
+            Number of the frame in the motion, one of ``frames``.
+        time : float, optional
+            Time of the frame, one of ``times``, instead.
+
+        Returns
+        -------
+        pyvista.PolyData
+            The surface.
+
+        Raises
+        ------
+        ValueError
+            If there is no such muscle or kept frame, or the scene's model is ``"paths"``, which deforms no
+            muscle.
+        """
+        i, track = self._position(frame, time), self._track(name)
+        if self.report["model"] == "paths":
+            raise InputError(
+                "",
+                f"the scene's model is 'paths', so that {name!r} was not deformed",
+                f"fibres({name!r}, frame={self.frames[i]}) has its fibres, and model 'volume' deforms it",
+            )
+        self._check_finished(name, i)
+        return _wrapped(with_points(track.rest, track.points[i]))
+
+    def fibres(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
+        """Return the fibres of a muscle in a kept frame, None where it has none; see :meth:`muscle`."""
+        i, track = self._position(frame, time), self._track(name)
+        if not track.fibres and track.rest_fibres is None:
+            return None
+        self._check_finished(name, i)
+        return _wrapped(track.fibres[i])
+
+    def bones(self, *, frame: int | None = None, time: float | None = None) -> Any:
+        """Return the bones in a kept frame, a block each, with the field array ``Transform``."""
+        moved = vtkMultiBlockDataSet()
+        moved.ShallowCopy(self._mover.update(time=self.times[self._position(frame, time)]).output)
+        return _wrapped(moved)
+
+    def rest_muscle(self, name: str) -> Any:
+        """Return a muscle at rest, with the point array ``FixedTo``."""
+        rest = self._track(name).rest
+        assert rest is not None  # a result is made when all muscles are done
+        return _wrapped(rest)
+
+    def rest_fibres(self, name: str) -> Any:
+        """Return the fibres of a muscle at rest, None where it has none."""
+        fibres = self._track(name).rest_fibres
+        return None if fibres is None else _wrapped(fibres)
+
+    def rest_bones(self) -> Any:
+        """Return the bones at rest."""
+        return _wrapped(self._bones)
+
+    def _track(self, name: str) -> MuscleTrack:
+        if name not in self._tracks:
+            raise InputError("", f"there is no muscle {name!r} in the result", suggestion(name, self._tracks))
+        return self._tracks[name]
+
+    def _position(self, frame: int | None, time: float | None) -> int:
+        """Return the place of a frame, given by its number or its time, among those that are kept."""
+        if (frame is None) == (time is None):
+            raise InputError("", "give either the number of a frame (frame=10) or its time (time=20.0)")
+        if frame is not None:
+            if frame not in self.frames:
+                raise InputError("", f"frame {frame} was not kept", f"there are {_listed(self.frames)}")
+            return self.frames.index(frame)
+        near = np.flatnonzero(np.isclose(self.times, float(time), rtol=1e-9, atol=1e-9))  # type: ignore[arg-type]
+        if not len(near):
+            raise InputError("", f"no frame of time {time:g} was kept", f"there are {_listed(self.times)}")
+        return int(near[0])
+
+    def _check_finished(self, name: str, i: int) -> None:
+        if i >= self.finished(name):
+            raise InputError(
+                "",
+                f"{name!r} failed before frame {self.frames[i]}, so that it is not there",
+                f"it has {self.finished(name)} of {len(self.frames)} frames",
+            )
+
+
+def length_errors(errors: Mapping[str, Estimate], lengths: Floats) -> Floats:
+    """Return the errors of fibre lengths (f, k), NaN where they are not known [mm]."""
+    known = errors.get("fibre_length")
+    return np.full(lengths.shape, np.nan) if known is None else known.total
+
+
+def _wrapped(data: vtkDataObject) -> Any:
+    """Return a data set as PyVista has it."""
+    import pyvista  # noqa: PLC0415 -- a run needs none
+
+    return pyvista.wrap(data)
+
+
+def _listed(values: Sequence[float]) -> str:
+    """Return the first and last of some numbers in words."""
+    words = [f"{value:g}" for value in values]
+    return ", ".join(words if len(words) <= 6 else [*words[:3], "...", *words[-2:]])
+
+
+def time_label(motion: RigidMotion) -> str:
+    """Return what the times of a motion are: a coordinate with its unit, where they are one."""
+    for name, one in motion.coordinates.items():
+        if np.array_equal(one.values, motion.times):
+            return f"{name.replace('_', ' ')} [{one.unit}]"
+    return "time"
