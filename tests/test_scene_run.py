@@ -1,6 +1,7 @@
 """A run computes what was asked for, writes all of it complete, and loses nothing that is finished."""
 
 import csv
+import errno
 import json
 from dataclasses import replace
 
@@ -483,18 +484,42 @@ def test_without_opengl_all_but_the_figures_is_written(scene, tmp_path, monkeypa
 
 
 def test_figures_are_moved_into_place(scene, tmp_path, monkeypatch):
-    def draw(folder, result):
-        folder.mkdir()
+    def draw(folder, result, *, drawn):
         (folder / "volume.png").write_bytes(b"png")
+        return [*drawn, folder / "volume.png"]
+
+    def draw_one(folder, result, name):
+        folder.mkdir()
+        assert result.muscle_names == [name]
+        (folder / f"{name}_frames.png").write_bytes(b"png")
+        return [folder / f"{name}_frames.png"]
 
     monkeypatch.setattr(vtkmuscle.plotting, "can_render", lambda: None)
     monkeypatch.setattr("vtkmuscle.run.figures.write_figures", draw)
+    monkeypatch.setattr("vtkmuscle.run.figures.write_pictures", draw_one)
     scene.run(tmp_path, frames=0)
     (tmp_path / "figures/mine.png").write_bytes(b"")
-    result = scene.run(tmp_path, frames=0)
-    assert result.report["figures"] == {"written": ["volume.png"]}
-    assert sorted(p.name for p in (tmp_path / "figures").iterdir()) == ["mine.png", "volume.png"]
+    result = scene.run(tmp_path, frames=0, fresh=True)
+    assert result.report["figures"] == {"written": ["spindle_frames.png", "volume.png"]}
+    found = sorted(p.name for p in (tmp_path / "figures").iterdir())
+    assert found == ["mine.png", "spindle_frames.png", "volume.png"]
     assert not list(tmp_path.glob(".*"))
+
+
+def test_a_picture_that_cannot_be_drawn_loses_no_muscle(scene, tmp_path, monkeypatch):
+    def fail(folder, result, *_, **__):
+        folder.mkdir(exist_ok=True)
+        raise OSError(errno.ENOSPC, "No space left on device", str(folder / "a.png"))
+
+    monkeypatch.setattr(vtkmuscle.plotting, "can_render", lambda: None)
+    monkeypatch.setattr("vtkmuscle.run.figures.write_figures", fail)
+    monkeypatch.setattr("vtkmuscle.run.figures.write_pictures", fail)
+    with pytest.raises(OSError, match=f"{tmp_path.name}/figures"):
+        scene.run(tmp_path, frames="0:3")
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert len(report["muscles"]["spindle"]["frames"]) == 3
+    assert not report["complete"]
+    assert not list(tmp_path.glob(".*.partial"))
 
 
 # ------------------------------------------------------------------------------- faults

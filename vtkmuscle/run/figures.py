@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,8 +26,11 @@ from vtkmuscle.plotting import (
 if TYPE_CHECKING:
     from vtkmuscle.run.result import Result
 
+#: What draws each figure, by the name of its file.
+Figures = dict[str, Callable[[], Figure]]
 
-def write_figures(folder: str | Path, result: Result) -> list[Path]:
+
+def write_figures(folder: str | Path, result: Result, *, drawn: Sequence[Path] = ()) -> list[Path]:
     """Write all figures of a run: the rest pose, each muscle in three frames, its fibres, the volumes.
 
     Parameters
@@ -35,6 +39,8 @@ def write_figures(folder: str | Path, result: Result) -> list[Path]:
         Made where it does not exist.
     result : Result
         What :meth:`vtkmuscle.Scene.run` returns.
+    drawn : sequence of Path, optional
+        Those that :func:`write_pictures` has written there already.
 
     Returns
     -------
@@ -47,75 +53,105 @@ def write_figures(folder: str | Path, result: Result) -> list[Path]:
     RuntimeError
         If no picture can be rendered here; nothing is written then. :func:`can_render` asks beforehand.
     """
+    figures: Figures = {"rest_pose": lambda: _rest_pose(result)}
+    muscles = result.report["muscles"]
+    arms = result.moment_arms() if any(one.get("moment_arms") for one in muscles.values()) else {}
+    for name in result.muscle_names:
+        figures |= _of_muscle(result, name)
+        if name in arms and result.finished(name):
+            figures[f"{name}_moment_arms"] = partial(_moment_arms, result, name, arms[name])
+    if result.report["model"] != "paths":
+        figures["volume"] = lambda: _volumes(result)
+    return [*drawn, *_write(folder, figures, {path.stem for path in drawn})]
+
+
+def write_pictures(folder: str | Path, result: Result, name: str) -> list[Path]:
+    """Write those figures of a run that show one muscle, and need no other: its frames and its lengths.
+
+    Parameters
+    ----------
+    folder, result
+        As of :func:`write_figures`; a result of this muscle alone will do.
+    name : str
+        Of the muscle.
+    """
+    return _write(folder, _of_muscle(result, name), ())
+
+
+def _write(folder: str | Path, figures: Figures, drawn: Collection[str]) -> list[Path]:
     reason = can_render()
     if reason is not None:
         raise RuntimeError(f"no figures can be made: {reason}")
     out = Path(folder)
     out.mkdir(parents=True, exist_ok=True)
-    names = list(result.muscle_names)
     written: list[Path] = []
+    for name, draw in figures.items():
+        if name not in drawn:
+            draw().savefig(out / f"{name}.png")
+            written.append(out / f"{name}.png")
+    return written
 
-    def keep(name: str, figure: Figure) -> None:
-        figure.savefig(out / name)
-        written.append(out / name)
 
-    rest = plot_rest_pose(
-        {name: result.rest_muscle(name) for name in names},
+def _rest_pose(result: Result) -> Figure:
+    return plot_rest_pose(
+        {name: result.rest_muscle(name) for name in result.muscle_names},
         result.rest_bones(),
         title=f"{result.name}: fixed points at rest",
         units=result.units,
     )
-    keep("rest_pose.png", rest)
-    muscles = result.report["muscles"]
-    arms = result.moment_arms() if any(one.get("moment_arms") for one in muscles.values()) else {}
-    for name in names:
-        for ending, figure in _figures_of_muscle(result, name, arms.get(name)):
-            keep(f"{name}_{ending}.png", figure)
-    if result.report["model"] != "paths":
-        rows = {name: muscles[name]["frames"] for name in names}
-        volumes = plot_volume(
-            {name: [row["time"] for row in table] for name, table in rows.items()},
-            {name: [row["volume_ratio"] for row in table] for name, table in rows.items()},
-            title=result.name,
-            time_label=result.time_label,
-        )
-        keep("volume.png", volumes)
-    return written
 
 
-def _figures_of_muscle(
-    result: Result, name: str, arms: Mapping[str, JointArms] | None
-) -> Iterator[tuple[str, Figure]]:
-    """Give the figures of a muscle; none of one that failed in the first frame that is kept."""
+def _volumes(result: Result) -> Figure:
+    rows = {name: result.report["muscles"][name]["frames"] for name in result.muscle_names}
+    return plot_volume(
+        {name: [row["time"] for row in table] for name, table in rows.items()},
+        {name: [row["volume_ratio"] for row in table] for name, table in rows.items()},
+        title=result.name,
+        time_label=result.time_label,
+    )
+
+
+def _of_muscle(result: Result, name: str) -> Figures:
+    """Return the figures that show a muscle; none of one that failed in the first frame that is kept."""
+    if not result.finished(name):
+        return {}
+    figures: Figures = {f"{name}_frames": lambda: _frames(result, name)}
+    if name in result.lengths:
+        figures[f"{name}_lengths"] = lambda: _lengths(result, name)
+    return figures
+
+
+def _frames(result: Result, name: str) -> Figure:
     frames = _telling_frames(result, name)
-    if not frames:
-        return
-    verdict = result.verdicts.get(name)
-    title = name.replace("_", " ") + (f": {verdict}" if verdict else "")
     fibres = [lines for number in frames if (lines := result.fibres(name, frame=number)) is not None]
     if result.report["model"] == "paths":
         muscles = [_tubes(lines) for lines in fibres]
     else:
         muscles = [result.muscle(name, frame=number) for number in frames]
-    yield (
-        "frames",
-        plot_muscle(
-            muscles,
-            [result.bones(frame=number) for number in frames],
-            fibres=fibres or None,
-            rest_fibres=result.rest_fibres(name),
-            labels=[_at(result.time_label, float(result.motion.times[number])) for number in frames],
-            title=title,
-            units=result.units,
-        ),
+    return plot_muscle(
+        muscles,
+        [result.bones(frame=number) for number in frames],
+        fibres=fibres or None,
+        rest_fibres=result.rest_fibres(name),
+        labels=[_at(result.time_label, float(result.motion.times[number])) for number in frames],
+        title=_title(result, name),
+        units=result.units,
     )
-    if name in result.lengths:
-        lengths = result.lengths[name]
-        times = result.times[: len(lengths)]
-        yield "lengths", plot_lengths(times, lengths, title=title, time_label=result.time_label)
-    if arms:
-        published = result.literature.get(name, ())
-        yield "moment_arms", plot_moment_arms(arms, literature=published, title=title)
+
+
+def _lengths(result: Result, name: str) -> Figure:
+    lengths = result.lengths[name]
+    times = result.times[: len(lengths)]
+    return plot_lengths(times, lengths, title=_title(result, name), time_label=result.time_label)
+
+
+def _moment_arms(result: Result, name: str, arms: Mapping[str, JointArms]) -> Figure:
+    return plot_moment_arms(arms, literature=result.literature.get(name, ()), title=_title(result, name))
+
+
+def _title(result: Result, name: str) -> str:
+    verdict = result.verdicts.get(name)
+    return name.replace("_", " ") + (f": {verdict}" if verdict else "")
 
 
 def _tubes(fibres: vtkPolyData) -> vtkPolyData:

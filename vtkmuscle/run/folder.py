@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Callable, Mapping
 from collections.abc import Collection as Collection_
 from pathlib import Path
@@ -18,7 +17,7 @@ from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.parts import plain
 from vtkmuscle.io.series import Collection, Series
 from vtkmuscle.io.temporal import read_series, write_vtkhdf
-from vtkmuscle.io.writing import beside, write_polydata, write_text
+from vtkmuscle.io.writing import write_polydata, write_text
 from vtkmuscle.run.architecture import architecture_table
 from vtkmuscle.run.claim import remove_results
 from vtkmuscle.run.finished import STAMPS, finished_muscles, note_errors, note_finished
@@ -28,7 +27,6 @@ from vtkmuscle.run.report import fibre_table
 
 if TYPE_CHECKING:
     from vtkmuscle.run.moment_arms import MomentArmTable
-    from vtkmuscle.run.result import Result
     from vtkmuscle.run.track import MuscleTrack
     from vtkmuscle.scene.data import SceneData
 
@@ -185,30 +183,6 @@ class RunFolder:
         if arms:
             arms.table().write(self.path / "moment_arms.csv", digits=DIGITS)
             arms.summary().write(self.path / "moment_arms_summary.csv", digits=DIGITS)
-
-    def write_figures(self, result: Result) -> list[str]:
-        """Draw the figures beside, move them to ``figures/``, and return their names."""
-        import matplotlib as mpl  # noqa: PLC0415 -- only figures need it, and PyVista
-
-        from vtkmuscle.run.figures import write_figures  # noqa: PLC0415
-
-        folder = self.path / "figures"
-        drawing = beside(folder)
-        try:
-            with mpl.rc_context():
-                mpl.rcdefaults()  # a matplotlibrc in the working folder may be from elsewhere
-                write_figures(drawing, result)
-            folder.mkdir(exist_ok=True)
-            drawn = sorted(drawing.iterdir())
-            for figure in drawn:
-                figure.replace(folder / figure.name)
-            return [figure.name for figure in drawn]
-        except OSError as error:
-            if error.errno is None or not str(error.filename or drawing).startswith(str(drawing)):
-                raise
-            raise OSError(error.errno, error.strerror, str(folder)) from error
-        finally:
-            shutil.rmtree(drawing, ignore_errors=True)
 
     def write_report(self, report: dict[str, Any]) -> None:
         """Write report.json."""

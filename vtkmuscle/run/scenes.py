@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from os import cpu_count
 from pathlib import Path
@@ -22,6 +21,7 @@ from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.parts import file_digest
 from vtkmuscle.run.claim import PAGE, scene_file
+from vtkmuscle.run.drawing import Drawing
 from vtkmuscle.run.errors import ErrorStudy
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.keys import muscle_keys
@@ -128,6 +128,12 @@ def run_scene(
             scene, name, tracks[name], bones, distances, folder, stop, report_progress, seen, others, clock
         )
 
+    drawing = Drawing(folder.path) if folder is not None and figures else None
+
+    def draw(name: str) -> None:
+        if drawing is not None and name in tracks:
+            drawing.muscle(_result(scene, numbers, {name: tracks[name]}, report), name)
+
     try:
         jobs: dict[str, Future[None]] = {}
         count = _side_by_side(workers, scene, len(further))
@@ -141,7 +147,7 @@ def run_scene(
             jobs |= {key: pool.submit(job) for key, job in further.items()}
             if folder is not None:
                 folder.write_bones(scene, numbers, stop.is_set)
-            _wait_for(list(jobs.values()), stop)
+            _wait_for(jobs, stop, lambda key: draw(key.removeprefix("muscles.")))
         _raise_first_failure(jobs, scene)
         result = _result(scene, numbers, tracks, report)
         report["seconds"] = {"muscles": time.perf_counter() - began}
@@ -151,12 +157,14 @@ def run_scene(
         if folder is not None:
             with suppress(OSError):  # the disk may be what failed; the first error says more
                 folder.write_tables(report, scene, numbers, tracks)
+        if drawing is not None:
+            drawing.discard()
         raise
     report["complete"] = True
     if folder is not None:
         folder.write_moment_arms(arms, tracks)
         folder.write_tables(report, scene, numbers, tracks)
-        _show(folder, result, report, figures=figures, page=page)
+        _show(folder, result, report, drawing, page=page)
     report["seconds"]["total"] = time.perf_counter() - began
     if folder is not None:
         folder.write_report(report)
@@ -321,13 +329,17 @@ def _setting_if_interrupted(stop: threading.Event) -> Iterator[None]:
         raise
 
 
-def _wait_for(jobs: Sequence[Future[None]], stop: threading.Event) -> None:
-    """Wait until all jobs have ended; where one fails, let the others stop early."""
-    waiting = set(jobs)
+def _wait_for(jobs: Mapping[str, Future[None]], stop: threading.Event, then: Callable[[str], None]) -> None:
+    """Wait until all jobs have ended, and do something more for each; where one fails, stop the others."""
+    keys = {job: key for key, job in jobs.items()}
+    waiting = set(keys)
     while waiting:
-        done, waiting = wait(waiting, timeout=_LOOK_UP, return_when=FIRST_EXCEPTION)
+        done, waiting = wait(waiting, timeout=_LOOK_UP, return_when=FIRST_COMPLETED)
         if any(job.exception() is not None for job in done):
             stop.set()
+        for job in sorted(done, key=lambda one: keys[one]):
+            if not stop.is_set():
+                then(keys[job])
 
 
 def _raise_first_failure(jobs: dict[str, Future[None]], scene: SceneData) -> None:
@@ -342,25 +354,18 @@ def _raise_first_failure(jobs: dict[str, Future[None]], scene: SceneData) -> Non
         raise error
 
 
-def _show(folder: RunFolder, result: Result, report: dict[str, Any], *, figures: bool, page: bool) -> None:
-    """Draw the figures of a run, and write its page."""
+def _show(
+    folder: RunFolder, result: Result, report: dict[str, Any], drawing: Drawing | None, *, page: bool
+) -> None:
+    """Draw the figures of a run that are left, and write its page."""
     with _unfinished_if_it_fails(folder, report):
-        if figures:
-            _draw(folder, result, report)
+        if drawing is not None:
+            try:
+                report["figures"] = drawing.finish(result)
+            finally:
+                drawing.discard()
+            report["seconds"]["figures"] = drawing.seconds
         if page:
             before = time.perf_counter()
             result.write_report(folder.path / PAGE)
             report["seconds"]["page"] = time.perf_counter() - before
-
-
-def _draw(folder: RunFolder, result: Result, report: dict[str, Any]) -> None:
-    from vtkmuscle.plotting import can_render  # noqa: PLC0415 -- only figures need PyVista
-
-    reason = can_render()
-    if reason is not None:
-        report["figures"] = {"written": [], "reason": reason}
-        warnings.warn(f"no figures were drawn, all else was written: {reason}", stacklevel=5)
-        return
-    before = time.perf_counter()
-    report["figures"] = {"written": folder.write_figures(result)}
-    report["seconds"]["figures"] = time.perf_counter() - before
