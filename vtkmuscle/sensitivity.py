@@ -9,6 +9,7 @@ from zlib import crc32
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.accuracy.variants import with_moved_areas
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import vertex_normals
 from vtkmuscle.core.moment_arms.of_joints import JointArms
@@ -16,8 +17,6 @@ from vtkmuscle.core.motion.rigid import RigidMotion, inverse, rotation_about
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import points_of, triangles_of, with_points
-from vtkmuscle.data.attachments import VIA
-from vtkmuscle.scene.data import Muscle
 from vtkmuscle.scenes import Scene
 
 #: What can be varied, and the unit of its amount.
@@ -89,7 +88,7 @@ def varied(scene: Scene, cause: str, amount: float, *, sample: str, seed: int = 
         return replace(scene, motion=_moved(scene.motion, 0.0, units, rng(cause)), files={})
     muscles = scene.muscles.items()
     if cause == "landmarks":
-        moved = {name: _with_landmarks(muscle, units, rng(f"muscle {name}")) for name, muscle in muscles}
+        moved = {name: with_moved_areas(muscle, units, rng(f"muscle {name}")) for name, muscle in muscles}
         return replace(scene, muscles=moved, files={})
     return replace(
         scene,
@@ -190,16 +189,6 @@ def _spreads(scene: Scene, cause: str, amount: float, samples: int, seed: int) -
 def _direction(rng: np.random.Generator) -> Floats:
     direction: Floats = rng.normal(size=3)
     return direction / np.linalg.norm(direction)
-
-
-def _with_landmarks(muscle: Muscle, distance: float, rng: np.random.Generator) -> Muscle:
-    areas = []
-    for area in muscle.attachments:
-        shift = distance * _direction(rng)
-        areas.append(
-            area if area.role == VIA else replace(area, landmarks=np.asarray(area.landmarks) + shift)
-        )
-    return replace(muscle, attachments=tuple(areas))
 
 
 def _moved(motion: RigidMotion, angle: float, distance: float, rng: np.random.Generator) -> RigidMotion:

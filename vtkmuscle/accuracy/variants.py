@@ -71,14 +71,23 @@ def moved_landmarks(scene: SceneData, name: str, *, distance: float, rng: np.ran
     rng : numpy.random.Generator
         Gives the directions.
     """
+    moved = with_moved_areas(scene.muscles[name], distance / scene.millimetres, rng)
+    return _of_one(scene, name, model="paths", attachments=moved.attachments)
+
+
+def with_moved_areas(muscle: Muscle, distance: float, rng: np.random.Generator) -> Muscle:
+    """Return a muscle with every area moved as a whole by a distance, in a direction of its own; no via ring.
+
+    The distance is in the unit of the coordinates; all directions are equally likely.
+    """
     areas = []
-    for area in scene.muscles[name].attachments:
+    for area in muscle.attachments:
         direction = rng.normal(size=3)
-        shift = distance / scene.millimetres * direction / np.linalg.norm(direction)
+        shift = distance * direction / np.linalg.norm(direction)
         areas.append(
             area if area.role == VIA else replace(area, landmarks=np.asarray(area.landmarks) + shift)
         )
-    return _of_one(scene, name, model="paths", attachments=tuple(areas))
+    return replace(muscle, attachments=tuple(areas))
 
 
 #: What makes the variant of each kind that is one further solve.
