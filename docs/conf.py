@@ -50,6 +50,7 @@ html_show_sourcelink = False
 smartquotes_action = "qe"  # "--out" is an option, not a dash
 html_css_files = ["vtkmuscle.css"]
 html_math_renderer = "mathml"
+html_context = {"default_mode": "auto"}
 
 autosummary_generate = True
 autodoc_typehints = "none"

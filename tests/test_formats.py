@@ -10,6 +10,7 @@ from vtkmodules.vtkIOGeometry import vtkGLTFReader
 
 import vtkmuscle
 from vtkmuscle.cli import app
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import blocks_of, field_array, field_string, points_of
 from vtkmuscle.filters import provenance_of
 from vtkmuscle.io import read_series
@@ -108,6 +109,8 @@ def test_a_pose_is_read_back(runs, series):
     )
     assert [fibres.GetNumberOfLines() for fibres in pose.fibres] == [6]
     assert read_pose(runs / series).time == 20.0
+    with pytest.raises(InputError, match="no time 400; give one from 0 to 20"):
+        read_pose(runs / series, 400.0)
     with pytest.raises(FileNotFoundError, match="give the folder of a run's results"):
         read_pose(runs)
 

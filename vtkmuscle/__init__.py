@@ -68,7 +68,8 @@ def __getattr__(name: str) -> Any:
         return import_module(f"vtkmuscle.{name}")
     if name in _SOURCES:
         return getattr(import_module(_SOURCES[name]), name)
-    raise AttributeError(f"module 'vtkmuscle' has no attribute {name!r}")
+    hint = "; Scene.load(path) reads a scene" if name in ("load", "read", "open") else ""
+    raise AttributeError(f"module 'vtkmuscle' has no attribute {name!r}{hint}")
 
 
 def __dir__() -> list[str]:

@@ -81,6 +81,14 @@ class Scene(SceneData):
     2
     """
 
+    def __new__(cls, *arguments: Any, **fields: Any) -> Self:
+        """Refuse a path, with what reads it."""
+        if len(arguments) == 1 and not fields and isinstance(arguments[0], str | PathLike):
+            raise TypeError(
+                f"Scene takes bones, muscles and a motion; Scene.load({str(arguments[0])!r}) reads a file"
+            )
+        return super().__new__(cls)
+
     def __post_init__(self) -> None:
         if isinstance(self.bones, vtkMultiBlockDataSet):
             object.__setattr__(self, "bones", dict(blocks_of(self.bones)))

@@ -189,6 +189,7 @@ def export(
 
             pose = read_pose(source, time)
             export_scene(out, pose.bones, pose.muscles, fibres=pose.fibres)
+            typer.echo(f"wrote {out}: the pose at {pose.time:g}")
 
 
 @app.command()

@@ -48,7 +48,8 @@ def export_scene(
     """
     path = Path(path)
     if path.suffix.lower() != ".gltf":
-        raise InputError(path, "a scene is exported to a .gltf file", "give it that suffix")
+        fix = "give it that suffix; a run writes report.html by itself"
+        raise InputError(path, "a scene is exported to a .gltf file", fix)
     view = choose_view(list(muscles), [bones] * len(muscles))
     plotter = make_plotter(bones, muscles, view, fibres=_appended(fibres) if fibres else None)
     try:

@@ -10,6 +10,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkAppendPolyData
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import blocks_of, multiblock_from, set_cell_array, set_field_array
 from vtkmuscle.io.temporal import SERIES_SUFFIXES, TimeSeries, read_series
 from vtkmuscle.run.claim import read_report
@@ -42,6 +43,8 @@ def read_pose(folder: Path, time: float | None = None) -> Pose:
 
     Raises
     ------
+    InputError
+        If the run ends before that time, or begins after it.
     FileNotFoundError
         If it is not the folder of a run, or one that finished no frame.
     """
@@ -58,6 +61,9 @@ def read_pose(folder: Path, time: float | None = None) -> Pose:
         raise FileNotFoundError(
             f"{folder}: no frame was written of {', '.join(missing)}; run the scene again"
         )
+    if time is not None and not bones.times[0] <= time <= bones.times[-1]:
+        there = f"from {bones.times[0]:g} to {bones.times[-1]:g}"
+        raise InputError(str(folder), f"it has no time {time:g}", f"give one {there}")
     at = bones.times[-1] if time is None else min(bones.times, key=lambda t: abs(t - time))
     moved = bones.at(at)
     return Pose(
