@@ -29,21 +29,19 @@ PUBLISHED: Mapping[str, Any] = MappingProxyType(
 )
 
 #: Groups of PBDDeformer's parameters. The first three are tolerances, and the most iterations for them. Over
-#: three steps of 10 degrees of hip flexion from rest: RMS distance to the end of the solve (a tolerance of
-#: 0.0001 mm) in the worst frame, and iterations.
+#: three steps of 10 degrees of hip flexion from rest: RMS distance to the end of the solve in the worst frame,
+#: and time of a frame as a part of that of ``balanced``.
 #:
 #: ========  ==========================  =======================
 #: preset    phantom hip, three muscles  real hip, four muscles
 #: ========  ==========================  =======================
-#: preview   0.17 mm, 4 to 7             0.21 mm, 4 to 12
-#: balanced  0.083 mm, 6 to 11           0.080 mm, 6 to 20
-#: accurate  0.027 mm, 9 to 16           0.029 mm, 10 to 31
+#: preview   0.13 mm, 0.92               0.15 mm, 0.95
+#: balanced  0.056 mm, 1                 0.063 mm, 1
+#: accurate  0.024 mm, 0.99              0.026 mm, 1.09
 #: ========  ==========================  =======================
 #:
-#: The time of a step is the same within what a busy machine lets one measure: strings, bones and report cost
-#: more than the iterations. ``vtkmuscle tradeoff SCENE --every 5 --frames 0:4 --only presets --out FOLDER``
-#: prints the like, with a reference whose iterations are doubled until the muscle stays where it is; the
-#: figures above were measured by three steps of PBDDeformer itself.
+#: ``vtkmuscle tradeoff SCENE --every 5 --frames 0:4 --only presets --out FOLDER``. Strings, bones and report
+#: cost more than the iterations, so that the times differ by hardly more than a busy machine's noise.
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "preview": {"iterations": 30, "tolerance": 0.5},
