@@ -187,10 +187,7 @@ by = "setting"
     run_study(Study.load(file), out, client=client)
     found = rows(out)
     assert {row["setting"] for row in found} == {"taut", "solid"}
-    assert {row["sample"] for row in found} == {
-        "",
-        *(f"{c} {n}" for c in ("landmarks", "axis") for n in (1, 2, 3)),
-    }
+    assert {row["sample"] for row in found} == {"", *(f"landmarks {n}" for n in (1, 2, 3))}
     assert {row["fibre_group"] for row in found} == {"0", "1"}
     with (out / "sensitivity.csv").open(newline="") as lines:
         spreads = list(csv.DictReader(lines))

@@ -86,13 +86,26 @@ def arm_estimates(lengths: Floats, causes: Sequence[Cause], arms: Arms) -> dict[
         for cause in causes:
             if any(name not in other for other in others[cause.name]):
                 continue
-            means = [other[name].mean for other in others[cause.name]]
+            means = [_in_frames(found, one[name], one[name].mean) for one in others[cause.name]]
             parts[cause.name] = cause.part(_itself, found.mean, means)
-            every = [other[name].arms for other in others[cause.name]]
+            every = [_in_frames(found, one[name], one[name].arms) for one in others[cause.name]]
             of_fibres[cause.name] = cause.part(_itself, found.arms, every)
         estimates[f"moment_arm_{name}"] = Estimate(found.mean, "mm", parts | _of_number(found.arms.T))
         estimates[f"fibre_moment_arm_{name}"] = Estimate(found.arms, "mm", of_fibres)
     return estimates
+
+
+def _in_frames(known: JointArms, other: JointArms, values: Floats) -> Floats:
+    """Return what there is of other arms (m, ...) in the frames of those that are known.
+
+    By several coordinates there are arms where the windows of the regression hold enough frames, and how wide
+    these are follows the lengths. In frames that only the known arms have the others are interpolated.
+    """
+    if np.array_equal(known.frames, other.frames):
+        return values
+    columns = values.reshape(len(values), -1).T
+    found = [np.interp(known.frames, other.frames, column) for column in columns]
+    return np.stack(found, axis=-1).reshape(len(known.frames), *values.shape[1:])
 
 
 def volume_estimate(track: MuscleTrack, millimetres: float) -> Estimate:

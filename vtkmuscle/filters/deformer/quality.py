@@ -29,8 +29,8 @@ PUBLISHED: Mapping[str, Any] = MappingProxyType(
 )
 
 #: Groups of PBDDeformer's parameters. The first three are tolerances, and the most iterations for them. Over
-#: three steps of 10 degrees of hip flexion from rest: RMS distance to the end of the solve in the worst frame,
-#: and time of a frame as a part of that of ``balanced``.
+#: three steps of 10 degrees of hip flexion from rest: RMS distance to the end of the solve in the worst
+#: frame, and time of a frame as a part of that of ``balanced``.
 #:
 #: ========  ==========================  =======================
 #: preset    phantom hip, three muscles  real hip, four muscles
