@@ -14,13 +14,16 @@ from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
-from vtkmuscle.core.types import Floats, Ints, Table
+from vtkmuscle.core.types import Bools, Floats, Ints, Table
 
 #: Cells along an edge of a block; blocks are what is computed at a time.
 SIDE = 8
 
 #: Blocks of a bone's table, at most: 64 MB. Cells of a bone that would need more are larger.
 MOST_BLOCKS = 2**24
+
+#: The nodes of a block, (9^3, 3), with those of its far faces.
+_NODES = np.stack(np.meshgrid(*[np.arange(SIDE + 1.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
 
 #: What a table has for a block that was not computed yet.
 UNKNOWN = -1
@@ -92,19 +95,34 @@ class BoneFields:
             grown[: self._used] = self.values[: self._used]
             self.values = grown
         starts = self.layout[:, 7].astype(np.int64)
-        bones = np.searchsorted(starts, wanted, side="right") - 1
-        nodes = np.stack(np.meshgrid(*[np.arange(SIDE + 1.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-        for bone in np.unique(bones):
-            blocks = wanted[bones == bone]
-            origin, cell = self.layout[bone, :3], self.layout[bone, 3]
-            counts = self.layout[bone, 4:7].astype(np.int64)
-            corners = np.column_stack(np.unravel_index(blocks - starts[bone], counts)).astype(np.float64)
-            at = origin + cell * (SIDE * corners[:, None, :] + nodes)
-            rest = apply_transform(inverse(self.to_axes[bone]), at.reshape(-1, 3))
-            places = np.arange(self._used, self._used + len(blocks))
-            self.values[places] = self.distances(int(bone), rest).reshape(-1, *self.values.shape[1:])
-            self.table[blocks] = places
-            self._used += len(blocks)
+        for block in wanted:
+            bone = int(np.searchsorted(starts, block, side="right")) - 1
+            origin, cell, counts = self.layout[bone, :3], self.layout[bone, 3], self.layout[bone, 4:7]
+            corner = np.array(np.unravel_index(block - starts[bone], counts.astype(np.int64)))
+            at = origin + cell * (SIDE * corner + _NODES)
+            values = self.values[self._used]
+            unknown = self._without_neighbours(values, corner, bone)
+            rest = apply_transform(inverse(self.to_axes[bone]), at[unknown.reshape(-1)])
+            values[unknown] = self.distances(bone, rest)
+            self.table[block] = self._used
+            self._used += 1
+
+    def _without_neighbours(self, values: Floats, corner: Ints, bone: int) -> Bools:
+        """Copy to a block's values (9, 9, 9) what its neighbours have, and return which nodes none has."""
+        unknown = np.ones(values.shape, dtype=np.bool_)
+        counts, start = self.layout[bone, 4:7].astype(np.int64), int(self.layout[bone, 7])
+        for axis in range(3):
+            for step, mine, theirs in ((-1, 0, SIDE), (1, SIDE, 0)):
+                beside = corner.copy()
+                beside[axis] += step
+                if not 0 <= beside[axis] < counts[axis]:
+                    continue
+                known = self.table[start + np.ravel_multi_index(tuple(beside), tuple(counts))]
+                if known != UNKNOWN:
+                    face = (slice(None),) * axis
+                    values[(*face, mine)] = self.values[known][(*face, theirs)]
+                    unknown[(*face, mine)] = False
+        return unknown
 
     def distances(self, bone: int, points: Floats) -> Floats:
         """Return the exact distances of points (n, 3) [mm], in the scene at rest, from a bone, (n,)."""
