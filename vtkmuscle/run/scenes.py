@@ -16,6 +16,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.closed_shells import closed_shells
+from vtkmuscle.core.mesh.shared import held
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.algorithm import AbortedError
@@ -137,7 +138,7 @@ def run_scene(
     try:
         jobs: dict[str, Future[None]] = {}
         count = _side_by_side(workers, scene, len(further))
-        with ThreadPoolExecutor(count) as pool, _setting_if_interrupted(stop):
+        with held(), ThreadPoolExecutor(count) as pool, _setting_if_interrupted(stop):
             if folder is not None:
                 folder.begin(report, scene, keys, kept)
             for name in kept:

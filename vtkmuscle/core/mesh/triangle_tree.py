@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from vtkmuscle.core.jit import array_kernel, kernel
+from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.triangle_distance import FACE, Sides, nearest_on_triangle, pseudonormal_at, sides_of
 from vtkmuscle.core.types import Floats, Ints
 
@@ -126,6 +127,10 @@ def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
     order = np.arange(len(triangles))
     _share_out(centres, order, np.arange(2**levels + 1) * len(triangles) // 2**levels)
     return _filled(points, triangles, order)
+
+
+#: The tree of a surface as :func:`triangle_tree` makes it, one for all who hold it.
+shared_tree = shared(triangle_tree)
 
 
 def tree_of_bent(known: TriangleTree | None, points: Floats, triangles: Ints) -> TriangleTree:

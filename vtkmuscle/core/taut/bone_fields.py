@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +10,7 @@ import numpy as np
 from vtkmuscle.core.collision.distance_lookup import trilinear
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.closed_shells import closed_shells
-from vtkmuscle.core.mesh.shared import shared
-from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Bools, Floats, Ints, Table
 
@@ -65,7 +63,7 @@ class BoneFields:
         self, bones: Sequence[tuple[Floats, Ints, Floats]], *, cell: float, reach: Sequence[float]
     ) -> None:
         self._surfaces = [(points, triangles) for points, triangles, _ in bones]
-        self._solids: list[Solids | None] = [None] * len(bones)
+        self._solids: list[Sequence[Shell] | None] = [None] * len(bones)
         self.to_axes: Floats = np.array([axes for _, _, axes in bones]).reshape(-1, 4, 4)
         self.layout: Floats = np.zeros((len(bones), 8))
         start = 0
@@ -119,9 +117,9 @@ class BoneFields:
                     continue
                 known = self.table[start + np.ravel_multi_index(tuple(beside), tuple(counts))]
                 if known != UNKNOWN:
-                    face = (slice(None),) * axis
-                    values[(*face, mine)] = self.values[known][(*face, theirs)]
-                    unknown[(*face, mine)] = False
+                    near, far = np.moveaxis(values, axis, 0), np.moveaxis(self.values[known], axis, 0)
+                    near[mine] = far[theirs]
+                    np.moveaxis(unknown, axis, 0)[mine] = False
         return unknown
 
     def distances(self, bone: int, points: Floats) -> Floats:
@@ -155,7 +153,7 @@ class BoneFields:
         known = self._solids[bone]
         if known is None:
             known = self._solids[bone] = _solids_of(*self._surfaces[bone])
-        return known.shells
+        return known
 
 
 class Shell(NamedTuple):
@@ -166,23 +164,16 @@ class Shell(NamedTuple):
     high: Floats
 
 
-@dataclass(frozen=True, eq=False)
-class Solids:
-    """The solid parts of a bone."""
-
-    shells: tuple[Shell, ...]
-
-
-@shared
-def _solids_of(points: Floats, triangles: Ints) -> Solids:
+def _solids_of(points: Floats, triangles: Ints) -> list[Shell]:
+    """Return the parts of a surface that enclose something."""
     mended = closed_shells(points, triangles)
     shells = []
     for shell, solid in zip(mended.shells, mended.solid, strict=True):
         if solid:
             corners = mended.points[shell.reshape(-1)]
-            tree = triangle_tree(mended.points, shell)
+            tree = shared_tree(mended.points, shell)
             shells.append(Shell(tree, corners.min(axis=0), corners.max(axis=0)))
-    return Solids(tuple(shells))
+    return shells
 
 
 @kernel
