@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,19 +67,32 @@ class VoxelGrid:
 
     def _all_beside(self, points: Floats, wanted: Bools) -> Bools:
         """Return whether all cells that a point lies in are wanted, (n,); on a face it lies in two."""
-        in_cells = (np.asarray(points, dtype=np.float64) - self.origin) / self.spacing
-        within = ((in_cells >= 0) & (in_cells < self.cells.shape)).all(axis=1)
-        inner, limit = in_cells[within], np.array(self.cells.shape) - 1
-        low, high = (np.floor(inner + side).astype(np.int64) for side in (-ON_A_FACE, ON_A_FACE))
-        cell = np.maximum(low, 0)
-        found = wanted[self.cells[cell[:, 0], cell[:, 1], cell[:, 2]]]
-        on_a_face = np.flatnonzero(found & (low != high).any(axis=1))
-        for x, y, z in product((low[on_a_face], high[on_a_face]), repeat=3):
-            cell = np.clip(np.column_stack([x[:, 0], y[:, 1], z[:, 2]]), 0, limit)
-            found[on_a_face] &= wanted[self.cells[cell[:, 0], cell[:, 1], cell[:, 2]]]
-        result = np.zeros(len(in_cells), dtype=np.bool_)
-        result[within] = found
+        positions = np.ascontiguousarray(points, dtype=np.float64)
+        result = np.empty(len(positions), dtype=np.bool_)
+        _find_beside(positions, self.origin, self.spacing, self.cells, wanted, result)
         return result
+
+
+@array_kernel
+def _find_beside(
+    points: Floats, origin: Floats, spacing: Floats, cells: Cells, wanted: Bools, result: Bools
+) -> None:
+    low, high = np.empty(3, np.int64), np.empty(3, np.int64)
+    for p in range(len(points)):
+        found = True
+        for k in range(3):
+            at = (points[p, k] - origin[k]) / spacing[k]
+            if not 0.0 <= at < cells.shape[k]:
+                found = False
+                break
+            low[k] = max(int(np.floor(at - ON_A_FACE)), 0)
+            high[k] = min(int(np.floor(at + ON_A_FACE)), cells.shape[k] - 1)
+        if found:
+            for i in range(low[0], high[0] + 1):
+                for j in range(low[1], high[1] + 1):
+                    for k in range(low[2], high[2] + 1):
+                        found = found and wanted[cells[i, j, k]]
+        result[p] = found
 
 
 def build_voxel_grid(
