@@ -89,6 +89,7 @@ def frame_numbers(frames: str | slice | range | int | None, count: int) -> range
     return numbers
 
 
+@held()
 def run_scene(
     scene: SceneData,
     out: Path | None,
@@ -138,7 +139,7 @@ def run_scene(
     try:
         jobs: dict[str, Future[None]] = {}
         count = _side_by_side(workers, scene, len(further))
-        with held(), ThreadPoolExecutor(count) as pool, _setting_if_interrupted(stop):
+        with ThreadPoolExecutor(count) as pool, _setting_if_interrupted(stop):
             if folder is not None:
                 folder.begin(report, scene, keys, kept)
             for name in kept:
