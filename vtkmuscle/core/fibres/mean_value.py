@@ -94,7 +94,9 @@ def coordinate_mesh(points: Floats, triangles: Ints) -> CoordinateMesh:
     if not len(used):
         raise InputError("mean value coordinates", "the mesh has no triangle with an area")
     one, two, three = sides[:, 0], sides[:, 1], sides[:, 2]
-    products = np.stack([(one * two).sum(axis=1), (one * three).sum(axis=1), (two * three).sum(axis=1)], axis=1)
+    products = np.stack(
+        [(one * two).sum(axis=1), (one * three).sum(axis=1), (two * three).sum(axis=1)], axis=1
+    )
     constants = np.column_stack(
         [
             normals,

@@ -32,7 +32,7 @@ from vtkmuscle.core.types import Floats, Ints
 
 #: Query points that are done together.
 LANES = 16
-#: Largest u = sin^2(theta / 2) of an edge of a far triangle: 20 degrees, where f has all digits after 11 terms.
+#: Largest u = sin^2(theta / 2) of an edge of a far triangle: 20 degrees; f has all digits after 11 terms.
 SMALL_ANGLE = 1.0 / 32.0
 #: Square of the height over a plane, as a part of that of the distance, below which S is computed otherwise:
 #: rounding of S errs by its own size over the height.
@@ -63,8 +63,8 @@ class MeshArrays(NamedTuple):
     vertices, triangles : (n, 3) array, (m, 3) int array
         Positions [mm]; triangles that have an area.
     constants : (m, 16) array
-        The unit normal n, l_1 x n, l_2 x n, the double area A, l_0 . l_1 / A, l_0 . l_2 / A, l_1 . l_2 / A, and
-        the squared lengths of the edges.
+        The unit normal n, l_1 x n, l_2 x n, the double area A, l_0 . l_1 / A, l_0 . l_2 / A, l_1 . l_2 / A,
+        and the squared lengths of the edges.
     spread : (n, 3) array
         Spreads a residual over the vertices by the smallest change of weights that keeps their sum.
     """
@@ -84,7 +84,7 @@ class LaneMemory(NamedTuple):
         Rows of numbers for the point in each lane.
     squares, inverses, sums : (n * LANES,) arrays
         Of each vertex its squared distance, the inverse distance, and its weight so far.
-    near : (9, 3) array
+    near : (8, 3) array
         For a near triangle.
     corners, shares : (LANES, 3) int array, (LANES, 3) array
         Of a point on the surface the vertices, -1 for others, and its barycentric coordinates.
@@ -101,9 +101,9 @@ class LaneMemory(NamedTuple):
 
 def lane_memory(n: int) -> LaneMemory:
     """Return working memory for a mesh of n vertices."""
-    rows = [np.empty(n * LANES) for _ in range(3)]
+    squares, inverses, sums = np.empty((3, n * LANES))
     corners, shares = np.empty((LANES, 3), dtype=np.int64), np.empty((LANES, 3))
-    return LaneMemory(np.zeros(_ROWS * LANES), *rows, np.empty((9, 3)), corners, shares)
+    return LaneMemory(np.zeros(_ROWS * LANES), squares, inverses, sums, np.empty((8, 3)), corners, shares)
 
 
 @vector_kernel
