@@ -59,40 +59,38 @@ class VoxelGrid:
 
     def contains(self, points: Floats) -> Bools:
         """Return whether each point (n, 3) [mm, rest pose] lies in a boundary or inside cell, (n,)."""
-        return self._all_beside(points, np.array([False, True, True]))
+        return self._all_beside(points, BOUNDARY)
 
     def encloses(self, points: Floats) -> Bools:
         """Return whether each point (n, 3) [mm, rest pose] lies in an inside cell, (n,)."""
-        return self._all_beside(points, np.array([False, False, True]))
+        return self._all_beside(points, INSIDE)
 
-    def _all_beside(self, points: Floats, wanted: Bools) -> Bools:
-        """Return whether all cells that a point lies in are wanted, (n,); on a face it lies in two."""
+    def _all_beside(self, points: Floats, least: int) -> Bools:
+        """Return whether all cells that a point lies in are at least that, (n,); on a face it lies in two."""
         positions = np.ascontiguousarray(points, dtype=np.float64)
-        result = np.empty(len(positions), dtype=np.bool_)
-        _find_beside(positions, self.origin, self.spacing, self.cells, wanted, result)
-        return result
+        found = np.empty(len(positions), dtype=np.bool_)
+        _beside(positions, self.origin, self.spacing, self.cells, least, found, np.empty((2, 3), np.int64))
+        return found
 
 
-@array_kernel
-def _find_beside(
-    points: Floats, origin: Floats, spacing: Floats, cells: Cells, wanted: Bools, result: Bools
+@kernel
+def _beside(
+    points: Floats, origin: Floats, spacing: Floats, cells: Cells, least: int, found: Bools, span: Ints
 ) -> None:
-    low, high = np.empty(3, np.int64), np.empty(3, np.int64)
-    for p in range(len(points)):
-        found = True
-        for k in range(3):
-            at = (points[p, k] - origin[k]) / spacing[k]
-            if not 0.0 <= at < cells.shape[k]:
-                found = False
-                break
-            low[k] = max(int(np.floor(at - ON_A_FACE)), 0)
-            high[k] = min(int(np.floor(at + ON_A_FACE)), cells.shape[k] - 1)
-        if found:
-            for i in range(low[0], high[0] + 1):
-                for j in range(low[1], high[1] + 1):
-                    for k in range(low[2], high[2] + 1):
-                        found = found and wanted[cells[i, j, k]]
-        result[p] = found
+    """Write whether each point's cells are at least that; span : (2, 3) working memory."""
+    for i in range(len(points)):
+        within = True
+        for axis in range(3):
+            at = (points[i, axis] - origin[axis]) / spacing[axis]
+            within = within and 0.0 <= at < cells.shape[axis]
+            last = cells.shape[axis] - 1
+            span[0, axis] = min(max(int(np.floor(at - ON_A_FACE)), 0), last) if within else 0
+            span[1, axis] = min(max(int(np.floor(at + ON_A_FACE)), 0), last) if within else 0
+        for x in range(span[0, 0], span[1, 0] + 1):
+            for y in range(span[0, 1], span[1, 1] + 1):
+                for z in range(span[0, 2], span[1, 2] + 1):
+                    within = within and cells[x, y, z] >= least
+        found[i] = within
 
 
 def build_voxel_grid(
