@@ -299,9 +299,14 @@ def test_a_surface_may_have_normals_of_another_name(renders):
 def test_the_length_figure_shows_each_fibre_and_the_mean():
     lengths = np.array([[10.0, 20.0, 60.0], [11.0, 19.0, 63.0]])
     axes = plot_lengths([0.0, 5.0], lengths).axes[0]
-    drawn = [line.get_ydata() for line in axes.lines if len(line.get_xdata())]
-    np.testing.assert_array_equal(drawn[:3], lengths.T)
-    np.testing.assert_allclose(drawn[3], [30.0, 31.0])
+    (fibres,) = axes.collections
+    for path, one in zip(fibres.get_paths(), lengths.T, strict=True):
+        np.testing.assert_array_equal(path.vertices, np.column_stack([[0.0, 5.0], one]))
+    (mean,) = [line.get_ydata() for line in axes.lines if len(line.get_xdata())]
+    np.testing.assert_allclose(mean, [30.0, 31.0])
+    low, high = axes.get_ylim()
+    assert low < 10.0
+    assert high > 63.0
 
 
 def test_the_volume_figure_holds_what_is_far_from_one():

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -163,7 +164,12 @@ def plot_lengths(
     values = np.asarray(lengths, dtype=np.float64)
     figure, axes = curves(title, time_label, f"fibre length [{units}]")
     marker = "o" if len(values) == 1 else ""
-    axes.plot(times, values, color=MUSCLE_RED, alpha=0.25, linewidth=0.7, marker=marker, markersize=3)
+    if marker:
+        axes.plot(times, values, color=MUSCLE_RED, alpha=0.25, linewidth=0.7, marker=marker, markersize=3)
+    else:
+        paths = np.stack([np.broadcast_to(np.asarray(times)[:, None], values.shape), values], axis=2)
+        lines = LineCollection(list(paths.swapaxes(0, 1)), colors=MUSCLE_RED, alpha=0.25, linewidths=0.7)
+        axes.add_collection(lines)
     axes.plot([], [], color=MUSCLE_RED, alpha=0.5, linewidth=0.7, label=f"{values.shape[1]} fibres")
     axes.plot(times, values.mean(axis=1), color="black", linewidth=2.2, marker=marker, label="mean")
     axes.legend(frameon=False)

@@ -53,6 +53,9 @@ class KeptFrames:
         self.verdicts: Mapping[str, str] = {
             name: track.report["verdict"]["verdict"] for name, track in tracks.items()
         }
+        for lengths in self.lengths.values():
+            lengths.setflags(write=False)  # moment arms by them are found once
+        self._known_arms: dict[tuple[str, ...], Any] = {}
         self._tracks = tracks
         self._bones = bones
         self.drawn_bones = drawn_bones or DrawnBones(bones)
