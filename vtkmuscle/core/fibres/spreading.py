@@ -161,26 +161,57 @@ def _between(points: Floats, offsets: Ints, shifts: Floats) -> Floats:
 
 def _station_steps(lines: Floats, within: Cloud) -> Floats:
     """Return how far places (k, STATIONS, 3) of fibres are from the middle of their cells, across them."""
-    low = np.minimum(lines.min(axis=(0, 1)), within.low)
-    extent = np.maximum(lines.max(axis=(0, 1)), within.high) - low
-    steps = np.linalg.norm(np.diff(lines, axis=1), axis=2)
+    low, high = within.low.copy(), within.high.copy()
+    length = _measured(lines, low, high)
+    extent, step = high - low, length / (len(lines) * (STATIONS - 1))
     # The space between fibres in the muscle.
-    spacing = max(float(np.sqrt(within.volume / max(float(steps.sum()), 1e-300))), 1e-300)
-    pieces = int(np.clip(np.ceil(2.0 * float(steps.mean()) / spacing), 1, PIECES))
+    spacing = max(float(np.sqrt(within.volume / max(length, 1e-300))), 1e-300)
+    pieces = int(np.clip(np.ceil(2.0 * step / spacing), 1, PIECES))
     size = max(spacing, float(extent.max()) / FINEST)
     shape = (extent / size).astype(np.int64) + 1
     places, order, offsets = _sorted_pieces(lines, pieces, low, size, shape)
     band = OVERLAP * spacing**2
     samples = within.samples, within.guesses
     pulls, weights = _pulls(lines, pieces, *samples, places, order, offsets, low, size, shape, band)
-    wide = spacing / max(float(steps.mean()), 1e-300)
-    blur = _blur(int(np.clip(2.0 * wide**2, LEAST_BLUR, 2 * STATIONS**2)))
-    pulls, weights = blur @ pulls, blur @ weights
-    shifts = np.divide(pulls, weights, out=np.zeros_like(pulls), where=weights > 0.0)
-    tangents = np.gradient(lines, axis=1)
-    tangents /= np.maximum(np.linalg.norm(tangents, axis=2, keepdims=True), 1e-300)
-    across: Floats = shifts - (shifts * tangents).sum(axis=2, keepdims=True) * tangents
-    return across
+    wide = spacing / max(step, 1e-300)
+    return _across(lines, pulls, weights, _blur(int(np.clip(2.0 * wide**2, LEAST_BLUR, 2 * STATIONS**2))))
+
+
+@kernel
+def _measured(lines: Floats, low: Floats, high: Floats) -> float:
+    """Return the length of lines (k, STATIONS, 3) together, and widen a box (3,), (3,) for them [mm]."""
+    total = 0.0
+    for i in range(len(lines)):
+        for j in range(lines.shape[1]):
+            square = 0.0
+            for axis in range(3):
+                low[axis] = min(low[axis], lines[i, j, axis])
+                high[axis] = max(high[axis], lines[i, j, axis])
+                square += (lines[i, j, axis] - lines[i, max(j - 1, 0), axis]) ** 2
+            total += np.sqrt(square)
+    return total
+
+
+@array_kernel
+def _across(lines: Floats, pulls: Floats, weights: Floats, blur: Floats) -> Floats:
+    """Return mean pulls (k, STATIONS, 3) of each place and its neighbours, without what is along the line."""
+    last = lines.shape[1] - 1
+    result = np.empty(lines.shape)
+    for i in range(len(lines)):
+        for j in range(last + 1):
+            x, y, z, weight = 0.0, 0.0, 0.0, 0.0
+            for k in range(last + 1):
+                part = blur[j, k]
+                x, y, z = x + part * pulls[i, k, 0], y + part * pulls[i, k, 1], z + part * pulls[i, k, 2]
+                weight += part * weights[i, k]
+            if weight > 0.0:
+                x, y, z = x / weight, y / weight, z / weight
+            before, after = lines[i, max(j - 1, 0)], lines[i, min(j + 1, last)]
+            tx, ty, tz = after[0] - before[0], after[1] - before[1], after[2] - before[2]
+            along = (x * tx + y * ty + z * tz) / max(tx * tx + ty * ty + tz * tz, 1e-300)
+            result[i, j, 0], result[i, j, 1] = x - along * tx, y - along * ty
+            result[i, j, 2] = z - along * tz
+    return result
 
 
 @lru_cache
@@ -262,7 +293,7 @@ def _pulls(
         stations[at] = line * n_stations + min(piece // pieces, n_stations - 2)
         for axis in range(3):
             in_cells[at, axis] = places[order[at], axis]
-    pulls, weights = np.zeros((n_lines, n_stations, 3)), np.zeros((n_lines, n_stations, 1))
+    pulls, weights = np.zeros((n_lines, n_stations, 3)), np.zeros((n_lines, n_stations))
     near, shares = np.empty(len(order), dtype=np.int64), np.empty(len(order))
     nodes = lines.reshape(n_lines * n_stations, 3)
     sums = pulls.reshape(n_lines * n_stations, 3), weights.reshape(n_lines * n_stations)
