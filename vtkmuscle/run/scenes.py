@@ -17,6 +17,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.closed_shells import closed_shells
+from vtkmuscle.core.mesh.shared import held
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.data.surface_distance import SurfaceDistance
@@ -90,6 +91,7 @@ def frame_numbers(frames: str | slice | range | int | None, count: int) -> range
     return numbers
 
 
+@held()
 def run_scene(
     scene: SceneData,
     out: Path | None,
