@@ -1,19 +1,31 @@
-"""What a run costs whatever the machine: projections, collision passes, executions of filters, and memory."""
+"""What a run costs whatever the machine: projections, collision passes, executions, pictures and memory."""
 
 from __future__ import annotations
 
+import math
 import tracemalloc
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from tempfile import TemporaryDirectory
 from typing import Any
+from unittest.mock import patch
+
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkFiltersModeling import vtkLinearSubdivisionFilter
 
 from vtkmuscle import Scene, phantoms
 from vtkmuscle.core.collision import contact
 from vtkmuscle.core.pbd import orders
+from vtkmuscle.data import drawn_bones
+from vtkmuscle.data.arrays import blocks_of, multiblock_from
 from vtkmuscle.filters import FixedPointDetector
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.pipelines import deform
+from vtkmuscle.plotting import Studio, View
+from vtkmuscle.plotting.studio import FINER
+from vtkmuscle.run import result
 
 #: Frames of the run.
 FRAMES = 6
@@ -27,22 +39,10 @@ def counted(counts: Counter[str]) -> Iterator[None]:
         ("collision passes", contact.Contact, "keep_out"),
         ("executions", Filter, "RequestData"),
     )
-    originals = [getattr(owner, name) for _, owner, name in watched]
-
-    def counting(original: Any, what: str) -> Any:
-        def run(self: Any, *arguments: Any, **keywords: Any) -> Any:
-            counts[what if what != "executions" else f"executions of {type(self).__name__}"] += 1
-            return original(self, *arguments, **keywords)
-
-        return run
-
-    for (what, owner, name), original in zip(watched, originals, strict=True):
-        setattr(owner, name, counting(original, what))
-    try:
+    with ExitStack() as stack:
+        for what, owner, name in watched:
+            stack.enter_context(patch.object(owner, name, _counting(getattr(owner, name), what, counts)))
         yield
-    finally:
-        for (_, owner, name), original in zip(watched, originals, strict=True):
-            setattr(owner, name, original)
 
 
 def work() -> dict[str, int]:
@@ -52,6 +52,59 @@ def work() -> dict[str, int]:
     with counted(found):
         scene.run(frames=slice(0, FRAMES), figures=False, workers=1)
     return dict(sorted(found.items()))
+
+
+def drawing() -> dict[str, int]:
+    """Return what the figures and the page of a run of a small scene with fine bones take.
+
+    Windows, pictures in them, triangles and thousands of pixels rendered for these; bones made coarser, and
+    regressions of moment arms.
+    """
+    phantom = phantoms.spindle_over_hinge()
+    bones = {name: _refined(bone) for name, bone in blocks_of(phantom.bones)}
+    scene = Scene.from_phantom(replace(phantom, bones=multiblock_from(bones)), n_fibres=10)
+    found: Counter[str] = Counter()
+    with ExitStack() as stack:
+        watched = (
+            ("bones made coarser", drawn_bones, "clustered"),
+            ("windows opened", Studio, "__init__"),
+            ("regressions of moment arms", result, "joint_arms"),
+        )
+        for what, owner, name in watched:
+            stack.enter_context(patch.object(owner, name, _counting(getattr(owner, name), what, found)))
+        take = Studio.picture
+
+        def picture(self: Studio, actors: Any, view: View, **options: Any) -> Any:
+            before = self.triangles
+            image = take(self, actors, view, **options)
+            found["pictures"] += 1
+            found["triangles drawn"] += self.triangles - before
+            found["thousands of pixels drawn"] += FINER**2 * view.size[0] * view.size[1] // 1000
+            return image
+
+        stack.enter_context(patch.object(Studio, "picture", picture))
+        scene.run(stack.enter_context(TemporaryDirectory()), frames=slice(0, FRAMES), workers=1)
+    return dict(sorted(found.items()))
+
+
+def _refined(bone: vtkPolyData) -> vtkPolyData:
+    """Return a bone with so many triangles that two of them are drawn with fewer."""
+    finer = vtkLinearSubdivisionFilter()
+    finer.SetInputData(bone)
+    finer.SetNumberOfSubdivisions(math.ceil(math.log(drawn_bones.TRIANGLES / bone.GetNumberOfCells(), 4)))
+    finer.Update()
+    found: vtkPolyData = finer.GetOutput()
+    return found
+
+
+def _counting(original: Any, what: str, counts: Counter[str]) -> Any:
+    """Return what does the same and is counted; executions by the class of what is executed."""
+
+    def run(*arguments: Any, **keywords: Any) -> Any:
+        counts[what if what != "executions" else f"executions of {type(arguments[0]).__name__}"] += 1
+        return original(*arguments, **keywords)
+
+    return run
 
 
 def memory() -> int:
@@ -70,5 +123,5 @@ def memory() -> int:
 
 
 def counts() -> dict[str, int]:
-    """Return both."""
-    return {**work(), "bytes per point of a step": memory()}
+    """Return all of it."""
+    return {**work(), **drawing(), "bytes per point of a step": memory()}
