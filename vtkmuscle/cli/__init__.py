@@ -21,7 +21,7 @@ from vtkmuscle.cli.running import run_and_tell
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.isolation import leave_out_working_folder
 
-#: Of flexion in the frames of the demo [degrees]: as far as :func:`vtkmuscle.phantoms.hip` goes, in fewer steps.
+#: Of flexion in the frames of the demo [degrees]: as far as that phantom goes, in fewer steps.
 DEMO_ANGLES = tuple(range(0, 91, 5))
 
 __all__ = ["BAD_INPUT", "FAILED", "INTERRUPTED", "app", "main"]
