@@ -8,7 +8,9 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import (
     angles_to,
+    angles_to_triangles,
     centroid_path,
+    have_area,
     line_of_action,
     physiological_cross_section,
     plane_crossings,
@@ -16,7 +18,7 @@ from vtkmuscle.core.fibres.measures import (
     section_areas,
 )
 from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
-from vtkmuscle.core.mesh.surface import signed_volume, triangle_normals
+from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_bent
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
@@ -153,20 +155,15 @@ class FibreMetrics(Filter):
             inner, faces = inner_areas(areas, muscle_geometry(muscle, "FibreMetrics: muscle"))
             triangles = np.vstack([triangles, faces + len(points)])
             points = np.vstack([points, inner])
-        normals = triangle_normals(points, triangles)
-        sizes = np.linalg.norm(normals, axis=1)
-        proper = sizes > 0
-        if not proper.any():
+        proper = triangles[have_area(points, triangles)]
+        if not len(proper):
             raise InputError("FibreMetrics: muscle", "no triangle has an area, and so a direction")
-        normals = normals[proper] / sizes[proper, None]
         # Of the frame before, where there is one: the muscle has bent, and is the same.
-        self._tree = tree_of_bent(self._tree, points, triangles[proper])
-        ends = (lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1])
-        angles = []
-        for places, runs in zip(ends, end_directions(lines.points, lines.offsets), strict=True):
-            sines = np.abs(np.einsum("ij,ij->i", runs, normals[self._tree.nearest(places)[0]]))
-            angles.append(np.degrees(np.arcsin(np.clip(sines, 0.0, 1.0))))
-        return angles[0], angles[1]
+        self._tree = tree_of_bent(self._tree, points, proper)
+        ends = np.vstack([lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1]])
+        runs = np.vstack(end_directions(lines.points, lines.offsets))
+        angles = angles_to_triangles(runs, points, proper[self._tree.nearest(ends)[0]])
+        return angles[: len(lines)], angles[len(lines) :]
 
     def _measure_muscle(
         self, result: vtkPolyData, lines: Polylines, lengths: Floats, muscle: vtkPolyData | None

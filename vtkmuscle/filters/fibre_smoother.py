@@ -9,9 +9,10 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.course import smooth_about_course
-from vtkmuscle.core.fibres.spreading import cloud, move_ends, steps_to_centres
+from vtkmuscle.core.fibres.spreading import Cloud, cloud, move_ends, steps_to_centres
 from vtkmuscle.core.mesh.polylines import polyline_lengths, smooth_polylines
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
+from vtkmuscle.core.recent import Recent
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     Polylines,
@@ -31,6 +32,8 @@ from vtkmuscle.filters.base.ports import InputPort, OutputPort
 SAMPLES, LEAST_SAMPLES = 64, 2048
 #: How far fibres that fill the muscle are moved by each pass.
 SPREADING = 1.5
+#: Numbers of positions for which they are kept in order.
+CLOUDS = 2
 
 
 class FibreSmoother(Filter):
@@ -135,8 +138,7 @@ class FibreSmoother(Filter):
         inner = np.ones(len(lines.points), dtype=np.bool_)
         inner[ends[0]] = inner[ends[1]] = False
         n_samples = max(SAMPLES * len(lines), LEAST_SAMPLES) if spreading and self.smoothing_passes else 0
-        samples = geometry.samples(n_samples)
-        within = cloud(samples) if len(samples) else None
+        within = _cloud(geometry, n_samples)
         points = lines.points
         for done in range(self.smoothing_passes):
             points = smooth_about_course(points, lines.offsets, self.smoothing_weight, 1)
@@ -152,6 +154,14 @@ class FibreSmoother(Filter):
             points[inner] = geometry.distance.into(points[inner])
             self.report_progress((done + 1) / self.smoothing_passes)
         return points
+
+
+def _cloud(geometry: MuscleGeometry, count: int) -> Cloud | None:
+    """Return positions in a muscle, the same for the same number, None where there are none."""
+    samples = geometry.samples(count)
+    clouds = geometry.once("clouds", lambda: Recent(CLOUDS))
+    found: Cloud | None = clouds(len(samples), lambda: cloud(samples)) if len(samples) else None
+    return found
 
 
 def _fill_the_muscle(fibres: vtkPolyData) -> bool:

@@ -14,11 +14,9 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.mean_value import mean_value_coordinates, transport
 from vtkmuscle.core.fibres.sparse_weights import (
     SparseWeights,
-    joined,
     sparse_mean_value_coordinates,
     sparse_transport,
 )
-from vtkmuscle.core.fibres.vertex_groups import vertex_groups
 from vtkmuscle.core.mesh.inside import points_inside
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_bent, triangle_tree
@@ -82,7 +80,13 @@ class _Rest:
         """Return the fibre points in the deformed vertices; `report` is called with the part that is done."""
         if self.weight_tolerance > 0.0:
             if self.sparse is None:
-                self.sparse = self._made_sparse(report)
+                self.sparse = sparse_mean_value_coordinates(
+                    self.points,
+                    self.triangles,
+                    self.fibre_points,
+                    prune=self.weight_tolerance,
+                    report=lambda part: report(0.9 * part),
+                )
             moved = sparse_transport(self.sparse, deformed)
             report(1.0)
             return moved
@@ -91,19 +95,6 @@ class _Rest:
             moved[first : first + _BLOCK] = transport(self._of_block(first), deformed)
             report(min(first + _BLOCK, len(moved)) / len(moved))
         return moved
-
-    def _made_sparse(self, report: Callable[[float], None]) -> SparseWeights:
-        groups, count = vertex_groups(self.points), len(self.fibre_points)
-        parts = []
-        for first in range(0, count, _BLOCK):
-            block = self.fibre_points[first : first + _BLOCK]
-            parts.append(
-                sparse_mean_value_coordinates(
-                    self.points, self.triangles, block, prune=self.weight_tolerance, groups=groups
-                )
-            )
-            report(min(first + _BLOCK, count) / (count + 1))
-        return joined(parts)
 
     def keep_within(self, fibre_points: Floats, surface: Floats) -> None:
         """Move fibre points (p, 3) to the surface (n, 3) that are farther outside of it than at rest.

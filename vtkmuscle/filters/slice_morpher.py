@@ -14,6 +14,7 @@ from vtkmuscle.core.morphing.planes import morph_by_planes
 from vtkmuscle.core.morphing.section_maps import MAPPINGS
 from vtkmuscle.core.morphing.slices import Box, Morph, Slicing
 from vtkmuscle.core.morphing.twist import Found, Twisting
+from vtkmuscle.core.recent import Recent
 from vtkmuscle.core.template.fitting import lie_opposite
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
@@ -34,6 +35,9 @@ from vtkmuscle.filters.harmonic_field import field_of, has_field
 NOTICED = 10.0
 #: ``slice_tolerance=None`` as a part of the box's length.
 DEFAULT_TOLERANCE = 1e-3
+#: Things that are kept with a muscle, three for each way to slice it: its sections and their maps do not
+#: depend on how many fibres go through them.
+SETTINGS_KEPT = 12
 
 
 class SliceMorpher(Filter):
@@ -200,6 +204,7 @@ class SliceMorpher(Filter):
             mapping=self.mapping,
             twisting=twisting,
             report_progress=self.report_progress,
+            once=geometry.once("sections", lambda: Recent(SETTINGS_KEPT)),
         )
 
         def morph(method: str) -> Morph:

@@ -6,7 +6,7 @@ from spindle import spindle
 
 from vtkmuscle.core.fibres import sparse_weights
 from vtkmuscle.core.fibres.mean_value import mean_value_coordinates, transport
-from vtkmuscle.core.fibres.sparse_weights import joined, sparse_mean_value_coordinates, sparse_transport
+from vtkmuscle.core.fibres.sparse_weights import sparse_mean_value_coordinates, sparse_transport
 
 
 @pytest.fixture(scope="module")
@@ -86,17 +86,22 @@ def test_groups_are_worth_more_than_the_larger_weights_alone(mesh):
     assert error[0] < 0.2 * error[1]
 
 
-def test_parts_that_are_joined_are_as_if_made_at_once(mesh):
+def test_what_is_done_is_reported_and_stops_where_that_fails(mesh):
     points, triangles, queries = mesh
-    whole, *parts = (
-        sparse_mean_value_coordinates(points, triangles, q, prune=0.5)
-        for q in (queries, queries[:50], queries[50:])
-    )
-    both = joined(parts)
-    assert_array_equal(both.starts, whole.starts)
-    assert_array_equal(both.columns, whole.columns)
-    assert_array_equal(both.values, whole.values)
-    assert both.error == whole.error
+    told = []
+
+    def report(part):
+        told.append(part)
+        if len(told) == 2:
+            raise KeyboardInterrupt
+
+    sparse_mean_value_coordinates(points, triangles, queries, prune=0.5, report=told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    told.clear()
+    with pytest.raises(KeyboardInterrupt):
+        sparse_mean_value_coordinates(points, triangles, queries, prune=0.5, report=report, threads=1)
+    assert len(told) == 2
 
 
 def test_the_result_does_not_depend_on_threads(mesh, monkeypatch):

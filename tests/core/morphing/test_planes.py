@@ -4,7 +4,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.morphing.planes import morph_by_planes
-from vtkmuscle.core.morphing.section_maps import MAPPINGS, map_section
+from vtkmuscle.core.morphing.section_maps import MAPPINGS, section_map
 from vtkmuscle.core.morphing.sections import closed_surface
 from vtkmuscle.core.morphing.slices import Slicing
 from vtkmuscle.core.motion.rigid import apply_transform
@@ -215,8 +215,8 @@ def test_a_slice_that_is_the_rectangle_maps_to_itself(rng):
     loop = np.array([(4.0, 0), (4, 3), (2, 3), (0, 3), (0, 1), (0, 0)])
     places = rng.random((20, 2)) * [4, 3]
     for mapping in MAPPINGS:
-        section = map_section(loop, np.zeros(2), np.array([4.0, 3.0]), places, mapping=mapping)
-        assert np.allclose(section.places, places, atol=1e-9)
+        section = section_map(loop, np.zeros(2), np.array([4.0, 3.0]), mapping=mapping)
+        assert np.allclose(section.places(places), places, atol=1e-9)
 
 
 @pytest.mark.parametrize("mapping", MAPPINGS)
@@ -227,10 +227,11 @@ def test_corners_of_the_rectangle_go_to_the_boundary_and_its_inside_to_the_insid
     loop = np.column_stack([10 + 9 * np.cos(angles), 4 + 3 * np.sin(angles)])
     corners = np.array([(0.0, 0), (20, 0), (20, 8), (0, 8)])
     sides = np.array([20.0, 8.0])
-    ends = map_section(loop, np.zeros(2), sides, corners, mapping=mapping).places
+    section = section_map(loop, np.zeros(2), sides, mapping=mapping)
+    ends = section.places(corners)
     radii = np.linalg.norm((ends - (10, 4)) / (9, 3), axis=1)
     assert np.allclose(radii, 1, atol=0.01)
-    mapped = map_section(loop, np.zeros(2), sides, rng.random((200, 2)) * sides, mapping=mapping).places
+    mapped = section.places(rng.random((200, 2)) * sides)
     assert (np.linalg.norm((mapped - (10, 4)) / (9, 3), axis=1) <= 1).all()
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,27 +59,38 @@ class VoxelGrid:
 
     def contains(self, points: Floats) -> Bools:
         """Return whether each point (n, 3) [mm, rest pose] lies in a boundary or inside cell, (n,)."""
-        return self._all_beside(points, np.array([False, True, True]))
+        return self._all_beside(points, BOUNDARY)
 
     def encloses(self, points: Floats) -> Bools:
         """Return whether each point (n, 3) [mm, rest pose] lies in an inside cell, (n,)."""
-        return self._all_beside(points, np.array([False, False, True]))
+        return self._all_beside(points, INSIDE)
 
-    def _all_beside(self, points: Floats, wanted: Bools) -> Bools:
-        """Return whether all cells that a point lies in are wanted, (n,); on a face it lies in two."""
-        in_cells = (np.asarray(points, dtype=np.float64) - self.origin) / self.spacing
-        within = ((in_cells >= 0) & (in_cells < self.cells.shape)).all(axis=1)
-        inner, limit = in_cells[within], np.array(self.cells.shape) - 1
-        low, high = (np.floor(inner + side).astype(np.int64) for side in (-ON_A_FACE, ON_A_FACE))
-        cell = np.maximum(low, 0)
-        found = wanted[self.cells[cell[:, 0], cell[:, 1], cell[:, 2]]]
-        on_a_face = np.flatnonzero(found & (low != high).any(axis=1))
-        for x, y, z in product((low[on_a_face], high[on_a_face]), repeat=3):
-            cell = np.clip(np.column_stack([x[:, 0], y[:, 1], z[:, 2]]), 0, limit)
-            found[on_a_face] &= wanted[self.cells[cell[:, 0], cell[:, 1], cell[:, 2]]]
-        result = np.zeros(len(in_cells), dtype=np.bool_)
-        result[within] = found
-        return result
+    def _all_beside(self, points: Floats, least: int) -> Bools:
+        """Return whether all cells that a point lies in are at least that, (n,); on a face it lies in two."""
+        positions = np.ascontiguousarray(points, dtype=np.float64)
+        found = np.empty(len(positions), dtype=np.bool_)
+        _beside(positions, self.origin, self.spacing, self.cells, least, found, np.empty((2, 3), np.int64))
+        return found
+
+
+@kernel
+def _beside(
+    points: Floats, origin: Floats, spacing: Floats, cells: Cells, least: int, found: Bools, span: Ints
+) -> None:
+    """Write whether each point's cells are at least that; span : (2, 3) working memory."""
+    for i in range(len(points)):
+        within = True
+        for axis in range(3):
+            at = (points[i, axis] - origin[axis]) / spacing[axis]
+            within = within and 0.0 <= at < cells.shape[axis]
+            last = cells.shape[axis] - 1
+            span[0, axis] = min(max(int(np.floor(at - ON_A_FACE)), 0), last) if within else 0
+            span[1, axis] = min(max(int(np.floor(at + ON_A_FACE)), 0), last) if within else 0
+        for x in range(span[0, 0], span[1, 0] + 1):
+            for y in range(span[0, 1], span[1, 1] + 1):
+                for z in range(span[0, 2], span[1, 2] + 1):
+                    within = within and cells[x, y, z] >= least
+        found[i] = within
 
 
 def build_voxel_grid(

@@ -8,7 +8,7 @@ import numpy as np
 
 from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.polylines import distance_between, resample_polyline, turn_at
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import Bools, Floats, Ints
 
 
 @array_kernel
@@ -84,6 +84,36 @@ def angles_to(points: Floats, offsets: Ints, direction: Floats) -> Floats:
     across = np.linalg.norm(np.cross(chords, direction), axis=1)
     angles: Floats = np.degrees(np.arctan2(across, chords @ direction))
     return angles
+
+
+@kernel
+def _double_area_vector(points: Floats, triangle: Ints) -> tuple[float, float, float]:
+    """Return the normal of a triangle (3,), as long as twice its area."""
+    i, j, k = triangle[0], triangle[1], triangle[2]
+    ax, ay, az = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
+    bx, by, bz = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1], points[k, 2] - points[i, 2]
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
+@array_kernel
+def have_area(points: Floats, triangles: Ints) -> Bools:
+    """Return which triangles (m, 3) between points (n, 3) have an area, (m,)."""
+    result = np.empty(len(triangles), dtype=np.bool_)
+    for t in range(len(triangles)):
+        x, y, z = _double_area_vector(points, triangles[t])
+        result[t] = x * x + y * y + z * z > 0.0
+    return result
+
+
+@array_kernel
+def angles_to_triangles(directions: Floats, points: Floats, triangles: Ints) -> Floats:
+    """Return the angle between each unit vector (k, 3) and its triangle (k, 3), (k,) [degrees, 0 to 90]."""
+    result = np.empty(len(directions))
+    for i in range(len(directions)):
+        x, y, z = _double_area_vector(points, triangles[i])
+        sine = abs(directions[i, 0] * x + directions[i, 1] * y + directions[i, 2] * z)
+        result[i] = np.degrees(np.arcsin(min(sine / np.sqrt(x * x + y * y + z * z), 1.0)))
+    return result
 
 
 def physiological_cross_section(volume: float, lengths: Floats, angles: Floats) -> tuple[float, float]:

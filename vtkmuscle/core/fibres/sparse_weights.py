@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.fibres.mean_value import coordinate_mesh, in_chunks
 from vtkmuscle.core.fibres.vertex_groups import VertexGroups, vertex_groups
-from vtkmuscle.core.jit import array_kernel, kernel
+from vtkmuscle.core.jit import array_kernel, kernel, reduction
 from vtkmuscle.core.mesh.surface import mean_point
 from vtkmuscle.core.types import Floats, Ints
 
@@ -24,6 +24,8 @@ _MADE_UP = 1e-10
 LARGEST_CHANGE = 1.0
 #: Weights that a thread of its own pays for: it takes as long to start as half a million take to apply.
 WORTH_A_THREAD = 4_000_000
+#: Weights of a group that are compared with their mean before it is asked whether that is enough.
+_STRETCH = 128
 #: Thresholds below this divide all groups [1].
 _LEAST = 1e-15
 
@@ -61,7 +63,7 @@ def sparse_mean_value_coordinates(
     *,
     prune: float,
     threads: int = 0,
-    groups: VertexGroups | None = None,
+    report: Callable[[float], None] = lambda part: None,
 ) -> SparseWeights:
     """Return mean value coordinates with one weight for many vertices, where theirs are much the same.
 
@@ -77,8 +79,8 @@ def sparse_mean_value_coordinates(
     prune : float
         A group has one weight where sum abs(w_j - w) r < 2 prune R / n, with r its radius, R that of all n
         vertices, >= 0.
-    groups : VertexGroups, optional
-        Of the points, where they are known.
+    report : callable, optional
+        Told the part of the points that is done.
 
     Returns
     -------
@@ -91,15 +93,22 @@ def sparse_mean_value_coordinates(
         As :func:`~vtkmuscle.core.fibres.mean_value.mean_value_coordinates`.
     """
     mesh = coordinate_mesh(points, triangles)
-    groups = vertex_groups(points) if groups is None else groups
-    columns = groups.with_means(points - mesh.centre), groups.sizes
-    probe = groups.with_means((points - mesh.centre) ** 2 / (2.0 * mesh.diagonal))
+    groups = vertex_groups(points)
+    centred, order = points - mesh.centre, groups.order
+    bent = centred**2 / (2.0 * mesh.diagonal)
+    known = (
+        groups.with_means(centred),
+        groups.sizes,
+        groups.with_means(bent),
+        np.ascontiguousarray(bent[order].T),
+    )
     threshold = 2.0 * prune * groups.radii.max(initial=0.0) / len(points)
 
     def keep(rows: slice, weights: Floats) -> tuple[Ints, NDArray[np.int32], Floats, float]:
-        return _grouped(weights, groups, *columns, queries[rows] - mesh.centre, probe, threshold)
+        return _grouped(weights, groups, *known, queries[rows] - mesh.centre, threshold)
 
-    parts = in_chunks(mesh, queries, keep, threads)
+    # Rows in the order of the groups: a group's weights are next to each other.
+    parts = in_chunks(mesh, queries, keep, threads, places=np.argsort(order), report=report)
     counts = np.concatenate([part[0] for part in parts]) if parts else np.zeros(0, dtype=np.int64)
     return SparseWeights(
         np.append(0, np.cumsum(counts)),
@@ -107,19 +116,6 @@ def sparse_mean_value_coordinates(
         np.concatenate([part[2] for part in parts]) if parts else np.zeros(0),
         max((part[3] for part in parts), default=0.0),
         groups,
-    )
-
-
-def joined(parts: Sequence[SparseWeights]) -> SparseWeights:
-    """Return the weights of the points of all parts, of the same mesh, one after the other."""
-    ends = np.cumsum([len(part.values) for part in parts])
-    starts = [part.starts[:-1] + end - len(part.values) for part, end in zip(parts, ends, strict=True)]
-    return SparseWeights(
-        np.concatenate([*starts, ends[-1:]]),
-        np.concatenate([part.columns for part in parts]),
-        np.concatenate([part.values for part in parts]),
-        max(part.error for part in parts),
-        parts[0].groups,
     )
 
 
@@ -168,31 +164,36 @@ def _grouped(
     groups: VertexGroups,
     means: Floats,
     sizes: Ints,
-    queries: Floats,
     probe: Floats,
+    bent: Floats,
+    queries: Floats,
     threshold: float,
 ) -> tuple[Ints, NDArray[np.int32], Floats, float]:
-    """Return how many weights each row (q, n) keeps, their columns and values, and the probe's error."""
+    """Return how many weights each row (q, n) keeps, their columns and values, and the probe's error.
+
+    Rows are in the order of the groups, and so is the probe's ``bent`` (3, n).
+    """
     counts = np.zeros(len(weights), dtype=np.int64)
     columns = np.empty(weights.size, dtype=np.int32)
     values = np.empty(weights.size)
-    waiting = np.empty(len(groups.order), dtype=np.int64)
+    waiting, totals = np.empty(len(groups.order), dtype=np.int64), np.empty(len(groups.first))
     start, error = 0, 0.0
     for q in range(len(weights)):
         most = threshold
+        _total(weights[q], groups, totals)
         while True:
-            count, rounded = _gather(weights[q], groups, most, waiting, columns[start:], values[start:])
+            count, rounded = _gather(
+                weights[q], totals, groups, most, waiting, columns[start:], values[start:]
+            )
             end = start + count
             if not rounded or _make_up(columns[start:end], values[start:end], means, sizes, queries[q]):
                 break
             most = 0.1 * most if most > _LEAST * threshold else 0.0  # too few are left, or nearly in a plane
         square = 0.0
         for axis in range(3):
-            missed = 0.0
+            missed = -_product(weights[q], bent[axis])
             for i in range(start, end):
                 missed += values[i] * probe[columns[i], axis]
-            for j in range(len(groups.order)):
-                missed -= weights[q, j] * probe[j, axis]
             square += missed * missed
         error = max(error, np.sqrt(square))
         counts[q] = count
@@ -200,9 +201,35 @@ def _grouped(
     return counts, columns[:start].copy(), values[:start].copy(), error
 
 
+@reduction
+def _product(a: Floats, b: Floats) -> float:
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total
+
+
+@reduction
+def _deviation(values: Floats, mean: float) -> float:
+    total = 0.0
+    for value in values:
+        total += abs(value - mean)
+    return total
+
+
+@kernel
+def _total(weights: Floats, groups: VertexGroups, totals: Floats) -> None:
+    """Write the sum of the weights (n,) of each group, the smallest groups first."""
+    for group in range(len(totals) - 1, -1, -1):
+        one, two = groups.parts[group, 0], groups.parts[group, 1]
+        totals[group] = totals[one] if one >= 0 else weights[groups.first[group]]
+        totals[group] += totals[two] if two >= 0 else weights[groups.last[group] - 1]
+
+
 @kernel
 def _gather(
     weights: Floats,
+    totals: Floats,
     groups: VertexGroups,
     most: float,
     waiting: Ints,
@@ -211,7 +238,8 @@ def _gather(
 ) -> tuple[int, bool]:
     """Write the columns and values of a row (n,), by the largest groups that err by no more than `most`.
 
-    Returns how many there are, and whether they err at all; waiting : (n,) working memory.
+    Returns how many there are, and whether they err at all; waiting : (n,) working memory, of groups, and of
+    vertices as -1 - their place in the order.
     """
     n = len(groups.order)
     count, rounded = 0, False
@@ -219,21 +247,20 @@ def _gather(
     while depth > 0:
         depth -= 1
         group = waiting[depth]
-        column, total = -1 - group, 0.0
         if group < 0:
-            total = weights[column]
+            column, total = groups.order[-1 - group], weights[-1 - group]
         else:
-            column = n + group
-            vertices = groups.order[groups.first[group] : groups.last[group]]
-            for j in vertices:
-                total += weights[j]
-            mean, off = total / len(vertices), 0.0
-            for j in vertices:
-                off += groups.radii[group] * abs(weights[j] - mean)
+            column, total = n + group, totals[group]
+            first, last, off = groups.first[group], groups.last[group], 0.0
+            mean = total / (last - first)
+            for begin in range(first, last, _STRETCH):
+                off += groups.radii[group] * _deviation(weights[begin : min(begin + _STRETCH, last)], mean)
                 if off > most:
                     break
             if off > most:
-                waiting[depth], waiting[depth + 1] = groups.parts[group, 1], groups.parts[group, 0]
+                one, two = groups.parts[group, 0], groups.parts[group, 1]
+                waiting[depth] = two if two >= 0 else -last
+                waiting[depth + 1] = one if one >= 0 else -1 - first
                 depth += 2
                 continue
             rounded = rounded or off > 0.0

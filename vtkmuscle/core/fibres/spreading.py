@@ -34,6 +34,8 @@ OVERLAP = 0.1
 REACH = 0.11
 #: Most cells of the grid along a side.
 FINEST = 256
+#: Cells along a side by which positions are sorted.
+_CELLS = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,20 +50,29 @@ class Cloud:
         The corners of their box [mm].
     volume : float
         That of a box with the same spread, to about a factor of two [mm^3].
+    guesses : (j,) int array
+        Number of the place that was nearest to each when fibres were moved last, and is likely to be still;
+        -1 where that is not known. Nothing but time depends on it.
     """
 
     samples: Floats
     low: Floats
     high: Floats
     volume: float
+    guesses: Ints
 
 
 def cloud(samples: Floats) -> Cloud:
     """Return positions (j, 3), j >= 1, and what is known of them."""
+    # Those next to each other one after the other: what is looked up for them is at hand.
+    cells = (samples - samples.min(axis=0)) * (_CELLS / max(float(np.ptp(samples, axis=0).max()), 1e-300))
+    x, y, z = cells.astype(np.int64).T
+    samples = samples[np.argsort((x * (_CELLS + 1) + y) * (_CELLS + 1) + z, kind="stable")]
     about = samples - samples.mean(axis=0)
     spread = about.T @ about / len(samples)
     volume = float(np.sqrt(12.0**3 * max(float(np.linalg.det(spread)), 0.0)))
-    return Cloud(samples, samples.min(axis=0), samples.max(axis=0), volume)
+    guesses = np.full(len(samples), -1)
+    return Cloud(samples, samples.min(axis=0), samples.max(axis=0), volume, guesses)
 
 
 def steps_to_centres(points: Floats, offsets: Ints, within: Cloud) -> Floats:
@@ -150,25 +161,57 @@ def _between(points: Floats, offsets: Ints, shifts: Floats) -> Floats:
 
 def _station_steps(lines: Floats, within: Cloud) -> Floats:
     """Return how far places (k, STATIONS, 3) of fibres are from the middle of their cells, across them."""
-    low = np.minimum(lines.min(axis=(0, 1)), within.low)
-    extent = np.maximum(lines.max(axis=(0, 1)), within.high) - low
-    steps = np.linalg.norm(np.diff(lines, axis=1), axis=2)
+    low, high = within.low.copy(), within.high.copy()
+    length = _measured(lines, low, high)
+    extent, step = high - low, length / (len(lines) * (STATIONS - 1))
     # The space between fibres in the muscle.
-    spacing = max(float(np.sqrt(within.volume / max(float(steps.sum()), 1e-300))), 1e-300)
-    pieces = int(np.clip(np.ceil(2.0 * float(steps.mean()) / spacing), 1, PIECES))
+    spacing = max(float(np.sqrt(within.volume / max(length, 1e-300))), 1e-300)
+    pieces = int(np.clip(np.ceil(2.0 * step / spacing), 1, PIECES))
     size = max(spacing, float(extent.max()) / FINEST)
     shape = (extent / size).astype(np.int64) + 1
-    places, owners, offsets = _sorted_pieces(lines, pieces, low, size, shape)
+    places, order, offsets = _sorted_pieces(lines, pieces, low, size, shape)
     band = OVERLAP * spacing**2
-    pulls, weights = _pulls(lines, pieces, within.samples, places, owners, offsets, low, size, shape, band)
-    wide = spacing / max(float(steps.mean()), 1e-300)
-    blur = _blur(int(np.clip(2.0 * wide**2, LEAST_BLUR, 2 * STATIONS**2)))
-    pulls, weights = blur @ pulls, blur @ weights
-    shifts = np.divide(pulls, weights, out=np.zeros_like(pulls), where=weights > 0.0)
-    tangents = np.gradient(lines, axis=1)
-    tangents /= np.maximum(np.linalg.norm(tangents, axis=2, keepdims=True), 1e-300)
-    across: Floats = shifts - (shifts * tangents).sum(axis=2, keepdims=True) * tangents
-    return across
+    samples = within.samples, within.guesses
+    pulls, weights = _pulls(lines, pieces, *samples, places, order, offsets, low, size, shape, band)
+    wide = spacing / max(step, 1e-300)
+    return _across(lines, pulls, weights, _blur(int(np.clip(2.0 * wide**2, LEAST_BLUR, 2 * STATIONS**2))))
+
+
+@kernel
+def _measured(lines: Floats, low: Floats, high: Floats) -> float:
+    """Return the length of lines (k, STATIONS, 3) together, and widen a box (3,), (3,) for them [mm]."""
+    total = 0.0
+    for i in range(len(lines)):
+        for j in range(lines.shape[1]):
+            square = 0.0
+            for axis in range(3):
+                low[axis] = min(low[axis], lines[i, j, axis])
+                high[axis] = max(high[axis], lines[i, j, axis])
+                square += (lines[i, j, axis] - lines[i, max(j - 1, 0), axis]) ** 2
+            total += np.sqrt(square)
+    return total
+
+
+@array_kernel
+def _across(lines: Floats, pulls: Floats, weights: Floats, blur: Floats) -> Floats:
+    """Return mean pulls (k, STATIONS, 3) of each place and its neighbours, without what is along the line."""
+    last = lines.shape[1] - 1
+    result = np.empty(lines.shape)
+    for i in range(len(lines)):
+        for j in range(last + 1):
+            x, y, z, weight = 0.0, 0.0, 0.0, 0.0
+            for k in range(last + 1):
+                part = blur[j, k]
+                x, y, z = x + part * pulls[i, k, 0], y + part * pulls[i, k, 1], z + part * pulls[i, k, 2]
+                weight += part * weights[i, k]
+            if weight > 0.0:
+                x, y, z = x / weight, y / weight, z / weight
+            before, after = lines[i, max(j - 1, 0)], lines[i, min(j + 1, last)]
+            tx, ty, tz = after[0] - before[0], after[1] - before[1], after[2] - before[2]
+            along = (x * tx + y * ty + z * tz) / max(tx * tx + ty * ty + tz * tz, 1e-300)
+            result[i, j, 0], result[i, j, 1] = x - along * tx, y - along * ty
+            result[i, j, 2] = z - along * tz
+    return result
 
 
 @lru_cache
@@ -184,10 +227,9 @@ def _blur(passes: int) -> Floats:
 def _sorted_pieces(
     lines: Floats, pieces: int, low: Floats, size: float, shape: Ints
 ) -> tuple[Floats, Ints, Ints]:
-    """Return places along fibres, their numbers, and which of them are in each cell of a grid (offsets)."""
+    """Return places along fibres, their numbers by cells of a grid, and where each cell begins (offsets)."""
     n_lines, n = len(lines), (lines.shape[1] - 1) * pieces + 1
-    cells, unsorted = np.empty(n_lines * n, dtype=np.int64), np.empty((n_lines * n, 3))
-    places = np.empty((n_lines * n, 3))
+    cells, places = np.empty(n_lines * n, dtype=np.int64), np.empty((n_lines * n, 3))
     for number in range(n_lines * n):
         line, piece = number // n, number % n
         station = min(piece // pieces, lines.shape[1] - 2)
@@ -195,47 +237,31 @@ def _sorted_pieces(
         cell = 0
         for axis in range(3):
             x = (1.0 - share) * lines[line, station, axis] + share * lines[line, station + 1, axis]
-            unsorted[number, axis] = x
+            places[number, axis] = x
             cell = cell * shape[axis] + min(int((x - low[axis]) / size), shape[axis] - 1)
         cells[number] = cell
-    owners, offsets = sorted_into_bins(cells, shape[0] * shape[1] * shape[2])
-    for i in range(len(owners)):
-        for axis in range(3):
-            places[i, axis] = unsorted[owners[i], axis]
-    return places, owners, offsets
+    order, offsets = sorted_into_bins(cells, shape[0] * shape[1] * shape[2])
+    return places, order, offsets
 
 
 @kernel
-def _nearest_square(
-    sample: Floats, places: Floats, offsets: Ints, low: Floats, size: float, shape: Ints
+def _square_to_a_near_one(
+    x: float, y: float, z: float, places: Floats, offsets: Ints, low: Floats, size: float, shape: Ints
 ) -> float:
-    """Return the squared distance from a sample (3,) to the nearest place, looked for in shells of cells."""
-    x, y, z = (sample[0] - low[0]) / size, (sample[1] - low[1]) / size, (sample[2] - low[2]) / size
-    a, b, c = min(int(x), shape[0] - 1), min(int(y), shape[1] - 1), min(int(z), shape[2] - 1)
-    # What is `reach` cells away is at least reach - 1 cells' sizes and the way to the nearest wall away.
-    wall = min(x - a, y - b, z - c, a + 1 - x, b + 1 - y, c + 1 - z)
-    # Cells that are farther away than the nearest place need no look, but for rounding.
-    least, bound, reach = np.inf, np.inf, 0
-    while least == np.inf or reach - 1 + wall < 0.0 or (reach - 1 + wall) ** 2 < bound:
+    """Return the squared distance from a position to a place: the nearest in the first shell that has any."""
+    a = min(int((x - low[0]) / size), shape[0] - 1)
+    b = min(int((y - low[1]) / size), shape[1] - 1)
+    c = min(int((z - low[2]) / size), shape[2] - 1)
+    least, reach = np.inf, 0
+    while least == np.inf:
         for i in range(max(a - reach, 0), min(a + reach + 1, shape[0])):
-            on_i = abs(i - a) == reach
-            far_i = max(i - x, x - i - 1, 0.0) ** 2
-            if far_i > bound:
-                continue
             for j in range(max(b - reach, 0), min(b + reach + 1, shape[1])):
-                far_j = far_i + max(j - y, y - j - 1, 0.0) ** 2
-                if far_j > bound:
-                    continue
-                step = 1 if on_i or abs(j - b) == reach or reach == 0 else 2 * reach
-                for k in range(c - reach, c + reach + 1, step):
-                    if k < 0 or k >= shape[2] or far_j + max(k - z, z - k - 1, 0.0) ** 2 > bound:
-                        continue
-                    cell = (i * shape[1] + j) * shape[2] + k
-                    for at in range(offsets[cell], offsets[cell + 1]):
-                        dx, dy = places[at, 0] - sample[0], places[at, 1] - sample[1]
-                        dz = places[at, 2] - sample[2]
-                        least = min(least, dx * dx + dy * dy + dz * dz)
-                    bound = least * (1.0 + 1e-9) / (size * size)  # in cells' sizes
+                row = (i * shape[1] + j) * shape[2]
+                # Cells of a row are one after the other.
+                first, last = offsets[row + max(c - reach, 0)], offsets[row + min(c + reach + 1, shape[2])]
+                for at in range(first, last):
+                    dx, dy, dz = places[at, 0] - x, places[at, 1] - y, places[at, 2] - z
+                    least = min(least, dx * dx + dy * dy + dz * dz)
         reach += 1
     return least
 
@@ -245,8 +271,9 @@ def _pulls(
     lines: Floats,
     pieces: int,
     samples: Floats,
+    guesses: Ints,
     places: Floats,
-    owners: Ints,
+    order: Ints,
     offsets: Ints,
     low: Floats,
     size: float,
@@ -260,45 +287,85 @@ def _pulls(
     """
     n_lines, n_stations = lines.shape[0], lines.shape[1]
     n = (n_stations - 1) * pieces + 1
-    pulls, weights = np.zeros((n_lines, n_stations, 3)), np.zeros((n_lines, n_stations, 1))
-    first, last = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
-    near, shares = np.empty(len(places), dtype=np.int64), np.empty(len(places))
-    ahead = np.empty(3)
+    in_cells, stations = np.empty((len(order), 3)), np.empty(len(order), dtype=np.int64)
+    for at in range(len(order)):
+        line, piece = order[at] // n, order[at] % n
+        stations[at] = line * n_stations + min(piece // pieces, n_stations - 2)
+        for axis in range(3):
+            in_cells[at, axis] = places[order[at], axis]
+    pulls, weights = np.zeros((n_lines, n_stations, 3)), np.zeros((n_lines, n_stations))
+    near, shares = np.empty(len(order), dtype=np.int64), np.empty(len(order))
+    nodes = lines.reshape(n_lines * n_stations, 3)
+    sums = pulls.reshape(n_lines * n_stations, 3), weights.reshape(n_lines * n_stations)
+    bins = in_cells, order, stations, offsets, low, size, shape
+    _pull(nodes, samples, guesses, places, bins, band, near, shares, *sums)
+    return pulls, weights
+
+
+@kernel
+def _pull(
+    nodes: Floats,
+    samples: Floats,
+    guesses: Ints,
+    places: Floats,
+    bins: tuple[Floats, Ints, Ints, Ints, Floats, float, Ints],
+    band: float,
+    near: Ints,
+    shares: Floats,
+    pulls: Floats,
+    weights: Floats,
+) -> None:
+    """Add to what :func:`_pulls` returns, by the number of the station before each place."""
+    in_cells, order, stations, offsets, low, size, shape = bins
+    lx, ly, lz = low[0], low[1], low[2]
+    nx, ny, nz = shape[0], shape[1], shape[2]
     for number in range(len(samples)):
-        sample = samples[number]
-        least = _nearest_square(sample, places, offsets, low, size, shape)
+        x, y, z = samples[number, 0], samples[number, 1], samples[number, 2]
+        guess = guesses[number]
+        if 0 <= guess < len(places):
+            dx, dy, dz = places[guess, 0] - x, places[guess, 1] - y, places[guess, 2] - z
+            least = dx * dx + dy * dy + dz * dz
+        else:
+            least = _square_to_a_near_one(x, y, z, in_cells, offsets, low, size, shape)
         farthest = least * (1.0 + 1e-9) + max(band, 1e-300)  # farther than the nearest in any case
         reach = np.sqrt(farthest)
-        for axis in range(3):
-            first[axis] = max(int((sample[axis] - reach - low[axis]) / size), 0)
-            last[axis] = min(int((sample[axis] + reach - low[axis]) / size), shape[axis] - 1)
+        first, last = max(int((z - reach - lz) / size), 0), min(int((z + reach - lz) / size), nz - 1)
+        found = 0
+        for i in range(max(int((x - reach - lx) / size), 0), min(int((x + reach - lx) / size), nx - 1) + 1):
+            for j in range(
+                max(int((y - reach - ly) / size), 0), min(int((y + reach - ly) / size), ny - 1) + 1
+            ):
+                row = (i * ny + j) * nz
+                for at in range(offsets[row + first], offsets[row + last + 1]):
+                    dx, dy, dz = in_cells[at, 0] - x, in_cells[at, 1] - y, in_cells[at, 2] - z
+                    square = dx * dx + dy * dy + dz * dz
+                    near[found], shares[found] = stations[at], square
+                    found += 1 if square < farthest else 0
+                    if square <= least:
+                        least, guess = square, order[at]
+        guesses[number] = guess
+        farthest = least * (1.0 + 1e-9) + max(band, 1e-300)
         count, total = 0, 0.0
-        for i in range(first[0], last[0] + 1):
-            for j in range(first[1], last[1] + 1):
-                row = (i * shape[1] + j) * shape[2]
-                # Cells of a row are one after the other.
-                for at in range(offsets[row + first[2]], offsets[row + last[2] + 1]):
-                    dx, dy = places[at, 0] - sample[0], places[at, 1] - sample[1]
-                    dz = places[at, 2] - sample[2]
-                    share = farthest - (dx * dx + dy * dy + dz * dz)
-                    if share > 0.0:
-                        near[count], shares[count] = owners[at], share
-                        count += 1
-                        total += share
+        for k in range(found):
+            share = farthest - shares[k]
+            if share > 0.0:
+                near[count], shares[count] = near[k], share
+                count += 1
+                total += share
         for k in range(count):
-            line, piece = near[k] // n, near[k] % n
-            station = min(piece // pieces, n_stations - 2)
-            squared, along = 0.0, 0.0
-            for axis in range(3):
-                ahead[axis] = lines[line, station + 1, axis] - lines[line, station, axis]
-                squared += ahead[axis] * ahead[axis]
-                along += (sample[axis] - lines[line, station, axis]) * ahead[axis]
+            node = near[k]
+            ax, ay, az = nodes[node, 0], nodes[node, 1], nodes[node, 2]
+            bx, by, bz = nodes[node + 1, 0] - ax, nodes[node + 1, 1] - ay, nodes[node + 1, 2] - az
+            squared = bx * bx + by * by + bz * bz
+            along = (x - ax) * bx + (y - ay) * by + (z - az) * bz
             along = min(max(along / squared if squared > 0.0 else 0.0, 0.0), 1.0)
             before, after = (1.0 - along) * shares[k] / total, along * shares[k] / total
-            weights[line, station, 0] += before
-            weights[line, station + 1, 0] += after
-            for axis in range(3):
-                step = sample[axis] - (lines[line, station, axis] + along * ahead[axis])
-                pulls[line, station, axis] += before * step
-                pulls[line, station + 1, axis] += after * step
-    return pulls, weights
+            weights[node] += before
+            weights[node + 1] += after
+            sx, sy, sz = x - (ax + along * bx), y - (ay + along * by), z - (az + along * bz)
+            pulls[node, 0] += before * sx
+            pulls[node, 1] += before * sy
+            pulls[node, 2] += before * sz
+            pulls[node + 1, 0] += after * sx
+            pulls[node + 1, 1] += after * sy
+            pulls[node + 1, 2] += after * sz

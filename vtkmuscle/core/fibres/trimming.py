@@ -222,12 +222,14 @@ def _least_evil(
     open_ = np.arange(len(places))
     levels, least = np.zeros(len(places), dtype=np.int64), np.full(len(places), np.inf)
     for level in range(len(CUTS)):
-        starts = departures[level, open_]
-        segments = places[open_] - starts
-        checked = starts[:, None] + CHECKS[:, None] * segments[:, None]
-        ways_back = into_muscle(checked.reshape(-1, 3)).reshape(checked.shape) - checked
-        leaves = np.linalg.norm(ways_back, axis=2).max(axis=1) / tolerance
+        starts, segments = departures[level, open_], places[open_] - departures[level, open_]
         turns = np.degrees(np.arccos(np.clip(_cosines(rays[level, open_], segments), -1.0, 1.0)))
+        # What it is if the segment stays in the muscle: where that is too much, it need not be looked at.
+        worth = np.where(turns <= LARGEST_TURN, turns / 180.0, turns / LARGEST_TURN) < least[open_]
+        leaves = np.full(len(open_), np.inf)
+        checked = starts[worth, None] + CHECKS[:, None] * segments[worth, None]
+        ways_back = into_muscle(checked.reshape(-1, 3)).reshape(checked.shape) - checked
+        leaves[worth] = np.linalg.norm(ways_back, axis=2).max(axis=1) / tolerance
         evil = np.maximum(leaves, turns / LARGEST_TURN)
         evil[evil <= 1.0] = turns[evil <= 1.0] / 180.0
         better = evil < least[open_]

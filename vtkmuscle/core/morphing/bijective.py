@@ -29,8 +29,8 @@ WEIGHTS = (1e-6, 1e6)
 
 
 @array_kernel
-def from_rectangle(contour: Floats, image: Floats, points: Floats) -> tuple[Floats, bool]:
-    """Return the places in a section that a harmonic map takes to points of a convex region.
+def onto_region(contour: Floats, image: Floats) -> tuple[Floats, Ints, Floats]:
+    """Return a harmonic map of a section onto a convex region, as triangles with their images.
 
     Parameters
     ----------
@@ -39,15 +39,15 @@ def from_rectangle(contour: Floats, image: Floats, points: Floats) -> tuple[Floa
         values, which are continued harmonically into it.
     image : (n, 2) array
         Where its vertices go: on the boundary of a convex region, counterclockwise.
-    points : (m, 2) array
-        Points of the region.
 
     Returns
     -------
-    places : (m, 2 + k) array
-        x and y in the polygon, and the values there.
-    found : bool
-        False where the polygon is not simple; then the places are none.
+    images : (p, 2) array
+        Where points of the section go.
+    triangles : (t, 3) int array
+        Ids of the points; none where the polygon is not simple.
+    values : (p, 2 + k) array
+        x and y of the points, and the values there.
     """
     n, width = len(contour), contour.shape[1]
     polygon = np.empty((n, 2))
@@ -55,7 +55,7 @@ def from_rectangle(contour: Floats, image: Floats, points: Floats) -> tuple[Floa
         polygon[i, 0], polygon[i, 1] = contour[i, 0], contour[i, 1]
     nodes, triangles, neighbours = triangulate(polygon, _lattice(polygon))
     if len(triangles) == 0:
-        return np.empty((0, width)), False
+        return np.empty((0, 2)), triangles, np.empty((0, width))
     known = contour.copy()
     for i in range(n):
         known[i, 0], known[i, 1] = image[i, 0], image[i, 1]
@@ -65,7 +65,7 @@ def from_rectangle(contour: Floats, image: Floats, points: Floats) -> tuple[Floa
     for i in range(len(nodes)):
         images[i, 0], images[i, 1] = values[i, 0], values[i, 1]
         values[i, 0], values[i, 1] = nodes[i, 0], nodes[i, 1]
-    return _interpolated(images, triangles, values, points), True
+    return images, triangles, values
 
 
 @array_kernel
@@ -265,8 +265,8 @@ def _factorised(entries: Floats, diagonal: Ints, first: Ints) -> None:
 
 
 @array_kernel
-def _interpolated(nodes: Floats, triangles: Ints, values: Floats, points: Floats) -> Floats:
-    """Return values at points of a triangulated convex region, linear on each triangle.
+def interpolated(nodes: Floats, triangles: Ints, values: Floats, points: Floats) -> Floats:
+    """Return values (m, k) at points (m, 2) of a triangulated convex region, linear on each triangle.
 
     Points are sorted into a grid, so that a triangle meets those near to it only. One that rounding has put
     into no triangle takes the values of the nearest place in the triangle that it is least outside of.

@@ -8,15 +8,17 @@ between them. However the muscle bends, the isolines are across it.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from hashlib import blake2b
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.mesh.harmonic import harmonic_extension
 from vtkmuscle.core.mesh.inside import points_inside
-from vtkmuscle.core.mesh.triangle_distance import nearest_on_triangle
+from vtkmuscle.core.morphing.attached_area import AttachedArea
 from vtkmuscle.core.morphing.correspondence import (
     N_PLACES,
     cyclic_products,
@@ -27,11 +29,14 @@ from vtkmuscle.core.morphing.correspondence import (
 from vtkmuscle.core.morphing.loop_chains import loop_areas, main_loops
 from vtkmuscle.core.morphing.sections import ClosedSurface, Sections, cut_surface
 from vtkmuscle.core.morphing.slices import (
+    GRAIN,
     SAME_HEIGHT,
+    Box,
+    MappedSlices,
     Morph,
     Slicing,
-    in_box,
     map_sections,
+    mapped_slices,
     shared_levels,
 )
 from vtkmuscle.core.morphing.twist import guide_levels, turned_starts
@@ -47,9 +52,6 @@ END_MARGIN = 1e-3
 #: Beside the main branch's isoline there is another branch where there is one of more than this part of its
 #: area.
 OTHER_BRANCH = 0.05
-#: Triangles of an area, those with the nearest centres, on which the place nearest to a fibre's end is
-#: sought.
-N_NEAR = 12
 
 
 def attachment_field(points: Floats, triangles: Ints, origin: Ints, insertion: Ints) -> Floats:
@@ -124,31 +126,91 @@ def morph_by_isolines(
     ValueError
         If the function has no isolines with an inside.
     """
-    box, inside, surface = in_box(fibre_points, transform, muscle, slicing)
-    values, ways = way_of_values(surface.points, surface.triangles, field)
-    length = float(ways[-1])
+    box = Box(transform)
+    inside = box.coordinates(fibre_points)
+    of_field = blake2b(np.ascontiguousarray(field).data, digest_size=16).digest()
+    course = slicing.once(
+        ("isolines", of_field, slicing.key(transform)), lambda: _course(box.surface(muscle), field)
+    )
+    slicing.report_progress(0.3)
+    fractions = np.clip(inside[:, 2] / box.length, 0.0, 1.0)
+    tolerance = max(slicing.slice_tolerance / box.length, SAME_HEIGHT)
+    levels, slice_of = shared_levels(fractions, tolerance, GRAIN)
+    levels = course.begin + levels * course.way
+    slicing.report_progress(0.4)
 
-    def cut(at: Floats) -> tuple[Sections, Floats, Ints]:
-        sections = cut_surface(surface, field, _strictly(np.interp(at, ways, values)))
+    def slices() -> MappedSlices:
+        return _mapped(box, course, levels, inside, slicing)
+
+    if slicing.twisting.seen is None:
+        mapped = slicing.once(("mapped", of_field, slicing.key(transform, levels)), slices)
+    else:
+        mapped = slices()
+    heights = course.begin + fractions * course.way
+    found = map_sections(mapped, levels, heights, slice_of, inside, slicing)
+    result, surface = found.places, course.surface
+    at_origin, at_insertion = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
+    between = result[~(at_origin | at_insertion)]
+    n_outside = int((~points_inside(between, surface.points, surface.triangles)).sum())
+    for area, ends in zip(course.areas, (at_origin, at_insertion), strict=True):
+        result[ends] = area.nearest(result[ends])
+    return Morph(
+        box.positions(result), n_outside, found.n_unmapped, found.split_error, course.share, 0.0, mapped.twist
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Course:
+    """A muscle in its box, with a function whose isolines follow it.
+
+    ``values`` and ``ways`` are those of :func:`way_of_values`; the main branch is the only one from ``begin``
+    on, for ``way`` [mm], and has the part ``share`` of the muscle.
+    """
+
+    surface: ClosedSurface
+    field: Floats
+    values: Floats
+    ways: Floats
+    begin: float
+    way: float
+    share: float
+
+    def cut(self, at: Floats) -> tuple[Sections, Floats, Ints]:
+        """Return sections at some ways, the areas of their loops as vectors, and the main branch's loops."""
+        levels = _strictly(np.interp(at, self.ways, self.values))
+        sections = cut_surface(self.surface, self.field, levels)
         areas = loop_areas(sections.points, sections.loop_offsets)
         return sections, areas, main_loops(sections, at, np.linalg.norm(areas, axis=1))
 
+    @cached_property
+    def areas(self) -> tuple[AttachedArea, AttachedArea]:
+        """Return the origin's and the insertion's area."""
+        surface = self.surface
+        origin, insertion = (
+            AttachedArea(surface.points, surface.triangles, np.flatnonzero(self.field == value))
+            for value in (0.0, 1.0)
+        )
+        return origin, insertion
+
+
+def _course(surface: ClosedSurface, field: Floats) -> _Course:
+    values, ways = way_of_values(surface.points, surface.triangles, field)
+    length = float(ways[-1])
+    whole = _Course(surface, field, values, ways, 0.0, length, 1.0)
     regular = length * np.linspace(END_MARGIN, 1.0 - END_MARGIN, N_COURSE)
-    sections, areas, loops = cut(regular)
+    sections, areas, loops = whole.cut(regular)
     sizes = np.linalg.norm(areas, axis=1)
     first, last = _single_branch(sections, sizes, loops)
     share = float(sizes[loops[loops >= 0]].sum() / sizes.sum())
-    slicing.report_progress(0.3)
+    return replace(whole, begin=regular[first], way=regular[last] - regular[first], share=share)
 
-    fractions = np.clip(inside[:, 2] / box.length, 0.0, 1.0)
-    levels, slice_of = shared_levels(fractions, max(slicing.slice_tolerance / box.length, SAME_HEIGHT))
-    begin, way = regular[first], regular[last] - regular[first]
-    levels = begin + levels * way
-    slicing.report_progress(0.4)
 
+def _mapped(box: Box, course: _Course, levels: Floats, inside: Floats, slicing: Slicing) -> MappedSlices:
+    """Return the isolines at some ways, matched to the template's rectangle."""
+    begin, way, length = course.begin, course.way, float(course.ways[-1])
     guides = begin + guide_levels(way)
     followed = np.union1d(levels, guides)
-    sections, areas, loops = cut(followed)
+    sections, areas, loops = course.cut(followed)
     loops, guiding = loops[np.searchsorted(followed, levels)], loops[np.searchsorted(followed, guides)]
     hits, guides = np.flatnonzero(loops >= 0), guides[guiding >= 0]
     rings, guide_rings = (
@@ -170,27 +232,8 @@ def morph_by_isolines(
     twist = slicing.twisting.found(guide, box.seen, inside, box.sides)
     starts = turned_starts(rings, starts, (levels[hits] - begin) / way, twist.twist)
     slicing.report_progress(0.5)
-
-    mapped = map_sections(
-        rings,
-        starts,
-        hits,
-        levels,
-        begin + fractions * way,
-        slice_of,
-        inside,
-        box.sides,
-        slicing,
-        views=np.array([_view_along(area) for area in areas]),
-    )
-    result = mapped.places
-    at_origin, at_insertion = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
-    between = result[~(at_origin | at_insertion)]
-    n_outside = int((~points_inside(between, surface.points, surface.triangles)).sum())
-    for value, ends in ((0.0, at_origin), (1.0, at_insertion)):
-        area = np.flatnonzero(field == value)
-        result[ends] = _on_area(result[ends], surface.points, surface.triangles, area)
-    return Morph(box.positions(result), n_outside, mapped.n_unmapped, mapped.split_error, share, 0.0, twist)
+    views = np.array([_view_along(area) for area in areas])
+    return mapped_slices(rings, starts, hits, box.sides, slicing, twist, views)
 
 
 def way_of_values(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:
@@ -312,37 +355,3 @@ def _view_along(area: Floats) -> Floats:
         one, two = (axis + 1) % 3, (axis + 2) % 3
         rows[1, axis] = rows[2, one] * rows[0, two] - rows[2, two] * rows[0, one]
     return rows
-
-
-def _on_area(ends: Floats, points: Floats, triangles: Ints, area: Ints) -> Floats:
-    """Return the places on an area that are nearest to points; on its points where it has no triangles."""
-    if not len(ends) or not len(area):
-        return ends
-    member = np.zeros(len(points), dtype=np.bool_)
-    member[area] = True
-    first, second, third = triangles.T
-    faces = triangles[member[first] & member[second] & member[third]]
-    if not len(faces):
-        on_points: Floats = points[area[cKDTree(points[area]).query(ends)[1]]]
-        return on_points
-    near = cKDTree(points[faces].mean(axis=1)).query(ends, min(N_NEAR, len(faces)))[1]
-    places: Floats = _nearest_of(ends, points, faces[near.reshape(len(ends), -1)])
-    return places
-
-
-@array_kernel
-def _nearest_of(ends: Floats, points: Floats, candidates: Ints) -> Floats:
-    """Return for each point the nearest place on its candidates, (n, k, 3) point ids."""
-    result = np.empty((len(ends), 3))
-    for i in range(len(ends)):
-        least = np.inf
-        for k in range(candidates.shape[1]):
-            a, b, c = candidates[i, k]
-            x, y, z, _ = nearest_on_triangle(
-                ends[i, 0], ends[i, 1], ends[i, 2], points[a], points[b], points[c]
-            )
-            square = (x - ends[i, 0]) ** 2 + (y - ends[i, 1]) ** 2 + (z - ends[i, 2]) ** 2
-            if square < least:
-                least = square
-                result[i, 0], result[i, 1], result[i, 2] = x, y, z
-    return result

@@ -6,18 +6,23 @@ extended in doi:10.1007/978-3-642-38241-3_3.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from vtkmuscle.core.morphing.correspondence import boundary_centroid, followed_starts, starting_points
 from vtkmuscle.core.morphing.loop_chains import loop_areas, main_loops
 from vtkmuscle.core.morphing.sections import ClosedSurface, Sections, cut_surface
 from vtkmuscle.core.morphing.slices import (
+    GRAIN,
     SAME_HEIGHT,
     STEEP,
+    Box,
+    MappedSlices,
     Morph,
     Slicing,
-    in_box,
     map_sections,
+    mapped_slices,
     shared_levels,
 )
 from vtkmuscle.core.morphing.twist import guide_levels, turned_starts
@@ -63,41 +68,129 @@ def morph_by_planes(
     ValueError
         If no slice through the template has an inside.
     """
-    box, inside, surface = in_box(fibre_points, transform, muscle, slicing)
+    box = Box(transform)
+    inside = box.coordinates(fibre_points)
     tolerance = max(slicing.slice_tolerance, SAME_HEIGHT * box.length)
-    all_heights = np.ascontiguousarray(surface.points[:, 2])
-    extent = all_heights[surface.triangles]  # of the points that are used
-    bottom, top = float(extent.min()), float(extent.max())
-    margin = END_MARGIN * (top - bottom)
-    heights = np.clip(inside[:, 2], bottom + margin, top - margin)
-    levels, slice_of = shared_levels(heights, tolerance)
-    # Neither the course nor where sections begin must depend on the heights that fibres happen to have.
-    regular = bottom + (top - bottom) * (np.arange(N_COURSE) + 0.5) / N_COURSE
-    guides = bottom + guide_levels(top - bottom)
-
-    def cut(at: Floats) -> tuple[Sections, Floats]:
-        sections = cut_surface(surface, all_heights, at)
-        return sections, loop_areas(sections.points, sections.loop_offsets)[:, 2]
-
-    followed = np.union1d(levels, guides)
-    together = np.union1d(followed, regular)
-    sections, sizes = cut(together)
-    course = main_loops(sections, together, sizes, np.searchsorted(together, regular))
-    volume_share, steep_share = _course(sections, sizes, np.searchsorted(together, regular), course)
-    main = main_loops(sections, together, sizes, np.searchsorted(together, followed))
-    if (main[np.searchsorted(followed, levels[[0, -1]])] < 0).any():
-        sections, sizes = cut(followed)
-        main = main_loops(sections, followed, sizes)
-        low, high = _branch_ends(sections, main, all_heights)
-        hit = followed[main >= 0]
-        heights = _squeezed(heights, hit[0], hit[-1], low + margin, high - margin)
-        levels, slice_of = shared_levels(heights, tolerance)
-        followed = np.union1d(levels, guides)
-        sections, sizes = cut(followed)
-        main = main_loops(sections, followed, sizes)
+    grain = GRAIN * box.length
+    raised = slicing.once(("raised", slicing.key(transform)), lambda: _raised(box, muscle))
+    slicing.report_progress(0.1)
+    heights = np.clip(inside[:, 2], raised.bottom + raised.margin, raised.top - raised.margin)
+    levels, slice_of = shared_levels(heights, tolerance, grain)
+    course = slicing.once(("course", slicing.key(transform, levels)), lambda: _course(raised, levels))
+    followed = course.followed
+    if course.ends is not None:
+        heights = _squeezed(heights, *course.ends)
+        levels, slice_of = shared_levels(heights, tolerance, grain)
     slicing.report_progress(0.35)
 
-    loops, guiding = main[np.searchsorted(followed, levels)], main[np.searchsorted(followed, guides)]
+    def slices() -> MappedSlices:
+        at_levels = followed if course.ends is None else _followed(raised, levels)
+        return _mapped(box, at_levels, levels, raised.guides, inside, slicing)
+
+    if slicing.twisting.seen is None:
+        mapped = slicing.once(("planes", slicing.key(transform, levels)), slices)
+    else:
+        mapped = slices()
+    result = np.column_stack([inside[:, :2], heights])
+    found = map_sections(mapped, levels, heights, slice_of, inside, slicing)
+    result[:, :2] = found.places
+    return Morph(
+        box.positions(result),
+        found.n_outside,
+        found.n_unmapped,
+        found.split_error,
+        course.volume_share,
+        course.steep_share,
+        mapped.twist,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Raised:
+    """A muscle in the coordinates of its box, its height, and how far from its ends slices stay."""
+
+    surface: ClosedSurface
+    heights: Floats
+    bottom: float
+    top: float
+
+    @property
+    def margin(self) -> float:
+        return END_MARGIN * (self.top - self.bottom)
+
+    @property
+    def guides(self) -> Floats:
+        """Heights of sections that do not depend on those that fibres happen to have."""
+        return self.bottom + guide_levels(self.top - self.bottom)
+
+
+@dataclass(frozen=True, eq=False)
+class _Followed:
+    """Sections at some heights, and of each the loop of the main branch, -1 for none."""
+
+    sections: Sections
+    heights: Floats
+    loops: Ints
+
+    def at(self, heights: Floats) -> Ints:
+        """Return the loops at some of the heights."""
+        found: Ints = self.loops[np.searchsorted(self.heights, heights)]
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Course:
+    """The main branch; where it ends before the box, what heights are squeezed by: first, last, low, high."""
+
+    followed: _Followed
+    volume_share: float
+    steep_share: float
+    ends: tuple[float, float, float, float] | None
+
+
+def _raised(box: Box, muscle: ClosedSurface) -> _Raised:
+    surface = box.surface(muscle)
+    heights = np.ascontiguousarray(surface.points[:, 2])
+    extent = heights[surface.triangles]  # of the points that are used
+    return _Raised(surface, heights, float(extent.min()), float(extent.max()))
+
+
+def _followed(raised: _Raised, levels: Floats) -> _Followed:
+    """Return sections at the levels and the guides."""
+    at = np.union1d(levels, raised.guides)
+    sections = cut_surface(raised.surface, raised.heights, at)
+    sizes = loop_areas(sections.points, sections.loop_offsets)[:, 2]
+    return _Followed(sections, at, main_loops(sections, at, sizes))
+
+
+def _course(raised: _Raised, levels: Floats) -> _Course:
+    """Return the course of the main branch, by regular heights, and the sections at the levels."""
+    bottom, top = raised.bottom, raised.top
+    regular = bottom + (top - bottom) * (np.arange(N_COURSE) + 0.5) / N_COURSE
+    followed = np.union1d(levels, raised.guides)
+    together = np.union1d(followed, regular)
+    sections = cut_surface(raised.surface, raised.heights, together)
+    sizes = loop_areas(sections.points, sections.loop_offsets)[:, 2]
+    at_regular = np.searchsorted(together, regular)
+    branch = main_loops(sections, together, sizes, at_regular)
+    shares = _shares(sections, sizes, at_regular, branch)
+    main = main_loops(sections, together, sizes, np.searchsorted(together, followed))
+    found = _Followed(sections, followed, main)
+    if (found.at(levels[[0, -1]]) >= 0).all():
+        return _Course(found, *shares, None)
+    at = _followed(raised, levels)
+    low, high = _branch_ends(at.sections, at.loops, raised.heights)
+    hit = at.heights[at.loops >= 0]
+    ends = float(hit[0]), float(hit[-1]), low + raised.margin, high - raised.margin
+    return _Course(at, *shares, ends)
+
+
+def _mapped(
+    box: Box, followed: _Followed, levels: Floats, guides: Floats, inside: Floats, slicing: Slicing
+) -> MappedSlices:
+    """Return the sections at the levels, matched to the template's rectangle."""
+    sections = followed.sections
+    loops, guiding = followed.at(levels), followed.at(guides)
     hits, guides = np.flatnonzero(loops >= 0), guides[guiding >= 0]
     slices = [np.ascontiguousarray(sections.loop(int(loop))[:, :2]) for loop in loops[hits]]
     rings = [sections.loop(int(loop)) for loop in guiding[guiding >= 0]]
@@ -112,19 +205,7 @@ def morph_by_planes(
     twist = slicing.twisting.found(guide, box.seen, inside, box.sides)
     starts = turned_starts(slices, starts, levels[hits] / box.length, twist.twist)
     slicing.report_progress(0.5)
-
-    result = np.column_stack([inside[:, :2], heights])
-    mapped = map_sections(slices, starts, hits, levels, heights, slice_of, inside, box.sides, slicing)
-    result[:, :2] = mapped.places
-    return Morph(
-        box.positions(result),
-        mapped.n_outside,
-        mapped.n_unmapped,
-        mapped.split_error,
-        volume_share,
-        steep_share,
-        twist,
-    )
+    return mapped_slices(slices, starts, hits, box.sides, slicing, twist)
 
 
 def _branch_ends(sections: Sections, loops: Ints, heights: Floats) -> tuple[float, float]:
@@ -146,7 +227,7 @@ def _squeezed(heights: Floats, first: float, last: float, low: float, high: floa
     return result
 
 
-def _course(sections: Sections, sizes: Floats, levels: Ints, loops: Ints) -> tuple[float, float]:
+def _shares(sections: Sections, sizes: Floats, levels: Ints, loops: Ints) -> tuple[float, float]:
     """Return which part of the volume the main branch holds, and which part of its course is steep."""
     branch = loops[loops >= 0]
     whole = sum(float(sizes[sections.loops_of(int(level))].sum()) for level in levels)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.morphing.bijective import from_rectangle
+from vtkmuscle.core.morphing.bijective import interpolated, onto_region
 from vtkmuscle.core.morphing.correspondence import (
     N_PLACES,
     cornered_loop,
@@ -17,7 +17,7 @@ from vtkmuscle.core.morphing.correspondence import (
     subdivided_rectangle,
 )
 from vtkmuscle.core.morphing.planar_coordinates import mean_value_weights
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.types import Floats, Ints
 
 #: How a rectangle is mapped to a section.
 MAPPINGS = ("mean-value", "bijective")
@@ -26,26 +26,40 @@ LEAST_OPENING = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Section:
-    """Points in a section of the muscle.
+class SectionMap:
+    """A map of the template's rectangle to a section of the muscle.
 
     Attributes
     ----------
-    places : (m, k) float array
-        Their positions [mm].
+    ring, rectangle : (n, k) array, (n, 2) array
+        The section's boundary, and the points of the rectangle that go with it [mm].
     split_error : float
         Root of the sum of the four parts' squared errors, as a part of the rectangle's perimeter.
-    one_to_one : bool
-        False for the mean value map.
+    images, triangles, values : (p, 2) array, (t, 3) int array, (p, k) array
+        Of a one-to-one map, as of :func:`vtkmuscle.core.morphing.bijective.onto_region`.
     """
 
-    places: Floats
+    ring: Floats
+    rectangle: Floats
     split_error: float
-    one_to_one: bool
+    images: Floats
+    triangles: Ints
+    values: Floats
+
+    @property
+    def one_to_one(self) -> bool:
+        """False for the mean value map."""
+        return len(self.triangles) > 0
+
+    def places(self, points: Floats) -> Floats:
+        """Return where points (m, 2) of the rectangle are in the section, (m, k) [mm]."""
+        if self.one_to_one:
+            return interpolated(self.images, self.triangles, self.values, points)
+        return mean_value_map(self.rectangle, self.ring, points)
 
 
-def map_section(loop: Floats, target: Floats, sides: Floats, points: Floats, *, mapping: str) -> Section:
-    """Map points of the template's rectangle to a section of the muscle.
+def section_map(loop: Floats, target: Floats, sides: Floats, *, mapping: str) -> SectionMap:
+    """Return the map of the template's rectangle to a section of the muscle.
 
     Parameters
     ----------
@@ -56,25 +70,17 @@ def map_section(loop: Floats, target: Floats, sides: Floats, points: Floats, *, 
         The correspondence starts where the section is nearest to this [mm].
     sides : (2,) array or longer
         Sides of the rectangle [mm].
-    points : (m, 2) array
-        Points of the rectangle [mm].
     mapping : str
         One of :data:`MAPPINGS`. ``"mean-value"``: f' = sum_i w_i(f) p_i, with w_i the mean value coordinates
         of f in the subdivided rectangle and p_i the vertices of the section that correspond to the
-        rectangle's. ``"bijective"``: :func:`vtkmuscle.core.morphing.bijective.from_rectangle`, but the mean
-        value map for a section that crosses itself.
-
-    Returns
-    -------
-    Section
-        Positions, and how they were found.
+        rectangle's. ``"bijective"``: the inverse of :func:`vtkmuscle.core.morphing.bijective.onto_region`,
+        but the mean value map for a section that crosses itself.
     """
     ring, rectangle, error = _matched(loop, target, float(sides[0]), float(sides[1]))
     if mapping == "bijective":
-        places, found = from_rectangle(ring, rectangle, points)
-        if found:
-            return Section(places, error, True)
-    return Section(mean_value_map(rectangle, ring, points), error, False)
+        return SectionMap(ring, rectangle, error, *onto_region(ring, rectangle))
+    nothing = np.empty((0, 2)), np.empty((0, 3), dtype=np.int64), np.empty((0, ring.shape[1]))
+    return SectionMap(ring, rectangle, error, *nothing)
 
 
 @array_kernel

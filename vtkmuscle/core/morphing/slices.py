@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from vtkmuscle.core.morphing.section_maps import count_outside, map_section
+from vtkmuscle.core.morphing.section_maps import SectionMap, count_outside, section_map
 from vtkmuscle.core.morphing.sections import ClosedSurface
 from vtkmuscle.core.morphing.superficial import SeenFibres
 from vtkmuscle.core.morphing.twist import STRAIGHT, Found, Twisting
@@ -19,6 +20,9 @@ SAME_HEIGHT = 1e-9
 #: than this angle to the box's axis [degrees], or its main branch holds less than this part of its volume.
 LARGEST_STEEP_SHARE = 0.15
 STEEP = 45.0
+#: What heights of slices are multiples of, as a part of the box's length: more than rounding, less than
+#: :data:`SAME_HEIGHT`.
+GRAIN = 1e-10
 LEAST_SHARE = 0.8
 
 
@@ -75,6 +79,9 @@ class Slicing:
         How sections are turned along their contours, from origin to insertion.
     report_progress : callable
         Told the part of the work that is done.
+    once : callable
+        From a key and a function to what the function returned when it was first asked for by that key, for
+        this muscle: sections and their maps do not depend on how many fibres there are.
     """
 
     slice_tolerance: float
@@ -82,6 +89,70 @@ class Slicing:
     mapping: str
     twisting: Twisting = STRAIGHT
     report_progress: Callable[[float], None] = lambda fraction: None
+    once: Callable[[Hashable, Callable[[], Any]], Any] = lambda key, find: find()
+
+    def key(self, transform: Floats, *levels: Floats) -> Hashable:
+        """Return what sections at some levels and their maps depend on, beside the muscle."""
+        settings = self.continuity, self.mapping, self.twisting.degrees
+        return *settings, *(np.ascontiguousarray(array).tobytes() for array in (transform, *levels))
+
+
+@dataclass(frozen=True, eq=False)
+class MappedSlices:
+    """Sections of a muscle with their maps, whatever fibres go through them.
+
+    Attributes
+    ----------
+    hits : (l,) int array
+        Which level each section is at.
+    maps : sequence of SectionMap
+        Of the template's rectangle to each section.
+    loops : sequence of (j, k) arrays
+        Their boundaries, in the coordinates of the maps [mm].
+    views : (l, 3, 3) array or None
+        Rotations of sections in space that are seen along z only thereafter.
+    twist : Found
+        By which they are turned against each other.
+    """
+
+    hits: Ints
+    maps: Sequence[SectionMap]
+    loops: Sequence[Floats]
+    views: Floats | None
+    twist: Found
+
+
+def mapped_slices(
+    loops: Sequence[Floats],
+    starts: Floats,
+    hits: Ints,
+    sides: Floats,
+    slicing: Slicing,
+    twist: Found,
+    views: Floats | None = None,
+) -> MappedSlices:
+    """Return sections with their maps.
+
+    Parameters
+    ----------
+    loops : sequence of (j, k) arrays
+        The sections' boundaries, counterclockwise about z [mm].
+    starts : (l, k) array
+        Where the correspondence starts, from :func:`vtkmuscle.core.morphing.correspondence.followed_starts`
+        [mm].
+    sides : (2,) array or longer
+        Sides of the rectangle [mm].
+    hits, slicing, twist, views
+        As of :class:`MappedSlices`; how to map.
+    """
+    if views is not None:
+        loops = [loop @ view.T for loop, view in zip(loops, views, strict=True)]
+        starts = np.einsum("lij,lj->li", views, starts)
+    maps = []
+    for number, loop in enumerate(loops):
+        maps.append(section_map(loop, starts[number], sides, mapping=slicing.mapping))
+        slicing.report_progress(0.5 + 0.4 * (number + 1) / len(loops))
+    return MappedSlices(hits, maps, loops, views, twist)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,16 +178,12 @@ class MappedSections:
 
 
 def map_sections(
-    loops: Sequence[Floats],
-    starts: Floats,
-    hits: Ints,
+    slices: MappedSlices,
     levels: Floats,
     heights: Floats,
     slice_of: Ints,
     inside: Floats,
-    sides: Floats,
     slicing: Slicing,
-    views: Floats | None = None,
 ) -> MappedSections:
     """Return points of the template in the sections of the muscle.
 
@@ -125,13 +192,8 @@ def map_sections(
 
     Parameters
     ----------
-    loops : sequence of (j, k) arrays
-        The sections' boundaries, counterclockwise about z [mm].
-    starts : (l, k) array
-        Where the correspondence starts, from :func:`vtkmuscle.core.morphing.correspondence.followed_starts`
-        [mm].
-    hits : (l,) int array
-        Which level each section is at. A level without one, by rounding, takes that of the level next to it.
+    slices : MappedSlices
+        The sections. A level without one, by rounding, takes that of the level next to it.
     levels : (h,) array
         Of the slices, ascending.
     heights : (n,) array
@@ -140,12 +202,8 @@ def map_sections(
         Which level each point is at.
     inside : (n, 2) array or wider
         Points of the rectangle [mm].
-    sides : (2,) array or longer
-        Sides of the rectangle [mm].
     slicing : Slicing
-        How to map; the second half of the progress is reported.
-    views : (l, 3, 3) array, optional
-        Rotations of sections in space that are seen along z only thereafter.
+        Whom to tell how far it is.
 
     Returns
     -------
@@ -160,23 +218,22 @@ def map_sections(
     weights = np.concatenate([np.ones(len(inside)), shares])
     weights[shared] -= shares
     points = np.concatenate([np.arange(len(inside)), shared])
-    slices = np.concatenate([slice_of, others[shared]])
-    places = np.zeros((len(inside), loops[0].shape[1]))
+    at_level = np.concatenate([slice_of, others[shared]])
+    places = np.zeros((len(inside), slices.loops[0].shape[1]))
+    flat = np.ascontiguousarray(inside[:, :2])
     n_outside = n_unmapped = 0
     split_error = 0.0
-    for level, mine in enumerate(members(slices, len(levels))):
-        number = int(np.abs(hits - level).argmin())
-        loop, start = loops[number], starts[number]
-        if views is not None:
-            loop, start = loop @ views[number].T, views[number] @ start
-        section = map_section(loop, start, sides, inside[points[mine], :2], mapping=slicing.mapping)
-        found = section.places if views is None else section.places @ views[number]
-        places[points[mine]] += weights[mine, None] * found
+    for level, mine in enumerate(members(at_level, len(levels))):
+        number = int(np.abs(slices.hits - level).argmin())
+        section = slices.maps[number]
+        found = section.places(flat[points[mine]])
+        turned = found if slices.views is None else found @ slices.views[number]
+        places[points[mine]] += weights[mine, None] * turned
         split_error = max(split_error, section.split_error)
         n_unmapped += not section.one_to_one and slicing.mapping == "bijective"
         if not section.one_to_one:
-            n_outside += count_outside(loop, section.places[mine < len(inside)])
-        slicing.report_progress(0.5 + 0.5 * (level + 1) / len(levels))
+            n_outside += count_outside(slices.loops[number], found[mine < len(inside)])
+    slicing.report_progress(1.0)
     return MappedSections(places, n_outside, n_unmapped, split_error)
 
 
@@ -219,27 +276,18 @@ class Box:
         return fibres.within(self._corner, self._frame)
 
 
-def in_box(
-    fibre_points: Floats, transform: Floats, muscle: ClosedSurface, slicing: Slicing
-) -> tuple[Box, Floats, ClosedSurface]:
-    """Return the template's box, and fibre points (n, 3) and muscle in its coordinates."""
-    box = Box(transform)
-    inside, surface = box.coordinates(fibre_points), box.surface(muscle)
-    slicing.report_progress(0.1)
-    return box, inside, surface
-
-
 def members(slice_of: Ints, n_slices: int) -> list[Ints]:
     """Return the numbers of the points of each slice."""
     order = np.argsort(slice_of, kind="stable")
     return np.split(order, np.searchsorted(slice_of[order], np.arange(1, n_slices)))
 
 
-def shared_levels(heights: Floats, tolerance: float) -> tuple[Floats, Ints]:
+def shared_levels(heights: Floats, tolerance: float, grain: float = 0.0) -> tuple[Floats, Ints]:
     """Return the levels of slices that heights can share, and the slice of each height.
 
     From the lowest height on, a slice takes all heights up to the tolerance above its lowest one; its
-    level is half way between its lowest and its highest.
+    level is half way between its lowest and its highest, rounded to a multiple of the grain: other fibres,
+    whose heights differ by rounding, have the same slices.
 
     Parameters
     ----------
@@ -247,6 +295,8 @@ def shared_levels(heights: Floats, tolerance: float) -> tuple[Floats, Ints]:
         In any order [mm].
     tolerance : float
         Largest difference in one slice [mm].
+    grain : float, optional
+        Much less than the tolerance [mm].
 
     Returns
     -------
@@ -265,4 +315,5 @@ def shared_levels(heights: Floats, tolerance: float) -> tuple[Floats, Ints]:
         slice_of[order[first:last]] = len(levels)
         levels.append(0.5 * (ascending[first] + ascending[last - 1]))
         first = last
-    return np.array(levels), slice_of
+    found = np.array(levels)
+    return np.round(found / grain) * grain if grain > 0.0 else found, slice_of
