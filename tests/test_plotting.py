@@ -20,7 +20,10 @@ from vtkmuscle.data.arrays import (
     set_point_array,
     with_points,
 )
+from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.plotting import (
+    Studio,
+    View,
     can_render,
     choose_view,
     framed,
@@ -31,6 +34,8 @@ from vtkmuscle.plotting import (
     plot_volume,
     preflight,
 )
+from vtkmuscle.plotting.actors import actors_of
+from vtkmuscle.plotting.studio import FINER
 from vtkmuscle.run import figures as run_figures
 from vtkmuscle.run.figures import write_figures
 
@@ -81,23 +86,18 @@ class FakeResult:
         rows = [{"time": t, "volume_ratio": 1.001} for t in self.times]
         self.report = {"model": "volume", "muscles": {name: {"frames": rows} for name in self.muscle_names}}
         self.frames = list(range(len(self.times)))
-        self.motion = SimpleNamespace(times=self.times)
+        self.motion = SimpleNamespace(times=self.times, at=lambda time: {})
+        self.drawn_bones = DrawnBones(two_bones())
         self.verdicts = dict.fromkeys(self.muscle_names, "ok")
 
     def finished(self, name):
         return len(self.times)
-
-    def rest_bones(self):
-        return two_bones()
 
     def rest_muscle(self, name):
         return spindle()
 
     def rest_fibres(self, name):
         return straight_fibres() if name == "with_fibres" else None
-
-    def bones(self, *, frame):
-        return two_bones()
 
     def muscle(self, name, *, frame):
         return spindle()
@@ -215,7 +215,9 @@ def test_a_fibre_that_shortens_is_blue_and_one_that_lengthens_is_not(renders):
 
 
 def test_the_same_frame_twice_gives_the_same_panel_twice(renders):
-    figure = plot_muscle([spindle()] * 2, [two_bones()] * 2, fibres=[straight_fibres()] * 2)
+    with Studio() as studio:
+        bones = DrawnBones(two_bones())
+        figure = plot_muscle([spindle()] * 2, bones, [{}] * 2, studio, fibres=[straight_fibres()] * 2)
     one, other = (axes.images[0].get_array() for axes in figure.axes)
     np.testing.assert_array_equal(one, other)
     assert len(np.unique(one.reshape(-1, 3), axis=0)) > 100
@@ -231,6 +233,45 @@ def test_all_figures_of_a_run_are_written(renders, tmp_path):
         pixels = pv.read(path).point_data.active_scalars
         assert pixels.std() > 5.0, f"{path.name} is blank"
     assert pv.global_theme.to_dict() == theme
+
+
+def test_a_picture_of_a_studio_is_that_of_a_plotter(renders):
+    """Two ways to light and to smooth edges, one scene."""
+    muscle, bones, fibres = spindle(), two_bones(), straight_fibres()
+    view = choose_view([muscle], [bones])
+    options = {"fibres": fibres, "strain": np.array([-9.0, 9.0]), "fixed_points": True}
+    slowly = picture(make_plotter(bones, [muscle], view, **options))
+    with Studio() as studio:
+        actors = actors_of([muscle], view, **options, finer=FINER)
+        quickly = studio.picture(actors, view, bones=DrawnBones(bones)).astype(int)
+    assert quickly.shape == slowly.shape
+    difference = np.abs(quickly - slowly).max(axis=2)
+    assert np.median(difference[slowly.min(axis=2) < 250]) <= 3
+    assert np.mean(difference > 40) < 0.03
+
+
+def test_bones_of_a_studio_move(renders):
+    bones, view = two_bones(), choose_view([spindle()], [two_bones()])
+    drawn, transform = DrawnBones(bones), rotation_about((0, 25, 0), (0, 1, 0), 30.0)
+    turned = with_points(bones.GetBlock(0), apply_transform(transform, points_of(bones.GetBlock(0))))
+    elsewhere = DrawnBones(multiblock_from({"lower": turned, "upper": bones.GetBlock(1)}))
+    with Studio() as studio:
+        rest = studio.picture([], view, bones=drawn)
+        moved = studio.picture([], view, bones=drawn, transforms={"lower": transform})
+        there = studio.picture([], view, bones=elsewhere)
+        np.testing.assert_array_equal(rest, studio.picture([], view, bones=drawn))
+    assert np.mean(np.abs(moved.astype(int) - there) > 5) < 0.002, "the rims apart"
+    assert np.mean(np.abs(moved.astype(int) - rest) > 5) > 0.02
+
+
+def test_an_open_bone_is_seen_from_inside(renders):
+    view = choose_view([spindle()], [two_bones()])
+    lid = pv.Plane(center=(0, 25, 0), direction=(0, 1, 0), i_size=90, j_size=90).triangulate()
+    with Studio() as studio:
+        for direction in (1.0, -1.0):
+            shown = View(direction * view.direction, view.focus, view.half_height, view.aspect)
+            image = studio.picture([], shown, bones=DrawnBones(multiblock_from({"lid": lid})))
+            assert np.mean(image.min(axis=2) < 250) > 0.2
 
 
 def test_data_sets_are_not_changed_by_drawing_them(renders):
@@ -258,9 +299,14 @@ def test_a_surface_may_have_normals_of_another_name(renders):
 def test_the_length_figure_shows_each_fibre_and_the_mean():
     lengths = np.array([[10.0, 20.0, 60.0], [11.0, 19.0, 63.0]])
     axes = plot_lengths([0.0, 5.0], lengths).axes[0]
-    drawn = [line.get_ydata() for line in axes.lines if len(line.get_xdata())]
-    np.testing.assert_array_equal(drawn[:3], lengths.T)
-    np.testing.assert_allclose(drawn[3], [30.0, 31.0])
+    (fibres,) = axes.collections
+    for path, one in zip(fibres.get_paths(), lengths.T, strict=True):
+        np.testing.assert_array_equal(path.vertices, np.column_stack([[0.0, 5.0], one]))
+    (mean,) = [line.get_ydata() for line in axes.lines if len(line.get_xdata())]
+    np.testing.assert_allclose(mean, [30.0, 31.0])
+    low, high = axes.get_ylim()
+    assert low < 10.0
+    assert high > 63.0
 
 
 def test_the_volume_figure_holds_what_is_far_from_one():
@@ -280,7 +326,8 @@ def test_the_legend_of_the_rest_pose_is_on_the_picture_and_names_bones_that_hold
     bones = multiblock_from({f"a_bone_with_a_long_name_{i}": pv.Sphere(radius=10.0) for i in range(8)})
     muscle = pv.Sphere(radius=20.0)
     set_point_array(muscle, "FixedTo", np.arange(muscle.n_points) % (n_fixed + 1) - 1)
-    figure = plot_rest_pose({"ball": muscle}, bones)
+    with Studio() as studio:
+        figure = plot_rest_pose({"ball": muscle}, DrawnBones(bones), studio)
     (legend,) = figure.legends
     box = legend.get_window_extent()
     assert 0 <= box.x0 < box.x1 <= figure.bbox.width

@@ -484,11 +484,11 @@ def test_without_opengl_all_but_the_figures_is_written(scene, tmp_path, monkeypa
 
 
 def test_figures_are_moved_into_place(scene, tmp_path, monkeypatch):
-    def draw(folder, result, *, drawn):
+    def draw(folder, result, *, drawn, studio):
         (folder / "volume.png").write_bytes(b"png")
         return [*drawn, folder / "volume.png"]
 
-    def draw_one(folder, result, name):
+    def draw_one(folder, result, name, studio):
         folder.mkdir()
         assert result.muscle_names == [name]
         (folder / f"{name}_frames.png").write_bytes(b"png")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import nullcontext
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -14,6 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
 from vtkmuscle.accuracy import SOLVED, ErrorStudy
 from vtkmuscle.core.compile_ahead import compile_ahead
+from vtkmuscle.core.mesh.shared import held
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.filters.deformer.quality import PRESETS
@@ -243,10 +244,12 @@ class Scene(SceneData):
             raise ValueError("out is empty; give the name of a folder")
         kinds = () if errors is False else SOLVED if errors is True else tuple(errors)
         study = ErrorStudy(self, kinds, landmark_error=landmark_error, landmark_samples=landmark_samples)
-        odd = check_sense(self)
         target = None if out is None else Path(out)
-        hold = nullcontext() if target is None else claimed(target, self, overwrite=overwrite)
-        with hold:
+        with ExitStack() as stack:
+            stack.enter_context(held())
+            odd = check_sense(self)
+            if target is not None:
+                stack.enter_context(claimed(target, self, overwrite=overwrite))
             return run_scene(
                 self,
                 target,

@@ -4,11 +4,10 @@ import itertools
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 from tiny_scene import ellipsoid
 
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.data.arrays import points_of, triangles_of
+from vtkmuscle.data.arrays import points_of
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.report import scene3d
 from vtkmuscle.report.packing import Pack, array_of, moving_of, unpacked
@@ -53,21 +52,6 @@ def test_bones_move_as_the_result_says(run_folder, packed):
             np.testing.assert_allclose(
                 apply_transform(transform, rest), moved, atol=2 * bone["points"]["step"] + 1e-4
             )
-
-
-def test_a_fine_bone_is_drawn_coarser_and_stays_within_a_fraction_of_a_triangle():
-    fine = ellipsoid((30, 40, 100), (5, 0, 0), 160)
-    points, triangles = points_of(fine), triangles_of(fine, "bone")
-    coarse, faces, normals = scene3d._clustered(points, triangles, 5000)
-    assert 2500 < len(faces) < 8000
-    assert cKDTree(points).query(coarse)[0].max() < 1e-4, "its points are points of the bone"
-    assert faces.max() < len(coarse)
-    edges = np.linalg.norm(coarse[faces[:, 0]] - coarse[faces[:, 1]], axis=1)
-    middles = coarse[faces].mean(axis=1)
-    assert SurfaceDistance(fine).unsigned(middles).max() < 0.2 * edges.mean()
-    outward = (coarse - [5, 0, 0]) / np.array([30, 40, 100]) ** 2
-    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    assert (normals * outward).sum(axis=1).min() > 0.99
 
 
 def test_a_fine_muscle_keeps_some_of_its_points_and_they_move_as_they_do():

@@ -16,7 +16,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.closed_shells import welded
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.surface import edge_uses, half_edges, point_components, signed_volume
-from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
 from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.data.arrays import checked_surface
 
@@ -58,28 +58,22 @@ class SurfaceDistance:
     """
 
     def __init__(self, surface: vtkPolyData) -> None:
-        points, triangles = checked_surface(surface, "SurfaceDistance")
+        self._parts = _parts_of(*checked_surface(surface, "SurfaceDistance"))
         #: Whether no edge is that of one triangle alone.
-        self.closed = _is_closed(triangles)
-        if not self.closed:
-            points, triangles = welded(points, triangles)
-            self.closed = _is_closed(triangles)
-        self._points, self._triangles = points, triangles
+        self.closed = self._parts.closed
         #: Lowest and highest corner of the surface's box.
-        self.box: tuple[Floats, Floats] = points.min(axis=0), points.max(axis=0)
-        self._building = Lock()
+        self.box: tuple[Floats, Floats] = self._parts.box
 
     def unsigned(self, points: ArrayLike) -> Floats:
         """Return the distance of each point (n, 3) from the nearest triangle, (n,)."""
-        return self._whole.nearest(_checked(points))[2]
+        return self._parts.whole.nearest(_checked(points))[2]
 
     def signed(self, points: ArrayLike) -> Floats:
         """Return the distance of each point (n, 3) from the nearest triangle, negative behind it, (n,).
 
         Unlike :meth:`depth` it needs no closed shell, and means nothing where shells overlap.
         """
-        side = float(np.sign(signed_volume(self._points, self._triangles)) or 1.0)
-        return side * self._whole.signed(_checked(points))[0]
+        return self._parts.side * self._parts.whole.signed(_checked(points))[0]
 
     def closest(self, points: ArrayLike) -> tuple[Floats, Floats]:
         """Return the closest point on the surface to each point (n, 3), and its distance.
@@ -91,7 +85,7 @@ class SurfaceDistance:
         distances : (n,) array
             As :meth:`unsigned`.
         """
-        _, closest, distances = self._whole.nearest(_checked(points))
+        _, closest, distances = self._parts.whole.nearest(_checked(points))
         return closest, distances
 
     def depth(self, points: ArrayLike) -> Floats:
@@ -106,8 +100,8 @@ class SurfaceDistance:
         low, high = self.box
         if not ((positions >= low) & (positions <= high)).all(axis=1).any():
             return result  # without building anything: most bones of a scene are far from most muscles
-        with self._building:
-            sieves = [(shell, shell.sieve) for shell in self._shells]
+        with self._parts.building:
+            sieves = [(shell, shell.sieve) for shell in self._parts.shells]
         for shell, sieve in sieves:
             in_reach = np.flatnonzero(sieve.contains(positions))
             depths = -shell.tree.signed(positions[in_reach])[0]
@@ -118,7 +112,7 @@ class SurfaceDistance:
         """Return whether each point (n, 3) is inside the surface, where its depth is more than 0, (n,)."""
         positions = _checked(points)
         result = np.zeros(len(positions), dtype=np.bool_)
-        for shell in self._shells:
+        for shell in self._parts.shells:
             result |= shell.sieve.encloses(positions)
             open_ = np.flatnonzero(~result & shell.sieve.contains(positions))
             result[open_] = shell.tree.signed(positions[open_])[0] < 0.0
@@ -128,21 +122,47 @@ class SurfaceDistance:
         """Return points (n, 3) with those outside moved to the closest place on the surface."""
         moved = _checked(points).copy()
         outside, closest = np.arange(len(moved)), moved
-        for shell in self._shells:
+        for shell in self._parts.shells:
             outside = outside[~shell.sieve.encloses(moved[outside])]
             distances, closest = shell.tree.signed(moved[outside])
             outside, closest = outside[distances >= 0.0], closest[distances >= 0.0]
-        if len(self._shells) != 1:
-            closest = self._whole.nearest(moved[outside])[1]
+        if len(self._parts.shells) != 1:
+            closest = self._parts.whole.nearest(moved[outside])[1]
         moved[outside] = closest
         return moved
 
-    @cached_property
-    def _whole(self) -> TriangleTree:
-        return _tree_of(self._points, self._triangles)
+
+class _Parts:
+    """What is asked of a surface, each made when it is first needed.
+
+    Parameters
+    ----------
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions; point ids.
+    """
+
+    def __init__(self, points: Floats, triangles: Ints) -> None:
+        self.closed = _is_closed(triangles)
+        if not self.closed:
+            points, triangles = welded(points, triangles)
+            self.closed = _is_closed(triangles)
+        self._points, self._triangles = points, triangles
+        self.box: tuple[Floats, Floats] = points.min(axis=0), points.max(axis=0)
+        self.building = Lock()
 
     @cached_property
-    def _shells(self) -> list[_Shell]:
+    def side(self) -> float:
+        """1 where the triangles face outward, -1 where they face inward."""
+        return float(np.sign(signed_volume(self._points, self._triangles)) or 1.0)
+
+    @cached_property
+    def whole(self) -> TriangleTree:
+        """All triangles."""
+        return shared_tree(self._points, self._triangles)
+
+    @cached_property
+    def shells(self) -> list[_Shell]:
+        """The closed parts, facing outward."""
         edges = half_edges(self._triangles)
         labels = point_components(len(self._points), edges)[self._triangles[:, 0]]
         shells = []
@@ -151,9 +171,8 @@ class SurfaceDistance:
             triangles = self._triangles[labels == number]
             volume = signed_volume(self._points, triangles)
             if volume != 0.0 and _is_closed(triangles):
-                shared = volume > 0.0 and len(numbers) == 1
                 outward = triangles if volume > 0.0 else triangles[:, ::-1]
-                shells.append(_Shell(self._whole if shared else triangle_tree(self._points, outward)))
+                shells.append(_Shell(shared_tree(self._points, outward)))
         if len(shells) < len(numbers):
             warnings.warn(
                 f"SurfaceDistance: {len(numbers) - len(shells)} of {len(numbers)} shell(s) of the surface "
@@ -163,7 +182,7 @@ class SurfaceDistance:
         return shells
 
 
-_tree_of = shared(triangle_tree)
+_parts_of = shared(_Parts)
 
 
 @dataclass(frozen=True, eq=False)

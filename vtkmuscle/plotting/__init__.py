@@ -1,7 +1,8 @@
 """Off-screen pictures of a run: muscles, fibres and bones, fibre lengths and volumes over time.
 
-Surfaces are rendered with PyVista, in parallel projection on white; panels, titles, legends and curves
-are set with matplotlib's objects, so that neither library's global state is touched. Nothing here opens
+Surfaces are rendered in parallel projection on white, by VTK into figures and by PyVista where they are to be
+moved; panels, titles, legends and curves are set with matplotlib's objects, so that no library's global state
+is touched. Nothing here opens
 a window unless asked to.
 """
 
@@ -18,6 +19,7 @@ from vtkmuscle.plotting.moment_arms import plot_moment_arms
 from vtkmuscle.plotting.movie import check_movie, write_movie
 from vtkmuscle.plotting.moving import MovingScene, Pose
 from vtkmuscle.plotting.preflight import can_render
+from vtkmuscle.plotting.studio import Studio
 from vtkmuscle.plotting.surfaces import make_plotter
 from vtkmuscle.plotting.times import add_time_slider, show_time
 from vtkmuscle.plotting.views import View, choose_view, framed
@@ -25,6 +27,7 @@ from vtkmuscle.plotting.views import View, choose_view, framed
 __all__ = [
     "MovingScene",
     "Pose",
+    "Studio",
     "View",
     "add_time_slider",
     "can_render",

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkAppendPolyData
-from vtkmodules.vtkIOExport import vtkGLTFExporter
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.io.messages import vtk_messages
@@ -50,6 +49,8 @@ def export_scene(
     if path.suffix.lower() != ".gltf":
         fix = "give it that suffix; a run writes report.html by itself"
         raise InputError(path, "a scene is exported to a .gltf file", fix)
+    from vtkmodules.vtkIOExport import vtkGLTFExporter  # noqa: PLC0415 -- an export alone needs it
+
     view = choose_view(list(muscles), [bones] * len(muscles))
     plotter = make_plotter(bones, muscles, view, fibres=_appended(fibres) if fibres else None)
     try:

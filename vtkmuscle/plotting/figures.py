@@ -4,27 +4,30 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike, NDArray
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import blocks_of, polylines_of
+from vtkmuscle.data.arrays import polylines_of
+from vtkmuscle.data.drawn_bones import DrawnBones
+from vtkmuscle.plotting.actors import FIBRE_MAP, MUSCLE_RED, PALETTE, actors_of, fixed_bones
 from vtkmuscle.plotting.sheets import LEGEND_FONT, Panel, curves, legend_columns, sheet
-from vtkmuscle.plotting.surfaces import FIBRE_MAP, MUSCLE_RED, PALETTE, fixed_bones, make_plotter
-from vtkmuscle.plotting.views import View, choose_view
+from vtkmuscle.plotting.studio import FINER, Studio
+from vtkmuscle.plotting.views import View, clearest_view
 
 
 def plot_rest_pose(
     muscles: Mapping[str, vtkPolyData],
-    bones: vtkMultiBlockDataSet,
+    bones: DrawnBones,
+    studio: Studio,
     *,
     title: str = "",
     units: str = "mm",
@@ -35,8 +38,10 @@ def plot_rest_pose(
     ----------
     muscles : mapping of str to vtkPolyData
         With the point array ``FixedTo``.
-    bones : vtkMultiBlockDataSet
-        In the same pose.
+    bones : DrawnBones
+        At rest, too.
+    studio : Studio
+        Where the pictures are taken.
     title, units : str, optional
         What to write above the panels, and at the scale bars.
 
@@ -45,17 +50,18 @@ def plot_rest_pose(
     matplotlib.figure.Figure
         To be saved by ``savefig``.
     """
-    views = {name: choose_view([muscle], [bones]) for name, muscle in muscles.items()}
-    panels = [
-        Panel(_capture_fixed_points(bones, muscle, views[name]), name.replace("_", " "), views[name])
-        for name, muscle in muscles.items()
-    ]
+    hiding = bones.spread()
+    panels = []
     if len(muscles) > 1:
-        overview = choose_view(list(muscles.values()), [bones] * len(muscles))
-        panels.insert(0, Panel(_capture(bones, list(muscles.values()), overview), "all muscles", overview))
+        overview = clearest_view(list(muscles.values()), [hiding] * len(muscles))
+        actors = actors_of(list(muscles.values()), overview)
+        panels.append(Panel(studio.picture(actors, overview, bones=bones), "all muscles", overview))
+    for name, muscle in muscles.items():
+        view = clearest_view([muscle], [hiding])
+        panels.append(Panel(_with_fixed_points(bones, muscle, view, studio), name.replace("_", " "), view))
     fixed_to = np.concatenate([fixed_bones(muscle) for muscle in muscles.values()])
-    counts = np.bincount(fixed_to + 1, minlength=bones.GetNumberOfBlocks() + 1)[1:]
-    named = [(i, name) for i, (name, _) in enumerate(blocks_of(bones)) if counts[i]]
+    counts = np.bincount(fixed_to + 1, minlength=len(bones.by_name) + 1)[1:]
+    named = [(i, name) for i, name in enumerate(bones.by_name) if counts[i]]
     handles = [
         Line2D([], [], linestyle="", marker="o", markersize=9, color=PALETTE[i % len(PALETTE)])
         for i, _ in named
@@ -69,7 +75,9 @@ def plot_rest_pose(
 
 def plot_muscle(
     muscles: Sequence[vtkPolyData],
-    bones: Sequence[vtkMultiBlockDataSet],
+    bones: DrawnBones,
+    transforms: Sequence[Mapping[str, Floats]],
+    studio: Studio,
     *,
     fibres: Sequence[vtkPolyData] | None = None,
     rest_fibres: vtkPolyData | None = None,
@@ -81,8 +89,14 @@ def plot_muscle(
 
     Parameters
     ----------
-    muscles, bones : sequence
-        The muscle and the bones of each frame.
+    muscles : sequence of vtkPolyData
+        The muscle in each frame.
+    bones : DrawnBones
+        At rest.
+    transforms : sequence of mapping of str to (4, 4) array
+        In each frame, of the bones that have moved.
+    studio : Studio
+        Where the pictures are taken.
     fibres : sequence of vtkPolyData, optional
         The fibres of each frame.
     rest_fibres : vtkPolyData, optional
@@ -97,22 +111,22 @@ def plot_muscle(
     matplotlib.figure.Figure
         To be saved by ``savefig``.
     """
-    view = choose_view(muscles, bones)
+    view = clearest_view(muscles, [bones.spread(moved) for moved in transforms])
     strains, limit = None, 1.0
     if fibres is not None and rest_fibres is not None:
         rest_lengths = np.maximum(_lengths(rest_fibres), 1e-12)
         strains = [100.0 * (_lengths(lines) / rest_lengths - 1.0) for lines in fibres]
         limit = max(limit, float(np.percentile(np.abs(strains), 98)))
     panels = []
-    for i, (muscle, frame_bones) in enumerate(zip(muscles, bones, strict=True)):
-        image = _capture(
-            frame_bones,
+    for i, (muscle, moved) in enumerate(zip(muscles, transforms, strict=True)):
+        actors = actors_of(
             [muscle],
             view,
             fibres=None if fibres is None else fibres[i],
             strain=None if strains is None else strains[i],
             strain_limit=limit,
         )
+        image = studio.picture(actors, view, bones=bones, transforms=moved)
         panels.append(Panel(image, labels[i] if labels else "", view))
     figure = sheet(panels, title, units)
     if strains is not None:
@@ -150,7 +164,12 @@ def plot_lengths(
     values = np.asarray(lengths, dtype=np.float64)
     figure, axes = curves(title, time_label, f"fibre length [{units}]")
     marker = "o" if len(values) == 1 else ""
-    axes.plot(times, values, color=MUSCLE_RED, alpha=0.25, linewidth=0.7, marker=marker, markersize=3)
+    if marker:
+        axes.plot(times, values, color=MUSCLE_RED, alpha=0.25, linewidth=0.7, marker=marker, markersize=3)
+    else:
+        paths = np.stack([np.broadcast_to(np.asarray(times)[:, None], values.shape), values], axis=2)
+        lines = LineCollection(list(paths.swapaxes(0, 1)), colors=MUSCLE_RED, alpha=0.25, linewidths=0.7)
+        axes.add_collection(lines)
     axes.plot([], [], color=MUSCLE_RED, alpha=0.5, linewidth=0.7, label=f"{values.shape[1]} fibres")
     axes.plot(times, values.mean(axis=1), color="black", linewidth=2.2, marker=marker, label="mean")
     axes.legend(frameon=False)
@@ -195,23 +214,16 @@ def plot_volume(
     return figure
 
 
-def _capture(
-    bones: vtkMultiBlockDataSet, muscles: Sequence[vtkPolyData], view: View, **options: Any
+def _with_fixed_points(
+    bones: DrawnBones, muscle: vtkPolyData, view: View, studio: Studio
 ) -> NDArray[np.uint8]:
-    plotter = make_plotter(bones, muscles, view, **options)
-    try:
-        image: NDArray[np.uint8] = plotter.screenshot(return_img=True)
-    finally:
-        plotter.close()
-    return image
-
-
-def _capture_fixed_points(bones: vtkMultiBlockDataSet, muscle: vtkPolyData, view: View) -> NDArray[np.uint8]:
     """Return a picture with the fixed points; those behind a bone shine through it."""
-    image = _capture(bones, [muscle], view, fixed_points=True)
-    points = _capture(vtkMultiBlockDataSet(), [muscle], view, fixed_points=True, show_muscles=False)
-    seen = np.ptp(points, axis=2, keepdims=True) > 60  # the white behind the points is grey at their rims
-    mixed: NDArray[np.uint8] = np.where(seen, image // 2 + points // 2, image)
+    actors = actors_of([muscle], view, fixed_points=True, finer=FINER)
+    image = studio.picture(actors, view, bones=bones)
+    points = studio.picture(actors[:-1], view)
+    low, high = points.min(axis=2), points.max(axis=2)
+    seen = high > low.astype(int) + 60  # the white behind the points is grey at their rims
+    mixed: NDArray[np.uint8] = np.where(seen[..., None], image // 2 + points // 2, image)
     return mixed
 
 

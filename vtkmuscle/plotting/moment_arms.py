@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.io.literature import LOWER, UPPER, LiteratureCurve, curves_for
+from vtkmuscle.plotting.actors import MUSCLE_RED, PALETTE
 from vtkmuscle.plotting.sheets import DOTS_PER_INCH
-from vtkmuscle.plotting.surfaces import MUSCLE_RED, PALETTE
 
 #: Half width of the band about the mean, in standard errors: 95 per cent of a normal distribution.
 BAND = 1.96
@@ -43,14 +43,12 @@ def plot_moment_arms(
     matplotlib.figure.Figure
         To be saved by ``savefig``.
     """
-    figure = Figure(
-        figsize=(9.0 * len(arms), 4.8), dpi=DOTS_PER_INCH, facecolor="white", layout="constrained"
-    )
+    figure = Figure(figsize=(9.0 * len(arms), 4.8), dpi=DOTS_PER_INCH, facecolor="white")
     FigureCanvasAgg(figure)
     if title:
         figure.suptitle(title)
     for number, (name, found) in enumerate(arms.items()):
-        axes = figure.add_subplot(1, len(arms), number + 1)
+        axes = figure.add_axes((number / len(arms), 0.12, 1.0 / len(arms), 0.79))
         _draw(axes, found)
         unit = ANGLES.get(found.unit)
         if unit is not None:
@@ -59,7 +57,12 @@ def plot_moment_arms(
         axes.spines[["top", "right"]].set_visible(False)
         axes.set_xlabel(f"{name.replace('_', ' ')} [{found.unit}], positive: {found.positive or 'upwards'}")
         axes.set_ylabel("moment arm, -dl/dq [mm]" if unit is not None else "moment arm, -dl/dq [1]")
-        axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        legend = axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        # The legend stands beside the curves, and they have what it leaves of the panel.
+        width = legend.get_window_extent().width / figure.bbox.width * len(arms)
+        place = axes.get_position()
+        place.x0, place.x1 = place.x0 + 0.08 * place.width, place.x1 - min(width + 0.01, 0.6) * place.width
+        axes.set_position(place)
     return figure
 
 

@@ -20,7 +20,8 @@ from vtkmuscle.data.arrays import (
     polylines_of,
     triangles_of,
 )
-from vtkmuscle.plotting.surfaces import IVORY, PALETTE, x_server_warning_off
+from vtkmuscle.plotting.actors import IVORY, PALETTE
+from vtkmuscle.plotting.studio import x_server_warning_off
 from vtkmuscle.plotting.views import View, axes_of, choose_view
 
 #: Width and height of the picture in pixels.

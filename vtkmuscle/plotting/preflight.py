@@ -12,12 +12,14 @@ from vtkmuscle.isolation import isolated_python
 _PREFLIGHT_TIMEOUT = 120.0  # seconds; a first import from a cold disk is slow
 _LOG_PREFIX = re.compile(r"^.*\b(WARN|ERR)\|\s|\x1b\[[0-9;]*m")  # time, thread and level; colours
 _PREFLIGHT = """
+sys.modules["numpy"] = None  # VTK would load it, which takes longer than all else here
 import vtkmodules.vtkRenderingOpenGL2
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
 renderer, window, pixel = vtkRenderer(), vtkRenderWindow(), vtkUnsignedCharArray()
 renderer.SetBackground(1, 0, 0)
 window.SetOffScreenRendering(True)
+window.SetMultiSamples(0)
 window.SetSize(8, 8)
 window.AddRenderer(renderer)
 window.Render()

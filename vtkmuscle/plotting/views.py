@@ -12,6 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import blocks_of, points_of, triangles_of
+from vtkmuscle.data.drawn_bones import spread_over
 
 PANEL_AREA = 520_000  # pixels
 
@@ -66,17 +67,30 @@ def choose_view(
     View
         To be shared by all frames, so that they can be compared.
     """
-    surfaces = [points_of(muscle) for muscle in muscles]
-    everything = np.vstack(surfaces)
-    cell = float(np.linalg.norm(np.ptp(everything, axis=0))) / 30.0
-    samples = [_samples(muscle) for muscle in muscles]
-    obstacles = [
-        np.vstack([np.zeros((0, 3)), *(_samples(block) for _, block in blocks_of(frame))]) for frame in bones
+    hiding = [
+        np.vstack([np.zeros((0, 3)), *(_spread(block) for _, block in blocks_of(frame))]) for frame in bones
     ]
+    return clearest_view(muscles, hiding, margin=margin)
+
+
+def clearest_view(muscles: Sequence[vtkPolyData], hiding: Sequence[Floats], *, margin: float = 0.12) -> View:
+    """Return the view that shows most of the muscles, as :func:`choose_view`.
+
+    Parameters
+    ----------
+    muscles : sequence of vtkPolyData
+        A muscle in one or more frames.
+    hiding : sequence of (k, 3) array
+        Points spread over the bones, for each frame.
+    margin : float, optional
+        Space around the muscles, as a part of their size.
+    """
+    everything = np.vstack([points_of(muscle) for muscle in muscles])
+    cell = float(np.linalg.norm(np.ptp(everything, axis=0))) / 30.0
+    pairs = [(_spread(muscle), points) for muscle, points in zip(muscles, hiding, strict=True)]
 
     def area(direction: Floats) -> float:
-        pairs = zip(samples, obstacles, strict=True)
-        return float(sum(_visible_cells(seen, hiding, direction, cell) for seen, hiding in pairs))
+        return float(sum(_visible_cells(seen, points, direction, cell) for seen, points in pairs))
 
     azimuths = np.radians(np.arange(0.0, 360.0, 15.0))
     areas = np.array([area(_direction(azimuth, 0.0)) for azimuth in azimuths])
@@ -130,32 +144,19 @@ def axes_of(direction: Floats) -> Floats:
     return np.array([right, np.cross(towards, right), towards])
 
 
-def _samples(surface: vtkPolyData, n: int = 10_000) -> Floats:
-    """Return points spread over a surface evenly by area, the same ones each time."""
-    points = points_of(surface)
-    triangles = triangles_of(surface, "plotting")
-    a, b, c = (points[triangles[:, i]] for i in range(3))
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    if not areas.any():
-        return points
-    rng = np.random.default_rng(0)
-    chosen = np.searchsorted(np.cumsum(areas) / areas.sum(), (np.arange(n) + 0.5) / n)
-    chosen = np.minimum(chosen, len(triangles) - 1)
-    u, v = rng.random((2, n, 1))
-    u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
-    samples: Floats = a[chosen] + u * (b - a)[chosen] + v * (c - a)[chosen]
-    return samples
+def _spread(surface: vtkPolyData) -> Floats:
+    return spread_over(points_of(surface), triangles_of(surface, "plotting"))
 
 
 def _visible_cells(seen: Floats, hiding: Floats, direction: Floats, cell: float) -> int:
     """Count the cells of the picture plane in which ``seen`` is in front of ``hiding``."""
     axes = axes_of(direction)
-    ours, theirs = seen @ axes.T, hiding @ axes.T
-    low = ours.min(axis=0)
-    shape = tuple(np.floor((ours.max(axis=0) - low)[:2] / cell).astype(int) + 1)
-    depth = np.full((2, *shape), -np.inf)
-    for layer, points in enumerate((ours, theirs)):
-        at = np.floor((points - low)[:, :2] / cell).astype(int)
-        inside = ((at >= 0) & (at < shape)).all(axis=1)
-        np.maximum.at(depth[layer], tuple(at[inside].T), points[inside, 2])
+    ours, theirs = axes @ seen.T, axes @ hiding.T
+    low = ours.min(axis=1)
+    columns, rows = (np.floor((ours.max(axis=1) - low)[:2] / cell).astype(int) + 1).tolist()
+    depth = np.full((2, columns * rows), -np.inf)
+    for layer, (x, y, z) in zip(depth, (ours, theirs), strict=True):
+        column, row = np.floor((x - low[0]) / cell), np.floor((y - low[1]) / cell)
+        inside = np.flatnonzero((column >= 0) & (column < columns) & (row >= 0) & (row < rows))
+        np.maximum.at(layer, (column[inside] * rows + row[inside]).astype(int), z[inside])
     return int((depth[0] > np.maximum(depth[1], -1e300)).sum())

@@ -13,8 +13,8 @@ from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.literature import LOWER, UPPER, LiteratureCurve, curves_for
+from vtkmuscle.plotting.actors import PALETTE
 from vtkmuscle.plotting.moment_arms import BAND
-from vtkmuscle.plotting.surfaces import PALETTE
 from vtkmuscle.report.packing import Pack
 from vtkmuscle.report.source import RunResult
 

@@ -70,8 +70,7 @@ class Pack:
 
     def text(self) -> str:
         """Return all arrays, compressed by gzip, in base64."""
-        packed = gzip.compress(b"".join(self._parts), 6, mtime=0)
-        return base64.b64encode(packed).decode("ascii")
+        return packed(b"".join(self._parts))
 
     def _append(self, data: bytes) -> dict[str, int]:
         at = self._size
@@ -79,6 +78,11 @@ class Pack:
         self._parts += [data, b"\0" * padding]
         self._size += len(data) + padding
         return {"at": at}
+
+
+def packed(data: bytes) -> str:
+    """Return bytes compressed by gzip, in base64; higher levels save 1 to 4 % and take twice the time."""
+    return base64.b64encode(gzip.compress(data, 4, mtime=0)).decode("ascii")
 
 
 def unpacked(text: str) -> bytes:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import gzip
 from collections.abc import Mapping
 from importlib.resources import files
 from os import PathLike
@@ -17,7 +15,7 @@ from vtkmuscle._version import __version__
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.report.curves import Limit, colour_of, curves_of, label_of
-from vtkmuscle.report.packing import Pack
+from vtkmuscle.report.packing import Pack, packed
 from vtkmuscle.report.scene3d import scene_of
 from vtkmuscle.report.source import RunResult
 from vtkmuscle.report.tables import (
@@ -128,8 +126,7 @@ def _plotly() -> str:
     """Return Plotly's program, compressed and written as text: two fifths of its size."""
     from plotly.offline import get_plotlyjs  # noqa: PLC0415 -- a page alone needs it
 
-    packed = gzip.compress(get_plotlyjs().encode("utf-8"), 6, mtime=0)
-    return base64.b64encode(packed).decode("ascii")
+    return packed(get_plotlyjs().encode("utf-8"))
 
 
 def _lead(result: RunResult) -> str:

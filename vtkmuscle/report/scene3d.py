@@ -7,21 +7,18 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonDataModel import vtkPolyData
-from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkQuadricClustering, vtkQuadricDecimation
+from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkQuadricDecimation
 
-from vtkmuscle.core.mesh.surface import triangle_normals, vertex_normals
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import blocks_of, points_of, polylines_of, surface_from, triangles_of
-from vtkmuscle.plotting.surfaces import PALETTE
-from vtkmuscle.plotting.views import choose_view
+from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
+from vtkmuscle.plotting.actors import PALETTE
+from vtkmuscle.plotting.views import clearest_view
 from vtkmuscle.report.packing import Pack
 from vtkmuscle.report.source import RunResult
 from vtkmuscle.scene.data import MILLIMETRES
 
 #: Frames that a page shows, at most.
 MOST_FRAMES = 120
-#: Triangles of all bones, about.
-BONE_TRIANGLES = 60_000
 #: Points of all muscles, and of all fibres, over all frames that are shown, at most.
 MUSCLE_POINTS, FIBRE_POINTS = 1_000_000, 600_000
 #: Triangles that a muscle has at least, and at most.
@@ -79,16 +76,8 @@ def shown_frames(count: int) -> list[int]:
 
 
 def _bones(result: RunResult, shown: list[int], pack: Pack) -> list[dict[str, Any]]:
-    blocks = [(name, block) for name, block in blocks_of(result.rest_bones())]
-    total = sum(block.GetNumberOfCells() for _, block in blocks)
     found = []
-    for name, block in blocks:
-        points, triangles = points_of(block), triangles_of(block, name)
-        if total > BONE_TRIANGLES:
-            wanted = max(int(len(triangles) * BONE_TRIANGLES / total), LEAST)
-            points, triangles, normals = _clustered(points, triangles, wanted)
-        else:
-            normals = vertex_normals(points, triangles)
+    for name, bone in result.drawn_bones.by_name.items():
         moved = result.motion.transforms.get(name)
         rows = None
         if moved is not None:
@@ -98,37 +87,13 @@ def _bones(result: RunResult, shown: list[int], pack: Pack) -> list[dict[str, An
         found.append(
             {
                 "name": name,
-                "points": pack.add_moving(points[None]),
-                "normals": pack.add(np.rint(127.0 * normals), "i8"),
-                "triangles": _indices(triangles, len(points), pack),
+                "points": pack.add_moving(bone.points[None]),
+                "normals": pack.add(np.rint(127.0 * bone.normals), "i8"),
+                "triangles": _indices(bone.triangles, len(bone.points), pack),
                 "transforms": rows,
             }
         )
     return found
-
-
-def _clustered(points: Floats, triangles: Ints, wanted: int) -> tuple[Floats, Ints, Floats]:
-    """Return about as many triangles as wanted, on a part of the points, with their normals of the whole.
-
-    A tenth of the time that edges being collapsed would take.
-    """
-    surface = surface_from(points, triangles)
-    area = float(np.linalg.norm(triangle_normals(points, triangles), axis=1).sum()) / 2.0
-    # A cell of a grid that a surface passes through holds about two triangles.
-    cell = np.sqrt(2.0 * max(area, 1e-12) / wanted)
-    cluster = vtkQuadricClustering()
-    cluster.SetInputData(surface)
-    cluster.AutoAdjustNumberOfDivisionsOff()
-    cluster.SetNumberOfDivisions(*(int(n) for n in np.ceil(np.ptp(points, axis=0) / cell).clip(2, 400)))
-    cluster.UseInputPointsOn()
-    cluster.CopyCellDataOff()
-    cluster.Update()
-    coarse = cluster.GetOutput()
-    kept = points_of(coarse)
-    faces = triangles_of(coarse, "bone")
-    _, nearest = cKDTree(points).query(kept)
-    normals = vertex_normals(points, triangles)[nearest]
-    return kept, faces, normals
 
 
 def _muscle(
@@ -204,7 +169,7 @@ def _view(result: RunResult) -> dict[str, Any]:
     for name in result.muscle_names:
         append.AddInputData(result.rest_muscle(name))
     append.Update()
-    view = choose_view([append.GetOutput()], [result.rest_bones()])
+    view = clearest_view([append.GetOutput()], [result.drawn_bones.spread()])
     return {"towards": [float(value) for value in view.direction]}
 
 

@@ -9,6 +9,7 @@ from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.moment_arms.of_joints import JointArms
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
+from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.io.literature import LiteratureCurve
 
 
@@ -26,6 +27,7 @@ class RunResult(Protocol):
     verdicts: Mapping[str, str]
     lengths: Mapping[str, Floats]
     literature: Mapping[str, Sequence[LiteratureCurve]]
+    drawn_bones: DrawnBones
 
     @property
     def errors(self) -> Mapping[str, Mapping[str, Estimate]]:

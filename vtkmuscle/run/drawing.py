@@ -9,10 +9,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vtkmuscle.io.writing import beside
 from vtkmuscle.run.result import Result
+
+if TYPE_CHECKING:
+    from vtkmuscle.plotting import Studio
 
 
 class Drawing:
@@ -46,7 +49,7 @@ class Drawing:
             from vtkmuscle.run.figures import write_pictures  # noqa: PLC0415
 
             with suppress(Exception), self._ready():
-                self._drawn += write_pictures(self._beside, result, name)
+                self._drawn += write_pictures(self._beside, result, name, self._studio)
 
     def finish(self, result: Result) -> dict[str, Any]:
         """Draw what is left, move all to ``figures/``, and return what the report says of it.
@@ -68,15 +71,24 @@ class Drawing:
         from vtkmuscle.run.figures import write_figures  # noqa: PLC0415
 
         with self._ready():
-            drawn = sorted(write_figures(self._beside, result, drawn=self._drawn))
+            drawn = sorted(write_figures(self._beside, result, drawn=self._drawn, studio=self._studio))
             self._folder.mkdir(exist_ok=True)
             for figure in drawn:
                 figure.replace(self._folder / figure.name)
         return {"written": [figure.name for figure in drawn]}
 
     def discard(self) -> None:
-        """Remove what is drawn and not yet in its place."""
+        """Remove what is drawn and not yet in its place, and what it was drawn with."""
         shutil.rmtree(self._beside, ignore_errors=True)
+        if "_studio" in self.__dict__:
+            self._studio.close()
+            del self._studio
+
+    @cached_property
+    def _studio(self) -> Studio:
+        from vtkmuscle.plotting import Studio  # noqa: PLC0415 -- only figures need it
+
+        return Studio()
 
     @cached_property
     def _reason(self) -> str | None:

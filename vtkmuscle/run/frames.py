@@ -14,6 +14,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import with_points
+from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.run.track import MuscleTrack
@@ -34,6 +35,7 @@ class KeptFrames:
         *,
         literature: Mapping[str, Sequence[LiteratureCurve]] | None = None,
         crosses: Mapping[str, Sequence[str]] | None = None,
+        drawn_bones: DrawnBones | None = None,
     ) -> None:
         self.name = name
         self.motion = motion
@@ -51,8 +53,12 @@ class KeptFrames:
         self.verdicts: Mapping[str, str] = {
             name: track.report["verdict"]["verdict"] for name, track in tracks.items()
         }
+        for lengths in self.lengths.values():
+            lengths.setflags(write=False)  # moment arms by them are found once
+        self._known_arms: dict[tuple[str, ...], Any] = {}
         self._tracks = tracks
         self._bones = bones
+        self.drawn_bones = drawn_bones or DrawnBones(bones)
         self._mover = BoneMotion(motion=motion)
         self._mover.connect(0, bones)
 

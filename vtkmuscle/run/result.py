@@ -173,6 +173,15 @@ class Result(KeptFrames):
             raise InputError(
                 "", "no muscle of the run has fibres, so there are no moment arms", "give it fibres"
             )
+        if coordinates not in self._known_arms:
+            self._known_arms[coordinates] = self._joint_arms(coordinates)
+        arms, refused = self._known_arms[coordinates]
+        return MomentArmTable(arms, refused, self.errors)
+
+    def _joint_arms(
+        self, coordinates: tuple[str, ...]
+    ) -> tuple[dict[str, dict[str, JointArms]], dict[str, str]]:
+        """Return the moment arms per muscle and coordinate, and why there are none by others."""
         motion = self.motion.part(self.frames)
         arms: dict[str, dict[str, JointArms]] = {}
         refused: dict[str, str] = {}
@@ -194,7 +203,7 @@ class Result(KeptFrames):
             refused |= without
         if problems and not arms:
             raise problems[0]
-        return MomentArmTable(arms, refused, self.errors)
+        return arms, refused
 
     def length_table(self) -> Table:
         """Return the fibre lengths, a row per muscle, fibre and frame: as lengths.csv, and the frame."""

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
+from functools import partial
 from os import cpu_count
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,9 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.closed_shells import closed_shells
+from vtkmuscle.core.mesh.shared import held
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
+from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.parts import file_digest
@@ -88,6 +91,7 @@ def frame_numbers(frames: str | slice | range | int | None, count: int) -> range
     return numbers
 
 
+@held()
 def run_scene(
     scene: SceneData,
     out: Path | None,
@@ -119,8 +123,7 @@ def run_scene(
     keys, kept = _kept(folder, scene, bones, numbers, fresh=fresh)
     tracks = {name: kept.get(name) or MuscleTrack() for name in muscles or scene.muscles}
     report = _first_report(scene, numbers, tracks) | {"taken_over": list(kept), "sense": list(odd)}
-    stop, report_progress = threading.Event(), _one_at_a_time(progress)
-    seen = observe or (lambda muscle, row: None)
+    stop, report_progress, seen = threading.Event(), _one_at_a_time(progress), observe or (lambda *_: None)
     further = {} if errors is None else errors.jobs(numbers, bones, stop)
 
     def muscle_run(name: str, others: tuple[MuscleRun, ...]) -> MuscleRun:
@@ -129,10 +132,11 @@ def run_scene(
         )
 
     drawing = Drawing(folder.path) if folder is not None and figures else None
+    result_of = partial(_result, scene, numbers, report, DrawnBones(scene.bones_data()))
 
     def draw(name: str) -> None:
         if drawing is not None and name in tracks:
-            drawing.muscle(_result(scene, numbers, {name: tracks[name]}, report), name)
+            drawing.muscle(result_of({name: tracks[name]}), name)
 
     try:
         jobs: dict[str, Future[None]] = {}
@@ -149,7 +153,7 @@ def run_scene(
                 folder.write_bones(scene, numbers, stop.is_set)
             _wait_for(jobs, stop, lambda key: draw(key.removeprefix("muscles.")))
         _raise_first_failure(jobs, scene)
-        result = _result(scene, numbers, tracks, report)
+        result = result_of(tracks)
         report["seconds"] = {"muscles": time.perf_counter() - began}
         arms = _with_errors(_moment_arms(result, report), errors, result, tracks, report)
     except BaseException as error:
@@ -198,7 +202,11 @@ def _side_by_side(workers: int | None, scene: SceneData, n_further: int) -> int:
 
 
 def _result(
-    scene: SceneData, numbers: range, tracks: dict[str, MuscleTrack], report: dict[str, Any]
+    scene: SceneData,
+    numbers: range,
+    report: dict[str, Any],
+    drawn_bones: DrawnBones,
+    tracks: dict[str, MuscleTrack],
 ) -> Result:
     return Result(
         scene.name,
@@ -210,6 +218,7 @@ def _result(
         report,
         literature={name: muscle.literature for name, muscle in scene.muscles.items()},
         crosses={name: one.crosses for name, one in scene.muscles.items() if one.crosses is not None},
+        drawn_bones=drawn_bones,
     )
 
 

@@ -40,11 +40,12 @@ def geodesic_curve(points: Floats, triangles: Ints, vertices: Ints, *, closed: b
     """
     ends = np.append(vertices[1:], vertices[:1]) if closed else vertices[1:]
     edges = unique_edges(triangles)
+    middles = np.ascontiguousarray(0.5 * (points[edges[:, 0]] + points[edges[:, 1]]).T)
     curve = [vertices[:1]]
     for start, end in zip(vertices[: len(ends)], ends, strict=True):
-        path = _shortest_path(points, edges, int(start), int(end), _REACH)
+        path = _shortest_path(points, edges, middles, int(start), int(end), _REACH)
         if not len(path):
-            path = _shortest_path(points, edges, int(start), int(end), np.inf)
+            path = _shortest_path(points, edges, middles, int(start), int(end), np.inf)
         if not len(path):
             raise InputError(
                 "",
@@ -56,19 +57,20 @@ def geodesic_curve(points: Floats, triangles: Ints, vertices: Ints, *, closed: b
     return np.concatenate(curve)
 
 
-def _shortest_path(points: Floats, edges: Ints, start: int, end: int, reach: float) -> Ints:
+def _shortest_path(points: Floats, edges: Ints, middles: Floats, start: int, end: int, reach: float) -> Ints:
     """Return the points of the shortest path, both ends included; none where there is no path.
 
-    Dijkstra 1959, doi:10.1007/BF01386390. Edges whose middle is farther from the chord's middle than `reach`
-    chords are left out.
+    Dijkstra 1959, doi:10.1007/BF01386390. Edges whose middle (3, k) is farther from the chord's middle than
+    `reach` chords, along any axis, are left out.
     """
     chord = points[end] - points[start]
     square = max(float(chord @ chord), 1e-300)
-    middles = 0.5 * (points[edges[:, 0]] + points[edges[:, 1]]) - points[start]
+    near = np.ones(len(edges), dtype=np.bool_)
     if np.isfinite(reach):
-        near = ((middles - 0.5 * chord) ** 2).sum(axis=1) <= reach * reach * square
-        edges, middles = edges[near], middles[near]
-    aside = (np.cross(middles, chord) ** 2).sum(axis=1) / square**2  # squared, in chords
+        for along, middle in zip(middles, points[start] + 0.5 * chord, strict=True):
+            near &= np.abs(along - middle) <= reach * np.sqrt(square)
+    edges, away = edges[near], middles.T[near] - points[start]
+    aside = (np.cross(away, chord) ** 2).sum(axis=1) / square**2  # squared, in chords
     weights = edge_lengths(points, edges) * (1.0 + _STRAIGHTNESS * aside)
     graph = coo_array((weights, (edges[:, 0], edges[:, 1])), shape=(len(points), len(points))).tocsr()
     before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)[1]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.mesh.triangle_distance import nearest_on_triangle
+from vtkmuscle.core.mesh.triangle_distance import Sides, nearest_on_triangle, pseudonormal_at
 from vtkmuscle.core.types import Bools, Floats, Ints, Singles
 
 Members = NDArray[np.int32]
@@ -99,7 +99,7 @@ def fill_band(
     offsets: Ints,
     members: Members,
     corners: Floats,
-    normals: Floats,
+    sides: Sides,
     origin: Floats,
     cell: float,
     band: float,
@@ -111,7 +111,7 @@ def fill_band(
     The side of a node within the band follows from the normal at the nearest point. Between neighbouring
     nodes beyond the band there is no surface, so they take the side of a neighbour.
     blocks : (n,), with the triangles offsets, members;  positions : (n, 3) in blocks;
-    corners : (m, 3, 3) [mm];  normals : (m, 7, 3);  values : (n, 8, 8, 8), written;
+    corners : (m, 3, 3) [mm], of the triangles of sides;  values : (n, 8, 8, 8), written;
     in_band : (n,), written, False where all nodes are beyond the band (values are without sign then).
     """
     nearest = np.empty((SIDE, SIDE, SIDE), np.int64)
@@ -136,8 +136,8 @@ def fill_band(
                     a, b, c = corners[triangle, 0], corners[triangle, 1], corners[triangle, 2]
                     x, y, z = base[0] + cell * i, base[1] + cell * j, base[2] + cell * k
                     px, py, pz, where = nearest_on_triangle(x, y, z, a, b, c)
-                    normal = normals[triangle, where]
-                    along = (x - px) * normal[0] + (y - py) * normal[1] + (z - pz) * normal[2]
+                    nx, ny, nz = pseudonormal_at(sides, triangle, where)
+                    along = (x - px) * nx + (y - py) * ny + (z - pz) * nz
                     values[n, i, j, k] = -distance[i, j, k] if along < 0.0 else distance[i, j, k]
         in_band[n] = left < SIDE**3
         if in_band[n]:

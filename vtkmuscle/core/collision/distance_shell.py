@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import label
 
 from vtkmuscle.core.collision.distance_blocks import SIDE, fill_band, fill_inside, triangles_of_blocks
-from vtkmuscle.core.mesh.triangle_distance import pseudonormals, winding_number
+from vtkmuscle.core.mesh.triangle_distance import Sides, sides_of, winding_number
 from vtkmuscle.core.types import Bools, Floats, Ints, Singles, Table
 
 #: Blocks that a thread works on at a time.
@@ -130,7 +130,7 @@ def _distance_in(
     if not len(triangles):
         return _all_or_nothing(points, shell, lattice, band, solid)
     corners = np.ascontiguousarray(points[triangles])
-    blocks, values = _band_values(corners, pseudonormals(points, triangles), lattice, band, threads)
+    blocks, values = _band_values(corners, sides_of(points, triangles), lattice, band, threads)
     if not solid:
         return blocks, np.abs(values)
     inside = _blocks_inside(points, shell, lattice, blocks, values)
@@ -174,7 +174,7 @@ def _winds_round(points: Floats, shell: Ints, lattice: Lattice, block: np.int64)
 
 
 def _band_values(
-    corners: Floats, normals: Floats, lattice: Lattice, band: float, threads: int
+    corners: Floats, sides: Sides, lattice: Lattice, band: float, threads: int
 ) -> tuple[Ints, Singles]:
     """Return the blocks with a node in the band, and the distances there."""
     offsets, members = triangles_of_blocks(corners, lattice.origin, lattice.cell, band, lattice.shape)
@@ -185,7 +185,7 @@ def _band_values(
 
     def fill(start: int) -> None:
         part = slice(start, start + _BLOCKS_PER_TASK)
-        of_part = blocks[part], places[part], offsets, members, corners, normals
+        of_part = blocks[part], places[part], offsets, members, corners, sides
         fill_band(*of_part, lattice.origin, lattice.cell, band, values[part], in_band[part])
 
     tasks = range(0, len(blocks), _BLOCKS_PER_TASK)

@@ -9,6 +9,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.surface import LEAST_VOLUME, numbered_edges, point_components, signed_volume
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -35,6 +36,7 @@ class ClosedShells:
     remarks: tuple[str, ...]
 
 
+@shared
 def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
     """Return the connected parts of a surface, closed and oriented where they are not.
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import wraps
 from hashlib import blake2b
 from threading import Lock
@@ -14,6 +15,45 @@ import numpy as np
 from vtkmuscle.core.types import Floats, Ints
 
 T = TypeVar("T")
+
+
+class _Holders:
+    """Those who keep what is shared, and what they keep together."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.kept: list[object] = []
+        self.lock = Lock()
+
+
+_holders = _Holders()
+
+
+@contextmanager
+def held() -> Iterator[None]:
+    """Keep what is made by shared functions meanwhile, though the one who asked for it be gone.
+
+    Muscles that are solved one after another then share what is made from their bones.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from vtkmuscle.core.mesh.triangle_tree import shared_tree
+    >>> points, triangles = np.eye(3), np.array([[0, 1, 2]])
+    >>> with held():
+    ...     first = id(shared_tree(points, triangles))
+    ...     id(shared_tree(points, triangles)) == first
+    True
+    """
+    with _holders.lock:
+        _holders.count += 1
+    try:
+        yield
+    finally:
+        with _holders.lock:
+            _holders.count -= 1
+            if _holders.count == 0:
+                _holders.kept.clear()
 
 
 def shared(make: Callable[[Floats, Ints], T]) -> Callable[[Floats, Ints], T]:
@@ -48,7 +88,10 @@ def shared(make: Callable[[Floats, Ints], T]) -> Callable[[Floats, Ints], T]:
         with making.setdefault(key, Lock()):
             result = known.get(key)
             if result is None:
-                result = known[key] = make(points, triangles)
+                result = known[key] = make(points.copy(), triangles.copy())  # the caller's may change
+                with _holders.lock:
+                    if _holders.count:
+                        _holders.kept.append(result)
         making.pop(key, None)
         return result
 

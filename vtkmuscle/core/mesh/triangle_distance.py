@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.closed_shells import edge_numbers
+from vtkmuscle.core.mesh.bins import sorted_into_bins
 from vtkmuscle.core.types import Floats, Ints
 
 #: Where on a triangle a point is: in its face, on the edge from corner k to the next, or at corner k.
@@ -52,8 +54,33 @@ def nearest_on_triangle(  # noqa: PLR0911 -- one for each region
     return a[0] + v * abx + w * acx, a[1] + v * aby + w * acy, a[2] + v * abz + w * acz, FACE
 
 
-def pseudonormals(points: Floats, triangles: Ints) -> Floats:
-    """Return the normals from which the side of a point follows, given its nearest point of the surface.
+class Sides(NamedTuple):
+    """A surface and which triangles are at each of its points, from which the sides of it follow.
+
+    Attributes
+    ----------
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions; point ids, outward oriented.
+    starts, around : (n + 1,) int array, (3 m,) int array
+        The triangles at point i are ``around[starts[i] : starts[i + 1]]``, ascending.
+    """
+
+    points: Floats
+    triangles: Ints
+    starts: Ints
+    around: Ints
+
+
+def sides_of(points: Floats, triangles: Ints) -> Sides:
+    """Return what :func:`pseudonormal_at` asks of a surface, points (n, 3) and triangles (m, 3)."""
+    triangles = np.ascontiguousarray(triangles, dtype=np.int64)
+    corners, starts = sorted_into_bins(triangles.reshape(-1), len(points))
+    return Sides(np.ascontiguousarray(points, dtype=np.float64), triangles, starts, corners // 3)
+
+
+@kernel
+def pseudonormal_at(sides: Sides, triangle: int, region: int) -> tuple[float, float, float]:
+    """Return the normal from which the side of a point follows, given its nearest point of the surface.
 
     A point is outside a closed surface where its offset from the nearest point of the surface goes along
     the normal there, inside where it goes against it. At an edge that is the sum of the normals of its
@@ -62,52 +89,55 @@ def pseudonormals(points: Floats, triangles: Ints) -> Floats:
 
     Parameters
     ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions; point ids, outward oriented.
+    sides : Sides
+        The surface.
+    triangle, region : int
+        The nearest triangle, and where on it the nearest point is: FACE, EDGE + k or CORNER + k.
 
     Returns
     -------
-    (m, 7, 3) array
-        Of the face, the three edges and the three corners of each triangle, in the order of FACE, EDGE + k
-        and CORNER + k; of any length.
+    tuple of float
+        The normal, of any length.
     """
-    edges = edge_numbers(triangles)
-    of_edges = np.zeros((int(edges.max(initial=-1)) + 1, 3))
-    of_points = np.zeros((len(points), 3))
-    result = np.empty((len(triangles), 7, 3))
-    _add_normals(points, triangles, edges, of_edges, of_points, result)
-    result[:, EDGE:CORNER], result[:, CORNER:] = of_edges[edges], of_points[triangles]
-    return result
+    points, triangles = sides.points, sides.triangles
+    if region == FACE:
+        return _unit_normal(points, triangles, triangle)
+    corner = region - CORNER if region >= CORNER else region - EDGE
+    point = triangles[triangle, corner]
+    far = -1 if region >= CORNER else triangles[triangle, (corner + 1) % 3]
+    x, y, z = 0.0, 0.0, 0.0
+    for place in range(sides.starts[point], sides.starts[point + 1]):
+        t = sides.around[place]
+        if far >= 0 and triangles[t, 0] != far and triangles[t, 1] != far and triangles[t, 2] != far:
+            continue
+        weight = 1.0 if far >= 0 else _angle(points, triangles, t, point)
+        nx, ny, nz = _unit_normal(points, triangles, t)
+        x, y, z = x + weight * nx, y + weight * ny, z + weight * nz
+    return x, y, z
 
 
 @kernel
-def _add_normals(
-    points: Floats, triangles: Ints, edges: Ints, of_edges: Floats, of_points: Floats, result: Floats
-) -> None:
-    """Write the normals of triangles, and add them to those of their edges and, by their angles, points."""
-    for t in range(len(triangles)):
-        a, b, c = points[triangles[t, 0]], points[triangles[t, 1]], points[triangles[t, 2]]
-        x, y, z = _across(b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - b[0], c[1] - b[1], c[2] - b[2])
-        length = np.sqrt(x * x + y * y + z * z)
-        if length > 0.0:
-            x, y, z = x / length, y / length, z / length
-        else:
-            x, y, z = 0.0, 0.0, 0.0
-        result[t, FACE, 0], result[t, FACE, 1], result[t, FACE, 2] = x, y, z
-        for k in range(3):
-            at, onward, back = (
-                points[triangles[t, k]],
-                points[triangles[t, (k + 1) % 3]],
-                points[triangles[t, k - 1]],
-            )
-            ux, uy, uz = onward[0] - at[0], onward[1] - at[1], onward[2] - at[2]
-            vx, vy, vz = back[0] - at[0], back[1] - at[1], back[2] - at[2]
-            nx, ny, nz = _across(ux, uy, uz, vx, vy, vz)
-            # atan2 keeps small angles exact, and is 0 for triangles without area.
-            angle = np.arctan2(np.sqrt(nx * nx + ny * ny + nz * nz), ux * vx + uy * vy + uz * vz)
-            edge, point = of_edges[edges[t, k]], of_points[triangles[t, k]]
-            edge[0], edge[1], edge[2] = edge[0] + x, edge[1] + y, edge[2] + z
-            point[0], point[1], point[2] = point[0] + angle * x, point[1] + angle * y, point[2] + angle * z
+def _unit_normal(points: Floats, triangles: Ints, t: int) -> tuple[float, float, float]:
+    """Return the unit normal of a triangle, 0 for one without area."""
+    a, b, c = points[triangles[t, 0]], points[triangles[t, 1]], points[triangles[t, 2]]
+    x, y, z = _across(b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - b[0], c[1] - b[1], c[2] - b[2])
+    length = np.sqrt(x * x + y * y + z * z)
+    if length > 0.0:
+        return x / length, y / length, z / length
+    return 0.0, 0.0, 0.0
+
+
+@kernel
+def _angle(points: Floats, triangles: Ints, t: int, point: int) -> float:
+    """Return the angle of a triangle at one of its points."""
+    k = 0 if triangles[t, 0] == point else 1 if triangles[t, 1] == point else 2
+    at, onward, back = points[point], points[triangles[t, (k + 1) % 3]], points[triangles[t, (k + 2) % 3]]
+    ux, uy, uz = onward[0] - at[0], onward[1] - at[1], onward[2] - at[2]
+    vx, vy, vz = back[0] - at[0], back[1] - at[1], back[2] - at[2]
+    nx, ny, nz = _across(ux, uy, uz, vx, vy, vz)
+    # atan2 keeps small angles exact, and is 0 for triangles without area.
+    angle: float = np.arctan2(np.sqrt(nx * nx + ny * ny + nz * nz), ux * vx + uy * vy + uz * vz)
+    return angle
 
 
 @kernel

@@ -8,15 +8,14 @@ from functools import cached_property
 import numpy as np
 
 from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.mesh.triangle_distance import FACE, nearest_on_triangle, pseudonormals
+from vtkmuscle.core.mesh.shared import shared
+from vtkmuscle.core.mesh.triangle_distance import FACE, Sides, nearest_on_triangle, pseudonormal_at, sides_of
 from vtkmuscle.core.types import Floats, Ints
 
 #: Triangles in a box of the lowest level, on average at most.
 PER_LEAF = 4
 #: Nearer than this part of its size, a point is on a surface: there is no direction away from it.
 _ON_SURFACE = 1e-9
-#: A surface with this many triangles per query is large: normals are computed where they are needed.
-_FEW = 2
 #: Discs are larger by this part of the coordinates, so that none is too small by rounding.
 _ROUNDING = 1e-14
 
@@ -52,24 +51,14 @@ class TriangleTree:
     discs: Floats
 
     @cached_property
-    def _normals(self) -> Floats:
-        return pseudonormals(self.points, self.triangles)[self.order]
+    def _sides(self) -> Sides:
+        return sides_of(self.points, self.triangles)
 
     def _normals_at(self, places: Ints, regions: Ints) -> Floats:
-        """Return the angle-weighted normals of regions of triangles, (q, 3).
-
-        Where few are asked for, only those around these triangles are computed.
-        """
-        if "_normals" in vars(self) or not 0 < _FEW * len(places) <= len(self.triangles):
-            known: Floats = self._normals[places, regions]
-            return known
-        found = self.order[places]
-        at_corner = np.zeros(len(self.points), dtype=np.bool_)
-        at_corner[self.triangles[found]] = True
-        around = at_corner[self.triangles].any(axis=1)
-        normals = pseudonormals(self.points, self.triangles[around])
-        chosen: Floats = normals[(np.cumsum(around) - 1)[found], regions]
-        return chosen
+        """Return the angle-weighted normals of regions of triangles, (q, 3)."""
+        normals = np.empty((len(places), 3))
+        _fill_normals(self._sides, self.order[places], regions, normals)
+        return normals
 
     def nearest(self, queries: Floats) -> tuple[Ints, Floats, Floats]:
         """Return what of the surface is nearest to points.
@@ -98,15 +87,14 @@ class TriangleTree:
         manifold and face outward. Points on the surface are outside.
         """
         places, closest, distances, regions = _nearest(self, np.ascontiguousarray(queries))
-        normals = self._normals[places, regions]
+        normals = self._normals_at(places, regions)
         inside = np.einsum("ij,ij->i", queries - closest, normals) < 0.0
         return np.where(inside, -distances, distances), closest
 
     def tangent_planes(self, queries: Floats) -> tuple[Floats, Floats, Floats]:
         """Return distances and nearest points as :meth:`signed`, and unit normals (q, 3) at these.
 
-        The normal is the direction of the distance's gradient; on the surface, the angle-weighted one. For
-        surfaces that are asked once: few queries take the time of few triangles.
+        The normal is the direction of the distance's gradient; on the surface, the angle-weighted one.
         """
         places, closest, distances, regions = _nearest(self, np.ascontiguousarray(queries))
         normals = self._normals_at(places, regions)
@@ -139,6 +127,10 @@ def triangle_tree(points: Floats, triangles: Ints) -> TriangleTree:
     order = np.arange(len(triangles))
     _share_out(centres, order, np.arange(2**levels + 1) * len(triangles) // 2**levels)
     return _filled(points, triangles, order)
+
+
+#: The tree of a surface as :func:`triangle_tree` makes it, one for all who hold it.
+shared_tree = shared(triangle_tree)
 
 
 def tree_of_bent(known: TriangleTree | None, points: Floats, triangles: Ints) -> TriangleTree:
@@ -271,6 +263,12 @@ def _along_disc(disc: Floats, x: float, y: float, z: float) -> tuple[float, floa
     up = dx * disc[3] + dy * disc[4] + dz * disc[5]
     ax, ay, az = dx - up * disc[3], dy - up * disc[4], dz - up * disc[5]
     return up, np.sqrt(ax * ax + ay * ay + az * az)
+
+
+@kernel
+def _fill_normals(sides: Sides, triangles: Ints, regions: Ints, normals: Floats) -> None:
+    for q in range(len(triangles)):
+        normals[q, 0], normals[q, 1], normals[q, 2] = pseudonormal_at(sides, triangles[q], regions[q])
 
 
 @kernel

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -11,16 +10,18 @@ import numpy as np
 from vtkmuscle.core.collision.distance_lookup import trilinear
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.closed_shells import closed_shells
-from vtkmuscle.core.mesh.shared import shared
-from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
-from vtkmuscle.core.types import Floats, Ints, Table
+from vtkmuscle.core.types import Bools, Floats, Ints, Table
 
 #: Cells along an edge of a block; blocks are what is computed at a time.
 SIDE = 8
 
 #: Blocks of a bone's table, at most: 64 MB. Cells of a bone that would need more are larger.
 MOST_BLOCKS = 2**24
+
+#: The nodes of a block, (9^3, 3), with those of its far faces.
+_NODES = np.stack(np.meshgrid(*[np.arange(SIDE + 1.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
 
 #: What a table has for a block that was not computed yet.
 UNKNOWN = -1
@@ -62,7 +63,7 @@ class BoneFields:
         self, bones: Sequence[tuple[Floats, Ints, Floats]], *, cell: float, reach: Sequence[float]
     ) -> None:
         self._surfaces = [(points, triangles) for points, triangles, _ in bones]
-        self._solids: list[Solids | None] = [None] * len(bones)
+        self._solids: list[Sequence[Shell] | None] = [None] * len(bones)
         self.to_axes: Floats = np.array([axes for _, _, axes in bones]).reshape(-1, 4, 4)
         self.layout: Floats = np.zeros((len(bones), 8))
         start = 0
@@ -92,19 +93,34 @@ class BoneFields:
             grown[: self._used] = self.values[: self._used]
             self.values = grown
         starts = self.layout[:, 7].astype(np.int64)
-        bones = np.searchsorted(starts, wanted, side="right") - 1
-        nodes = np.stack(np.meshgrid(*[np.arange(SIDE + 1.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-        for bone in np.unique(bones):
-            blocks = wanted[bones == bone]
-            origin, cell = self.layout[bone, :3], self.layout[bone, 3]
-            counts = self.layout[bone, 4:7].astype(np.int64)
-            corners = np.column_stack(np.unravel_index(blocks - starts[bone], counts)).astype(np.float64)
-            at = origin + cell * (SIDE * corners[:, None, :] + nodes)
-            rest = apply_transform(inverse(self.to_axes[bone]), at.reshape(-1, 3))
-            places = np.arange(self._used, self._used + len(blocks))
-            self.values[places] = self.distances(int(bone), rest).reshape(-1, *self.values.shape[1:])
-            self.table[blocks] = places
-            self._used += len(blocks)
+        for block in wanted:
+            bone = int(np.searchsorted(starts, block, side="right")) - 1
+            origin, cell, counts = self.layout[bone, :3], self.layout[bone, 3], self.layout[bone, 4:7]
+            corner = np.array(np.unravel_index(block - starts[bone], counts.astype(np.int64)))
+            at = origin + cell * (SIDE * corner + _NODES)
+            values = self.values[self._used]
+            unknown = self._without_neighbours(values, corner, bone)
+            rest = apply_transform(inverse(self.to_axes[bone]), at[unknown.reshape(-1)])
+            values[unknown] = self.distances(bone, rest)
+            self.table[block] = self._used
+            self._used += 1
+
+    def _without_neighbours(self, values: Floats, corner: Ints, bone: int) -> Bools:
+        """Copy to a block's values (9, 9, 9) what its neighbours have, and return which nodes none has."""
+        unknown = np.ones(values.shape, dtype=np.bool_)
+        counts, start = self.layout[bone, 4:7].astype(np.int64), int(self.layout[bone, 7])
+        for axis in range(3):
+            for step, mine, theirs in ((-1, 0, SIDE), (1, SIDE, 0)):
+                beside = corner.copy()
+                beside[axis] += step
+                if not 0 <= beside[axis] < counts[axis]:
+                    continue
+                known = self.table[start + np.ravel_multi_index(tuple(beside), tuple(counts))]
+                if known != UNKNOWN:
+                    near, far = np.moveaxis(values, axis, 0), np.moveaxis(self.values[known], axis, 0)
+                    near[mine] = far[theirs]
+                    np.moveaxis(unknown, axis, 0)[mine] = False
+        return unknown
 
     def distances(self, bone: int, points: Floats) -> Floats:
         """Return the exact distances of points (n, 3) [mm], in the scene at rest, from a bone, (n,)."""
@@ -137,7 +153,7 @@ class BoneFields:
         known = self._solids[bone]
         if known is None:
             known = self._solids[bone] = _solids_of(*self._surfaces[bone])
-        return known.shells
+        return known
 
 
 class Shell(NamedTuple):
@@ -148,23 +164,16 @@ class Shell(NamedTuple):
     high: Floats
 
 
-@dataclass(frozen=True, eq=False)
-class Solids:
-    """The solid parts of a bone."""
-
-    shells: tuple[Shell, ...]
-
-
-@shared
-def _solids_of(points: Floats, triangles: Ints) -> Solids:
+def _solids_of(points: Floats, triangles: Ints) -> list[Shell]:
+    """Return the parts of a surface that enclose something."""
     mended = closed_shells(points, triangles)
     shells = []
     for shell, solid in zip(mended.shells, mended.solid, strict=True):
         if solid:
             corners = mended.points[shell.reshape(-1)]
-            tree = triangle_tree(mended.points, shell)
+            tree = shared_tree(mended.points, shell)
             shells.append(Shell(tree, corners.min(axis=0), corners.max(axis=0)))
-    return Solids(tuple(shells))
+    return shells
 
 
 @kernel

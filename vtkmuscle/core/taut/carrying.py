@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel, reduction
 from vtkmuscle.core.mesh.ring_rotations import nearest_rotation
 from vtkmuscle.core.taut.bundles import nearest, to_nothing
 from vtkmuscle.core.taut.paths import TautPaths, TautState
@@ -63,8 +64,11 @@ class Carrier:
         self._tangents: Floats = directions_along(fibres).reshape(-1, 3)
         self._tree = cKDTree(self._rest)
         least = LEAST_APART * self._width
-        near, self._companions = nearest(self._tree, self._rest, COMPANIONS)
-        self._shares = _falling_off(near, least)
+        near, companions = nearest(self._tree, self._rest, COMPANIONS)
+        shares = _falling_off(near, least)
+        self._least = least**2
+        self._when_taut = Company.of(paths.rest.points.reshape(-1, 3), companions, shares)
+        self._at_rest = Company.of(self._rest, companions, shares)
         fixed = np.flatnonzero(fixed_to >= 0)
         near, carriers = nearest(self._tree, surface, CARRIERS)
         apart, holding = cKDTree(surface[fixed]).query(surface)
@@ -109,17 +113,39 @@ class Carrier:
         taut_rest, taut = paths.rest.points.reshape(-1, 3), state.points.reshape(-1, 3)
         turns = _turns(paths, state.transforms)
         frames = np.empty((len(taut), 3, 3))
-        near = self._companions, self._shares
-        work = np.empty((11, 3))
-        least = (LEAST_APART * self._width) ** 2
-        _frames(taut_rest, taut, *near, turns, least, self._tangents, stretch, THINNING, frames, work)
+        _frames(taut, self._when_taut, turns, self._least, self._tangents, stretch, THINNING, frames)
         places = np.empty_like(taut)
         beside, parts = bundle.beside, bundle.parts
         said = np.empty((4, beside.shape[1]))
         _keep_among(self._rest, taut_rest, taut, frames, beside, parts, self._width, _ROUNDS, places, said)
         stretch = bundle.mean(stretch)
-        _frames(self._rest, places, *near, turns, least, self._tangents, stretch, THINNING, frames, work)
+        _frames(places, self._at_rest, turns, self._least, self._tangents, stretch, THINNING, frames)
         return Carried(self._rest, places, frames, state.transforms, self._surface)
+
+
+class Company(NamedTuple):
+    """Where the companions of points are in some shape of the muscle, by which it is seen how they turn.
+
+    Attributes
+    ----------
+    companions : (p, c) int array
+        Points that each turns with.
+    arms : (p, c, 3) array
+        Where these are from their mean, times what each counts [mm]; their sum is 0.
+    variances : (p,) array
+        Of the companions [mm^2].
+    """
+
+    companions: Ints
+    arms: Floats
+    variances: Floats
+
+    @classmethod
+    def of(cls, points: Floats, companions: Ints, shares: Floats) -> Company:
+        """Return that of points (p, 3) [mm]; shares (p, c) are what each companion counts, of 1."""
+        there = points[companions]
+        away = there - np.einsum("pc,pci->pi", shares, there)[:, None]
+        return cls(companions, shares[:, :, None] * away, np.einsum("pc,pci,pci->p", shares, away, away))
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,53 +227,49 @@ def _turns(paths: TautPaths, transforms: Floats) -> Floats:
     return turns
 
 
-@kernel
+@array_kernel
 def _frames(
-    before: Floats,
     after: Floats,
-    companions: Ints,
-    shares: Floats,
+    company: Company,
     turns: Floats,
     least: float,
     tangents: Floats,
     stretch: Floats,
     thinning: float,
     frames: Floats,
-    work: Floats,
 ) -> None:
     """Write how the muscle turns and stretches at each point: F = R (g I + (l - g) t t^T).
 
     R is the rotation that takes a point's companions from before to after best, in the least squares sense
     (Arun, Huang, Blostein 1987, doi:10.1109/TPAMI.1987.4767965), and a little the bones' turn: of companions
-    in one place, their variance below ``least`` [mm^2], that decides. work : (11, 3) working memory.
+    in one place, their variance below ``least`` [mm^2], that decides.
     """
-    r, a, b = work[6:9], work[9], work[10]
-    for i in range(len(before)):
-        a[:], b[:], r[:, :] = 0.0, 0.0, 0.0
-        for j in range(companions.shape[1]):
-            k, w = companions[i, j], shares[i, j]
-            for q in range(3):
-                a[q] += w * before[k, q]
-                b[q] += w * after[k, q]
-        size = least
-        for j in range(companions.shape[1]):
-            k, w = companions[i, j], shares[i, j]
-            for q in range(3):
-                size += w * (before[k, q] - a[q]) ** 2
-                for s in range(3):
-                    r[q, s] += w * (after[k, q] - b[q]) * (before[k, s] - a[s])
-        for q in range(3):
-            for s in range(3):
-                r[q, s] += FROM_BONES * size * turns[i, q, s]
-        nearest_rotation(r, work[:6])
+    r, work = np.empty((3, 3)), np.empty((6, 3))
+    for i in range(len(after)):
+        x, y, z = after[i, 0], after[i, 1], after[i, 2]
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for j in range(company.companions.shape[1]):
+            k, arm = company.companions[i, j], company.arms[i, j]
+            p, q, s = after[k, 0] - x, after[k, 1] - y, after[k, 2] - z
+            xx, xy, xz = xx + p * arm[0], xy + p * arm[1], xz + p * arm[2]
+            yx, yy, yz = yx + q * arm[0], yy + q * arm[1], yz + q * arm[2]
+            zx, zy, zz = zx + s * arm[0], zy + s * arm[1], zz + s * arm[2]
+        r[0, 0], r[0, 1], r[0, 2] = xx, xy, xz
+        r[1, 0], r[1, 1], r[1, 2] = yx, yy, yz
+        r[2, 0], r[2, 1], r[2, 2] = zx, zy, zz
+        bones = FROM_BONES * (company.variances[i] + least)
+        for a in range(3):
+            for b in range(3):
+                r[a, b] += bones * turns[i, a, b]
+        nearest_rotation(r, work)
         along, across = stretch[i], stretch[i] ** (-0.5 * thinning)
-        for q in range(3):
-            turned = r[q, 0] * tangents[i, 0] + r[q, 1] * tangents[i, 1] + r[q, 2] * tangents[i, 2]
-            for s in range(3):
-                frames[i, q, s] = across * r[q, s] + (along - across) * turned * tangents[i, s]
+        for a in range(3):
+            turned = r[a, 0] * tangents[i, 0] + r[a, 1] * tangents[i, 1] + r[a, 2] * tangents[i, 2]
+            for b in range(3):
+                frames[i, a, b] = across * r[a, b] + (along - across) * turned * tangents[i, b]
 
 
-@kernel
+@reduction
 def _keep_among(
     rest: Floats,
     taut_rest: Floats,
