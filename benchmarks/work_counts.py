@@ -93,7 +93,7 @@ def given(counts: Counter[str], suffix: str) -> Iterator[None]:
 
 
 def fibre_work() -> dict[str, int]:
-    """Return what is done for 100 fibres in a muscle that had others, and for a frame of them with weights."""
+    """Return what is done for 100 fibres in a muscle that had others, and for weights and a frame of them."""
     phantom = phantoms.spindle_over_hinge()
     ((name, muscle),) = phantom.muscles.items()
     areas = phantom.attachments[name]
