@@ -296,7 +296,9 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         """Return the solver for the present parameters."""
         obstacles = self._rest_bones.obstacles if self.collision != "off" else ()
         with placed("PBDDeformer: muscle"):
-            return self._known_model.solver(solver_parameters(self.parameters()), self.anisotropy, obstacles)
+            return self._known_model.solver(
+                solver_parameters(self.parameters()), self.anisotropy, obstacles, self.taut_resolution
+            )
 
     @property
     def _known_model(self) -> MuscleModel:

@@ -153,7 +153,11 @@ class MuscleModel:
         self._shape: tuple[MuscleState, MuscleShape] | None = None
 
     def solver(
-        self, parameters: SolverParameters, anisotropy: str, obstacles: tuple[Obstacle, ...]
+        self,
+        parameters: SolverParameters,
+        anisotropy: str,
+        obstacles: tuple[Obstacle, ...],
+        resolution: int = POINTS - 1,
     ) -> MuscleSolver:
         """Return the solver.
 
@@ -165,10 +169,12 @@ class MuscleModel:
             ``"taut"``, ``"stiffness"`` or ``"off"``: what edges have of the fibres.
         obstacles : tuple of Obstacle
             Bones that the muscle is kept out of, and taut fibres away from.
+        resolution : int, optional
+            Segments of a taut fibre.
         """
         if self._solver is None:  # before fibres, of which a muscle without extent cannot have any either
             check_volume(self.muscle.points, signed_volume(self.muscle.points, self.muscle.triangles))
-        elasticity = self._elasticity_of(anisotropy, obstacles)
+        elasticity = self._elasticity_of(anisotropy, obstacles, resolution)
         made_from = parameters, obstacles, elasticity
         if self._solver is None or made_from != self._made_from:
             if self._solver is None:
@@ -210,15 +216,17 @@ class MuscleModel:
             self._passengers = guidance, guidance.fibres(*fibres)
         return state.guided.carried.points(self._passengers[1])
 
-    def _elasticity_of(self, anisotropy: str, obstacles: tuple[Obstacle, ...]) -> Elasticity:
-        made_from = anisotropy, obstacles if anisotropy == "taut" else ()
+    def _elasticity_of(self, anisotropy: str, obstacles: tuple[Obstacle, ...], resolution: int) -> Elasticity:
+        made_from = (anisotropy, obstacles, resolution) if anisotropy == "taut" else (anisotropy, (), 0)
         if made_from != self._elasticity_made_from:
             self._elasticity = elasticity_of(self.muscle, *made_from)
             self._elasticity_made_from = made_from
         return self._elasticity
 
 
-def elasticity_of(muscle: FixedMuscle, anisotropy: str, obstacles: tuple[Obstacle, ...]) -> Elasticity:
+def elasticity_of(
+    muscle: FixedMuscle, anisotropy: str, obstacles: tuple[Obstacle, ...], resolution: int
+) -> Elasticity:
     """Return how the edges of a muscle follow its fibres, or the lines that stand in for them.
 
     Parameters
@@ -230,6 +238,8 @@ def elasticity_of(muscle: FixedMuscle, anisotropy: str, obstacles: tuple[Obstacl
         stiff along them (Kohout and Cervenka 2021, section 3.1); ``"off"``: they are isotropic.
     obstacles : tuple of Obstacle
         Bones that taut fibres keep away from.
+    resolution : int
+        Segments of a taut fibre.
     """
     if anisotropy == "off":
         return Elasticity()
@@ -241,7 +251,7 @@ def elasticity_of(muscle: FixedMuscle, anisotropy: str, obstacles: tuple[Obstacl
         on_surface = seen_fibres(*muscle.superficial, points)
         seen = directions_over_muscle(points, topology, fixed_to, on_surface)
     if anisotropy == "taut":
-        paths = _taut_paths(muscle, topology, obstacles)
+        paths = _taut_paths(muscle, topology, obstacles, resolution)
         if paths is None:
             return Elasticity()
         guidance = Guidance(paths, points, topology, fixed_to)
@@ -260,7 +270,7 @@ def elasticity_of(muscle: FixedMuscle, anisotropy: str, obstacles: tuple[Obstacl
 
 
 def _taut_paths(
-    muscle: FixedMuscle, topology: MeshTopology, obstacles: tuple[Obstacle, ...]
+    muscle: FixedMuscle, topology: MeshTopology, obstacles: tuple[Obstacle, ...], resolution: int
 ) -> TautPaths | None:
     """Return a muscle's fibres, or lines over its surface where it has none, as taut strings.
 
@@ -274,7 +284,7 @@ def _taut_paths(
         lines = lines_on_surface(points, topology, fixed_to)
         if lines is None:
             return None
-    fibres = evenly_spread(*lines, POINTS)
+    fibres = evenly_spread(*lines, resolution + 1)
     return TautPaths(
         fibres,
         *bones_at_ends(fibres, points, fixed_to),

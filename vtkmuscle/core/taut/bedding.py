@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +13,9 @@ from vtkmuscle.core.taut.places import nearest_segment, part_of_segment, turn_ba
 from vtkmuscle.core.taut.tissue import smoothed_along
 from vtkmuscle.core.types import Bools, Floats
 
-#: Passes of averaging along the fibre of the course that is held: strings have corners on bones.
-_PASSES = 4
+#: The course that is held is smoothed along the fibre, for strings have corners on bones: standard deviation
+#: as a part of the length.
+_SMOOTHING = math.sqrt(2.0) / 32.0
 
 #: Rounds in which fibres that are pulled taut elsewhere than those beside them lose weight.
 _ROUNDS = 5
@@ -76,7 +78,7 @@ def bedding_of(
         Of the muscle [mm]; the width is the tissue's ``give``.
     """
     thickness = 2.0 * half_thickness
-    course = smoothed_along(taut + _bow(fibres - taut, bundle, thickness), _PASSES)
+    course = smoothed_along(taut + _bow(fibres - taut, bundle, thickness), _SMOOTHING)
     force = np.zeros_like(course)
     force[:, 1:-1] = 2.0 * course[:, 1:-1] - course[:, :-2] - course[:, 2:]
     off = np.linalg.norm(course - taut, axis=2, keepdims=True)

@@ -16,8 +16,12 @@ from vtkmuscle.core.taut.paths import TautPaths, TautState
 from vtkmuscle.core.taut.tissue import directions_along
 from vtkmuscle.core.types import Floats, Ints
 
-#: Points of strings that a point of the surface goes with, and that a string's point shares its turn with.
-CARRIERS, COMPANIONS = 32, 24
+#: Points of strings that a point of the surface goes with, and that a string's point shares its turn with,
+#: per segment of a string: as much of the muscle, however many points its strings have.
+CARRIERS, COMPANIONS = 1.0, 0.75
+
+#: But not fewer than this.
+_FEWEST = 6
 
 #: Part p of a constant volume's thinning that a muscle has across its fibres where they carry it:
 #: l^(-p / 2) for a stretch l. With 1 all of it would come from the width; a broad muscle, held along its
@@ -64,13 +68,14 @@ class Carrier:
         self._tangents: Floats = directions_along(fibres).reshape(-1, 3)
         self._tree = cKDTree(self._rest)
         least = LEAST_APART * self._width
-        near, companions = nearest(self._tree, self._rest, COMPANIONS)
+        segments = fibres.shape[1] - 1
+        near, companions = nearest(self._tree, self._rest, max(round(COMPANIONS * segments), _FEWEST))
         shares = _falling_off(near, least)
         self._least = least**2
         self._when_taut = Company.of(paths.rest.points.reshape(-1, 3), companions, shares)
         self._at_rest = Company.of(self._rest, companions, shares)
         fixed = np.flatnonzero(fixed_to >= 0)
-        near, carriers = nearest(self._tree, surface, CARRIERS)
+        near, carriers = nearest(self._tree, surface, max(round(CARRIERS * segments), _FEWEST))
         apart, holding = cKDTree(surface[fixed]).query(surface)
         with_bone = np.exp(-0.5 * (4.0 * apart / self._width) ** 2)
         shares = _falling_off(near, least)

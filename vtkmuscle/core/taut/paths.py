@@ -42,8 +42,13 @@ LARGEST_STEP = 4.0
 #: Bones whose moves differ by less than this have moved together: the strings go with them as they are [mm].
 TOGETHER = 1e-9
 
-#: Passes of averaging over neighbours along the fibre, of what was measured between it and the bones.
-THICKNESS_PASSES, ASIDE_PASSES = 2, 4
+#: What is measured between a fibre and the bones is smoothed along the fibre by a Gaussian of this standard
+#: deviation, as a part of its length: the thickness of the tissue, and the direction aside of the fibre.
+THICKNESS_SMOOTHING, ASIDE_SMOOTHING = 1.0 / 32.0, math.sqrt(2.0) / 32.0
+
+#: Segments of a string whose guides are as stiff as its springs. Guides of one with more, which are closer
+#: together and whose springs carry less, are as much less stiff as lets it bend as far aside.
+GUIDED_SEGMENTS = 32
 
 #: A bone's normal must be this much across a fibre, as a sine, to tell which way is aside; from half more on
 #: it is sure.
@@ -187,15 +192,16 @@ class TautPaths:
         for bone, number in enumerate(self._numbers):
             distance, outward, tissue = tissue_between(self.fibres, tangents, bones, bone, muscle)
             distances[bone] = distance
-            thickness[bone] = np.minimum(smoothed_along(tissue, THICKNESS_PASSES), distance)
-            side = smoothed_along(np.cross(tangents, outward), ASIDE_PASSES)
+            thickness[bone] = np.minimum(smoothed_along(tissue, THICKNESS_SMOOTHING), distance)
+            side = smoothed_along(np.cross(tangents, outward), ASIDE_SMOOTHING)
             across = np.linalg.norm(side, axis=2)
             aside[bone] = side / np.maximum(across, np.finfo(float).tiny)[:, :, None]
             if self.hold > 0.0:
                 gap = np.clip((distance - thickness[bone]) / self.hold, 0.0, 1.0)
                 sure = np.clip(2.0 * (across - LEAST_ACROSS), 0.0, 1.0)
                 from_here = (self.start_bones == number)[:, None]
-                guide[bone] = smoothed_along(from_here * sure * (1.0 - gap**2) ** 2, THICKNESS_PASSES)
+                held = smoothed_along(from_here * sure * (1.0 - gap**2) ** 2, THICKNESS_SMOOTHING)
+                guide[bone] = (GUIDED_SEGMENTS / (self.fibres.shape[1] - 1)) ** 2 * held
         within = thickness.max(axis=2)
         guided: Bools = np.asarray((guide > 0.0).any(axis=2))
         within[guided] += self.hold

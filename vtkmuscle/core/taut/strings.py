@@ -13,8 +13,9 @@ from vtkmuscle.core.taut.springs import PUSH, add_spring, solve
 from vtkmuscle.core.taut.string_arrays import Fields, Memory, Tissue, Work
 from vtkmuscle.core.types import Bools, Floats, Ints
 
-#: Stiffness of the guide that keeps a point on its track over a bone: that of the string's springs.
-#: With 100, strings of a real muscle over an edge stay on their tracks in zigzags, and leave them in jumps.
+#: Stiffness of the guide that keeps a point on its track over a bone: that of the springs of a string of
+#: ``GUIDED_SEGMENTS``, :mod:`~vtkmuscle.core.taut.paths`. With 100, strings of a real muscle over an edge
+#: stay on their tracks in zigzags, and leave them in jumps.
 HOLD = 1.0
 
 #: An iteration that turns back on the one before lowers the greatest pace of a string by a factor, and halves

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
@@ -24,11 +26,18 @@ def directions_along(points: Floats) -> Floats:
     return unit
 
 
-def smoothed_along(values: Floats, passes: int) -> Floats:
-    """Return values (f, n, ...) averaged along n with their neighbours, 1 : 2 : 1, some times over."""
+def smoothed_along(values: Floats, deviation: float) -> Floats:
+    """Return values (f, n, ...) smoothed along n, as by a Gaussian; those of both ends stay.
+
+    deviation : float
+        The Gaussian's standard deviation, as a part of the whole length: however many points there are.
+    """
+    variance = (deviation * (values.shape[1] - 1)) ** 2
+    passes = math.ceil(2.0 * variance - 1e-9)
     result = values.copy()
     for _ in range(passes):
-        result[:, 1:-1] = 0.25 * result[:, :-2] + 0.5 * result[:, 1:-1] + 0.25 * result[:, 2:]
+        bend = result[:, :-2] - 2.0 * result[:, 1:-1] + result[:, 2:]
+        result[:, 1:-1] += 0.5 * variance / passes * bend
     return result
 
 

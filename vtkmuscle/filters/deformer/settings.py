@@ -7,6 +7,7 @@ from typing import Any
 
 from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
 from vtkmuscle.core.pbd.parameters import CHOICES, SolverParameters
+from vtkmuscle.core.taut.paths import POINTS
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.deformer.quality import PRESETS
 
@@ -74,6 +75,15 @@ class DeformerSettings:
         "Part of its way to where the taut fibres carry it that each iteration draws a point of the "
         "surface; not with prediction 'inertial'.",
         only_with=("anisotropy", "taut"),
+    )
+    taut_resolution = Parameter(
+        int,
+        default=POINTS - 1,
+        minimum=4,
+        maximum=1000,
+        only_with=("anisotropy", "taut"),
+        doc="Segments of a taut fibre; the cells of the bones' distances that it asks are half as long. "
+        "Round a cylinder those of 16 have moment arms 1 % less than those of 32 and 64, which agree.",
     )
     external_force = Parameter(
         tuple,
