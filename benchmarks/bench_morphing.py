@@ -184,6 +184,7 @@ def growth(largest: int) -> None:
                 "field": lambda s=(points, triangles, origin, insertion): attachment_field(*s),
             },
             rounds=1 if n_triangles > 200_000 else 3,
+            clock=time.thread_time,
         )
         measured.append((n_fibres, len(triangles), *times.values()))
         print(
