@@ -1,31 +1,34 @@
-"""What a run costs whatever the machine: projections, collision passes, executions of filters, and memory.
-
-Of a decomposition and of a transport it is what their kernels are given: points whose nearest place on a
-surface is looked for, positions by which fibres are spread, sections that are mapped, weights.
-"""
+"""What a run costs whatever the machine: projections, collision passes, executions, pictures and memory."""
 
 from __future__ import annotations
 
+import math
 import tracemalloc
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from tempfile import TemporaryDirectory
 from typing import Any
+from unittest.mock import patch
+
+from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkFiltersModeling import vtkLinearSubdivisionFilter
 
 from vtkmuscle import Scene, phantoms
 from vtkmuscle.core.collision import contact
-from vtkmuscle.core.fibres import mean_value, sparse_weights, spreading
-from vtkmuscle.core.mesh import triangle_tree
-from vtkmuscle.core.morphing import slices
 from vtkmuscle.core.pbd import orders
-from vtkmuscle.filters import FibreTransport, FixedPointDetector
+from vtkmuscle.data import drawn_bones
+from vtkmuscle.data.arrays import blocks_of, multiblock_from
+from vtkmuscle.filters import FixedPointDetector
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.pipelines import decompose, deform
+from vtkmuscle.pipelines import deform
+from vtkmuscle.plotting import Studio, View
+from vtkmuscle.plotting.studio import FINER
+from vtkmuscle.run import result
 
 #: Frames of the run.
 FRAMES = 6
-#: What counts of fibres' kernels end with.
-OF_FIBRES = ("of a decomposition", "of a transport")
 
 
 @contextmanager
@@ -36,22 +39,10 @@ def counted(counts: Counter[str]) -> Iterator[None]:
         ("collision passes", contact.Contact, "keep_out"),
         ("executions", Filter, "RequestData"),
     )
-    originals = [getattr(owner, name) for _, owner, name in watched]
-
-    def counting(original: Any, what: str) -> Any:
-        def run(self: Any, *arguments: Any, **keywords: Any) -> Any:
-            counts[what if what != "executions" else f"executions of {type(self).__name__}"] += 1
-            return original(self, *arguments, **keywords)
-
-        return run
-
-    for (what, owner, name), original in zip(watched, originals, strict=True):
-        setattr(owner, name, counting(original, what))
-    try:
+    with ExitStack() as stack:
+        for what, owner, name in watched:
+            stack.enter_context(patch.object(owner, name, _counting(getattr(owner, name), what, counts)))
         yield
-    finally:
-        for (_, owner, name), original in zip(watched, originals, strict=True):
-            setattr(owner, name, original)
 
 
 def work() -> dict[str, int]:
@@ -63,48 +54,57 @@ def work() -> dict[str, int]:
     return dict(sorted(found.items()))
 
 
-@contextmanager
-def given(counts: Counter[str], suffix: str) -> Iterator[None]:
-    """Count what kernels of fibres are given."""
-    watched: tuple[tuple[str, Any, str, Callable[..., int]], ...] = (
-        ("nearest places", triangle_tree, "_nearest", lambda _, queries: len(queries)),
-        ("positions", spreading, "_pulls", lambda _, __, samples, *___: len(samples)),
-        ("sections mapped", slices, "section_map", lambda *_, **__: 1),
-        ("triangles seen", mean_value, "weights_of_lanes", lambda mesh, q, *_: len(q) * len(mesh.triangles)),
-        ("weights", sparse_weights, "_apply", lambda _, __, values, *___: len(values)),
-    )
+def drawing() -> dict[str, int]:
+    """Return what the figures and the page of a run of a small scene with fine bones take.
 
-    def counting(original: Any, what: str, size: Callable[..., int]) -> Any:
-        def run(*arguments: Any, **keywords: Any) -> Any:
-            counts[f"{what} {suffix}"] += size(*arguments, **keywords)
-            return original(*arguments, **keywords)
-
-        return run
-
-    originals = [getattr(owner, name) for _, owner, name, _ in watched]
-    for (what, owner, name, size), original in zip(watched, originals, strict=True):
-        counts[f"{what} {suffix}"] = 0
-        setattr(owner, name, counting(original, what, size))
-    try:
-        yield
-    finally:
-        for (_, owner, name, _), original in zip(watched, originals, strict=True):
-            setattr(owner, name, original)
-
-
-def fibre_work() -> dict[str, int]:
-    """Return what is done for 100 fibres in a muscle that had others, and for weights and a frame of them."""
+    Windows, pictures in them, triangles and thousands of pixels rendered for these; bones made coarser, and
+    regressions of moment arms.
+    """
     phantom = phantoms.spindle_over_hinge()
-    ((name, muscle),) = phantom.muscles.items()
-    areas = phantom.attachments[name]
-    marked = FixedPointDetector()(muscle, phantom.bones, areas)
-    decompose(muscle, areas, n_fibres=110).update()
+    bones = {name: _refined(bone) for name, bone in blocks_of(phantom.bones)}
+    scene = Scene.from_phantom(replace(phantom, bones=multiblock_from(bones)), n_fibres=10)
     found: Counter[str] = Counter()
-    with given(found, OF_FIBRES[0]):
-        fibres = decompose(muscle, areas, n_fibres=100).update().output
-    with given(found, OF_FIBRES[1]):
-        FibreTransport(weight_tolerance=0.3)(fibres, marked, muscle)
+    with ExitStack() as stack:
+        watched = (
+            ("bones made coarser", drawn_bones, "clustered"),
+            ("windows opened", Studio, "__init__"),
+            ("regressions of moment arms", result, "joint_arms"),
+        )
+        for what, owner, name in watched:
+            stack.enter_context(patch.object(owner, name, _counting(getattr(owner, name), what, found)))
+        take = Studio.picture
+
+        def picture(self: Studio, actors: Any, view: View, **options: Any) -> Any:
+            before = self.triangles
+            image = take(self, actors, view, **options)
+            found["pictures"] += 1
+            found["triangles drawn"] += self.triangles - before
+            found["thousands of pixels drawn"] += FINER**2 * view.size[0] * view.size[1] // 1000
+            return image
+
+        stack.enter_context(patch.object(Studio, "picture", picture))
+        scene.run(stack.enter_context(TemporaryDirectory()), frames=slice(0, FRAMES), workers=1)
     return dict(sorted(found.items()))
+
+
+def _refined(bone: vtkPolyData) -> vtkPolyData:
+    """Return a bone with so many triangles that two of them are drawn with fewer."""
+    finer = vtkLinearSubdivisionFilter()
+    finer.SetInputData(bone)
+    finer.SetNumberOfSubdivisions(math.ceil(math.log(drawn_bones.TRIANGLES / bone.GetNumberOfCells(), 4)))
+    finer.Update()
+    found: vtkPolyData = finer.GetOutput()
+    return found
+
+
+def _counting(original: Any, what: str, counts: Counter[str]) -> Any:
+    """Return what does the same and is counted; executions by the class of what is executed."""
+
+    def run(*arguments: Any, **keywords: Any) -> Any:
+        counts[what if what != "executions" else f"executions of {type(arguments[0]).__name__}"] += 1
+        return original(*arguments, **keywords)
+
+    return run
 
 
 def memory() -> int:
@@ -123,5 +123,5 @@ def memory() -> int:
 
 
 def counts() -> dict[str, int]:
-    """Return all of them."""
-    return {**work(), **fibre_work(), "bytes per point of a step": memory()}
+    """Return all of it."""
+    return {**work(), **drawing(), "bytes per point of a step": memory()}

@@ -316,6 +316,13 @@ def test_the_volume_figure_holds_what_is_far_from_one():
     assert high > 1.07
 
 
+def test_a_volume_that_looks_constant_is_given_in_words():
+    times = {"a": [0, 1], "b": [0, 1]}
+    flat = plot_volume(times, {"a": [1.0, 1.0], "b": [1.0, 1.0 - 3e-12]}).axes[0]
+    assert [one.get_text() for one in flat.texts] == ["at most 3e-12 from 1"]
+    assert not plot_volume(times, {"a": [1.0, 1.07], "b": [1.0, 1.0]}).axes[0].texts
+
+
 def test_a_single_frame_is_drawn_as_points():
     axes = plot_lengths([3.0], [[10.0, 12.0]]).axes[0]
     assert axes.lines[0].get_marker() == "o"

@@ -13,6 +13,17 @@ import pytest
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 
 
+#: What is counted of figures and page.
+DRAWN = {
+    "bones made coarser",
+    "pictures",
+    "regressions of moment arms",
+    "thousands of pixels drawn",
+    "triangles drawn",
+    "windows opened",
+}
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _benchmarks():
     """Let the benchmarks be imported."""
@@ -41,12 +52,38 @@ def guard():
 
 def test_work_and_memory_are_no_more_than_committed(guard, work):
     """Projections, collision passes and executions per run, and bytes per point, whatever the machine."""
-    from work_counts import fibre_work, memory
+    from fibre_counts import fibre_work
+    from work_counts import memory
 
     committed = json.loads(guard.COMMITTED.read_text(encoding="utf-8"))
     now = {**work, **fibre_work(), "bytes per point of a step": memory()}
     assert guard.regressions({"counts": now}, committed) == []
-    assert {*now, guard.COMPILED} == set(committed["counts"]), "run benchmarks/guard.py --update"
+    assert {*now, *DRAWN, guard.COMPILED} == set(committed["counts"]), "run benchmarks/guard.py --update"
+
+
+@pytest.mark.parametrize("planted", ["nothing", "a window for each picture", "bones as fine as they come"])
+def test_figures_and_page_take_no_more_than_committed(guard, monkeypatch, planted):
+    """Windows, pictures, triangles, pixels, coarser bones and regressions, whatever the machine."""
+    import work_counts
+
+    from vtkmuscle.data import drawn_bones
+    from vtkmuscle.plotting import Studio, can_render
+
+    if (reason := can_render()) is not None:
+        pytest.skip(reason)
+    if planted == "a window for each picture":
+        picture = Studio.picture
+        monkeypatch.setattr(Studio, "picture", lambda self, *a, **k: [picture(Studio(), *a, **k), self][0])
+    if planted == "bones as fine as they come":
+        monkeypatch.setattr(
+            drawn_bones, "clustered", lambda points, faces, normals, wanted: (points, faces, normals)
+        )
+    committed = json.loads(guard.COMMITTED.read_text(encoding="utf-8"))
+    now = work_counts.drawing()
+    assert set(now) == DRAWN
+    told = [line.split(":")[0] for line in guard.regressions({"counts": now}, committed)]
+    expected = {"nothing": [], "a window for each picture": ["windows opened"]}
+    assert told == expected.get(planted, ["triangles drawn"])
 
 
 def test_a_cold_start_compiles_no_more_than_committed(guard):
@@ -123,17 +160,17 @@ def test_a_regression_is_told(guard):
 
 def test_a_fibre_more_in_twelve_is_counted(guard, monkeypatch):
     """Plant what the guard is there for: a decomposition and a transport that do a tenth more."""
-    import work_counts
+    import fibre_counts
 
-    before = work_counts.fibre_work()
+    before = fibre_counts.fibre_work()
     assert before["sections mapped of a decomposition"] == 0
-    decompose = work_counts.decompose
+    decompose = fibre_counts.decompose
     monkeypatch.setattr(
-        work_counts,
+        fibre_counts,
         "decompose",
         lambda *data, n_fibres: decompose(*data, n_fibres=n_fibres * 28 // 25, resolution=16),
     )
-    told = guard.regressions({"counts": work_counts.fibre_work()}, {"counts": before})
+    told = guard.regressions({"counts": fibre_counts.fibre_work()}, {"counts": before})
     assert {line.split(":")[0] for line in told} == {name for name, count in before.items() if count}
 
 

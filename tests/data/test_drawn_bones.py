@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 from tiny_scene import ellipsoid
 
 from vtkmuscle.core.mesh.surface import vertex_normals
@@ -23,9 +22,10 @@ def ball():
 def test_a_fine_bone_is_drawn_coarser_and_stays_within_a_fraction_of_a_triangle():
     fine = ellipsoid((30, 40, 100), (5, 0, 0), 160)
     points, triangles = points_of(fine), triangles_of(fine, "bone")
-    coarse, faces, normals = clustered(points, triangles, vertex_normals(points, triangles), 5000)
+    kept, faces = clustered(points, triangles, 5000)
+    coarse, normals = points[kept], vertex_normals(points, triangles)[kept]
     assert 2500 < len(faces) < 8000
-    assert cKDTree(points).query(coarse)[0].max() == 0.0, "its points are points of the bone"
+    assert len(np.unique(kept)) == len(kept)
     assert faces.max() < len(coarse)
     edges = np.linalg.norm(coarse[faces[:, 0]] - coarse[faces[:, 1]], axis=1)
     middles = coarse[faces].mean(axis=1)

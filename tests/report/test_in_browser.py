@@ -106,7 +106,7 @@ def test_what_is_drawn_is_where_the_result_has_it(page, run_folder):
       for (let i = 0; i < width * height; i++) {
         if (pixels[4 * i] !== pixels[0]) { low = Math.min(low, i % width); high = Math.max(high, i % width); }
       }
-      const { focus, half } = report.viewer.camera;
+      const { focus } = report.viewer.camera, half = heightOf(report.viewer.camera, width / height);
       return [low, high + 1].map((x) => focus[1] + ((x / width) * 2 - 1) * half * (width / height));
     })()""")
     points = np.vstack([points_of(result.muscle(name, frame=4)) for name in result.muscle_names])
@@ -115,6 +115,35 @@ def test_what_is_drawn_is_where_the_result_has_it(page, run_folder):
     page.value("report.viewer.look(null)")
     choose(page, "time", 0)
     assert columns == pytest.approx([points[:, 1].min(), points[:, 1].max()], abs=0.6)
+
+
+@pytest.mark.parametrize("towards", ["null", "[1, 0, 0]", "[0, -1, 0]", "[0.001, 0, 1]"])
+def test_a_view_cuts_nothing_off(page, towards):
+    """Muscles and bones of the first frame are inside the canvas, and fill it in one direction."""
+    page.value(f"report.viewer.look({towards})")
+    rim, width, height = page.value("""(() => {
+      const pixels = report.viewer.pixels(), { width, height } = document.getElementById("canvas");
+      const there = (x, y) => pixels[4 * (y * width + x)] !== 243;
+      let low = [width, height], high = [-1, -1];
+      for (let y = 0; y < height; y++) for (let x = 0; x < width; x++) if (there(x, y)) {
+        low = [Math.min(low[0], x), Math.min(low[1], y)]; high = [Math.max(high[0], x), Math.max(high[1], y)];
+      }
+      return [[...low, width - 1 - high[0], height - 1 - high[1]], width, height];
+    })()""")
+    page.value("report.viewer.look(null)")
+    assert min(rim) > 2
+    assert min((rim[0] + rim[2]) / width, (rim[1] + rim[3]) / height) < 0.35
+
+
+def test_a_measure_that_stays_is_said_and_not_drawn(page):
+    shown = """["checks", "check-words"].map((id) => document.getElementById(id).checkVisibility())"""
+    flat = page.value(
+        "Object.fromEntries(report.data.curves.checks.map((one) => [one.key, Boolean(one.flat)]))"
+    )
+    assert {True, False} <= set(flat.values())
+    for key, stays in flat.items():
+        choose(page, "check", key)
+        assert page.value(shown) == [not stays, stays], key
 
 
 @pytest.mark.parametrize("colour", ["strain", "length", "depth", "stretch"])

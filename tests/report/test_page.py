@@ -11,6 +11,8 @@ from typer.testing import CliRunner
 from vtkmuscle import Result
 from vtkmuscle.cli import app
 from vtkmuscle.report import page_of
+from vtkmuscle.report.curves import curves_of
+from vtkmuscle.report.packing import Pack
 from vtkmuscle.run.limits import CHECKS
 
 #: Whatever a browser would load: in attributes of HTML, or in a style.
@@ -82,6 +84,30 @@ def test_it_says_what_was_found(run_folder, page):
     for digest in result.report["sha256"].values():
         assert digest in words
     assert result.report["versions"]["vtk"] in words
+
+
+def test_of_many_muscles_a_line_is_shown_and_the_numbers_on_demand(run_folder, monkeypatch):
+    def summaries(page):
+        cards = re.findall(r'<article class="verdict.*?</article>', page, flags=re.DOTALL)
+        return [re.findall(r"<summary>(mean fibre length [^<]*)</summary>", card) for card in cards]
+
+    _, result = run_folder
+    assert summaries(page_of(result, CHECKS)) == [[], []]
+    few = words_of(page_of(result, CHECKS))
+    monkeypatch.setattr("vtkmuscle.report.page.MANY", 1)
+    many = page_of(result, CHECKS)
+    assert [len(found) for found in summaries(many)] == [1, 1]
+    assert set(few.split()) == set(words_of(many).split()), "nothing is lost"
+
+
+def test_a_measure_that_stays_is_said_and_another_is_drawn(run_folder):
+    other = changed(run_folder[1])
+    for muscle in other.report["muscles"].values():
+        for i, row in enumerate(muscle["frames"]):
+            row |= {"volume_ratio": 1.0 - 2e-12 * i, "edge_stretch_p95": 1.0 + 0.1 * i}
+    checks = {one["key"]: one["flat"] for one in curves_of(other, {}, CHECKS, Pack())["checks"]}
+    assert checks["volume_ratio"].startswith("\u22128e\u221210 to 0 in all frames")
+    assert checks["edge_stretch_p95"] is None
 
 
 def test_names_are_text_and_no_html(run_folder):

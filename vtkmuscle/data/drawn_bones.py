@@ -81,7 +81,8 @@ class DrawnBones:
             normals, solid = vertex_normals(points, triangles), _is_solid(points, triangles)
             if total > TRIANGLES:
                 wanted = max(int(len(triangles) * TRIANGLES / total), _LEAST)
-                points, triangles, normals = clustered(points, triangles, normals, wanted)
+                kept, triangles = clustered(points, triangles, wanted)
+                points, normals = points[kept], normals[kept]
             found[name] = DrawnBone(points, triangles, normals, solid)
         return found
 
@@ -109,8 +110,8 @@ def spread_over(points: Floats, triangles: Ints, n: int = 10_000) -> Floats:
     return samples
 
 
-def clustered(points: Floats, triangles: Ints, normals: Floats, wanted: int) -> tuple[Floats, Ints, Floats]:
-    """Return about as many triangles as wanted, on a part of the points (n, 3), with their normals (n, 3).
+def clustered(points: Floats, triangles: Ints, wanted: int) -> tuple[Ints, Ints]:
+    """Return which of the points (n, 3) are kept, and about as many triangles as wanted on these.
 
     A tenth of the time that edges being collapsed would take.
     """
@@ -125,8 +126,7 @@ def clustered(points: Floats, triangles: Ints, normals: Floats, wanted: int) -> 
     cluster.CopyCellDataOff()
     cluster.Update()
     coarse = cluster.GetOutput()
-    kept = _places(points, points_of(coarse))
-    return points[kept], triangles_of(coarse, "bone"), normals[kept]
+    return _places(points, points_of(coarse)), triangles_of(coarse, "coarse")
 
 
 def _places(points: Floats, kept: Floats) -> Ints:

@@ -23,6 +23,9 @@ from vtkmuscle.plotting.sheets import LEGEND_FONT, Panel, curves, legend_columns
 from vtkmuscle.plotting.studio import FINER, Studio
 from vtkmuscle.plotting.views import View, clearest_view
 
+#: A volume that changes by less looks like a straight line.
+_FLAT = 1e-4
+
 
 def plot_rest_pose(
     muscles: Mapping[str, vtkPolyData],
@@ -209,6 +212,9 @@ def plot_volume(
         )
         errors.append(1.1 * float(np.abs(np.asarray(ratio) - 1.0).max()))
     axes.set_ylim(1.0 - max(errors), 1.0 + max(errors))
+    if len(errors) > 1 and max(errors[1:]) < _FLAT:  # the lines do not show what it is
+        words = f"at most {max(errors[1:]) / 1.1:.1g} from 1"
+        axes.text(0.5, 0.62, words, transform=axes.transAxes, ha="center", fontsize=LEGEND_FONT)
     axes.ticklabel_format(axis="y", useOffset=False)
     axes.legend(frameon=False)
     return figure

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import pyvista
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.mesh.surface import vertex_normals
@@ -88,6 +87,8 @@ class MovingScene:
         off_screen: bool | None = None,
         size: tuple[int, int] = SIZE,
     ) -> None:
+        import pyvista  # noqa: PLC0415 -- figures need none
+
         named = dict(blocks_of(bones)) if isinstance(bones, vtkMultiBlockDataSet) else bones
         seen = [*muscles.values()] or [_tubes(lines) for lines in fibres.values()] or [*named.values()]
         self.view = choose_view(
@@ -137,6 +138,8 @@ class MovingScene:
         self.plotter.renderer.ResetCameraClippingRange()
 
     def _surface(self, surface: vtkPolyData, colour: str, opacity: float) -> tuple[Any, Any, Ints]:
+        import pyvista  # noqa: PLC0415
+
         points, triangles = points_of(surface), triangles_of(surface, "plotting")
         mesh = pyvista.PolyData.from_regular_faces(points, triangles)
         mesh.point_data["Normals"] = vertex_normals(points, triangles)
@@ -156,6 +159,8 @@ class MovingScene:
         return actor, mesh, triangles
 
     def _lines(self, lines: vtkPolyData, colour: str) -> tuple[Any, Any]:
+        import pyvista  # noqa: PLC0415
+
         mesh = pyvista.wrap(polylines_from(polylines_of(lines, "plotting: fibres")))
         pale = pyvista.Color(colour)
         mixed = [0.5 + 0.5 * part for part in pale.float_rgb]
@@ -172,5 +177,7 @@ class MovingScene:
 
 def _tubes(lines: vtkPolyData) -> Any:
     """Return fibres as a surface, which stands for a muscle where none was deformed."""
+    import pyvista  # noqa: PLC0415
+
     mesh = pyvista.wrap(polylines_from(polylines_of(lines, "plotting: fibres")))
     return mesh.tube(radius=0.004 * mesh.length, n_sides=6).triangulate()

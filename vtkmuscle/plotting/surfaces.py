@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-import pyvista
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.types import Floats
@@ -12,6 +12,9 @@ from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.plotting.actors import actors_of, surface_actor
 from vtkmuscle.plotting.studio import look_from, x_server_warning_off
 from vtkmuscle.plotting.views import View
+
+if TYPE_CHECKING:
+    import pyvista
 
 #: Pixels that PyVista's smoothing of edges renders for one of a picture, along each side.
 _FINER = 4
@@ -57,6 +60,8 @@ def make_plotter(
     pyvista.Plotter
         To be shown, or captured by ``screenshot``; close it afterwards.
     """
+    import pyvista  # noqa: PLC0415 -- figures need none
+
     with x_server_warning_off():
         plotter = pyvista.Plotter(
             off_screen=off_screen, window_size=view.size, theme=pyvista.themes.DocumentTheme()

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
-
-import pyvista
+from typing import TYPE_CHECKING, Any
 
 from vtkmuscle.filters.base.filter import Filter
+
+if TYPE_CHECKING:
+    import pyvista
 
 
 def show_time(plotter: pyvista.Plotter, time: float) -> None:

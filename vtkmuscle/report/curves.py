@@ -20,6 +20,8 @@ from vtkmuscle.report.source import RunResult
 
 #: Fibres of a muscle that are drawn one by one, at most.
 MOST_FIBRES = 100
+#: A measure is given in words where it changes by less than this part of its limit.
+_FLAT = 1e-3
 #: Digits of what is drawn.
 _DIGITS = 5
 
@@ -90,8 +92,13 @@ def curves_of(
         "muscles": muscles,
         "coordinates": _coordinates(result, arms),
         "checks": [
-            {"key": key, "label": label, **_limits(limits.get(check), check)}
-            for key, label, check, _, _ in CHECKS
+            {
+                "key": key,
+                "label": label,
+                "flat": _flat(result, key, factor, offset, limits.get(check)),
+                **_limits(limits.get(check), check),
+            }
+            for key, label, check, factor, offset in CHECKS
             if any(key in muscle["checks"] for muscle in muscles)
         ],
     }
@@ -231,6 +238,18 @@ def _coordinates(result: RunResult, arms: Mapping[str, Mapping[str, JointArms]])
             }
         )
     return listed
+
+
+def _flat(result: RunResult, key: str, factor: float, offset: float, limit: Limit | None) -> str | None:
+    """Return in words what a curve would not show: that a measure hardly changes, and what it is."""
+    rows = [row.get(key) for name in result.muscle_names for row in result.report["muscles"][name]["frames"]]
+    values = factor * np.array([value for value in rows if value is not None], dtype=np.float64) + offset
+    if limit is None or not len(values) or not np.ptp(values) <= _FLAT * abs(limit.look):
+        return None
+    ends = [f"{value:.2g}".replace("-", "\u2212") for value in (values.min(), values.max())]
+    return (
+        f"{' to '.join(dict.fromkeys(ends))} in all frames of all muscles; looked at from {limit.look:g} on."
+    )
 
 
 def _limits(limit: Limit | None, check: str) -> dict[str, Any]:

@@ -27,6 +27,8 @@ from vtkmuscle.report.tables import (
     tables_of,
 )
 
+#: Of more muscles than this the cards show a line, and the rest when it is asked for.
+MANY = 6
 #: Verdicts in words.
 BADGES = {"ok": "✓ ok", "look": "! look at it", "failed": "✗ failed"}
 #: The parts of the page's program, in the order in which they are read.
@@ -84,6 +86,7 @@ def page_of(result: RunResult, limits: Mapping[str, Limit]) -> str:
         stopped=report.get("stopped_by") if not report["complete"] else None,
         warnings=report.get("sense", ()),
         badge=BADGES,
+        compact=len(muscles) > MANY,
         muscles=muscles,
         thinned=_thinned(scene),
         alt=f"The scene in three dimensions: {', '.join(one['label'] for one in muscles)}, "
@@ -186,7 +189,11 @@ def _card(result: RunResult, place: int, name: str) -> dict[str, Any]:
         "colour": colour_of(place),
         "verdict": result.verdicts[name],
         "facts": facts,
-        "reasons": [_reason(reason) for reason in muscle["verdict"]["reasons"]],
+        "reasons": [
+            {"says": _sentence(reason["says"]), "frame": reason["frame"]}
+            for reason in muscle["verdict"]["reasons"]
+        ],
+        "remedies": list(dict.fromkeys(_sentence(reason["do"]) for reason in muscle["verdict"]["reasons"])),
     }
 
 
@@ -197,13 +204,9 @@ def _with_error(muscle: Mapping[str, Any], quantity: str, value: float, per: flo
     return f"{number(value / per)}{error}"
 
 
-def _reason(reason: Mapping[str, Any]) -> dict[str, Any]:
-    says = str(reason["says"])
-    return {
-        "says": f"{says[:1].upper()}{says[1:]}.",
-        "frame": reason["frame"],
-        "do": f"{str(reason['do'])[:1].upper()}{str(reason['do'])[1:]}.",
-    }
+def _sentence(words: Any) -> str:
+    text = str(words)
+    return f"{text[:1].upper()}{text[1:]}."
 
 
 def _thinned(scene: Mapping[str, Any]) -> str:

@@ -49,7 +49,7 @@ class Drawing:
             from vtkmuscle.run.figures import write_pictures  # noqa: PLC0415
 
             with suppress(Exception), self._ready():
-                self._drawn += write_pictures(self._beside, result, name, self._studio)
+                self._drawn += write_pictures(self._beside, result.plain(), name, self._studio)
 
     def finish(self, result: Result) -> dict[str, Any]:
         """Draw what is left, move all to ``figures/``, and return what the report says of it.
@@ -71,7 +71,9 @@ class Drawing:
         from vtkmuscle.run.figures import write_figures  # noqa: PLC0415
 
         with self._ready():
-            drawn = sorted(write_figures(self._beside, result, drawn=self._drawn, studio=self._studio))
+            drawn = sorted(
+                write_figures(self._beside, result.plain(), drawn=self._drawn, studio=self._studio)
+            )
             self._folder.mkdir(exist_ok=True)
             for figure in drawn:
                 figure.replace(self._folder / figure.name)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from copy import copy
+from typing import Any, Self
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
@@ -57,10 +58,17 @@ class KeptFrames:
             lengths.setflags(write=False)  # moment arms by them are found once
         self._known_arms: dict[tuple[str, ...], Any] = {}
         self._tracks = tracks
+        self._wrap = _wrapped
         self._bones = bones
         self.drawn_bones = drawn_bones or DrawnBones(bones)
         self._mover = BoneMotion(motion=motion)
         self._mover.connect(0, bones)
+
+    def plain(self) -> Self:
+        """Return the same with surfaces and lines as VTK has them, so that PyVista need not be loaded."""
+        other = copy(self)
+        other._wrap = lambda data: data
+        return other
 
     @property
     def errors(self) -> dict[str, Mapping[str, Estimate]]:
@@ -106,7 +114,7 @@ class KeptFrames:
                 f"fibres({name!r}, frame={self.frames[i]}) has its fibres, and model 'volume' deforms it",
             )
         self._check_finished(name, i)
-        return _wrapped(with_points(track.rest, track.points[i]))
+        return self._wrap(with_points(track.rest, track.points[i]))
 
     def fibres(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
         """Return the fibres of a muscle in a kept frame, None where it has none; see :meth:`muscle`."""
@@ -114,28 +122,28 @@ class KeptFrames:
         if not track.fibres and track.rest_fibres is None:
             return None
         self._check_finished(name, i)
-        return _wrapped(track.fibres[i])
+        return self._wrap(track.fibres[i])
 
     def bones(self, *, frame: int | None = None, time: float | None = None) -> Any:
         """Return the bones in a kept frame, a block each, with the field array ``Transform``."""
         moved = vtkMultiBlockDataSet()
         moved.ShallowCopy(self._mover.update(time=self.times[self._position(frame, time)]).output)
-        return _wrapped(moved)
+        return self._wrap(moved)
 
     def rest_muscle(self, name: str) -> Any:
         """Return a muscle at rest, with the point array ``FixedTo``."""
         rest = self._track(name).rest
         assert rest is not None  # a result is made when all muscles are done
-        return _wrapped(rest)
+        return self._wrap(rest)
 
     def rest_fibres(self, name: str) -> Any:
         """Return the fibres of a muscle at rest, None where it has none."""
         fibres = self._track(name).rest_fibres
-        return None if fibres is None else _wrapped(fibres)
+        return None if fibres is None else self._wrap(fibres)
 
     def rest_bones(self) -> Any:
         """Return the bones at rest."""
-        return _wrapped(self._bones)
+        return self._wrap(self._bones)
 
     def _track(self, name: str) -> MuscleTrack:
         if name not in self._tracks:

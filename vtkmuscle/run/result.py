@@ -356,7 +356,7 @@ class Result(KeptFrames):
         """
         from vtkmuscle.run.figures import write_figures  # noqa: PLC0415 -- only figures need PyVista
 
-        return write_figures(Path(folder), self)
+        return write_figures(Path(folder), self.plain())
 
     def write_report(self, path: str | PathLike[str]) -> Path:
         """Write the page of the run: the scene to be turned and moved, curves, tables and verdicts.
@@ -380,4 +380,4 @@ class Result(KeptFrames):
 
         if Path(path).suffix.lower() not in (".html", ".htm"):
             raise InputError(str(path), "a report is a page of HTML", "give it a name that ends in .html")
-        return write_page(path, self, CHECKS)
+        return write_page(path, self.plain(), CHECKS)

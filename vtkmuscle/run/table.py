@@ -84,8 +84,7 @@ class Table(Mapping[str, NDArray[Any]]):
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(self)
-        for row in zip(*(column.tolist() for column in self._columns.values()), strict=True):
-            writer.writerow([_cell(value, digits) for value in row])
+        writer.writerows(zip(*(_cells(column, digits) for column in self._columns.values()), strict=True))
         write_text(Path(path), text.getvalue())
         return Path(path)
 
@@ -106,7 +105,10 @@ class Table(Mapping[str, NDArray[Any]]):
         return pandas.DataFrame(self._columns)
 
 
-def _cell(value: Any, digits: int) -> Any:
-    if not isinstance(value, float):
-        return value
-    return "" if np.isnan(value) else f"{value:.{digits}g}"
+def _cells(column: NDArray[Any], digits: int) -> Iterable[Any]:
+    """Return what is written of a column."""
+    values: list[Any] = column.tolist()
+    if column.dtype.kind != "f":
+        return values
+    written = map(f"%.{digits}g".__mod__, values)
+    return ("" if text == "nan" else text for text in written) if np.isnan(column).any() else written

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
-from scipy.stats import qmc
 
 from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.mesh.surface import triangle_normals, unique_edges
+from vtkmuscle.core.sobol import sobol
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Blocks of as many positions as wanted that are looked through: bodies fill most of a tenth of their boxes.
@@ -185,10 +185,7 @@ class PatchSamples:
 @lru_cache(maxsize=16)
 def _sobol(exponent: int, seed: int) -> Floats:
     """Return 2^exponent numbers (k, 3) in [0, 1) of a low-discrepancy sequence."""
-    sequence = qmc.Sobol(3, scramble=False)
-    if seed:
-        sequence.fast_forward(seed * 2**exponent)
-    numbers: Floats = sequence.random(2**exponent)
+    numbers = sobol(2**exponent, 3, first=seed * 2**exponent)
     numbers.setflags(write=False)
     return numbers
 

@@ -10,7 +10,7 @@ const CONFIG = {
 
 function makeCurves(data, block, choose) {
   const known = Object.fromEntries(data.muscles.map((muscle) => [muscle.name, muscle]));
-  const state = { muscle: "", coordinate: data.coordinates[0]?.name, check: data.checks[0]?.key, at: 0 };
+  const state = { muscle: "", coordinate: data.coordinates[0]?.name, check: (data.checks.find((one) => !one.flat) ?? data.checks[0])?.key, at: 0 };
   const charts = ["lengths", "arms", "checks"].map((id) => document.getElementById(id)).filter(Boolean);
   for (const chart of charts) chart.drawn = Promise.resolve();
 
@@ -85,6 +85,11 @@ function makeCurves(data, block, choose) {
   function checks() {
     const check = data.checks.find((one) => one.key === state.check);
     if (!check) return;
+    const words = document.getElementById("check-words");
+    words.textContent = check.flat ? `${check.label[0].toUpperCase()}${check.label.slice(1)}: ${check.flat}` : "";
+    words.hidden = !check.flat;
+    for (const id of ["checks", "checks-caption"]) document.getElementById(id).hidden = Boolean(check.flat);
+    if (check.flat) return;
     const traces = chosen().flatMap((muscle) => {
       const values = muscle.checks[check.key];
       return values ? [line(data.times.slice(0, values.length), values, muscle, muscle.label)] : [];
@@ -97,7 +102,7 @@ function makeCurves(data, block, choose) {
       const ends = [data.times[0], data.times.at(-1)];
       traces.push({ x: ends, y: [limit, limit], mode: "lines", line: { color: colour, width: 1.2, dash: "dash" }, name: `limit: ${name}`, hoverinfo: "skip" });
     }
-    paint("checks", traces, data.timeLabel, check.label);
+    paint("checks", traces, data.timeLabel, check.label.replace(", ", ",<br>"));
   }
 
   function paint(id, traces, xLabel, yLabel) {
@@ -138,7 +143,7 @@ function makeCurves(data, block, choose) {
   let waiting = false;
   function move() {
     waiting = false;
-    for (const chart of charts) if (chart.data) Plotly.relayout(chart, { shapes: [cursor(chart.id)] });
+    for (const chart of charts) if (chart.data && !chart.hidden) Plotly.relayout(chart, { shapes: [cursor(chart.id)] });
   }
 
   function all() {

@@ -101,7 +101,7 @@ function controls(viewer, data, canvas) {
   const ruler = document.getElementById("ruler");
   const axes = document.getElementById("axes");
   viewer.watch((camera, height) => {
-    const half = canvas.clientWidth < canvas.clientHeight ? (1.15 * camera.half * canvas.clientHeight) / canvas.clientWidth : camera.half;
+    const half = heightOf(camera, canvas.clientWidth / height);
     const perUnit = height / (2 * half);
     const wanted = (90 / perUnit) * data.scene.mm;
     const power = 10 ** Math.floor(Math.log10(wanted));
@@ -163,7 +163,10 @@ function choices(curves) {
     radio.addEventListener("change", () => curves.set({ muscle: radio.value }));
   }
   document.getElementById("coordinate")?.addEventListener("change", (event) => curves.set({ coordinate: event.target.value }));
-  document.getElementById("check")?.addEventListener("change", (event) => curves.set({ check: event.target.value }));
+  const check = document.getElementById("check");
+  if (!check) return;
+  check.value = curves.state.check;
+  check.addEventListener("change", () => curves.set({ check: check.value }));
 }
 
 begin().catch((error) => {

@@ -21,7 +21,7 @@ function makeViewer(canvas, scene, block) {
     by: "muscle",
     hidden: new Set(),
   };
-  const home = cameraOf(scene.view.towards, boundsOf(muscles, bones));
+  const home = cameraOf(anglesOf(scene.view.towards), muscles, bones);
   const camera = { ...home };
   const ranges = rangesOf(muscles);
   let waiting = false;
@@ -116,7 +116,7 @@ function makeViewer(canvas, scene, block) {
     gl.uniform1i(strips.at.coloured, values ? 1 : 0);
     gl.uniform3fv(strips.at.colour, mixed(muscle.colour, state.surfaces === "hidden" ? 0.1 : 0.55));
     if (values) paintBy(strips, ranges[state.by]);
-    gl.uniform1f(strips.at.radius, 0.0022 * home.half);
+    gl.uniform1f(strips.at.radius, 0.0022 * heightOf(home, canvas.width / canvas.height));
     gl.uniformMatrix4fv(strips.at.place, false, fibres.place);
     gl.bindVertexArray(fibres.vertices);
     fibres.show(state.frame, values);
@@ -143,7 +143,7 @@ function makeViewer(canvas, scene, block) {
       invalidate();
     },
     look(towards) {
-      Object.assign(camera, home, towards ? anglesOf(towards) : {});
+      Object.assign(camera, towards ? cameraOf(anglesOf(towards), muscles, bones) : home);
       invalidate();
     },
     /* What is drawn, as numbers: for tests. */
