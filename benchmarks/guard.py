@@ -2,8 +2,8 @@
 
 ``counts`` do not depend on the machine: what a run does how often (``work_counts.py``), how much the kernels
 of a decomposition and of a transport are given (``fibre_counts.py``), and, for a cold start, how many
-instructions numba writes for the kernels of a first run. The last two and triangles drawn may grow by a tenth,
-bytes by a quarter, and what a run does not at all. The tests hold them to the committed ones.
+instructions numba writes for the kernels of a first run. The last two may grow by a tenth, so may triangles
+drawn, bytes by a quarter, and what a run does not at all. The tests hold them to the committed ones.
 
 ``ratios`` are times of processor over that of a calibration kernel that this project will not change, taken
 in turns with it: medians of the turns. On two processors with six processes at work, eight runs differed from
