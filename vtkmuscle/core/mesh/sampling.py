@@ -140,9 +140,10 @@ class PatchSamples:
 
     def tree(self, count: int) -> cKDTree:
         """Return the search tree of at least `count` positions of even density."""
-        if count not in self._trees:
-            self._trees[count] = cKDTree(self.dense(count))
-        return self._trees[count]
+        positions = self.dense(count)
+        if len(positions) not in self._trees:
+            self._trees[len(positions)] = cKDTree(positions)
+        return self._trees[len(positions)]
 
     def even(self, count: int, *, direction: Floats, above: float, seed: int = 0) -> Floats:
         """Return positions, (count, 3), spread over what is above a height along a direction.
