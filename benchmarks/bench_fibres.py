@@ -1,8 +1,9 @@
 """Measure fibres on the real hip: time of each stage, lengths, coverage, turns, points outside, transport.
 
 Run as ``python benchmarks/bench_fibres.py [--muscles NAME ...] [--sizes] [--transport]``. Times
-are the least of several runs with new filters, everything compiled, and what is remembered of a muscle
-(search tree, attachment patches) in place; the first run, which has to find those out, is printed too.
+are of the processor, the least of several runs with new filters, everything compiled, and what is remembered
+of a muscle (search tree, attachment patches, sections and their maps) in place; the first run, which has to
+find those out, is printed too.
 """
 
 from __future__ import annotations
@@ -51,17 +52,17 @@ def staged(
     spreading: float | None = None,
 ) -> tuple[object, list[float]]:
     """Return fibres from new filters, and what each stage took [ms]."""
-    times = [time.perf_counter()]
+    times = [time.thread_time()]
     template = FibreTemplateSource(n_fibres=n_fibres, resolution=resolution)()
-    times.append(time.perf_counter())
+    times.append(time.thread_time())
     fitted = TemplateFitter()(template, muscle, attachments)
-    times.append(time.perf_counter())
+    times.append(time.thread_time())
     morphed = SliceMorpher()(fitted, muscle, attachments)
-    times.append(time.perf_counter())
+    times.append(time.thread_time())
     trimmed = FibreTrimmer()(morphed, muscle, attachments)
-    times.append(time.perf_counter())
+    times.append(time.thread_time())
     smoothed = FibreSmoother(spreading=spreading)(trimmed, muscle, attachments)
-    times.append(time.perf_counter())
+    times.append(time.thread_time())
     return smoothed, (1e3 * np.diff(times)).tolist()
 
 

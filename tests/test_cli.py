@@ -231,7 +231,7 @@ def test_ctrl_c_leaves_the_finished_frames(moment, scene_file, tmp_path):
 
 def test_the_demo_writes_a_scene_that_can_be_run_again(tmp_path, monkeypatch):
     # A smaller phantom than the hip, which tests/test_isolation.py has.
-    monkeypatch.setattr(vtkmuscle.phantoms, "hip", vtkmuscle.phantoms.spindle_over_hinge)
+    monkeypatch.setattr(vtkmuscle.phantoms, "hip", lambda **_: vtkmuscle.phantoms.spindle_over_hinge())
     done = vtkmuscle_("demo", "--out", tmp_path / "demo", "--frames", "0:2", "--no-figures")
     assert done.exit_code == 0
     path = tmp_path / "demo/scene/scene.toml"

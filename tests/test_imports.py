@@ -73,6 +73,12 @@ def test_filters_import_only_the_vtk_modules_that_they_use():
     assert not [name for name in loaded if name.startswith("vtkmodules.vtkRendering")]
 
 
+@pytest.mark.parametrize("forbidden", ["scipy.stats", "scipy.integrate", "matplotlib", "vtkmuscle.phantoms"])
+def test_a_run_imports_no(forbidden):
+    # scipy.stats alone takes as long as numba, half a second; a run's figures import matplotlib where drawn.
+    assert forbidden not in modules_after_importing("vtkmuscle.scenes")
+
+
 @pytest.mark.parametrize("name", vtkmuscle.__all__)
 def test_public_name_exists(name):
     assert getattr(vtkmuscle, name) is not None

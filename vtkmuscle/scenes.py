@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
@@ -18,7 +18,6 @@ from vtkmuscle.core.mesh.shared import held
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.filters.deformer.quality import PRESETS
-from vtkmuscle.phantoms.phantom import Phantom
 from vtkmuscle.run.claim import claimed
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.scenes import run_scene
@@ -28,6 +27,9 @@ from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.reading import read_fields
 from vtkmuscle.scene.sense import check_sense
 from vtkmuscle.scene.writing import write_scene
+
+if TYPE_CHECKING:
+    from vtkmuscle.phantoms.phantom import Phantom
 
 #: Muscles that are named one by one where a scene is printed, at most.
 _MOST_LISTED = 8

@@ -53,10 +53,11 @@ def guard():
 
 def test_work_and_memory_are_no_more_than_committed(guard, work):
     """Projections, collision passes and executions per run, and bytes per point, whatever the machine."""
+    from fibre_counts import fibre_work
     from work_counts import memory
 
     committed = json.loads(guard.COMMITTED.read_text(encoding="utf-8"))
-    now = {**work, "bytes per point of a step": memory()}
+    now = {**work, **fibre_work(), "bytes per point of a step": memory()}
     assert guard.regressions({"counts": now}, committed) == []
     assert {*now, *DRAWN, guard.COMPILED} == set(committed["counts"]), "run benchmarks/guard.py --update"
 
@@ -156,6 +157,22 @@ def test_a_regression_is_told(guard):
     assert [line.split(":")[0] for line in guard.regressions(other, before)] == [
         line.split(":")[0] for line in told[:-1]
     ]
+
+
+def test_a_fibre_more_in_twelve_is_counted(guard, monkeypatch):
+    """Plant what the guard is there for: a decomposition and a transport that do a tenth more."""
+    import fibre_counts
+
+    before = fibre_counts.fibre_work()
+    assert before["sections mapped of a decomposition"] == 0
+    decompose = fibre_counts.decompose
+    monkeypatch.setattr(
+        fibre_counts,
+        "decompose",
+        lambda *data, n_fibres: decompose(*data, n_fibres=n_fibres * 28 // 25, resolution=16),
+    )
+    told = guard.regressions({"counts": fibre_counts.fibre_work()}, {"counts": before})
+    assert {line.split(":")[0] for line in told} == {name for name, count in before.items() if count}
 
 
 def test_one_more_projection_per_iteration_is_counted(guard, work, monkeypatch):

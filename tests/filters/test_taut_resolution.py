@@ -1,4 +1,4 @@
-"""Taut fibres whatever number of segments they have: the number is a matter of accuracy, not another model."""
+"""Taut fibres of any number of segments: the number is a matter of accuracy, not another model."""
 
 import numpy as np
 import pytest

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import Any, TypeVar
 
 import numba
@@ -21,10 +22,16 @@ from numba.core import event
 from numba.core.types import unliteral  # type: ignore[attr-defined]
 
 from vtkmuscle.core.kernel_cache import kernel_cache
+from vtkmuscle.core.kernel_parts import KernelCompiler, part_of_kernels
 
 F = TypeVar("F", bound=Callable[..., object])
 
-_OF_ALL: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
+_OF_ALL: dict[str, Any] = {
+    "nogil": True,
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
+    "_nrt": False,
+}
 
 
 class _WithoutCollection(event.Listener):  # type: ignore[misc]
@@ -101,30 +108,29 @@ def vector_kernel(function: F) -> F:
 
 def lane(function: F) -> F:
     """Compile what one lane of a batch computes; it becomes part of the loop that calls it."""
-    options: dict[str, Any] = {"fastmath": {"contract"}, "forceinline": True}
-    compiled: F = numba.njit(**_OF_ALL, **options)(function)
-    result: F = _for_types_alone(compiled)
-    return result
+    return _compiled(function, fastmath={"contract"}, forceinline=True, nogil=False)
 
 
 def _compiled(function: F, **options: Any) -> F:
-    compiled: Any = numba.njit(nogil=True, **{**_OF_ALL, **options})(function)
+    options = {**_OF_ALL, **options}
+    compiled: Any = numba.njit(pipeline_class=KernelCompiler, **options)(function)
     kept = kernel_cache(function)
     if kept is not None and not numba.config.DISABLE_JIT:
         compiled._cache = kept  # as Dispatcher.enable_caching does
-    result: F = _for_types_alone(compiled)
-    return result
 
+    @cache
+    def part() -> Any:
+        return part_of_kernels(function, **options)
 
-def _for_types_alone(compiled: Any) -> Any:
-    """Let a function be compiled once for ``int``, and not for each constant that kernels call it with."""
-    call_template = compiled.get_call_template
-
-    def without_constants(args: Sequence[Any], keywords: Mapping[str, Any]) -> Any:
-        return call_template(
+    def part_for(args: Sequence[Any], keywords: Mapping[str, Any]) -> Any:
+        """Compile the part once for ``int``, and not for each constant that kernels call it with."""
+        return part().get_call_template(
             tuple(map(unliteral, args)),
             {name: unliteral(value) for name, value in keywords.items()},
         )
 
-    compiled.get_call_template = without_constants
-    return compiled
+    # What numba asks a function for that another one calls.
+    compiled.get_call_template = part_for
+    compiled.get_overload = lambda types: part().get_overload(types)
+    result: F = compiled
+    return result

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.integrate import quad
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
@@ -169,8 +168,13 @@ def _bent(x: Controls, y: Controls) -> dict[str, Callable[..., float]]:
         way = velocity(r, s, t)
         return float(np.degrees(np.arcsin(way[2] / np.linalg.norm(way))))
 
+    def length(r: float, s: float) -> float:
+        from scipy.integrate import quad  # noqa: PLC0415 -- a demo needs none
+
+        return float(quad(lambda t: float(np.linalg.norm(velocity(r, s, t))), 0.0, 1.0)[0])
+
     return {
-        "fibre_length": lambda r, s: quad(lambda t: float(np.linalg.norm(velocity(r, s, t))), 0.0, 1.0)[0],
+        "fibre_length": length,
         "pennation_origin": lambda r, s: pennation(r, s, 0.0),
         "pennation_insertion": lambda r, s: pennation(r, s, 1.0),
     }

@@ -20,9 +20,11 @@ from vtkmuscle.phantoms.phantom import Phantom, Surface, phantom_from
 CUT = 3.0
 #: Left free between muscle and bone, for their triangles are flat where the solids are round [mm].
 GAP = 0.2
+#: Of flexion in each frame [degrees].
+ANGLES = tuple(range(0, 91, 2))
 
 
-def hip() -> Phantom:
+def hip(*, angles: ArrayLike = ANGLES) -> Phantom:
     """Return a right hip: pelvis and femur, three muscles of different shape, flexion of 0 to 90 degrees.
 
     The frame is that of a subject: +x left, +y posterior, +z up, in mm; the centre of the femoral head is
@@ -30,6 +32,11 @@ def hip() -> Phantom:
     ilium to the greater trochanter; ``gluteus_maximus`` is broad and thick, from the back of ilium and
     sacrum to the gluteal tuberosity, its insertion an open landmark curve; ``iliacus`` bends over the
     pelvic brim in front of the joint to the lesser trochanter.
+
+    Parameters
+    ----------
+    angles : (k,) array_like, optional
+        Of flexion in each frame [degrees], ascending; every second one by default.
 
     Returns
     -------
@@ -45,7 +52,7 @@ def hip() -> Phantom:
     >>> sorted(hip().muscles)
     ['gluteus_maximus', 'gluteus_medius', 'iliacus']
     """
-    return varied_hip(HipShape())
+    return varied_hip(HipShape(), angles=angles)
 
 
 @dataclass(frozen=True)
@@ -71,7 +78,7 @@ def varied_hip(
     shape: HipShape,
     *,
     axis: ArrayLike = (-1, 0, 0),
-    angles: ArrayLike = tuple(range(0, 91, 2)),
+    angles: ArrayLike = ANGLES,
     detail: float = 1.0,
 ) -> Phantom:
     """Return a hip of another shape than :func:`hip`, made like it.

@@ -71,6 +71,7 @@ def grid() -> list[Setting]:
     vary("iterations", 2, 4, 6, 10, 20, 40, 100, tolerance=0.0)
     vary("tolerance", 1.0, 0.3, 0.1, 0.03, 0.01, iterations=400)
     vary("solver", "gauss-seidel", tolerance=0.0)
+    vary("taut_resolution", 8, 16, 24, 64)
     vary("substeps", 2, 4)
     vary("prediction", "inertial")
     vary("anisotropy", "stiffness", "off")

@@ -18,7 +18,16 @@ from vtkmuscle.tradeoff.settings import Setting
 
 #: Parameters of PBDDeformer that trade speed for accuracy. The scene's own values of these do not count, so
 #: that the reference is the reference; all others, such as stiffnesses, are the scene's.
-TRADED = ("grid_spacing", "iterations", "projection_order", "solver", "prediction", "substeps", "tolerance")
+TRADED = (
+    "grid_spacing",
+    "iterations",
+    "projection_order",
+    "solver",
+    "prediction",
+    "substeps",
+    "taut_resolution",
+    "tolerance",
+)
 
 #: Part of the frames left out at either end of their times, in the mean.
 _TRIMMED = 0.1

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from vtkmuscle.core.types import Floats
 
@@ -83,7 +83,7 @@ def expanded_of_samples(values: ArrayLike, *, of_mean: bool = False) -> Floats:
     """
     samples = np.asarray(values, dtype=np.float64)
     count = len(samples)
-    factor = float(student.ppf((1.0 + CONFIDENCE) / 2.0, count - 1)) / (np.sqrt(count) if of_mean else 1.0)
+    factor = float(stdtrit(count - 1, (1.0 + CONFIDENCE) / 2.0)) / (np.sqrt(count) if of_mean else 1.0)
     return np.asarray(factor * samples.std(axis=0, ddof=1))
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import label
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import array_kernel, kernel
@@ -233,7 +234,6 @@ def _edge_misses(
     return min(p, q) > reach or max(p, q) < -reach
 
 
-@array_kernel
 def _flood_outside(cells: Cells) -> None:
     """Mark as outside what can be reached from the corner cell (0, 0, 0) without entering the boundary.
 
@@ -242,21 +242,5 @@ def _flood_outside(cells: Cells) -> None:
 
     cells : (nx, ny, nz), changed in place.
     """
-    shape = cells.shape
-    waiting = np.empty((cells.size, 3), np.int32)  # each cell waits once at most
-    waiting[0] = 0
-    cells[0, 0, 0] = OUTSIDE
-    count = 1
-    while count:
-        count -= 1
-        i, j, k = waiting[count]
-        for axis in range(3):
-            for side in (-1, 1):
-                u = i + side if axis == 0 else i
-                v = j + side if axis == 1 else j
-                w = k + side if axis == 2 else k
-                inside_grid = 0 <= u < shape[0] and 0 <= v < shape[1] and 0 <= w < shape[2]
-                if inside_grid and cells[u, v, w] == INSIDE:
-                    cells[u, v, w] = OUTSIDE
-                    waiting[count, 0], waiting[count, 1], waiting[count, 2] = u, v, w
-                    count += 1
+    parts = label(cells != BOUNDARY)[0]
+    cells[parts == parts[0, 0, 0]] = OUTSIDE

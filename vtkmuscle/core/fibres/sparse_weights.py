@@ -24,8 +24,8 @@ _MADE_UP = 1e-10
 LARGEST_CHANGE = 1.0
 #: Weights that a thread of its own pays for: it takes as long to start as half a million take to apply.
 WORTH_A_THREAD = 4_000_000
-#: Weights of a group that are compared with their mean before it is asked whether that is enough.
-_STRETCH = 128
+#: Weights of a group that are compared with their mean before it is first asked whether that is enough.
+_STRETCH = 8
 #: Thresholds below this divide all groups [1].
 _LEAST = 1e-15
 
@@ -253,10 +253,11 @@ def _gather(
             column, total = n + group, totals[group]
             first, last, off = groups.first[group], groups.last[group], 0.0
             mean = total / (last - first)
-            for begin in range(first, last, _STRETCH):
-                off += groups.radii[group] * _deviation(weights[begin : min(begin + _STRETCH, last)], mean)
-                if off > most:
-                    break
+            begin, stretch = first, _STRETCH
+            while begin < last and not off > most:
+                end = min(begin + stretch, last)
+                off += groups.radii[group] * _deviation(weights[begin:end], mean)
+                begin, stretch = end, 2 * stretch
             if off > most:
                 one, two = groups.parts[group, 0], groups.parts[group, 1]
                 waiting[depth] = two if two >= 0 else -last

@@ -226,6 +226,8 @@ def _least_evil(
         turns = np.degrees(np.arccos(np.clip(_cosines(rays[level, open_], segments), -1.0, 1.0)))
         # What it is if the segment stays in the muscle: where that is too much, it need not be looked at.
         worth = np.where(turns <= LARGEST_TURN, turns / 180.0, turns / LARGEST_TURN) < least[open_]
+        if not worth.any():
+            continue
         leaves = np.full(len(open_), np.inf)
         checked = starts[worth, None] + CHECKS[:, None] * segments[worth, None]
         ways_back = into_muscle(checked.reshape(-1, 3)).reshape(checked.shape) - checked

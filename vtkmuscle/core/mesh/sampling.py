@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
-from scipy.stats import qmc
 
 from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.mesh.surface import triangle_normals, unique_edges
+from vtkmuscle.core.sobol import sobol
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Blocks of as many positions as wanted that are looked through: bodies fill most of a tenth of their boxes.
@@ -140,9 +140,10 @@ class PatchSamples:
 
     def tree(self, count: int) -> cKDTree:
         """Return the search tree of at least `count` positions of even density."""
-        if count not in self._trees:
-            self._trees[count] = cKDTree(self.dense(count))
-        return self._trees[count]
+        positions = self.dense(count)
+        if len(positions) not in self._trees:
+            self._trees[len(positions)] = cKDTree(positions)
+        return self._trees[len(positions)]
 
     def even(self, count: int, *, direction: Floats, above: float, seed: int = 0) -> Floats:
         """Return positions, (count, 3), spread over what is above a height along a direction.
@@ -184,10 +185,7 @@ class PatchSamples:
 @lru_cache(maxsize=16)
 def _sobol(exponent: int, seed: int) -> Floats:
     """Return 2^exponent numbers (k, 3) in [0, 1) of a low-discrepancy sequence."""
-    sequence = qmc.Sobol(3, scramble=False)
-    if seed:
-        sequence.fast_forward(seed * 2**exponent)
-    numbers: Floats = sequence.random(2**exponent)
+    numbers = sobol(2**exponent, 3, first=seed * 2**exponent)
     numbers.setflags(write=False)
     return numbers
 

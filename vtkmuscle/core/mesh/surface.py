@@ -86,8 +86,17 @@ def _numbered_edges(directed: Ints, n_points: int) -> tuple[Ints, Ints]:
 
 def edge_lengths(points: Floats, edges: Ints) -> Floats:
     """Return the length of each edge, (k,), in the unit of the points."""
-    lengths: Floats = np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1)
+    lengths = np.empty(len(edges))
+    _fill_lengths(np.ascontiguousarray(points, dtype=np.float64), np.ascontiguousarray(edges), lengths)
     return lengths
+
+
+@kernel
+def _fill_lengths(points: Floats, edges: Ints, lengths: Floats) -> None:
+    for e in range(len(edges)):
+        i, j = edges[e, 0], edges[e, 1]
+        x, y, z = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
+        lengths[e] = np.sqrt(x * x + y * y + z * z)
 
 
 def signed_volume(points: Floats, triangles: Ints) -> float:

@@ -22,7 +22,7 @@ LARGEST_STEEP_SHARE = 0.15
 STEEP = 45.0
 #: What heights of slices are multiples of, as a part of the box's length: more than rounding, less than
 #: :data:`SAME_HEIGHT`.
-GRAIN = 1e-10
+GRAIN = 1e-12
 LEAST_SHARE = 0.8
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vtkmuscle.core.jit import array_kernel, vector_kernel
+from vtkmuscle.core.jit import vector_kernel
 from vtkmuscle.core.mesh.surface import check_volume, edge_lengths, signed_volume
 from vtkmuscle.core.mesh.topology import MeshTopology
 from vtkmuscle.core.pbd.constraints import hinge, volume_and_gradient
@@ -113,7 +113,7 @@ class RestShape:
         directions : (k, 3) array, optional
             Unit direction of the fibres at each edge at rest, 0 where there is none.
         """
-        stretch = _stretches(positions, self._long_edges, self._long_lengths)
+        stretch = edge_lengths(positions, self._long_edges) / self._long_lengths
         median, high = _percentiles(stretch, 50.0, 95.0)
         cosines, sines, defined = _cosines_and_sines(positions, self._topology.quads)
         both = self.angle_defined & defined
@@ -214,14 +214,3 @@ def _angle_squares(p: Floats, quads: Ints) -> Floats:
     longest = np.einsum("qsk,qsk->qs", sides, sides).max(axis=1)
     squares: Floats = np.divide(2.0, longest, out=np.zeros(len(quads)), where=longest > 0.0)
     return squares
-
-
-@array_kernel
-def _stretches(p: Floats, edges: Ints, lengths: Floats) -> Floats:
-    """Return the lengths of edges (k, 2), each divided by its length at rest."""
-    stretch = np.empty(len(edges))
-    for e in range(len(edges)):
-        i, j = edges[e, 0], edges[e, 1]
-        x, y, z = p[i, 0] - p[j, 0], p[i, 1] - p[j, 1], p[i, 2] - p[j, 2]
-        stretch[e] = math.sqrt(x * x + y * y + z * z) / lengths[e]
-    return stretch

@@ -36,8 +36,8 @@ from math import comb
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import qmc
 
+from vtkmuscle.core.sobol import sobol
 from vtkmuscle.core.types import Floats
 
 #: A range of coordinates, taken at parameter 0 and at parameter 1.
@@ -148,9 +148,7 @@ def sobol_points(n: int) -> Floats:
         Points strictly inside of the unit square.
     """
     exponent = max(n - 1, 0).bit_length()
-    # SciPy warns of any number of points that is not a power of two.
-    cells = qmc.Sobol(2, scramble=False).random_base2(exponent)[:n]
-    points: Floats = cells + 0.5 / 2**exponent
+    points: Floats = sobol(n, 2) + 0.5 / 2**exponent
     return points
 
 

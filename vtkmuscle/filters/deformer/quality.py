@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
+from vtkmuscle.core.taut.paths import POINTS
 
 #: Algorithm 2 of Kohout, Cervenka 2021, doi:10.1007/978-3-030-72379-8_24, as printed, with the settings of
 #: its section 4; the number of iterations differs between its experiments.
@@ -44,9 +45,9 @@ PUBLISHED: Mapping[str, Any] = MappingProxyType(
 #: cost more than the iterations, so that the times differ by hardly more than a busy machine's noise.
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
-        "preview": {"iterations": 30, "tolerance": 0.5},
-        "balanced": {"iterations": 60, "tolerance": 0.15},
-        "accurate": {"iterations": 200, "tolerance": 0.05},
+        "preview": {"iterations": 10, "tolerance": 0.5, "taut_resolution": 24},
+        "balanced": {"iterations": 60, "tolerance": 0.15, "taut_resolution": POINTS - 1},
+        "accurate": {"iterations": 200, "tolerance": 0.05, "taut_resolution": POINTS - 1},
         "published": PUBLISHED,
     }
 )
