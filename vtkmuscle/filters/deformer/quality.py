@@ -30,8 +30,8 @@ PUBLISHED: Mapping[str, Any] = MappingProxyType(
 )
 
 #: Groups of PBDDeformer's parameters. The first three are tolerances, the most iterations for them, and
-#: segments of taut fibres. Over three steps of 10 degrees of hip flexion from rest: RMS distance, in the worst
-#: frame, to the end of the solve with the fibres of ``balanced``; time of a frame as a part of its time.
+#: segments of taut fibres. Over three steps of 10 degrees of hip flexion from rest: RMS distance, in the
+#: worst frame, to the end of the solve with the fibres of ``balanced``; time of a frame, of that of it.
 #:
 #: ========  ==========================  =======================
 #: preset    phantom hip, three muscles  real hip, four muscles
