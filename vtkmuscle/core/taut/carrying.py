@@ -148,7 +148,7 @@ class Company(NamedTuple):
     @classmethod
     def of(cls, points: Floats, companions: Ints, shares: Floats) -> Company:
         """Return that of points (p, 3) [mm]; shares (p, c) are what each companion counts, of 1."""
-        there = points[companions]
+        there = points[companions] - points[:, None]  # far from the origin positions have few digits
         away = there - np.einsum("pc,pci->pi", shares, there)[:, None]
         return cls(companions, shares[:, :, None] * away, np.einsum("pc,pci,pci->p", shares, away, away))
 
@@ -301,7 +301,7 @@ def _keep_among(
             f = frames[g]
             x, y, z = rest[i, 0] - taut_rest[g, 0], rest[i, 1] - taut_rest[g, 1], rest[i, 2] - taut_rest[g, 2]
             for q in range(3):
-                said[q, j] = taut[g, q] + f[q, 0] * x + f[q, 1] * y + f[q, 2] * z
+                said[q, j] = (taut[g, q] - taut[i, q]) + f[q, 0] * x + f[q, 1] * y + f[q, 2] * z
         for _ in range(rounds):
             total, x, y, z = 0.0, 0.0, 0.0, 0.0
             for j in range(count):
@@ -311,7 +311,7 @@ def _keep_among(
             for j in range(count):
                 off2 = (said[0, j] - x) ** 2 + (said[1, j] - y) ** 2 + (said[2, j] - z) ** 2
                 w[j] = parts[i, j] / (1.0 + off2 / (width * width)) ** 2
-        places[i, 0], places[i, 1], places[i, 2] = x, y, z
+        places[i, 0], places[i, 1], places[i, 2] = taut[i, 0] + x, taut[i, 1] + y, taut[i, 2] + z
 
 
 @kernel
