@@ -191,8 +191,12 @@ class Page:
                 " ".join(str(one.get("value", one.get("description"))) for one in found["args"])
             )
         elif event.get("method") == "Log.entryAdded" and found["entry"]["level"] in ("error", "warning"):
-            self.errors.append(found["entry"]["text"])
+            if _READING not in found["entry"]["text"]:
+                self.errors.append(found["entry"]["text"])
 
+
+#: What the driver says of its speed, now and then, where a test reads the pixels of a page.
+_READING = "GPU stall due to ReadPixels"
 
 #: Numbers of keys that change what has the focus or a control.
 _CODES = {
