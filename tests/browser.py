@@ -191,8 +191,7 @@ class Page:
                 " ".join(str(one.get("value", one.get("description"))) for one in found["args"])
             )
         elif event.get("method") == "Log.entryAdded" and found["entry"]["level"] in ("error", "warning"):
-            if _READING not in found["entry"]["text"]:
-                self.errors.append(found["entry"]["text"])
+            self.errors += [text for text in [found["entry"]["text"]] if _READING not in text]
 
 
 #: What the driver says of its speed, now and then, where a test reads the pixels of a page.
