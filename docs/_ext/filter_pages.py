@@ -20,6 +20,7 @@ GROUPS = {
         "What the muscle keeps": [
             "anisotropy",
             "guidance",
+            "taut_resolution",
             "stiffness",
             "shape_stiffness",
             "volume_stiffness",
