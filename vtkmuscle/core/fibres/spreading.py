@@ -243,6 +243,14 @@ def _cell(x: float, y: float, z: float, low: Floats, scales: Floats, shape: Ints
 
 
 @kernel
+def _square_to(places: Floats, i: int, x: float, y: float, z: float) -> float:
+    """Return the squared distance of one of some places (q, 3) from a position."""
+    dx, dy, dz = places[i, 0] - x, places[i, 1] - y, places[i, 2] - z
+    square: float = dx * dx + dy * dy + dz * dz
+    return square
+
+
+@kernel
 def _divide(lines: Floats, pieces: int, places: Floats, nodes: Ints) -> None:
     """Write places (q, 3) along lines, so many from each station to the next, and their stations (q,)."""
     number, last = 0, lines.shape[1] - 1
@@ -316,12 +324,9 @@ def _pull(
     beside = 0  # what was nearest to the sample before is near
     for number in range(len(samples)):
         x, y, z = samples[number, 0], samples[number, 1], samples[number, 2]
-        dx, dy, dz = places[beside, 0] - x, places[beside, 1] - y, places[beside, 2] - z
-        least = dx * dx + dy * dy + dz * dz
-        guess = guesses[number]
+        least, guess = _square_to(places, beside, x, y, z), guesses[number]
         if 0 <= guess < len(places):
-            dx, dy, dz = places[guess, 0] - x, places[guess, 1] - y, places[guess, 2] - z
-            least = min(least, dx * dx + dy * dy + dz * dz)
+            least = min(least, _square_to(places, guess, x, y, z))
         farthest = least * (1.0 + 1e-9) + band  # farther than the nearest in any case
         reach = np.sqrt(farthest)
         first = max(int((z - reach - lz) * along_rows), 0)
@@ -334,8 +339,7 @@ def _pull(
                 row = (i * ny + j) * nz
                 # Cells of a row are one after the other.
                 for at in range(offsets[row + first], offsets[row + last + 1]):
-                    dx, dy, dz = in_cells[at, 0] - x, in_cells[at, 1] - y, in_cells[at, 2] - z
-                    square = dx * dx + dy * dy + dz * dz
+                    square = _square_to(in_cells, at, x, y, z)
                     near[found], squares[found] = at, square
                     found += 1 if square < farthest else 0
         least, nearest = squares[0], near[0]
