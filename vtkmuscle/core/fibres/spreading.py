@@ -239,7 +239,8 @@ def _cell(x: float, y: float, z: float, low: Floats, scales: Floats, shape: Ints
     a = min(int((x - low[0]) * scales[0]), shape[0] - 1)
     b = min(int((y - low[1]) * scales[1]), shape[1] - 1)
     c = min(int((z - low[2]) * scales[2]), shape[2] - 1)
-    return (a * shape[1] + b) * shape[2] + c
+    cell: int = (a * shape[1] + b) * shape[2] + c
+    return cell
 
 
 @kernel
