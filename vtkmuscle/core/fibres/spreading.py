@@ -18,6 +18,7 @@ import numpy as np
 from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.bins import sorted_into_bins
 from vtkmuscle.core.mesh.polylines import distance_between, even_arcs, resample_polyline
+from vtkmuscle.core.space_order import space_order
 from vtkmuscle.core.types import Floats, Ints
 
 #: Places along a fibre that are moved; what is between them follows.
@@ -36,8 +37,6 @@ REACH = 0.11
 FINEST = 256
 #: Cells of the grid along its rows for each across them: it is rows that take time, not what is in them.
 ALONG_ROWS = 2
-#: Cells along a side by which positions are sorted, a power of two.
-_CELLS = 128
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,24 +66,12 @@ class Cloud:
 def cloud(samples: Floats) -> Cloud:
     """Return positions (j, 3), j >= 1, and what is known of them."""
     # Those next to each other one after the other: what is looked up for them is at hand.
-    samples = samples[_order_in_space(samples)]
+    samples = samples[space_order(samples)]
     about = samples - samples.mean(axis=0)
     spread = about.T @ about / len(samples)
     volume = float(np.sqrt(12.0**3 * max(float(np.linalg.det(spread)), 0.0)))
     guesses = np.full(len(samples), -1)
     return Cloud(samples, samples.min(axis=0), samples.max(axis=0), volume, guesses)
-
-
-def _order_in_space(places: Floats) -> Ints:
-    """Return places (j, 3) in the order of their cells in a grid, these by halves of halves (Morton 1966)."""
-    cells = (places - places.min(axis=0)) * (_CELLS / max(float(np.ptp(places, axis=0).max()), 1e-300))
-    whole = np.minimum(cells.astype(np.int64), _CELLS - 1)
-    codes = np.zeros(len(places), dtype=np.int64)
-    for bit in range(_CELLS.bit_length() - 1):
-        for axis in range(3):
-            codes |= (whole[:, axis] >> bit & 1) << (3 * bit + axis)
-    order: Ints = np.argsort(codes, kind="stable")
-    return order
 
 
 def steps_to_centres(points: Floats, offsets: Ints, within: Cloud) -> Floats:
