@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.jit import array_kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.surface import triangle_normals, unique_edges
 from vtkmuscle.core.sobol import sobol
 from vtkmuscle.core.types import Bools, Floats, Ints
@@ -48,12 +48,23 @@ def even_samples(candidates: Floats, count: int) -> Floats:
     """
     samples = candidates[_farthest(candidates, min(count, len(candidates)))]
     for _ in range(4):
-        cells = cKDTree(samples).query(candidates)[1]
-        sizes = np.bincount(cells, minlength=len(samples))
-        sums = np.column_stack([np.bincount(cells, candidates[:, i], len(samples)) for i in range(3)])
+        sizes, sums = np.zeros(len(samples)), np.zeros((len(samples), 3))
+        _add_to_cells(candidates, samples, sizes, sums)
         filled = sizes > 0
         samples[filled] = candidates[_nearest(candidates, sums[filled] / sizes[filled, None])]
     return samples[np.arange(count) % len(samples)]
+
+
+@kernel
+def _nearest_one(candidates: Floats, place: Floats) -> int:
+    """Return which candidate is nearest to a place (3,)."""
+    x, y, z, nearest, least = place[0], place[1], place[2], 0, np.inf
+    for i in range(len(candidates)):
+        dx, dy, dz = candidates[i, 0] - x, candidates[i, 1] - y, candidates[i, 2] - z
+        square = dx * dx + dy * dy + dz * dz
+        if square < least:
+            nearest, least = i, square
+    return nearest
 
 
 @array_kernel
@@ -61,13 +72,18 @@ def _nearest(candidates: Floats, places: Floats) -> Ints:
     """Return which candidate is nearest to each place."""
     result = np.empty(len(places), dtype=np.int64)
     for k in range(len(places)):
-        x, y, z, least = places[k, 0], places[k, 1], places[k, 2], np.inf
-        for i in range(len(candidates)):
-            dx, dy, dz = candidates[i, 0] - x, candidates[i, 1] - y, candidates[i, 2] - z
-            square = dx * dx + dy * dy + dz * dz
-            if i == 0 or square < least:
-                result[k], least = i, square
+        result[k] = _nearest_one(candidates, places[k])
     return result
+
+
+@kernel
+def _add_to_cells(candidates: Floats, samples: Floats, sizes: Floats, sums: Floats) -> None:
+    """Add each candidate (n, 3) to the number (k,) and the sum (k, 3) of those nearest to its sample (k, 3)."""
+    for i in range(len(candidates)):
+        cell = _nearest_one(samples, candidates[i])
+        sizes[cell] += 1.0
+        for axis in range(3):
+            sums[cell, axis] += candidates[i, axis]
 
 
 @array_kernel
