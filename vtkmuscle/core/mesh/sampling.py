@@ -78,7 +78,7 @@ def _nearest(candidates: Floats, places: Floats) -> Ints:
 
 @kernel
 def _add_to_cells(candidates: Floats, samples: Floats, sizes: Floats, sums: Floats) -> None:
-    """Add each candidate (n, 3) to the number (k,) and the sum (k, 3) of those nearest to its sample (k, 3)."""
+    """Add each candidate (n, 3) to the number (k,) and the sum (k, 3) of those nearest to a sample (k, 3)."""
     for i in range(len(candidates)):
         cell = _nearest_one(samples, candidates[i])
         sizes[cell] += 1.0
