@@ -83,7 +83,7 @@ def tried(
     )
     # All muscles in one thread, one after the other: so the processor's time of a stage is the muscle's own.
     result = run_scene(
-        changed, None, frames=None, figures=False, progress=None, workers=1, clock=time.process_time
+        changed, None, frames=None, progress=None, workers=1, clock=time.process_time
     )
     times = [float(scene.motion.times[number]) for number in compared]
     kept = [i for i, at in enumerate(result.times) if at in times]
