@@ -79,6 +79,14 @@ def test_a_run_imports_no(forbidden):
     assert forbidden not in modules_after_importing("vtkmuscle.scenes")
 
 
+@pytest.mark.parametrize("forbidden", ["numba", "scipy", "pyvista"])
+def test_the_process_that_draws_imports_no(forbidden):
+    # Numba takes a second until its first kernel runs, beside threads that solve.
+    parts = ("in_child", "figures", "moment_arms", "studio")
+    loaded = modules_after_importing(*(f"vtkmuscle.plotting.{part}" for part in parts))
+    assert forbidden not in packages(loaded)
+
+
 @pytest.mark.parametrize("name", vtkmuscle.__all__)
 def test_public_name_exists(name):
     assert getattr(vtkmuscle, name) is not None

@@ -252,7 +252,7 @@ class Scene(SceneData):
             stack.enter_context(held())
             drawing = None
             if target is not None and figures:
-                drawing = stack.enter_context(Drawing(target, self.bones_data()))
+                drawing = stack.enter_context(Drawing(target, self))
             odd = check_sense(self)
             if target is not None:
                 stack.enter_context(claimed(target, self, overwrite=overwrite))

@@ -17,7 +17,8 @@ from vtkmuscle.core.fibres.measures import (
     polyline_curvatures,
     section_areas,
 )
-from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
+from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.polylines import end_directions
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_bent
 from vtkmuscle.core.types import Floats

@@ -22,7 +22,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import numba
 from vtkmodules.util.pickle_support import serialize_VTK_data_object
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
 
@@ -38,7 +37,7 @@ _PROTOCOL = 5
 _PATIENCE = 10.0
 
 
-class DrawingEnded(RuntimeError):
+class DrawingEndedError(RuntimeError):
     """The process that draws has ended before it was done; says why."""
 
 
@@ -56,13 +55,10 @@ class DrawingProcess:
     def __init__(self, bones: vtkMultiBlockDataSet) -> None:
         # The package may be where no other code is loaded from: the folder that somebody works in.
         root = str(Path(__file__).parents[2])
-        code = (
-            f"{preflight.TEST_PICTURE}\nsys.path.append({root!r})\nfrom {__name__} import _work\n_work()"
-        )
-        self._said = tempfile.TemporaryFile()
+        code = f"{preflight.TEST_PICTURE}\nsys.path.append({root!r})\nfrom {__name__} import _work\n_work()"
+        self._said = tempfile.TemporaryFile()  # noqa: SIM115 -- closed by close()
         self._process = subprocess.Popen(
             isolated_python(code),
-            env={**os.environ, "NUMBA_CACHE_DIR": numba.config.CACHE_DIR},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._said,
@@ -82,7 +78,7 @@ class DrawingProcess:
         -------
         Future
             Of the file, and the time that it took [s]. It raises what went wrong in drawing, or
-            DrawingEnded.
+            DrawingEndedError.
         """
         return self._talk.submit(self._ask, _pickled((order, folder)))
 
@@ -91,7 +87,7 @@ class DrawingProcess:
 
         Raises
         ------
-        DrawingEnded
+        DrawingEndedError
             If no picture can be rendered here; the message is the reason.
         """
         return self._bones.result()
@@ -123,7 +119,7 @@ class DrawingProcess:
             self._process.stdin.write(question)
             self._process.stdin.flush()
         except OSError:
-            raise DrawingEnded(self._why()) from None
+            raise DrawingEndedError(self._why()) from None
         return self._receive()
 
     def _receive(self) -> Any:
@@ -131,7 +127,7 @@ class DrawingProcess:
         try:
             answer = pickle.load(self._process.stdout)
         except (EOFError, OSError, pickle.UnpicklingError):
-            raise DrawingEnded(self._why()) from None
+            raise DrawingEndedError(self._why()) from None
         if isinstance(answer, Exception):
             raise answer
         return answer
@@ -167,7 +163,7 @@ def _pickled(one: object) -> bytes:
 
 
 def _work() -> None:
-    """Do what the process is there for, until its input ends: the one that asks has ended then, or is done."""
+    """Do what the process is there for, until its input ends: the one that asks is done, or has ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one that asks, who ends this one
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints is no answer
@@ -193,7 +189,7 @@ def _work() -> None:
                 answer((order.write(folder, bones, studio), time.perf_counter() - before))
             except BrokenPipeError:
                 raise
-            except Exception as error:  # noqa: BLE001 -- told to the one that asks
+            except Exception as error:
                 answer(_sendable(error))
 
 
@@ -202,6 +198,6 @@ def _sendable(error: Exception) -> Exception:
     error.add_note("".join(traceback.format_tb(error.__traceback__)))
     try:
         pickle.loads(pickle.dumps(error, _PROTOCOL))
-    except Exception:  # noqa: BLE001 -- not every class of errors can be
+    except Exception:
         return RuntimeError(f"{type(error).__name__}: {error}")
     return error

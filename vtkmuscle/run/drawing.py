@@ -9,15 +9,14 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import Any, Self
 
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
-
 from vtkmuscle.data.drawn_bones import DrawnBone
 from vtkmuscle.io.writing import beside
-from vtkmuscle.plotting.in_child import DrawingEnded, DrawingProcess
+from vtkmuscle.plotting.in_child import DrawingEndedError, DrawingProcess
 from vtkmuscle.plotting.order import FigureOrder
-from vtkmuscle.run.figures import figures_of_all, figures_of_muscle, rest_pose
+from vtkmuscle.run.figures import figures_of, figures_of_muscle, rest_pose
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.track import MuscleTrack
+from vtkmuscle.scene.data import SceneData
 
 
 class Drawing:
@@ -30,8 +29,8 @@ class Drawing:
     ----------
     results : Path
         The run's folder.
-    bones : vtkMultiBlockDataSet
-        Of the scene, at rest.
+    scene : SceneData
+        What is run.
 
     Attributes
     ----------
@@ -39,10 +38,11 @@ class Drawing:
         Time that the figures have taken [s].
     """
 
-    def __init__(self, results: Path, bones: vtkMultiBlockDataSet) -> None:
+    def __init__(self, results: Path, scene: SceneData) -> None:
         self._folder = results / "figures"
         self._beside = beside(self._folder)
-        self._process = DrawingProcess(bones)
+        self._scene = scene
+        self._process = DrawingProcess(scene.bones_data())
         self._figures: dict[str, Future[tuple[Path, float]]] = {}
         self.seconds = 0.0
 
@@ -53,11 +53,11 @@ class Drawing:
         self._process.close()
         shutil.rmtree(self._beside, ignore_errors=True)
 
-    def rest(self, scene: str, units: str, tracks: Mapping[str, MuscleTrack]) -> None:
+    def rest(self, tracks: Mapping[str, MuscleTrack]) -> None:
         """Draw the muscles at rest, once: as soon as it is known where all of them are fixed."""
         muscles = {name: track.rest for name, track in tracks.items() if track.rest is not None}
         if "rest_pose" not in self._figures and len(muscles) == len(tracks):
-            self._draw(rest_pose(scene, units, muscles))
+            self._draw(rest_pose(self._scene.name, self._scene.units, muscles))
 
     def muscle(self, result: Result, name: str) -> None:
         """Draw the pictures of a muscle that is done, of a result of it alone.
@@ -67,16 +67,17 @@ class Drawing:
         for figure in figures_of_muscle(result.plain(), name):
             self._draw(figure)
 
-    def rest_of_all(self, result: Result) -> None:
-        """Draw what needs all muscles, of the result of all."""
-        for figure in figures_of_all(result.plain()):
-            self._draw(figure)
+    def others(self, result: Result) -> None:
+        """Draw what is not drawn yet, of the result of all muscles."""
+        for figure in figures_of(result.plain()):
+            if figure.name not in self._figures:
+                self._draw(figure)
 
     def bones(self) -> Mapping[str, DrawnBone] | None:
         """Return the bones as they are drawn, None where no picture can be rendered."""
         try:
             return self._process.bones()
-        except DrawingEnded:
+        except DrawingEndedError:
             return None
 
     def finish(self) -> dict[str, Any]:
@@ -100,7 +101,7 @@ class Drawing:
                 path, seconds = figure.result()
                 drawn.append(path)
                 self.seconds += seconds
-        except DrawingEnded as error:
+        except DrawingEndedError as error:
             reason = str(error)
             what = "no figures were drawn" if not drawn else "not all figures were drawn"
             warnings.warn(f"{what}, all else was written: {reason}", stacklevel=5)

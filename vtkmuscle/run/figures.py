@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters.fibre_tubes import FibreTubes
 from vtkmuscle.plotting.order import FigureOrder
@@ -45,12 +45,17 @@ def write_figures(folder: str | Path, result: Result) -> list[Path]:
         raise RuntimeError(f"no figures can be made: {reason}")
     from vtkmuscle.plotting.studio import Studio  # noqa: PLC0415 -- only figures need it
 
-    orders = [rest_pose(result.name, result.units, _at_rest(result))]
-    for name in result.muscle_names:
-        orders += figures_of_muscle(result, name)
-    orders += figures_of_all(result)
     with Studio() as studio:
-        return [order.write(Path(folder), result.drawn_bones, studio) for order in orders]
+        return [one.write(Path(folder), result.drawn_bones, studio) for one in figures_of(result)]
+
+
+def figures_of(result: Result) -> list[FigureOrder]:
+    """Return all figures of a run."""
+    at_rest = {name: result.rest_muscle(name) for name in result.muscle_names}
+    figures = [rest_pose(result.name, result.units, at_rest)]
+    for name in result.muscle_names:
+        figures += figures_of_muscle(result, name)
+    return figures + _figures_of_all(result)
 
 
 def rest_pose(scene: str, units: str, muscles: Mapping[str, vtkPolyData]) -> FigureOrder:
@@ -80,7 +85,7 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
     return figures
 
 
-def figures_of_all(result: Result) -> list[FigureOrder]:
+def _figures_of_all(result: Result) -> list[FigureOrder]:
     """Return those figures of a run that need all muscles: moment arms of each, and the volumes."""
     muscles = result.report["muscles"]
     arms = result.moment_arms() if any(one.get("moment_arms") for one in muscles.values()) else {}
@@ -99,10 +104,6 @@ def figures_of_all(result: Result) -> list[FigureOrder]:
         }
         figures.append(FigureOrder("volume", "plot_volume", given))
     return figures
-
-
-def _at_rest(result: Result) -> dict[str, vtkPolyData]:
-    return {name: result.rest_muscle(name) for name in result.muscle_names}
 
 
 def _frames(result: Result, name: str) -> dict[str, object]:
