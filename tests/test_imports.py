@@ -11,6 +11,8 @@ import pytest
 import vtkmuscle
 import vtkmuscle.core
 import vtkmuscle.filters
+import vtkmuscle.io
+import vtkmuscle.plotting
 
 HEAVY = {"vtk", "vtkmodules", "pyvista", "numba", "scipy", "matplotlib", "typer", "rich", "pydantic"}
 REPORT = """
@@ -87,9 +89,11 @@ def test_the_process_that_draws_imports_no(forbidden):
     assert forbidden not in packages(loaded)
 
 
-@pytest.mark.parametrize("name", vtkmuscle.__all__)
-def test_public_name_exists(name):
-    assert getattr(vtkmuscle, name) is not None
+@pytest.mark.parametrize("package", [vtkmuscle, vtkmuscle.io, vtkmuscle.plotting])
+def test_public_names_exist_and_all_are_listed(package):
+    assert all(getattr(package, name) is not None for name in package.__all__)
+    if package is not vtkmuscle:
+        assert sorted(package._SOURCES) == sorted(package.__all__)
 
 
 def test_unknown_name_is_an_attribute_error():
