@@ -6,8 +6,9 @@ import pytest
 from taut_phantoms import strung_phantom
 
 from vtkmuscle.core.collision.obstacles import bone_axes
+from vtkmuscle.core.mesh.solids import FAR, solids_of
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
-from vtkmuscle.core.taut.bone_fields import FAR, UNKNOWN, BoneFields, field_at, slope_at
+from vtkmuscle.core.taut.bone_fields import UNKNOWN, BoneFields, field_at, slope_at
 from vtkmuscle.phantoms.implicit import ball
 from vtkmuscle.phantoms.meshing import box, mesh_of
 
@@ -24,6 +25,12 @@ def signed_distance(at, points, triangles):
 def bones():
     made = strung_phantom("wrapping_cylinder")
     return list(made.bones.values())
+
+
+def fields_of(bones, cell=CELL):
+    """Return the fields of bones, each (points, triangles, axes)."""
+    solids = [(solids_of(points, triangles), axes) for points, triangles, axes in bones]
+    return BoneFields(solids, cell=cell, reach=[REACH] * len(bones))
 
 
 def looked_up(fields, bone, points):
@@ -50,12 +57,13 @@ def near(bone, rng, count, reach):
 
 def test_distances_agree_with_exact_ones(bones, rng):
     """Within a part of a cell at the edges and corners of a box, where the distance has kinks."""
-    fields = BoneFields(bones, cell=CELL, reach=[REACH] * len(bones))
+    fields = fields_of(bones)
     for number, bone in enumerate(bones):
         points = near(bone, rng, 300, REACH)
         exact = signed_distance(points, bone[0], bone[1])
-        np.testing.assert_allclose(fields.distances(number, points), exact, atol=1e-9)
-        np.testing.assert_allclose(fields.closest(number, points)[0], exact, atol=1e-9)
+        solids = solids_of(bone[0], bone[1])
+        np.testing.assert_allclose(solids.distances(points), exact, atol=1e-9)
+        np.testing.assert_allclose(solids.closest(points)[0], exact, atol=1e-9)
         found, _ = looked_up(fields, number, points)
         assert np.abs(found - exact).max() < CELL / 3.0
         assert np.sqrt(np.mean((found - exact) ** 2)) < CELL / 20.0
@@ -63,31 +71,31 @@ def test_distances_agree_with_exact_ones(bones, rng):
 
 def test_the_slope_is_the_way_out(rng):
     points, triangles = mesh_of(ball((5.0, -3.0, 2.0), 20.0), 1.5, 6000)
-    fields = BoneFields([(points, triangles, bone_axes(points))], cell=CELL, reach=[REACH])
+    fields = fields_of([(points, triangles, bone_axes(points))])
     away = rng.normal(size=(200, 3))
     away /= np.linalg.norm(away, axis=1, keepdims=True)
     at = np.array([5.0, -3.0, 2.0]) + rng.uniform(17.0, 26.0, (200, 1)) * away
     _, slopes = looked_up(fields, 0, at)
     np.testing.assert_allclose(np.linalg.norm(slopes, axis=1), 1.0, rtol=1e-12)
     assert np.degrees(np.arccos((slopes * away).sum(axis=1).min())) < 3.0
-    exact, directions = fields.closest(0, at)
+    exact, directions = solids_of(points, triangles).closest(at)
     assert np.degrees(np.arccos((directions * away).sum(axis=1).min())) < 3.0
     np.testing.assert_allclose(exact, np.linalg.norm(at - [5.0, -3.0, 2.0], axis=1) - 20.0, atol=0.1)
 
 
 def test_blocks_filled_in_any_order_have_the_same_values(bones, rng):
     points = near(bones[1], rng, 200, REACH)
-    one, other = (BoneFields(bones, cell=CELL, reach=[REACH] * len(bones)) for _ in range(2))
+    one, other = (fields_of(bones) for _ in range(2))
     forward, _ = looked_up(one, 1, points)
     backward, _ = looked_up(other, 1, points[::-1])
     np.testing.assert_array_equal(forward, backward[::-1])
-    all_at_once = BoneFields(bones, cell=CELL, reach=[REACH] * len(bones))
+    all_at_once = fields_of(bones)
     all_at_once.fill(rng.permutation(np.flatnonzero(one.table != UNKNOWN)))
     np.testing.assert_array_equal(looked_up(all_at_once, 1, points)[0], forward)
 
 
 def test_neighbouring_blocks_agree_on_their_common_face(bones):
-    fields = BoneFields(bones[1:], cell=CELL, reach=[REACH])
+    fields = fields_of(bones[1:])
     counts = fields.layout[0, 4:7].astype(int)
     x, y, z = counts // 2
     here, beside = (np.ravel_multi_index((x, y, z + step), counts) for step in (0, 1))
@@ -97,7 +105,7 @@ def test_neighbouring_blocks_agree_on_their_common_face(bones):
 
 
 def test_only_blocks_that_are_asked_for_are_filled_and_each_once(bones, rng):
-    fields = BoneFields(bones, cell=CELL, reach=[REACH] * len(bones))
+    fields = fields_of(bones)
     looked_up(fields, 0, near(bones[0], rng, 50, 1.0))
     filled = np.count_nonzero(fields.table != UNKNOWN)
     assert 0 < filled < 0.5 * len(fields.table)
@@ -109,7 +117,7 @@ def test_only_blocks_that_are_asked_for_are_filled_and_each_once(bones, rng):
 
 
 def test_beyond_the_grid_everything_is_far(bones):
-    fields = BoneFields(bones, cell=CELL, reach=[REACH] * len(bones))
+    fields = fields_of(bones)
     distance, missing = field_at(fields.layout[0], fields.table, fields.values, 1e4, 0.0, 0.0)
     assert (distance, missing) == (FAR, -1)
     slope = np.ones(3)
@@ -121,11 +129,11 @@ def test_a_bone_of_two_parts_has_the_distance_from_the_nearer_one(rng):
     first, second = box((0, 0, 0), (10, 10, 10), 5.0), box((20, 0, 0), (30, 10, 10), 5.0)
     points = np.vstack([first[0], second[0]])
     triangles = np.vstack([first[1], second[1] + len(first[0])])
-    fields = BoneFields([(points, triangles, np.eye(4))], cell=1.0, reach=[REACH])
+    solids = solids_of(points, triangles)
     at = rng.uniform([-5, -5, -5], [35, 15, 15], (200, 3))
     nearer = np.minimum(*(signed_distance(at, *part) for part in (first, second)))
-    np.testing.assert_allclose(fields.distances(0, at), nearer, atol=1e-9)
-    np.testing.assert_allclose(fields.closest(0, at)[0], nearer, atol=1e-9)
+    np.testing.assert_allclose(solids.distances(at), nearer, atol=1e-9)
+    np.testing.assert_allclose(solids.closest(at)[0], nearer, atol=1e-9)
 
 
 def test_the_grid_goes_with_the_axes_of_the_bone(bones, rng):
@@ -134,6 +142,6 @@ def test_the_grid_goes_with_the_axes_of_the_bone(bones, rng):
     points, triangles, axes = bones[1]
     moved = apply_transform(turn, points), triangles, axes @ np.linalg.inv(turn)
     at = near(bones[1], rng, 100, REACH)
-    here, _ = looked_up(BoneFields([bones[1]], cell=CELL, reach=[REACH]), 0, at)
-    there, _ = looked_up(BoneFields([moved], cell=CELL, reach=[REACH]), 0, apply_transform(turn, at))
+    here, _ = looked_up(fields_of([bones[1]]), 0, at)
+    there, _ = looked_up(fields_of([moved]), 0, apply_transform(turn, at))
     np.testing.assert_allclose(there, here, atol=1e-6)

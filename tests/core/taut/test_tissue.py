@@ -3,17 +3,17 @@
 import numpy as np
 from taut_phantoms import COURSES, fibres_along, strung_phantom
 
+from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
-from vtkmuscle.core.taut.bone_fields import BoneFields
 from vtkmuscle.core.taut.tissue import directions_along, tissue_between
 
 
 def between(make, across, outward, bone):
     made = strung_phantom(make)
     fibres = fibres_along(COURSES[make][0](), across, outward)
-    fields = BoneFields(list(made.bones.values()), cell=2.0, reach=[0.0] * len(made.bones))
+    points, triangles, _ = list(made.bones.values())[made.names.index(bone)]
     muscle = triangle_tree(made.points, made.triangles)
-    found = tissue_between(fibres, directions_along(fibres), fields, made.names.index(bone), muscle)
+    found = tissue_between(fibres, directions_along(fibres), solids_of(points, triangles), muscle)
     return made, fibres, found
 
 

@@ -1,4 +1,4 @@
-"""The rotation nearest to a matrix, by its singular values."""
+"""The rotation nearest to a matrix: by Newton's method, and by singular values where that is no way."""
 
 from __future__ import annotations
 
@@ -6,6 +6,18 @@ import numpy as np
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.types import Floats
+
+#: Newton's method is for matrices whose determinant is at least this part of a rotation's of their size.
+_NEWTON_FROM = 1e-6
+
+#: Its steps converge quadratically: after one whose square is no more than this nothing is left to correct.
+_LAST_STEP2 = 1e-17
+
+#: After a shorter one X is so near that scaling it brings no more.
+_SCALED_FROM = 0.1
+
+#: Its steps, at most; five are common.
+_MOST_STEPS = 20
 
 #: Sweeps of Jacobi rotations, at most; five are common.
 _MOST_SWEEPS = 30
@@ -21,9 +33,57 @@ _NOTHING = 1e-14
 def nearest_rotation(matrix: Floats, work: Floats) -> None:
     """Replace a matrix (3, 3) by the rotation R for which tr(R^T M) is greatest.
 
-    R = U V^T by the singular values of M, with the last column of U turned round where it would mirror: of
-    two columns the third is the cross product, so that the two of the greatest singular values are enough.
     The identity where M is 0. work : (6, 3) working memory.
+    """
+    if not _by_newton(matrix):
+        _by_singular_values(matrix, work)
+
+
+@kernel
+def _by_newton(matrix: Floats) -> bool:
+    """Replace a matrix (3, 3) by its orthogonal factor, unless it mirrors or is near to one that is singular.
+
+    X <- (g X + X^-T / g) / 2, with g from the norms of X and its inverse; Higham 1986, *Computing the polar
+    decomposition - with applications*, doi:10.1137/0907079.
+    """
+    a, b, c = matrix[0, 0], matrix[0, 1], matrix[0, 2]
+    d, e, f = matrix[1, 0], matrix[1, 1], matrix[1, 2]
+    g, h, i = matrix[2, 0], matrix[2, 1], matrix[2, 2]
+    step2 = np.inf
+    for _ in range(_MOST_STEPS):
+        # The rows of X^-T, times the determinant: cross products of the rows of X.
+        p, q, r = e * i - f * h, f * g - d * i, d * h - e * g
+        s, t, u = h * c - i * b, i * a - g * c, g * b - h * a
+        v, w, x = b * f - c * e, c * d - a * f, a * e - b * d
+        determinant = a * p + b * q + c * r
+        m, n = 0.5, 0.5 / determinant
+        if step2 > _SCALED_FROM:
+            size2 = a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i
+            other2 = p * p + q * q + r * r + s * s + t * t + u * u + v * v + w * w + x * x
+            if not determinant > _NEWTON_FROM * (size2 / 3.0) * np.sqrt(size2 / 3.0):
+                return False
+            scale = np.sqrt(np.sqrt(other2 / size2) / determinant)
+            m, n = m * scale, n / scale
+        p, q, r = m * a + n * p, m * b + n * q, m * c + n * r
+        s, t, u = m * d + n * s, m * e + n * t, m * f + n * u
+        v, w, x = m * g + n * v, m * h + n * w, m * i + n * x
+        step2 = (p - a) ** 2 + (q - b) ** 2 + (r - c) ** 2 + (s - d) ** 2 + (t - e) ** 2 + (u - f) ** 2
+        step2 += (v - g) ** 2 + (w - h) ** 2 + (x - i) ** 2
+        a, b, c, d, e, f, g, h, i = p, q, r, s, t, u, v, w, x
+        if step2 <= _LAST_STEP2:
+            matrix[0, 0], matrix[0, 1], matrix[0, 2] = a, b, c
+            matrix[1, 0], matrix[1, 1], matrix[1, 2] = d, e, f
+            matrix[2, 0], matrix[2, 1], matrix[2, 2] = g, h, i
+            return True
+    return False
+
+
+@kernel
+def _by_singular_values(matrix: Floats, work: Floats) -> None:
+    """Replace a matrix (3, 3) by R = U V^T of its singular values.
+
+    The last column of U is turned round where it would mirror: of two columns the third is the cross product,
+    so that the two of the greatest singular values are enough.
     """
     u, v = work[:3], work[3:]  # columns of M V and of V: each a row
     greatest = 0.0

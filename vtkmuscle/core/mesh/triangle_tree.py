@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from vtkmuscle.core.jit import array_kernel, kernel
+from vtkmuscle.core.mesh.packet_search import LANES, search_in_packets
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.triangle_distance import FACE, Sides, nearest_on_triangle, pseudonormal_at, sides_of
 from vtkmuscle.core.types import Floats, Ints
@@ -80,13 +81,16 @@ class TriangleTree:
         places, closest, distances, _ = _nearest(self, np.ascontiguousarray(queries))
         return self.order[places], closest, distances
 
-    def signed(self, queries: Floats) -> tuple[Floats, Floats]:
+    def signed(self, queries: Floats, *, close_by: bool = False) -> tuple[Floats, Floats]:
         """Return distances (q,), negative inside, and the nearest points (q, 3) of a closed surface.
 
         The sign is that of the angle-weighted normal at the nearest point: for surfaces that are closed,
-        manifold and face outward. Points on the surface are outside.
+        manifold and face outward. Points on the surface are outside. ``close_by`` is for points each of which
+        is near those before it, as of a lattice: it takes less than half as long, and gives the same but for
+        rounding.
         """
-        places, closest, distances, regions = _nearest(self, np.ascontiguousarray(queries))
+        search = _nearest_in_packets if close_by else _nearest
+        places, closest, distances, regions = search(self, np.ascontiguousarray(queries))
         normals = self._normals_at(places, regions)
         inside = np.einsum("ij,ij->i", queries - closest, normals) < 0.0
         return np.where(inside, -distances, distances), closest
@@ -307,6 +311,32 @@ def _nearest(tree: TriangleTree, queries: Floats) -> tuple[Ints, Floats, Floats,
     stack, near = np.empty(64, dtype=np.int64), np.empty(64)
     _search(tree.corners, tree.boxes, tree.discs, queries, places, closest, distances, regions, stack, near)
     return places, closest, distances, regions
+
+
+def _nearest_in_packets(tree: TriangleTree, queries: Floats) -> tuple[Ints, Floats, Floats, Ints]:
+    """Return the same of points each of which is near those before it."""
+    places = np.zeros(len(queries), dtype=np.int64)
+    regions = np.zeros(len(queries), dtype=np.int64)
+    closest, distances = np.zeros((len(queries), 3)), np.zeros(len(queries))
+    stack, lanes = np.empty(64, dtype=np.int64), np.empty((5, LANES))
+    search_in_packets(tree.corners, tree.boxes, tree.discs, queries, places, stack, lanes)
+    _meet(tree.corners, queries, places, closest, distances, regions)
+    return places, closest, distances, regions
+
+
+@kernel
+def _meet(
+    corners: Floats, queries: Floats, places: Ints, closest: Floats, distances: Floats, regions: Ints
+) -> None:
+    """Write the nearest points of triangles that are known to be the nearest."""
+    for q in range(len(queries)):
+        x, y, z = queries[q, 0], queries[q, 1], queries[q, 2]
+        at = corners[places[q]]
+        cx, cy, cz, regions[q] = nearest_on_triangle(x, y, z, at[0], at[1], at[2])
+        closest[q, 0], closest[q, 1], closest[q, 2] = cx, cy, cz
+        distances[q] = np.sqrt((cx - x) ** 2 + (cy - y) ** 2 + (cz - z) ** 2)
+        if regions[q] == FACE:
+            distances[q] = _foot(at, queries[q], closest[q])
 
 
 @kernel

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from vtkmuscle.core.collision.distance_lookup import trilinear
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.closed_shells import closed_shells
-from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
+from vtkmuscle.core.mesh.solids import FAR, Solids
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Bools, Floats, Ints, Table
 
@@ -20,14 +18,20 @@ SIDE = 8
 #: Blocks of a bone's table, at most: 64 MB. Cells of a bone that would need more are larger.
 MOST_BLOCKS = 2**24
 
+
+def _along_curve(side: int) -> Ints:
+    """Return the nodes of a block (side^3, 3) along a curve of Morton: each is near those before it."""
+    nodes = np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    bits = np.arange(side.bit_length())
+    codes = ((nodes[:, :, None] >> bits & 1) << 3 * bits).sum(axis=2) @ (1, 2, 4)
+    return nodes[np.argsort(codes)]
+
+
 #: The nodes of a block, (9^3, 3), with those of its far faces.
-_NODES = np.stack(np.meshgrid(*[np.arange(SIDE + 1.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+_NODES = _along_curve(SIDE + 1)
 
 #: What a table has for a block that was not computed yet.
 UNKNOWN = -1
-
-#: What stands for a distance that nobody needs to know.
-FAR = 1e30
 
 
 class BoneFields:
@@ -39,8 +43,8 @@ class BoneFields:
 
     Parameters
     ----------
-    bones : sequence of (points (n, 3), triangles (m, 3), axes (4, 4))
-        Surfaces at rest [mm], and the rigid transform from the scene to the axes that the grid is laid along.
+    bones : sequence of (Solids, axes (4, 4))
+        At rest [mm], and the rigid transform from the scene to the axes that the grid is laid along.
     cell : float
         Distance of neighbouring nodes [mm].
     reach : sequence of float
@@ -60,15 +64,14 @@ class BoneFields:
     """
 
     def __init__(
-        self, bones: Sequence[tuple[Floats, Ints, Floats]], *, cell: float, reach: Sequence[float]
+        self, bones: Sequence[tuple[Solids, Floats]], *, cell: float, reach: Sequence[float]
     ) -> None:
-        self._surfaces = [(points, triangles) for points, triangles, _ in bones]
-        self._solids: list[Sequence[Shell] | None] = [None] * len(bones)
-        self.to_axes: Floats = np.array([axes for _, _, axes in bones]).reshape(-1, 4, 4)
+        self._solids = [solids for solids, _ in bones]
+        self.to_axes: Floats = np.array([axes for _, axes in bones]).reshape(-1, 4, 4)
         self.layout: Floats = np.zeros((len(bones), 8))
         start = 0
-        for bone, ((points, _, axes), far) in enumerate(zip(bones, reach, strict=True)):
-            along = apply_transform(axes, points)
+        for bone, ((solids, axes), far) in enumerate(zip(bones, reach, strict=True)):
+            along = apply_transform(axes, solids.points)
             low, high = along.min(axis=0) - far - cell, along.max(axis=0) + far + cell
             size = max(cell, float((np.prod(high - low) / MOST_BLOCKS) ** (1.0 / 3.0)) / SIDE)
             counts = np.ceil((high - low) / (SIDE * size)).astype(np.int64) + 1
@@ -97,11 +100,12 @@ class BoneFields:
             bone = int(np.searchsorted(starts, block, side="right")) - 1
             origin, cell, counts = self.layout[bone, :3], self.layout[bone, 3], self.layout[bone, 4:7]
             corner = np.array(np.unravel_index(block - starts[bone], counts.astype(np.int64)))
-            at = origin + cell * (SIDE * corner + _NODES)
             values = self.values[self._used]
             unknown = self._without_neighbours(values, corner, bone)
-            rest = apply_transform(inverse(self.to_axes[bone]), at[unknown.reshape(-1)])
-            values[unknown] = self.distances(bone, rest)
+            nodes = _NODES[unknown[tuple(_NODES.T)]]
+            at = origin + cell * (SIDE * corner + nodes)
+            rest = apply_transform(inverse(self.to_axes[bone]), at)
+            values[tuple(nodes.T)] = self._solids[bone].distances(rest)
             self.table[block] = self._used
             self._used += 1
 
@@ -121,59 +125,6 @@ class BoneFields:
                     near[mine] = far[theirs]
                     np.moveaxis(unknown, axis, 0)[mine] = False
         return unknown
-
-    def distances(self, bone: int, points: Floats) -> Floats:
-        """Return the exact distances of points (n, 3) [mm], in the scene at rest, from a bone, (n,)."""
-        result = np.full(len(points), FAR)
-        low, high = points.min(axis=0), points.max(axis=0)
-        middle, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-        # Shells in the order of how near their boxes can be: most of many are beyond the nearest one.
-        shells = self._shells_of(bone)
-        apart = [
-            float(np.linalg.norm(np.maximum(np.maximum(shell.low - middle, middle - shell.high), 0.0)))
-            for shell in shells
-        ]
-        for number in np.argsort(apart, kind="stable"):
-            if apart[number] - radius > float(result.max()):
-                break
-            np.minimum(result, shells[number].tree.signed(points)[0], out=result)
-        return result
-
-    def closest(self, bone: int, points: Floats) -> tuple[Floats, Floats]:
-        """Return exact distances (n,) and the directions (n, 3) in which they grow, 1 long or 0."""
-        best, direction = np.full(len(points), FAR), np.zeros((len(points), 3))
-        for shell in self._shells_of(bone):
-            distances, _, normals = shell.tree.tangent_planes(points)
-            nearer = distances < best
-            best[nearer], direction[nearer] = distances[nearer], normals[nearer]
-        return best, direction
-
-    def _shells_of(self, bone: int) -> Sequence[Shell]:
-        """Return the solid parts of a bone; made when first needed."""
-        known = self._solids[bone]
-        if known is None:
-            known = self._solids[bone] = _solids_of(*self._surfaces[bone])
-        return known
-
-
-class Shell(NamedTuple):
-    """A solid part of a bone, closed and facing outward, with the corners of its box."""
-
-    tree: TriangleTree
-    low: Floats
-    high: Floats
-
-
-def _solids_of(points: Floats, triangles: Ints) -> list[Shell]:
-    """Return the parts of a surface that enclose something."""
-    mended = closed_shells(points, triangles)
-    shells = []
-    for shell, solid in zip(mended.shells, mended.solid, strict=True):
-        if solid:
-            corners = mended.points[shell.reshape(-1)]
-            tree = shared_tree(mended.points, shell)
-            shells.append(Shell(tree, corners.min(axis=0), corners.max(axis=0)))
-    return shells
 
 
 @kernel

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -37,8 +36,9 @@ FROM_BONES = 0.02
 #: Companions that are all within this part of the muscle's width of each other do not tell how it turns.
 LEAST_APART = 1e-3
 
-#: Rounds in which strings that stray from those beside them lose weight.
-_ROUNDS = 5
+#: Rounds in which strings that stray from those beside them lose weight, at most; they end where the mean
+#: moves by less than this part of the width.
+_ROUNDS, _MOVES = 5, 1e-6
 
 
 class Carrier:
@@ -153,8 +153,7 @@ class Company(NamedTuple):
         return cls(companions, shares[:, :, None] * away, np.einsum("pc,pci,pci->p", shares, away, away))
 
 
-@dataclass(frozen=True, eq=False)
-class Passengers:
+class Passengers(NamedTuple):
     """Points of a muscle that its strings carry.
 
     Attributes
@@ -206,11 +205,9 @@ class Carried:
         points = passengers.points
         moved = np.empty_like(points)
         _carry(self._rest, self._places, self._frames, passengers.carriers, passengers.shares, points, moved)
-        bones = self._transforms[passengers.bone]
-        with_bones = np.einsum("pij,pj->pi", bones[:, :3, :3], points) + bones[:, :3, 3]
-        off = with_bones - moved
-        moved += np.einsum("pe,pei->pi", passengers.pull, off[passengers.ends])
-        return moved
+        result = np.empty_like(points)
+        _take_back(points, moved, passengers, self._transforms, result)
+        return result
 
 
 def _falling_off(near: Floats, least: float) -> Floats:
@@ -295,7 +292,9 @@ def _keep_among(
     """
     count = beside.shape[1]
     said, w = work[:3], work[3]
+    least2 = (_MOVES * width) ** 2
     for i in range(len(rest)):
+        mx, my, mz = np.inf, np.inf, np.inf
         for j in range(count):
             g, w[j] = beside[i, j], parts[i, j]
             f = frames[g]
@@ -308,10 +307,14 @@ def _keep_among(
                 total += w[j]
                 x, y, z = x + w[j] * said[0, j], y + w[j] * said[1, j], z + w[j] * said[2, j]
             x, y, z = x / total, y / total, z / total
+            moved2 = (x - mx) ** 2 + (y - my) ** 2 + (z - mz) ** 2
+            mx, my, mz = x, y, z
+            if moved2 <= least2:
+                break
             for j in range(count):
                 off2 = (said[0, j] - x) ** 2 + (said[1, j] - y) ** 2 + (said[2, j] - z) ** 2
                 w[j] = parts[i, j] / (1.0 + off2 / (width * width)) ** 2
-        places[i, 0], places[i, 1], places[i, 2] = taut[i, 0] + x, taut[i, 1] + y, taut[i, 2] + z
+        places[i, 0], places[i, 1], places[i, 2] = taut[i, 0] + mx, taut[i, 1] + my, taut[i, 2] + mz
 
 
 @kernel
@@ -335,3 +338,22 @@ def _carry(
             y += w * (places[k, 1] + f[1, 0] * a + f[1, 1] * b + f[1, 2] * c)
             z += w * (places[k, 2] + f[2, 0] * a + f[2, 1] * b + f[2, 2] * c)
         moved[v, 0], moved[v, 1], moved[v, 2] = x, y, z
+
+
+@kernel
+def _take_back(
+    points: Floats, moved: Floats, passengers: Passengers, transforms: Floats, result: Floats
+) -> None:
+    """Write moved points (p, 3), and take back what the strings carry their ends off the bones."""
+    ends, pull = passengers.ends, passengers.pull
+    for v in range(len(moved)):
+        x, y, z = moved[v, 0], moved[v, 1], moved[v, 2]
+        for j in range(ends.shape[1]):
+            k, part = ends[v, j], pull[v, j]
+            if part != 0.0:
+                a, b, c = points[k, 0], points[k, 1], points[k, 2]
+                t = transforms[passengers.bone[k]]
+                x += part * (t[0, 0] * a + t[0, 1] * b + t[0, 2] * c + t[0, 3] - moved[k, 0])
+                y += part * (t[1, 0] * a + t[1, 1] * b + t[1, 2] * c + t[1, 3] - moved[k, 1])
+                z += part * (t[2, 0] * a + t[2, 1] * b + t[2, 2] * c + t[2, 3] - moved[k, 2])
+        result[v, 0], result[v, 1], result[v, 2] = x, y, z

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vtkmuscle.core.mesh.solids import Solids, solids_of
 from vtkmuscle.core.mesh.surface import check_volume, signed_volume
-from vtkmuscle.core.mesh.triangle_tree import triangle_tree
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.motion.blending import screw_between
 from vtkmuscle.core.motion.rigid import inverse
 from vtkmuscle.core.taut.bedding import bedding_of, no_bedding
@@ -161,9 +162,11 @@ class TautPaths:
         self._rings = tuple(rings)
         cell = self._segment / CELLS_PER_SEGMENT
         self._numbers = list(bones)
-        near = BoneFields(list(bones.values()), cell=cell, reach=[0.0] * len(bones))
-        self._tissue, reach, distances = self._between(near, surface, triangles, cell)
-        self._bones = BoneFields(list(bones.values()), cell=cell, reach=reach)
+        solids = [(solids_of(points, faces), axes) for points, faces, axes in bones.values()]
+        self._tissue, reach, distances = self._between(
+            [bone for bone, _ in solids], triangle_tree(surface, triangles), cell
+        )
+        self._bones = BoneFields(solids, cell=cell, reach=reach)
         self._outside = self._outside_at_rest()
         of_rings = (bone for bone, _ in self._rings)
         last = max([*self._numbers, int(start_bones.max()), int(end_bones.max()), *of_rings])
@@ -181,16 +184,15 @@ class TautPaths:
             self.rest = self._pulled(at_rest, still)
 
     def _between(
-        self, bones: BoneFields, surface: Floats, triangles: Ints, cell: float
+        self, bones: Sequence[Solids], muscle: TriangleTree, cell: float
     ) -> tuple[Tissue, list[float], Floats]:
         """Return the tissue between fibres and bones, and how far from each bone distances are needed."""
         shape = (len(self._numbers), *self.fibres.shape[:2])
         thickness, guide, aside = np.zeros(shape), np.zeros(shape), np.zeros((*shape, 3))
         distances = np.zeros(shape)
-        muscle = triangle_tree(surface, triangles)
         tangents = directions_along(self.fibres)
         for bone, number in enumerate(self._numbers):
-            distance, outward, tissue = tissue_between(self.fibres, tangents, bones, bone, muscle)
+            distance, outward, tissue = tissue_between(self.fibres, tangents, bones[bone], muscle)
             distances[bone] = distance
             thickness[bone] = np.minimum(smoothed_along(tissue, THICKNESS_SMOOTHING), distance)
             side = smoothed_along(np.cross(tangents, outward), ASIDE_SMOOTHING)
@@ -251,7 +253,7 @@ class TautPaths:
         """
         part = np.linspace(0.0, 1.0, points.shape[1])[None, :, None]
         first, last = (
-            np.einsum("fij,fnj->fni", turn[:, :3, :3], points) + turn[:, None, :3, 3]
+            points @ turn[:, :3, :3].transpose(0, 2, 1) + turn[:, None, :3, 3]
             for turn in (moves[self.start_bones], moves[self.end_bones])
         )
         return np.ascontiguousarray(first + part * (last - first))

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from vtkmuscle.core.jit import array_kernel, kernel
+from vtkmuscle.core.mesh.solids import FAR
 from vtkmuscle.core.taut.bedding import Bedding, bed
-from vtkmuscle.core.taut.bone_fields import FAR, field_at, slope_at
+from vtkmuscle.core.taut.bone_fields import field_at, slope_at
 from vtkmuscle.core.taut.places import apply, nearest_segment, turn_back, value_along
 from vtkmuscle.core.taut.ring_contact import Rings, hold_in_ring, let_go
 from vtkmuscle.core.taut.springs import PUSH, add_spring, solve

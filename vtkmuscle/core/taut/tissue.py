@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from vtkmuscle.core.mesh.solids import Solids
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
-from vtkmuscle.core.taut.bone_fields import BoneFields
 from vtkmuscle.core.types import Floats
 
 #: A bone in whose direction less than this part points aside of a fibre lies ahead of it: the thickness there
@@ -42,7 +42,7 @@ def smoothed_along(values: Floats, deviation: float) -> Floats:
 
 
 def tissue_between(
-    points: Floats, tangents: Floats, fields: BoneFields, bone: int, muscle: TriangleTree
+    points: Floats, tangents: Floats, bone: Solids, muscle: TriangleTree
 ) -> tuple[Floats, Floats, Floats]:
     """Return what of a muscle lies between its fibres and a bone.
 
@@ -54,10 +54,8 @@ def tissue_between(
     ----------
     points, tangents : (f, n, 3) arrays
         Points of the fibres at rest [mm], and the fibres' unit directions there.
-    fields : BoneFields
-        Of all bones.
-    bone : int
-        Which one.
+    bone : Solids
+        At rest.
     muscle : TriangleTree
         The muscle's surface at rest, closed, facing outward.
 
@@ -72,7 +70,7 @@ def tissue_between(
     """
     shape = points.shape[:2]
     at, along = points.reshape(-1, 3), tangents.reshape(-1, 3)
-    distance, outward = fields.closest(bone, at)
+    distance, outward = bone.closest(at)
     ahead = np.einsum("ij,ij->i", outward, along)
     beside = -(outward - ahead[:, None] * along)
     size = np.linalg.norm(beside, axis=1)
