@@ -42,6 +42,21 @@ def test_without_opengl_all_but_the_figures_is_written(scene, tmp_path, monkeypa
     assert not list(tmp_path.glob(".*"))
 
 
+def test_a_process_that_hangs_before_it_can_draw_is_given_up(scene, tmp_path, monkeypatch):
+    monkeypatch.setattr(preflight, "TEST_PICTURE", "import time; time.sleep(600)")
+    monkeypatch.setattr(preflight, "PREFLIGHT_TIMEOUT", 0.5)
+    with pytest.warns(UserWarning, match="a test picture was not finished within"):
+        result = scene.run(tmp_path, frames=0, report=False)
+    assert result.report["figures"]["written"] == []
+
+
+def test_a_package_that_cannot_be_loaded_is_named(renders, scene, tmp_path, monkeypatch):
+    planted = f"{preflight.TEST_PICTURE}\nsys.modules['matplotlib'] = None"
+    monkeypatch.setattr(preflight, "TEST_PICTURE", planted)
+    with pytest.warns(UserWarning, match=r"ended with status 1; .*import of matplotlib halted"):
+        scene.run(tmp_path, frames=0, report=False)
+
+
 def test_figures_are_moved_into_place(renders, scene, tmp_path):
     scene.run(tmp_path, frames=0)
     (tmp_path / "figures/mine.png").write_bytes(b"")
