@@ -18,7 +18,7 @@ from vtkmuscle.core.fibres.sparse_weights import (
     sparse_transport,
 )
 from vtkmuscle.core.mesh.bent import BentSurface, bent_surface
-from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import (

@@ -17,15 +17,10 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.jit import array_kernel
-from vtkmuscle.core.mesh.polylines import (
-    distance_between,
-    evenly_spaced,
-    polyline_lengths,
-    resample_polyline,
-    turn_at,
-)
+from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.normals import unit_vectors
+from vtkmuscle.core.mesh.polylines import distance_between, evenly_spaced, resample_polyline, turn_at
 from vtkmuscle.core.mesh.sampling import PatchSamples
-from vtkmuscle.core.mesh.surface import unit_vectors
 from vtkmuscle.core.types import Floats, Ints
 
 #: Largest turn from a fibre into its new end segment [degrees].
