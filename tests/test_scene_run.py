@@ -240,14 +240,18 @@ def test_penetration_is_measured_in_the_bone_where_it_is_now(scene):
 
     measure = MuscleMeasure(rest, ["upper", "lower"], {"lower": HalfSpace()}, 10.0)
     assert MuscleMeasure(rest, ["upper", "lower"], {}, 10.0).depths(np.zeros((1, 3)), {}) is None
-    lift = np.eye(4)
-    lift[2, 3] = 7.0  # the half space is now z < 7
     free = point_array(rest, "FixedTo", "rest") == -1
-    depths = np.maximum(7.0 - points_of(rest)[free, 2], 0.0)
-    row = measure.frame(points_of(rest), {"lower": lift})
-    assert row["penetration_max_mm"] == pytest.approx(10.0 * depths.max())
-    assert row["penetration_p95_mm"] == pytest.approx(10.0 * np.percentile(depths, 95))
-    assert row["penetrating_points"] == (depths > 0).sum()
+    heights = points_of(rest)[free, 2]
+    few = float(np.percentile(heights, 2))  # of the points in the bone, and so no 95th percentile but 0
+    for height in (7.0, few):
+        lift = np.eye(4)
+        lift[2, 3] = height  # the half space is now z < height
+        depths = np.maximum(height - heights, 0.0)
+        row = measure.frame(points_of(rest), {"lower": lift})
+        assert row["penetration_max_mm"] == pytest.approx(10.0 * depths.max())
+        assert row["penetration_p95_mm"] == pytest.approx(10.0 * np.percentile(depths, 95))
+        assert row["penetrating_points"] == (depths > 0).sum() > 0
+    assert np.percentile(depths, 95) == 0.0
     assert ball is scene.bones["lower"]
 
 
