@@ -19,7 +19,10 @@ from numba.core import compiler, typed_passes, untyped_passes
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_machinery import PassManager, register_pass
 
-#: Steps of numba's for what kernels do not have: functions within functions, and ``inline="always"``.
+from vtkmuscle.core.call_types import call_types_remembered
+
+#: Steps of numba's for what kernels do not have: functions within functions, ``inline="always"``, and
+#: expressions of arrays.
 _LEFT_OUT = (
     untyped_passes.WithLifting,
     untyped_passes.InlineClosureLikes,
@@ -27,12 +30,18 @@ _LEFT_OUT = (
     untyped_passes.InlineInlinables,
     untyped_passes.LiteralUnroll,
     typed_passes.InlineOverloads,
+    typed_passes.NopythonRewrites,
     typed_passes.DumpParforDiagnostics,
 )
 
 
 class KernelCompiler(compiler.CompilerBase):  # type: ignore[misc]
     """Numba's compiler for kernels that Python calls."""
+
+    def compile_extra(self, func: Callable[..., object]) -> Any:
+        """Compile a function."""
+        with call_types_remembered():
+            return super().compile_extra(func)
 
     def define_pipelines(self) -> list[Any]:
         """Return numba's steps without those that kernels do not need."""
