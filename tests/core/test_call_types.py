@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numba.core import types
 
-from vtkmuscle.core import call_types
+from vtkmuscle.core import call_types, jit
 from vtkmuscle.core.jit import array_kernel, kernel, reduction
 
 
@@ -21,6 +21,7 @@ def looked_for(monkeypatch):
 
     monkeypatch.setattr(call_types, "_find", noted)
     monkeypatch.setattr(call_types, "_found", {})
+    monkeypatch.setattr(jit, "kernel_cache", lambda _: None)
     return calls
 
 
