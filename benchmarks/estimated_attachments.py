@@ -12,7 +12,7 @@ import sys
 import numpy as np
 
 from vtkmuscle import Scene, phantoms
-from vtkmuscle.core.mesh.surface import triangle_normals
+from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.data.arrays import checked_surface, point_array
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.filters import AttachmentEstimator, FixedPointDetector

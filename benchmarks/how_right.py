@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from vtkmuscle import RigidMotion, Scene, phantoms
-from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.moment_arms.derivatives import moment_arms, quartic_moment_arms
 from vtkmuscle.data.arrays import Polylines, polylines_of
 from vtkmuscle.io import curves_for, read_literature

@@ -47,6 +47,13 @@ def test_help_names_the_commands_without_loading_vtk():
     assert all(command in done.stdout for command in ("run", "demo", "info"))
 
 
+def test_the_end_of_the_process_looks_for_nothing_that_refers_to_itself():
+    code = "import gc, sys; from vtkmuscle.cli import main; sys.argv = ['vtkmuscle', '--version']\n"
+    code += "try: main()\nfinally: print(gc.get_freeze_count() > 0.9 * len(gc.get_objects()))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "True"
+
+
 def test_a_run_says_what_it_found_and_where_it_is(scene_file, tmp_path):
     done = vtkmuscle_("run", scene_file, "--out", tmp_path / "out", "--frames", "0:2", "--no-figures")
     assert done.exit_code == 0

@@ -11,6 +11,8 @@ import pytest
 import vtkmuscle
 import vtkmuscle.core
 import vtkmuscle.filters
+import vtkmuscle.io
+import vtkmuscle.plotting
 
 HEAVY = {"vtk", "vtkmodules", "pyvista", "numba", "scipy", "matplotlib", "typer", "rich", "pydantic"}
 REPORT = """
@@ -79,9 +81,19 @@ def test_a_run_imports_no(forbidden):
     assert forbidden not in modules_after_importing("vtkmuscle.scenes")
 
 
-@pytest.mark.parametrize("name", vtkmuscle.__all__)
-def test_public_name_exists(name):
-    assert getattr(vtkmuscle, name) is not None
+@pytest.mark.parametrize("forbidden", ["numba", "scipy", "pyvista"])
+def test_the_process_that_draws_imports_no(forbidden):
+    # Numba takes a second until its first kernel runs, beside threads that solve.
+    parts = ("in_child", "figures", "moment_arms", "studio")
+    loaded = modules_after_importing(*(f"vtkmuscle.plotting.{part}" for part in parts))
+    assert forbidden not in packages(loaded)
+
+
+@pytest.mark.parametrize("package", [vtkmuscle, vtkmuscle.io, vtkmuscle.plotting])
+def test_public_names_exist_and_all_are_listed(package):
+    assert all(getattr(package, name) is not None for name in package.__all__)
+    if package is not vtkmuscle:
+        assert sorted(package._SOURCES) == sorted(package.__all__)
 
 
 def test_unknown_name_is_an_attribute_error():

@@ -131,7 +131,7 @@ def test_a_crash_while_rendering_is_told_in_words_and_does_not_reach_us(monkeypa
 
 def test_a_render_that_hangs_is_given_up(monkeypatch):
     monkeypatch.setattr(preflight, "_PREFLIGHT", "import time; time.sleep(60)")
-    monkeypatch.setattr(preflight, "_PREFLIGHT_TIMEOUT", 0.2)
+    monkeypatch.setattr(preflight, "PREFLIGHT_TIMEOUT", 0.2)
     can_render.cache_clear()
     reason = can_render()
     can_render.cache_clear()

@@ -1,7 +1,6 @@
 """A run computes what was asked for, writes all of it complete, and loses nothing that is finished."""
 
 import csv
-import errno
 import json
 from dataclasses import replace
 
@@ -14,7 +13,7 @@ import vtkmuscle.phantoms
 import vtkmuscle.plotting
 from vtkmuscle import Scene, SceneError
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, unique_edges
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform
 from vtkmuscle.core.pbd.stages import STAGES
@@ -469,57 +468,6 @@ def test_a_scene_in_metres_reports_the_same_millimetres(scene):
     assert other.report["muscles"]["spindle"]["fibres"] == pytest.approx(
         result.report["muscles"]["spindle"]["fibres"], rel=1e-6, abs=1e-6
     )
-
-
-# ------------------------------------------------------------------------------- figures
-
-
-def test_without_opengl_all_but_the_figures_is_written(scene, tmp_path, monkeypatch):
-    monkeypatch.setattr(vtkmuscle.plotting, "can_render", lambda: "no OpenGL here")
-    with pytest.warns(UserWarning, match="no figures were drawn, all else was written: no OpenGL here"):
-        result = scene.run(tmp_path, frames="0:2")
-    assert result.report["figures"] == {"written": [], "reason": "no OpenGL here"}
-    assert not (tmp_path / "figures").exists()
-    assert json.loads((tmp_path / "report.json").read_text())["complete"] is True
-
-
-def test_figures_are_moved_into_place(scene, tmp_path, monkeypatch):
-    def draw(folder, result, *, drawn, studio):
-        (folder / "volume.png").write_bytes(b"png")
-        return [*drawn, folder / "volume.png"]
-
-    def draw_one(folder, result, name, studio):
-        folder.mkdir()
-        assert result.muscle_names == [name]
-        (folder / f"{name}_frames.png").write_bytes(b"png")
-        return [folder / f"{name}_frames.png"]
-
-    monkeypatch.setattr(vtkmuscle.plotting, "can_render", lambda: None)
-    monkeypatch.setattr("vtkmuscle.run.figures.write_figures", draw)
-    monkeypatch.setattr("vtkmuscle.run.figures.write_pictures", draw_one)
-    scene.run(tmp_path, frames=0)
-    (tmp_path / "figures/mine.png").write_bytes(b"")
-    result = scene.run(tmp_path, frames=0, fresh=True)
-    assert result.report["figures"] == {"written": ["spindle_frames.png", "volume.png"]}
-    found = sorted(p.name for p in (tmp_path / "figures").iterdir())
-    assert found == ["mine.png", "spindle_frames.png", "volume.png"]
-    assert not list(tmp_path.glob(".*"))
-
-
-def test_a_picture_that_cannot_be_drawn_loses_no_muscle(scene, tmp_path, monkeypatch):
-    def fail(folder, result, *_, **__):
-        folder.mkdir(exist_ok=True)
-        raise OSError(errno.ENOSPC, "No space left on device", str(folder / "a.png"))
-
-    monkeypatch.setattr(vtkmuscle.plotting, "can_render", lambda: None)
-    monkeypatch.setattr("vtkmuscle.run.figures.write_figures", fail)
-    monkeypatch.setattr("vtkmuscle.run.figures.write_pictures", fail)
-    with pytest.raises(OSError, match=f"{tmp_path.name}/figures"):
-        scene.run(tmp_path, frames="0:3")
-    report = json.loads((tmp_path / "report.json").read_text())
-    assert len(report["muscles"]["spindle"]["frames"]) == 3
-    assert not report["complete"]
-    assert not list(tmp_path.glob(".*.partial"))
 
 
 # ------------------------------------------------------------------------------- faults

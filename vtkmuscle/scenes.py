@@ -19,6 +19,7 @@ from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.filters.deformer.quality import PRESETS
 from vtkmuscle.run.claim import claimed
+from vtkmuscle.run.drawing import Drawing
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.scenes import run_scene
 from vtkmuscle.scene.checks import checked
@@ -249,6 +250,9 @@ class Scene(SceneData):
         target = None if out is None else Path(out)
         with ExitStack() as stack:
             stack.enter_context(held())
+            drawing = None
+            if target is not None and figures:
+                drawing = stack.enter_context(Drawing(target, self))
             odd = check_sense(self)
             if target is not None:
                 stack.enter_context(claimed(target, self, overwrite=overwrite))
@@ -256,7 +260,7 @@ class Scene(SceneData):
                 self,
                 target,
                 frames=frames,
-                figures=figures,
+                drawing=drawing,
                 page=report,
                 odd=odd,
                 progress=progress,

@@ -11,8 +11,8 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.accuracy.variants import with_moved_areas
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.surface import vertex_normals
-from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.mesh.normals import vertex_normals
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.motion.rigid import RigidMotion, inverse, rotation_about
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion

@@ -100,7 +100,7 @@ def test_the_numbers_are_those_of_a_run(done):
     )
     (file.parent / "anna/scene.toml").write_text(text)
     scene = Scene.load(file.parent / "anna/scene.toml")
-    result = run_scene(scene, None, frames=None, figures=False, progress=None, workers=1)
+    result = run_scene(scene, None, frames=None, progress=None, workers=1)
     mine = [row for row in rows(out) if (row["subject"], row["muscle"]) == ("anna", "other")]
     lengths = [float(row["length_mm"]) for row in mine]
     np.testing.assert_allclose(lengths, result.lengths["other"].mean(axis=1), rtol=1e-14)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tiny_scene import ellipsoid
 
-from vtkmuscle.core.mesh.surface import vertex_normals
+from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.motion.rigid import rotation_about
 from vtkmuscle.data import drawn_bones
 from vtkmuscle.data.arrays import multiblock_from, points_of, surface_from, triangles_of

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vtkmuscle import Scene
-from vtkmuscle.core.mesh.surface import triangle_normals
+from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.data.arrays import (
     blocks_of,
     checked_surface,

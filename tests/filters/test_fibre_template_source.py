@@ -45,3 +45,12 @@ def test_a_new_setting_makes_new_fibres():
 def test_a_value_that_is_not_allowed_is_refused(name, value):
     with pytest.raises(ValueError, match=name):
         FibreTemplateSource(**{name: value})
+
+
+def test_many_fibres_are_the_same_ones_neighbour_after_neighbour():
+    template = FibreTemplateSource(n_fibres=3000, resolution=1)()
+    places = np.column_stack([cell_array(template, name, "template") for name in "rs"])
+    sobol = sobol_points(3000)
+    np.testing.assert_array_equal(places[np.lexsort(places.T)], sobol[np.lexsort(sobol.T)])
+    steps, in_turn = (np.linalg.norm(np.diff(each, axis=0), axis=1).mean() for each in (places, sobol))
+    assert steps < 0.1 * in_turn

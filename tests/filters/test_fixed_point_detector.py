@@ -7,7 +7,8 @@ import pytest
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle import Scene
-from vtkmuscle.core.mesh.surface import edge_lengths, triangle_normals, unique_edges
+from vtkmuscle.core.mesh.normals import triangle_normals
+from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 from vtkmuscle.data.arrays import checked_surface, multiblock_from, point_array, points_of
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from, landmarks_of
 from vtkmuscle.data.surface_distance import SurfaceDistance

@@ -17,8 +17,8 @@ from vtkmuscle.core.accuracy.estimate import (
 )
 from vtkmuscle.core.accuracy.polylines import bends, segment_errors
 from vtkmuscle.core.mesh.halving import rounded_volume
-from vtkmuscle.core.mesh.polylines import polyline_lengths
-from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
 from vtkmuscle.run.track import MuscleTrack

@@ -22,8 +22,9 @@ from vtkmuscle.accuracy.pruning import lengths_lost
 from vtkmuscle.accuracy.variants import MADE, Solved, moved_landmarks, solved
 from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError, fault_of
-from vtkmuscle.core.mesh.polylines import polyline_lengths
-from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
+from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
+from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion

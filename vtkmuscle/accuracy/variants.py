@@ -11,7 +11,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.mesh.halving import halved
-from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import cell_array, points_of, polylines_of, surface_from, triangles_of
 from vtkmuscle.data.attachments import VIA

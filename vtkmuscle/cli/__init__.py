@@ -5,6 +5,7 @@ Nothing heavy is imported before a command needs it, so that ``vtkmuscle --help`
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
 from dataclasses import replace
@@ -42,7 +43,10 @@ def main() -> None:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, _terminate)
-    app()
+    try:
+        app()
+    finally:
+        gc.freeze()  # the end of the process gives all back: nobody need look for what refers to itself
 
 
 def _terminate(number: int, _frame: object) -> None:

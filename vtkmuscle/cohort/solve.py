@@ -174,7 +174,6 @@ def _solved(task: Task, loaded: _Loaded) -> Part:
             scene,
             None,
             frames=task.frames,
-            figures=False,
             page=False,
             progress=None,
             workers=1,

@@ -10,8 +10,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 from vtkmodules.vtkFiltersCore import vtkQuadricClustering
 
-from vtkmuscle.core.mesh.surface import signed_volume, triangle_normals, vertex_normals
-from vtkmuscle.core.motion.rigid import apply_transform
+from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import blocks_of, points_of, surface_from, triangles_of
 
@@ -90,10 +89,17 @@ class DrawnBones:
         """Return points (k, 3) spread over all bones, of which some have moved by (4, 4) transforms."""
         known = transforms or {}
         moved = [
-            apply_transform(known[name], bone.spread) if name in known else bone.spread
+            _moved(bone.spread, known[name]) if name in known else bone.spread
             for name, bone in self.by_name.items()
         ]
         return np.vstack([np.zeros((0, 3)), *moved])
+
+
+def _moved(points: Floats, transform: Floats) -> Floats:
+    """Return points where a (4, 4) transform takes them, without loading what is compiled for many points."""
+    turned = (points[:, [k]] * transform[:3, k] for k in range(3))
+    moved: Floats = sum(turned, np.zeros(3)) + transform[:3, 3]
+    return moved
 
 
 def spread_over(points: Floats, triangles: Ints, n: int = 10_000) -> Floats:
@@ -150,4 +156,7 @@ def _is_solid(points: Floats, triangles: Ints) -> bool:
     of_start, of_end = random[0][triangles], random[1][triangles]
     onward = (of_start * np.roll(of_end, -1, axis=1)).sum()
     back = (np.roll(of_start, -1, axis=1) * of_end).sum()
-    return bool(onward == back) and signed_volume(points, triangles) > 0.0
+    if onward != back:
+        return False
+    corners, normals = points[triangles[:, 0]] - points.mean(axis=0), triangle_normals(points, triangles)
+    return float(np.einsum("ij,ij", corners, normals)) > 0.0  # six times the volume

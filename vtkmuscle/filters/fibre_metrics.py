@@ -17,9 +17,11 @@ from vtkmuscle.core.fibres.measures import (
     polyline_curvatures,
     section_areas,
 )
-from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
+from vtkmuscle.core.mesh.bent import BentSurface, bent_surface
+from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.polylines import end_directions
 from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_bent
+from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     Polylines,
@@ -111,7 +113,7 @@ class FibreMetrics(Filter):
         "field arrays ``SectionArea`` [mm^2], ``SectionFibres`` and ``SectionDensity`` [1/mm^2].",
     )
 
-    _tree: TriangleTree | None = None
+    _bent: BentSurface | None = None
 
     def execute(
         self,
@@ -155,14 +157,17 @@ class FibreMetrics(Filter):
             inner, faces = inner_areas(areas, muscle_geometry(muscle, "FibreMetrics: muscle"))
             triangles = np.vstack([triangles, faces + len(points)])
             points = np.vstack([points, inner])
-        proper = triangles[have_area(points, triangles)]
-        if not len(proper):
-            raise InputError("FibreMetrics: muscle", "no triangle has an area, and so a direction")
         # Of the frame before, where there is one: the muscle has bent, and is the same.
-        self._tree = tree_of_bent(self._tree, points, proper)
+        self._bent = bent_surface(points, triangles, None if self._bent is None else self._bent.tree)
         ends = np.vstack([lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1]])
+        nearest = triangles[self._bent.tree.nearest(ends)[0]]
+        if not have_area(points, nearest).all():
+            proper = triangles[have_area(points, triangles)]
+            if not len(proper):
+                raise InputError("FibreMetrics: muscle", "no triangle has an area, and so a direction")
+            nearest = proper[triangle_tree(points, proper).nearest(ends)[0]]
         runs = np.vstack(end_directions(lines.points, lines.offsets))
-        angles = angles_to_triangles(runs, points, proper[self._tree.nearest(ends)[0]])
+        angles = angles_to_triangles(runs, points, nearest)
         return angles[: len(lines)], angles[len(lines) :]
 
     def _measure_muscle(

@@ -6,6 +6,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import placed
+from vtkmuscle.core.space_order import space_order
 from vtkmuscle.core.template.kinds import KINDS, TEMPLATES, sobol_points
 from vtkmuscle.core.template.template_files import read_template
 from vtkmuscle.data.arrays import (
@@ -19,13 +20,18 @@ from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import OutputPort
 
+#: Largest number of fibres in the order of Sobol's points. Every second, or eighth, of those is in a part of
+#: the square: areas are shared out among fibres in batches of one in so many, which must be spread over it.
+MANY = 256
+
 
 class FibreTemplateSource(Filter):
     """Make fibres of a given architecture in the unit cube.
 
     Each fibre is a Bezier curve from the origin area, at the bottom of the cube, to the insertion area, at
     its top; which curve is given by two parameters (r, s). The fibres' parameters are Sobol points, as in
-    the paper. The points of a fibre are equally spaced in its parameter t.
+    the paper; more than 256 are in an order in which neighbours follow each other. The points of a fibre are
+    equally spaced in its parameter t.
     :mod:`vtkmuscle.core.template.kinds` says what each kind is,
     :mod:`vtkmuscle.core.template.template_files` how to write one of your own.
 
@@ -71,7 +77,10 @@ class FibreTemplateSource(Filter):
         if self.template_file is not None:
             with placed("FibreTemplateSource: template_file"):
                 template = read_template(self.template_file)
-        r, s = sobol_points(self.n_fibres).T
+        places = sobol_points(self.n_fibres)
+        if self.n_fibres > MANY:
+            places = places[space_order(places)]
+        r, s = places.T
         t = np.linspace(0.0, 1.0, self.resolution + 1)
         points = template.fibres(r, s, t).reshape(-1, 3)
         offsets = np.arange(0, len(points) + 1, len(t))

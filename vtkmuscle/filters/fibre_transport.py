@@ -17,9 +17,9 @@ from vtkmuscle.core.fibres.sparse_weights import (
     sparse_mean_value_coordinates,
     sparse_transport,
 )
-from vtkmuscle.core.mesh.inside import points_inside
-from vtkmuscle.core.mesh.polylines import polyline_lengths
-from vtkmuscle.core.mesh.triangle_tree import TriangleTree, tree_of_bent, triangle_tree
+from vtkmuscle.core.mesh.bent import BentSurface, bent_surface
+from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import (
     Polylines,
@@ -57,6 +57,7 @@ class _Rest:
     sparse: SparseWeights | None = None
     weights: dict[int, Floats] = field(default_factory=dict)
     size: int = 0
+    bent: BentSurface | None = None
 
     def is_of(self, fibre_points: Floats, points: Floats, triangles: Ints, weight_tolerance: float) -> bool:
         return (
@@ -69,7 +70,12 @@ class _Rest:
     @cached_property
     def tree(self) -> TriangleTree:
         """Of the muscle at rest."""
-        return triangle_tree(self.points, self.triangles)
+        return shared_tree(self.points, self.triangles)
+
+    @cached_property
+    def slack(self) -> float:
+        """How far from the surface points do not count as outside [mm]."""
+        return _ON_SURFACE * float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
     @property
     def error(self) -> float:
@@ -103,11 +109,9 @@ class _Rest:
         that of the other side.
         """
         assert self.gap is not None
-        outside = np.flatnonzero(~points_inside(fibre_points, surface, self.triangles))
-        if not len(outside):
-            return
-        tree = tree_of_bent(self.tree, surface, self.triangles)
-        _, nearest, distances = tree.nearest(fibre_points[outside])
+        self.bent = bent_surface(surface, self.triangles, self.tree)
+        outside = np.flatnonzero(~self.bent.inside(fibre_points))
+        _, nearest, distances = self.bent.tree.nearest(fibre_points[outside])
         far = distances > self.gap[outside]
         out, nearest = outside[far], nearest[far]
         part = (self.gap[out] / distances[far])[:, None]
@@ -225,8 +229,7 @@ class FibreTransport(Filter):
             rest.keep_within(moved, deformed)
         result = with_polylines(rest_fibres, Polylines(moved, lines.offsets))
         set_cell_array(result, "RestLength", polyline_lengths(lines.points, lines.offsets))
-        slack = _ON_SURFACE * float(np.linalg.norm(np.ptp(points, axis=0)))
-        set_field_array(result, "PointsOutside", int((rest.gap > slack).sum()))
+        set_field_array(result, "PointsOutside", int((rest.gap > rest.slack).sum()))
         set_field_array(result, "WeightError", rest.error)
         return result
 

@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.linear_blend import blend_fibres, fitted_a
-from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     Polylines,

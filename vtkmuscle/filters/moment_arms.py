@@ -8,7 +8,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError, placed
-from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.moment_arms.derivatives import moment_arms
 from vtkmuscle.core.moment_arms.of_joints import checked_coordinates, coordinate_samples
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS, Coordinate

@@ -6,23 +6,46 @@ keeps VTK's own messages off the terminal.
 
 from __future__ import annotations
 
-from vtkmuscle.io.fibre_table import fibre_summary, muscle_summary, write_fibre_table
-from vtkmuscle.io.landmarks import read_landmarks, read_named_points
-from vtkmuscle.io.literature import (
-    LITERATURE_COLUMNS,
-    LiteratureCurve,
-    curves_for,
-    read_literature,
-    write_literature,
-)
-from vtkmuscle.io.motion_file import MotionFile, read_motion_file
-from vtkmuscle.io.motion_table import motion_columns, read_motion_table, write_motion_table
-from vtkmuscle.io.msf import TREE_SUFFIXES, MsfNode, landmarks_of, read_msf, surfaces_of
-from vtkmuscle.io.osim import OsimModel, read_osim
-from vtkmuscle.io.series import Collection, Series
-from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, read_polydata, read_surface
-from vtkmuscle.io.temporal import SERIES_SUFFIXES, TimeSeries, read_series, write_vtkhdf
-from vtkmuscle.io.writing import write_polydata, write_text
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from vtkmuscle.io.fibre_table import fibre_summary, muscle_summary, write_fibre_table
+    from vtkmuscle.io.landmarks import read_landmarks, read_named_points
+    from vtkmuscle.io.literature import (
+        LITERATURE_COLUMNS,
+        LiteratureCurve,
+        curves_for,
+        read_literature,
+        write_literature,
+    )
+    from vtkmuscle.io.motion_file import MotionFile, read_motion_file
+    from vtkmuscle.io.motion_table import motion_columns, read_motion_table, write_motion_table
+    from vtkmuscle.io.msf import TREE_SUFFIXES, MsfNode, landmarks_of, read_msf, surfaces_of
+    from vtkmuscle.io.osim import OsimModel, read_osim
+    from vtkmuscle.io.series import Collection, Series
+    from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, read_polydata, read_surface
+    from vtkmuscle.io.temporal import SERIES_SUFFIXES, TimeSeries, read_series, write_vtkhdf
+    from vtkmuscle.io.writing import write_polydata, write_text
+
+#: Names of each module, which is loaded when one of them is asked for: few need all formats.
+_NAMES = {
+    "fibre_table": ("fibre_summary", "muscle_summary", "write_fibre_table"),
+    "landmarks": ("read_landmarks", "read_named_points"),
+    "literature": (
+        *("LITERATURE_COLUMNS", "LiteratureCurve", "curves_for"),
+        *("read_literature", "write_literature"),
+    ),
+    "motion_file": ("MotionFile", "read_motion_file"),
+    "motion_table": ("motion_columns", "read_motion_table", "write_motion_table"),
+    "msf": ("TREE_SUFFIXES", "MsfNode", "landmarks_of", "read_msf", "surfaces_of"),
+    "osim": ("OsimModel", "read_osim"),
+    "series": ("Collection", "Series"),
+    "surfaces": ("SURFACE_SUFFIXES", "read_polydata", "read_surface"),
+    "temporal": ("SERIES_SUFFIXES", "TimeSeries", "read_series", "write_vtkhdf"),
+    "writing": ("write_polydata", "write_text"),
+}
+_SOURCES = {name: module for module, names in _NAMES.items() for name in names}
 
 __all__ = [
     "LITERATURE_COLUMNS",
@@ -59,3 +82,13 @@ __all__ = [
     "write_text",
     "write_vtkhdf",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _SOURCES:
+        return getattr(import_module(f"{__name__}.{_SOURCES[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

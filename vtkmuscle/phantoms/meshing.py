@@ -8,7 +8,8 @@ from scipy.sparse import coo_array, csr_array
 from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkQuadricDecimation
 
-from vtkmuscle.core.mesh.surface import unique_edges, vertex_normals
+from vtkmuscle.core.mesh.normals import vertex_normals
+from vtkmuscle.core.mesh.surface import unique_edges
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import points_of, set_point_array, surface_from, triangles_of
 from vtkmuscle.phantoms.implicit import Solid

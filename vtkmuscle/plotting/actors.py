@@ -13,7 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkTubeFilter
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
-from vtkmuscle.core.mesh.surface import vertex_normals
+from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import (
     point_array,
@@ -26,13 +26,9 @@ from vtkmuscle.data.arrays import (
     vtk_points,
 )
 from vtkmuscle.data.drawn_bones import DrawnBone
+from vtkmuscle.plotting.colours import FIBRE_MAP, IVORY, MUSCLE_RED, PALETTE
 from vtkmuscle.plotting.views import View
 
-IVORY = "#efe6d0"
-MUSCLE_RED = "#8b1a1a"
-FIBRE_MAP = "coolwarm"
-#: Colours of Okabe and Ito, which colour-blind readers can tell apart; bones and muscles take them in turn.
-PALETTE = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442")
 _PLAIN_FIBRES = "#f3d9c9"
 #: Sides of a fibre's tube.
 _SIDES = 8

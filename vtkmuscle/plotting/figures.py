@@ -14,11 +14,12 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike, NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.data.drawn_bones import DrawnBones
-from vtkmuscle.plotting.actors import FIBRE_MAP, MUSCLE_RED, PALETTE, actors_of, fixed_bones
+from vtkmuscle.plotting.actors import actors_of, fixed_bones
+from vtkmuscle.plotting.colours import FIBRE_MAP, MUSCLE_RED, PALETTE
 from vtkmuscle.plotting.sheets import LEGEND_FONT, Panel, curves, legend_columns, sheet
 from vtkmuscle.plotting.studio import FINER, Studio
 from vtkmuscle.plotting.views import View, clearest_view

@@ -11,14 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.moment_arms.by_coordinate import BAND, JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.io.literature import LOWER, UPPER, LiteratureCurve, curves_for
-from vtkmuscle.plotting.actors import MUSCLE_RED, PALETTE
+from vtkmuscle.plotting.colours import MUSCLE_RED, PALETTE
 from vtkmuscle.plotting.sheets import DOTS_PER_INCH
-
-#: Half width of the band about the mean, in standard errors: 95 per cent of a normal distribution.
-BAND = 1.96
 
 
 def plot_moment_arms(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.mesh.surface import vertex_normals
+from vtkmuscle.core.mesh.normals import vertex_normals
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import (
     blocks_of,
@@ -19,7 +19,7 @@ from vtkmuscle.data.arrays import (
     polylines_of,
     triangles_of,
 )
-from vtkmuscle.plotting.actors import IVORY, PALETTE
+from vtkmuscle.plotting.colours import IVORY, PALETTE
 from vtkmuscle.plotting.studio import x_server_warning_off
 from vtkmuscle.plotting.views import View, axes_of, choose_view
 

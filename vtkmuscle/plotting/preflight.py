@@ -9,10 +9,10 @@ from functools import cache
 
 from vtkmuscle.isolation import isolated_python
 
-_PREFLIGHT_TIMEOUT = 120.0  # seconds; a first import from a cold disk is slow
+PREFLIGHT_TIMEOUT = 120.0  # seconds; a first import from a cold disk is slow
 _LOG_PREFIX = re.compile(r"^.*\b(WARN|ERR)\|\s|\x1b\[[0-9;]*m")  # time, thread and level; colours
-_PREFLIGHT = """
-sys.modules["numpy"] = None  # VTK would load it, which takes longer than all else here
+#: Renders a tiny picture, and ends with status 3 where that comes to nothing.
+TEST_PICTURE = """
 import vtkmodules.vtkRenderingOpenGL2
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
@@ -24,8 +24,13 @@ window.SetSize(8, 8)
 window.AddRenderer(renderer)
 window.Render()
 window.GetPixelData(4, 4, 4, 4, 0, pixel, 0)
-raise SystemExit(0 if pixel.GetNumberOfTuples() and pixel.GetTuple(0)[0] == 255 else 3)
+if not pixel.GetNumberOfTuples() or pixel.GetTuple(0)[0] != 255:
+    raise SystemExit(3)
+window.Finalize()
 """
+_PREFLIGHT = f"""
+sys.modules["numpy"] = None  # VTK would load it, which takes longer than all else here
+{TEST_PICTURE}"""
 
 
 @cache
@@ -53,20 +58,39 @@ def can_render() -> str | None:
             capture_output=True,
             text=True,
             errors="replace",
-            timeout=_PREFLIGHT_TIMEOUT,
+            timeout=PREFLIGHT_TIMEOUT,
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return f"a test picture was not finished within {_PREFLIGHT_TIMEOUT:.0f} s"
-    if done.returncode == 0:
-        return None
-    if done.returncode < 0:
-        name = signal.Signals(-done.returncode).name
-        what = f"the process that rendered a test picture crashed ({name})"
-    else:
-        what = "a test picture could not be rendered"
-    lines = [_LOG_PREFIX.sub("", line).strip() for line in done.stderr.splitlines()]
-    said = [line for line in lines if line]
-    return f"{what}: no usable OpenGL (on Linux, the packages libegl1 and libgl1 provide it)" + (
-        f"; the last message was: {said[-1]}" if said else ""
+        return too_late()
+    return None if done.returncode == 0 else no_picture(done.returncode, done.stderr)
+
+
+def too_late() -> str:
+    """Return the reason why no picture can be rendered, where the test picture takes too long."""
+    return f"a test picture was not finished within {PREFLIGHT_TIMEOUT:.0f} s"
+
+
+def no_picture(status: int, said: str) -> str:
+    """Return the reason why no picture can be rendered.
+
+    Parameters
+    ----------
+    status : int
+        Of the process that rendered a test picture; negative where a signal ended it.
+    said : str
+        What it wrote to stderr.
+    """
+    what = "a test picture could not be rendered"
+    if status < 0:
+        what = f"the process that rendered a test picture crashed ({signal.Signals(-status).name})"
+    return f"{what}: no usable OpenGL (on Linux, the packages libegl1 and libgl1 provide it)" + last_words(
+        said
     )
+
+
+def last_words(said: str) -> str:
+    """Return the last message that a process wrote to stderr, to be put behind a reason; "" without any."""
+    lines = [_LOG_PREFIX.sub("", line).strip() for line in said.splitlines()]
+    messages = [line for line in lines if line]
+    return f"; the last message was: {messages[-1]}" if messages else ""

@@ -9,12 +9,11 @@ from typing import Any, Protocol
 import numpy as np
 
 from vtkmuscle.core.accuracy.estimate import Estimate
-from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.moment_arms.by_coordinate import BAND, JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.literature import LOWER, UPPER, LiteratureCurve, curves_for
-from vtkmuscle.plotting.actors import PALETTE
-from vtkmuscle.plotting.moment_arms import BAND
+from vtkmuscle.plotting.colours import PALETTE
 from vtkmuscle.report.packing import Pack
 from vtkmuscle.report.source import RunResult
 

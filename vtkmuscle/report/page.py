@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from importlib.resources import files
 from os import PathLike
 from pathlib import Path
@@ -12,7 +13,7 @@ import jinja2
 from markupsafe import Markup
 
 from vtkmuscle._version import __version__
-from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.report.curves import Limit, colour_of, curves_of, label_of
 from vtkmuscle.report.packing import Pack, packed
@@ -61,6 +62,11 @@ def write_page(path: str | PathLike[str], result: RunResult, limits: Mapping[str
 
 def page_of(result: RunResult, limits: Mapping[str, Limit]) -> str:
     """Return the page of a run as text, see :func:`write_page`."""
+    with ThreadPoolExecutor(1) as pool:  # which compresses while the arrays are gathered
+        return _page_of(result, limits, pool.submit(_plotly))
+
+
+def _page_of(result: RunResult, limits: Mapping[str, Limit], plotly: Future[str]) -> str:
     report = result.report
     arms = _arms(result)
     pack = Pack()
@@ -110,7 +116,7 @@ def page_of(result: RunResult, limits: Mapping[str, Limit]) -> str:
         definitions=list(report["definitions"].items()),
         data={"scene": scene, "curves": curves, "frames": list(result.frames)},
         arrays=Markup(pack.text()),
-        plotly=Markup(_plotly()),
+        plotly=Markup(plotly.result()),
     )
 
 

@@ -11,7 +11,7 @@ from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkQuadricDecimation
 
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
-from vtkmuscle.plotting.actors import PALETTE
+from vtkmuscle.plotting.colours import PALETTE
 from vtkmuscle.plotting.views import clearest_view
 from vtkmuscle.report.packing import Pack
 from vtkmuscle.report.source import RunResult

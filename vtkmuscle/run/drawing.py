@@ -3,56 +3,85 @@
 from __future__ import annotations
 
 import shutil
-import time
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from functools import cached_property
+from collections.abc import Mapping
+from concurrent.futures import Future
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Self
 
+from vtkmuscle.data.drawn_bones import DrawnBone
 from vtkmuscle.io.writing import beside
+from vtkmuscle.plotting.in_child import DrawingEndedError, DrawingProcess
+from vtkmuscle.plotting.order import FigureOrder
+from vtkmuscle.run.figures import figures_of, figures_of_muscle, rest_pose
 from vtkmuscle.run.result import Result
-
-if TYPE_CHECKING:
-    from vtkmuscle.plotting import Studio
+from vtkmuscle.run.track import MuscleTrack
+from vtkmuscle.scene.data import SceneData
 
 
 class Drawing:
     """The ``figures/`` of a run: pictures of each muscle as soon as it is done, and the others at the end.
 
-    All are drawn by the thread that calls, for rendering is not for several, into a folder beside.
+    A process of its own draws them, into a folder beside, which begins at once; use it as a context, which
+    ends that process, and leaves no figure that is not in its place.
 
     Parameters
     ----------
     results : Path
         The run's folder.
+    scene : SceneData
+        What is run.
 
     Attributes
     ----------
     seconds : float
-        Time that they have taken [s].
+        Time that the figures have taken [s].
     """
 
-    def __init__(self, results: Path) -> None:
+    def __init__(self, results: Path, scene: SceneData) -> None:
         self._folder = results / "figures"
         self._beside = beside(self._folder)
-        self._drawn: list[Path] = []
+        self._scene = scene
+        self._process = DrawingProcess(scene.bones_data())
+        self._figures: dict[str, Future[tuple[Path, float]]] = {}
         self.seconds = 0.0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.close()
+        shutil.rmtree(self._beside, ignore_errors=True)
+
+    def rest(self, tracks: Mapping[str, MuscleTrack]) -> None:
+        """Draw the muscles at rest, once: as soon as it is known where all of them are fixed."""
+        muscles = {name: track.rest for name, track in tracks.items() if track.rest is not None}
+        if "rest_pose" not in self._figures and len(muscles) == len(tracks):
+            self._draw(rest_pose(self._scene.name, self._scene.units, muscles))
 
     def muscle(self, result: Result, name: str) -> None:
         """Draw the pictures of a muscle that is done, of a result of it alone.
 
-        What cannot be drawn stops no muscle: it is tried again, and fails, at the end.
+        What cannot be drawn stops no muscle: :meth:`finish` says so.
         """
-        if self._reason is None:
-            from vtkmuscle.run.figures import write_pictures  # noqa: PLC0415
+        for figure in figures_of_muscle(result.plain(), name):
+            self._draw(figure)
 
-            with suppress(Exception), self._ready():
-                self._drawn += write_pictures(self._beside, result.plain(), name, self._studio)
+    def others(self, result: Result) -> None:
+        """Draw what is not drawn yet, of the result of all muscles."""
+        for figure in figures_of(result.plain()):
+            if figure.name not in self._figures:
+                self._draw(figure)
 
-    def finish(self, result: Result) -> dict[str, Any]:
-        """Draw what is left, move all to ``figures/``, and return what the report says of it.
+    def bones(self) -> Mapping[str, DrawnBone] | None:
+        """Return the bones as they are drawn, None where no picture can be rendered."""
+        try:
+            return self._process.bones()
+        except DrawingEndedError:
+            return None
+
+    def finish(self) -> dict[str, Any]:
+        """Wait until all is drawn, move it to ``figures/``, and return what the report says of it.
 
         Raises
         ------
@@ -62,55 +91,30 @@ class Drawing:
         Warns
         -----
         UserWarning
-            If no picture can be rendered here.
+            If no picture can be rendered here, or the process that draws has ended before its time.
         """
-        if self._reason is not None:
-            words = f"no figures were drawn, all else was written: {self._reason}"
-            warnings.warn(words, stacklevel=5)
-            return {"written": [], "reason": self._reason}
-        from vtkmuscle.run.figures import write_figures  # noqa: PLC0415
-
-        with self._ready():
-            drawn = sorted(
-                write_figures(self._beside, result.plain(), drawn=self._drawn, studio=self._studio)
-            )
-            self._folder.mkdir(exist_ok=True)
-            for figure in drawn:
-                figure.replace(self._folder / figure.name)
-        return {"written": [figure.name for figure in drawn]}
-
-    def discard(self) -> None:
-        """Remove what is drawn and not yet in its place, and what it was drawn with."""
-        shutil.rmtree(self._beside, ignore_errors=True)
-        if "_studio" in self.__dict__:
-            self._studio.close()
-            del self._studio
-
-    @cached_property
-    def _studio(self) -> Studio:
-        from vtkmuscle.plotting import Studio  # noqa: PLC0415 -- only figures need it
-
-        return Studio()
-
-    @cached_property
-    def _reason(self) -> str | None:
-        """Why no picture can be rendered here, if so."""
-        from vtkmuscle.plotting import can_render  # noqa: PLC0415 -- only figures need PyVista
-
-        return can_render()
-
-    @contextmanager
-    def _ready(self) -> Iterator[None]:
-        import matplotlib as mpl  # noqa: PLC0415 -- only figures need it, and PyVista
-
-        before = time.perf_counter()
+        drawn: list[Path] = []
+        reason = None
         try:
-            with mpl.rc_context():
-                mpl.rcdefaults()  # a matplotlibrc in the working folder may be from elsewhere
-                yield
+            self._process.bones()
+            for figure in self._figures.values():
+                path, seconds = figure.result()
+                drawn.append(path)
+                self.seconds += seconds
+        except DrawingEndedError as error:
+            reason = str(error)
+            what = "no figures were drawn" if not drawn else "not all figures were drawn"
+            warnings.warn(f"{what}, all else was written: {reason}", stacklevel=5)
         except OSError as error:
             if error.errno is None or not str(error.filename or self._beside).startswith(str(self._beside)):
                 raise
             raise OSError(error.errno, error.strerror, str(self._folder)) from error
-        finally:
-            self.seconds += time.perf_counter() - before
+        if drawn:
+            self._folder.mkdir(exist_ok=True)
+        for path in drawn:
+            path.replace(self._folder / path.name)
+        found: dict[str, Any] = {"written": sorted(path.name for path in drawn)}
+        return found if reason is None else found | {"reason": reason}
+
+    def _draw(self, figure: FigureOrder) -> None:
+        self._figures[figure.name] = self._process.draw(figure, self._beside)

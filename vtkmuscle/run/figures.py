@@ -2,39 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.filters.fibre_tubes import FibreTubes
-from vtkmuscle.plotting import (
-    Studio,
-    can_render,
-    plot_lengths,
-    plot_moment_arms,
-    plot_muscle,
-    plot_rest_pose,
-    plot_volume,
-)
-from vtkmuscle.plotting.sheets import save_png
+from vtkmuscle.plotting.order import FigureOrder
+from vtkmuscle.plotting.preflight import can_render
 
 if TYPE_CHECKING:
     from vtkmuscle.run.result import Result
 
-#: What draws each figure, by the name of its file.
-Figures = dict[str, Callable[[Studio], Figure]]
 
-
-def write_figures(
-    folder: str | Path, result: Result, *, drawn: Sequence[Path] = (), studio: Studio | None = None
-) -> list[Path]:
+def write_figures(folder: str | Path, result: Result) -> list[Path]:
     """Write all figures of a run: the rest pose, each muscle in three frames, its fibres, the volumes.
 
     Parameters
@@ -43,10 +28,6 @@ def write_figures(
         Made where it does not exist.
     result : Result
         What :meth:`vtkmuscle.Scene.run` returns.
-    drawn : sequence of Path, optional
-        Those that :func:`write_pictures` has written there already.
-    studio : Studio, optional
-        Where pictures are taken; one for these figures alone where it is not given.
 
     Returns
     -------
@@ -62,103 +43,90 @@ def write_figures(
     reason = can_render()
     if reason is not None:
         raise RuntimeError(f"no figures can be made: {reason}")
-    if studio is None:
-        with Studio() as own:
-            return write_figures(folder, result, drawn=drawn, studio=own)
-    figures: Figures = {"rest_pose": partial(_rest_pose, result)}
-    muscles = result.report["muscles"]
-    arms = result.moment_arms() if any(one.get("moment_arms") for one in muscles.values()) else {}
+    from vtkmuscle.plotting.studio import Studio  # noqa: PLC0415 -- only figures need it
+
+    with Studio() as studio:
+        return [one.write(Path(folder), result.drawn_bones, studio) for one in figures_of(result)]
+
+
+def figures_of(result: Result) -> list[FigureOrder]:
+    """Return all figures of a run."""
+    at_rest = {name: result.rest_muscle(name) for name in result.muscle_names}
+    figures = [rest_pose(result.name, result.units, at_rest)]
     for name in result.muscle_names:
-        figures |= _of_muscle(result, name)
-        if name in arms and result.finished(name):
-            figures[f"{name}_moment_arms"] = partial(_moment_arms, result, name, arms[name])
-    if result.report["model"] != "paths":
-        figures["volume"] = partial(_volumes, result)
-    return [*drawn, *_write(folder, figures, studio, {path.stem for path in drawn})]
+        figures += figures_of_muscle(result, name)
+    return figures + _figures_of_all(result)
 
 
-def write_pictures(folder: str | Path, result: Result, name: str, studio: Studio) -> list[Path]:
-    """Write those figures of a run that show one muscle, and need no other: its frames and its lengths.
+def rest_pose(scene: str, units: str, muscles: Mapping[str, vtkPolyData]) -> FigureOrder:
+    """Return the figure of the muscles of a scene at rest, by their names, with their fixed points."""
+    given = {"muscles": dict(muscles), "title": f"{scene}: fixed points at rest", "units": units}
+    return FigureOrder("rest_pose", "plot_rest_pose", given, rendered=True)
 
-    Parameters
-    ----------
-    folder, result, studio
-        As of :func:`write_figures`; a result of this muscle alone will do.
-    name : str
-        Of the muscle.
+
+def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
+    """Return those figures of a run that show one muscle, and need no other: its frames and its lengths.
+
+    There are none of a muscle that failed in the first frame that is kept. A result of this muscle alone will
+    do.
     """
-    return _write(folder, _of_muscle(result, name), studio, ())
-
-
-def _write(folder: str | Path, figures: Figures, studio: Studio, drawn: Collection[str]) -> list[Path]:
-    out = Path(folder)
-    out.mkdir(parents=True, exist_ok=True)
-    written: list[Path] = []
-    for name, draw in figures.items():
-        if name not in drawn:
-            save_png(draw(studio), out / f"{name}.png")
-            written.append(out / f"{name}.png")
-    return written
-
-
-def _rest_pose(result: Result, studio: Studio) -> Figure:
-    return plot_rest_pose(
-        {name: result.rest_muscle(name) for name in result.muscle_names},
-        result.drawn_bones,
-        studio,
-        title=f"{result.name}: fixed points at rest",
-        units=result.units,
-    )
-
-
-def _volumes(result: Result, _: Studio) -> Figure:
-    rows = {name: result.report["muscles"][name]["frames"] for name in result.muscle_names}
-    return plot_volume(
-        {name: [row["time"] for row in table] for name, table in rows.items()},
-        {name: [row["volume_ratio"] for row in table] for name, table in rows.items()},
-        title=result.name,
-        time_label=result.time_label,
-    )
-
-
-def _of_muscle(result: Result, name: str) -> Figures:
-    """Return the figures that show a muscle; none of one that failed in the first frame that is kept."""
     if not result.finished(name):
-        return {}
-    figures: Figures = {f"{name}_frames": partial(_frames, result, name)}
+        return []
+    figures = [FigureOrder(f"{name}_frames", "plot_muscle", _frames(result, name), rendered=True)]
     if name in result.lengths:
-        figures[f"{name}_lengths"] = partial(_lengths, result, name)
+        lengths = result.lengths[name]
+        given = {
+            "times": result.times[: len(lengths)],
+            "lengths": lengths,
+            "title": _title(result, name),
+            "time_label": result.time_label,
+        }
+        figures.append(FigureOrder(f"{name}_lengths", "plot_lengths", given))
     return figures
 
 
-def _frames(result: Result, name: str, studio: Studio) -> Figure:
+def _figures_of_all(result: Result) -> list[FigureOrder]:
+    """Return those figures of a run that need all muscles: moment arms of each, and the volumes."""
+    muscles = result.report["muscles"]
+    arms = result.moment_arms() if any(one.get("moment_arms") for one in muscles.values()) else {}
+    figures = [
+        FigureOrder(f"{name}_moment_arms", "plot_moment_arms", _moment_arms(result, name, arms[name]))
+        for name in result.muscle_names
+        if name in arms and result.finished(name)
+    ]
+    if result.report["model"] != "paths":
+        rows = {name: muscles[name]["frames"] for name in result.muscle_names}
+        given = {
+            "times": {name: [row["time"] for row in table] for name, table in rows.items()},
+            "ratios": {name: [row["volume_ratio"] for row in table] for name, table in rows.items()},
+            "title": result.name,
+            "time_label": result.time_label,
+        }
+        figures.append(FigureOrder("volume", "plot_volume", given))
+    return figures
+
+
+def _frames(result: Result, name: str) -> dict[str, object]:
     frames = _telling_frames(result, name)
     fibres = [lines for number in frames if (lines := result.fibres(name, frame=number)) is not None]
     if result.report["model"] == "paths":
         muscles = [_tubes(lines) for lines in fibres]
     else:
         muscles = [result.muscle(name, frame=number) for number in frames]
-    return plot_muscle(
-        muscles,
-        result.drawn_bones,
-        [result.motion.at(float(result.motion.times[number])) for number in frames],
-        studio,
-        fibres=fibres or None,
-        rest_fibres=result.rest_fibres(name),
-        labels=[_at(result.time_label, float(result.motion.times[number])) for number in frames],
-        title=_title(result, name),
-        units=result.units,
-    )
+    return {
+        "muscles": muscles,
+        "transforms": [result.motion.at(float(result.motion.times[number])) for number in frames],
+        "fibres": fibres or None,
+        "rest_fibres": result.rest_fibres(name),
+        "labels": [_at(result.time_label, float(result.motion.times[number])) for number in frames],
+        "title": _title(result, name),
+        "units": result.units,
+    }
 
 
-def _lengths(result: Result, name: str, _: Studio) -> Figure:
-    lengths = result.lengths[name]
-    times = result.times[: len(lengths)]
-    return plot_lengths(times, lengths, title=_title(result, name), time_label=result.time_label)
-
-
-def _moment_arms(result: Result, name: str, arms: Mapping[str, JointArms], _: Studio) -> Figure:
-    return plot_moment_arms(arms, literature=result.literature.get(name, ()), title=_title(result, name))
+def _moment_arms(result: Result, name: str, arms: Mapping[str, JointArms]) -> dict[str, object]:
+    literature = tuple(result.literature.get(name, ()))
+    return {"arms": dict(arms), "literature": literature, "title": _title(result, name)}
 
 
 def _title(result: Result, name: str) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from vtkmuscle.core.accuracy.estimate import Estimate
-from vtkmuscle.core.moment_arms.of_joints import JointArms
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.run.table import Table
 

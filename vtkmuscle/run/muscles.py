@@ -13,7 +13,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.polylines import polyline_lengths
+from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import smoothed_curve
-from vtkmuscle.core.moment_arms.of_joints import JointArms, joint_arms
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
+from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.run.frames import KeptFrames, length_errors
 from vtkmuscle.run.limits import CHECKS
 from vtkmuscle.run.loading import read_result
@@ -161,7 +162,8 @@ class Result(KeptFrames):
         -------
         MomentArmTable
             Per muscle and coordinate arms, standard errors and a quartic fit [mm], see
-            :class:`~vtkmuscle.core.moment_arms.of_joints.JointArms`; ``table()`` and ``write`` give a table.
+            :class:`~vtkmuscle.core.moment_arms.by_coordinate.JointArms`; ``table()`` and ``write`` give a
+            table.
 
         Raises
         ------

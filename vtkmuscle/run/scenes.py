@@ -97,7 +97,7 @@ def run_scene(
     out: Path | None,
     *,
     frames: str | slice | range | int | None,
-    figures: bool,
+    drawing: Drawing | None = None,
     page: bool = True,
     odd: Sequence[str] = (),
     progress: Progress | None,
@@ -111,8 +111,8 @@ def run_scene(
 ) -> Result:
     """Run a scene; see :meth:`vtkmuscle.Scene.run`.
 
-    What is ``odd`` about the scene goes into the report. The clock [s] times the muscles' stages. With
-    ``muscles`` only these are run, as they are in a run of all.
+    Figures are drawn by ``drawing``. What is ``odd`` about the scene goes into the report. The clock [s]
+    times the muscles' stages. With ``muscles`` only these are run, as they are in a run of all.
     """
     began = time.perf_counter()
     numbers = frame_numbers(frames, len(scene.motion.times))
@@ -131,13 +131,8 @@ def run_scene(
             scene, name, tracks[name], bones, distances, folder, stop, report_progress, seen, others, clock
         )
 
-    drawing = Drawing(folder.path) if folder is not None and figures else None
     result_of = partial(_result, scene, numbers, report, DrawnBones(scene.bones_data()))
-
-    def draw(name: str) -> None:
-        if drawing is not None and name in tracks:
-            drawing.muscle(result_of({name: tracks[name]}), name)
-
+    draw = partial(_draw, drawing, tracks, result_of)
     try:
         jobs: dict[str, Future[None]] = {}
         count = _side_by_side(workers, scene, len(further))
@@ -146,29 +141,31 @@ def run_scene(
                 folder.begin(report, scene, keys, kept)
             for name in kept:
                 report_progress(name, "done", 1.0)
-            for name, run in _runs(scene, tracks, kept, muscle_run).items():
-                jobs[f"muscles.{name}"] = pool.submit(run.go, numbers)
+            runs = _runs(scene, tracks, kept, muscle_run)
+            jobs |= {f"muscles.{name}": pool.submit(run.go, numbers) for name, run in runs.items()}
             jobs |= {key: pool.submit(job) for key, job in further.items()}
             if folder is not None:
                 folder.write_bones(scene, numbers, stop.is_set)
-            _wait_for(jobs, stop, lambda key: draw(key.removeprefix("muscles.")))
+            _wait_for(jobs, stop, draw)
         _raise_first_failure(jobs, scene)
         result = result_of(tracks)
         report["seconds"] = {"muscles": time.perf_counter() - began}
-        arms = _with_errors(_moment_arms(result, report), errors, result, tracks, report)
+        arms = _moment_arms(result, report)
+        if drawing is not None:
+            drawing.others(result)
+        arms = _with_errors(arms, errors, result, tracks, report)
     except BaseException as error:
         report["stopped_by"] = f"{type(error).__name__}: {error}".rstrip(": ")
         if folder is not None:
             with suppress(OSError):  # the disk may be what failed; the first error says more
                 folder.write_tables(report, scene, numbers, tracks)
-        if drawing is not None:
-            drawing.discard()
         raise
     report["complete"] = True
     if folder is not None:
         folder.write_moment_arms(arms, tracks)
         folder.write_tables(report, scene, numbers, tracks)
-        _show(folder, result, report, drawing, page=page)
+        with _unfinished_if_it_fails(folder, report):
+            _show(folder, result, report, drawing, page=page)
     report["seconds"]["total"] = time.perf_counter() - began
     if folder is not None:
         folder.write_report(report)
@@ -199,6 +196,20 @@ def _side_by_side(workers: int | None, scene: SceneData, n_further: int) -> int:
     if scene.muscle_contact != "off":
         return 1  # each muscle waits for those before it, and shares their filters
     return min(workers or cpu_count() or 1, len(scene.muscles) + n_further)
+
+
+def _draw(
+    drawing: Drawing | None,
+    tracks: Mapping[str, MuscleTrack],
+    result_of: Callable[[dict[str, MuscleTrack]], Result],
+    done: Iterable[str],
+) -> None:
+    """Let what can be drawn be drawn, after some more jobs."""
+    if drawing is not None:
+        drawing.rest(tracks)
+        for name in (key.removeprefix("muscles.") for key in done):
+            if name in tracks:
+                drawing.muscle(result_of({name: tracks[name]}), name)
 
 
 def _result(
@@ -338,17 +349,18 @@ def _setting_if_interrupted(stop: threading.Event) -> Iterator[None]:
         raise
 
 
-def _wait_for(jobs: Mapping[str, Future[None]], stop: threading.Event, then: Callable[[str], None]) -> None:
-    """Wait until all jobs have ended, and do something more for each; where one fails, stop the others."""
+def _wait_for(
+    jobs: Mapping[str, Future[None]], stop: threading.Event, look: Callable[[Iterable[str]], None]
+) -> None:
+    """Wait until all jobs have ended, and look now and then at what has; where one fails, stop the others."""
     keys = {job: key for key, job in jobs.items()}
     waiting = set(keys)
     while waiting:
         done, waiting = wait(waiting, timeout=_LOOK_UP, return_when=FIRST_COMPLETED)
         if any(job.exception() is not None for job in done):
             stop.set()
-        for job in sorted(done, key=lambda one: keys[one]):
-            if not stop.is_set():
-                then(keys[job])
+        if not stop.is_set():
+            look(sorted(keys[job] for job in done))
 
 
 def _raise_first_failure(jobs: dict[str, Future[None]], scene: SceneData) -> None:
@@ -366,15 +378,14 @@ def _raise_first_failure(jobs: dict[str, Future[None]], scene: SceneData) -> Non
 def _show(
     folder: RunFolder, result: Result, report: dict[str, Any], drawing: Drawing | None, *, page: bool
 ) -> None:
-    """Draw the figures of a run that are left, and write its page."""
-    with _unfinished_if_it_fails(folder, report):
-        if drawing is not None:
-            try:
-                report["figures"] = drawing.finish(result)
-            finally:
-                drawing.discard()
-            report["seconds"]["figures"] = drawing.seconds
-        if page:
-            before = time.perf_counter()
-            result.write_report(folder.path / PAGE)
-            report["seconds"]["page"] = time.perf_counter() - before
+    """Write the page of a run, and wait for its figures."""
+    if page:
+        bones = None if drawing is None else drawing.bones()
+        if bones is not None:
+            result.drawn_bones.by_name = dict(bones)
+        before = time.perf_counter()
+        result.write_report(folder.path / PAGE)
+        report["seconds"]["page"] = time.perf_counter() - before
+    if drawing is not None:
+        report["figures"] = drawing.finish()
+        report["seconds"]["figures"] = drawing.seconds

@@ -82,9 +82,7 @@ def tried(
         muscles={name: _with(scene.muscles[name], setting, own.get(name)) for name in needed},
     )
     # All muscles in one thread, one after the other: so the processor's time of a stage is the muscle's own.
-    result = run_scene(
-        changed, None, frames=None, figures=False, progress=None, workers=1, clock=time.process_time
-    )
+    result = run_scene(changed, None, frames=None, progress=None, workers=1, clock=time.process_time)
     times = [float(scene.motion.times[number]) for number in compared]
     kept = [i for i, at in enumerate(result.times) if at in times]
     trials: dict[str, Trial | None] = {}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vtkmuscle.core.attachments.contact_areas import attached_ends, contact_areas, outline
-from vtkmuscle.core.mesh.surface import triangle_normals
+from vtkmuscle.core.mesh.normals import triangle_normals
 
 LONG, WIDE = 60, 12
 

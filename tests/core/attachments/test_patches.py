@@ -9,7 +9,8 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.attachments.patches import attachment_patch
-from vtkmuscle.core.mesh.surface import edge_lengths, triangle_normals, unique_edges
+from vtkmuscle.core.mesh.normals import triangle_normals
+from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 
 RADIUS = 20.0
 

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.mesh.surface import (
     edge_lengths,
     edge_uses,
@@ -14,9 +15,7 @@ from vtkmuscle.core.mesh.surface import (
     point_components,
     signed_volume,
     survey,
-    triangle_normals,
     unique_edges,
-    vertex_normals,
 )
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.phantoms.meshing import box, solid_of_revolution

@@ -10,13 +10,8 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from vtkmuscle.core.mesh.surface import (
-    edge_lengths,
-    half_edges,
-    point_components,
-    triangle_normals,
-    unique_edges,
-)
+from vtkmuscle.core.mesh.normals import triangle_normals
+from vtkmuscle.core.mesh.surface import edge_lengths, half_edges, point_components, unique_edges
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: A contact smaller than this part of the largest one on the same bone is noise.

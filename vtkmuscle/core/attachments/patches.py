@@ -17,15 +17,9 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.attachments.geodesics import geodesic_curve
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
 from vtkmuscle.core.mesh.segments import segment_distances
-from vtkmuscle.core.mesh.surface import (
-    edge_lengths,
-    numbered_edges,
-    signed_volume,
-    triangle_normals,
-    unique_edges,
-    vertex_normals,
-)
+from vtkmuscle.core.mesh.surface import edge_lengths, numbered_edges, signed_volume, unique_edges
 from vtkmuscle.core.types import Floats, Ints
 
 #: Landmarks farther from the muscle than this part of its box's diagonal belong to something else.

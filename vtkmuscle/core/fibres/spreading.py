@@ -18,6 +18,7 @@ import numpy as np
 from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.bins import sorted_into_bins
 from vtkmuscle.core.mesh.polylines import distance_between, even_arcs, resample_polyline
+from vtkmuscle.core.space_order import space_order
 from vtkmuscle.core.types import Floats, Ints
 
 #: Places along a fibre that are moved; what is between them follows.
@@ -34,8 +35,8 @@ OVERLAP = 0.1
 REACH = 0.11
 #: Most cells of the grid along a side.
 FINEST = 256
-#: Cells along a side by which positions are sorted.
-_CELLS = 64
+#: Cells of the grid along its rows for each across them: it is rows that take time, not what is in them.
+ALONG_ROWS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +66,7 @@ class Cloud:
 def cloud(samples: Floats) -> Cloud:
     """Return positions (j, 3), j >= 1, and what is known of them."""
     # Those next to each other one after the other: what is looked up for them is at hand.
-    cells = (samples - samples.min(axis=0)) * (_CELLS / max(float(np.ptp(samples, axis=0).max()), 1e-300))
-    x, y, z = cells.astype(np.int64).T
-    samples = samples[np.argsort((x * (_CELLS + 1) + y) * (_CELLS + 1) + z, kind="stable")]
+    samples = samples[space_order(samples)]
     about = samples - samples.mean(axis=0)
     spread = about.T @ about / len(samples)
     volume = float(np.sqrt(12.0**3 * max(float(np.linalg.det(spread)), 0.0)))
@@ -167,12 +166,10 @@ def _station_steps(lines: Floats, within: Cloud) -> Floats:
     # The space between fibres in the muscle.
     spacing = max(float(np.sqrt(within.volume / max(length, 1e-300))), 1e-300)
     pieces = int(np.clip(np.ceil(2.0 * step / spacing), 1, PIECES))
-    size = max(spacing, float(extent.max()) / FINEST)
-    shape = (extent / size).astype(np.int64) + 1
-    places, order, offsets = _sorted_pieces(lines, pieces, low, size, shape)
-    band = OVERLAP * spacing**2
-    samples = within.samples, within.guesses
-    pulls, weights = _pulls(lines, pieces, *samples, places, order, offsets, low, size, shape, band)
+    scales = np.array([1.0, 1.0, ALONG_ROWS]) / max(spacing, float(extent.max()) / FINEST)
+    shape = (extent * scales).astype(np.int64) + 1
+    band = max(OVERLAP * spacing**2, 1e-300)
+    pulls, weights = _pulls(lines, pieces, within.samples, within.guesses, low, scales, shape, band)
     wide = spacing / max(step, 1e-300)
     return _across(lines, pulls, weights, _blur(int(np.clip(2.0 * wide**2, LEAST_BLUR, 2 * STATIONS**2))))
 
@@ -223,47 +220,37 @@ def _blur(passes: int) -> Floats:
     return blur
 
 
-@array_kernel
-def _sorted_pieces(
-    lines: Floats, pieces: int, low: Floats, size: float, shape: Ints
-) -> tuple[Floats, Ints, Ints]:
-    """Return places along fibres, their numbers by cells of a grid, and where each cell begins (offsets)."""
-    n_lines, n = len(lines), (lines.shape[1] - 1) * pieces + 1
-    cells, places = np.empty(n_lines * n, dtype=np.int64), np.empty((n_lines * n, 3))
-    for number in range(n_lines * n):
-        line, piece = number // n, number % n
-        station = min(piece // pieces, lines.shape[1] - 2)
-        share = piece / pieces - station
-        cell = 0
-        for axis in range(3):
-            x = (1.0 - share) * lines[line, station, axis] + share * lines[line, station + 1, axis]
-            places[number, axis] = x
-            cell = cell * shape[axis] + min(int((x - low[axis]) / size), shape[axis] - 1)
-        cells[number] = cell
-    order, offsets = sorted_into_bins(cells, shape[0] * shape[1] * shape[2])
-    return places, order, offsets
+@kernel
+def _cell(x: float, y: float, z: float, low: Floats, scales: Floats, shape: Ints) -> int:
+    """Return the number of the grid's cell that a position is in."""
+    a = min(int((x - low[0]) * scales[0]), shape[0] - 1)
+    b = min(int((y - low[1]) * scales[1]), shape[1] - 1)
+    c = min(int((z - low[2]) * scales[2]), shape[2] - 1)
+    cell: int = (a * shape[1] + b) * shape[2] + c
+    return cell
 
 
 @kernel
-def _square_to_a_near_one(
-    x: float, y: float, z: float, places: Floats, offsets: Ints, low: Floats, size: float, shape: Ints
-) -> float:
-    """Return the squared distance from a position to a place: the nearest in the first shell that has any."""
-    a = min(int((x - low[0]) / size), shape[0] - 1)
-    b = min(int((y - low[1]) / size), shape[1] - 1)
-    c = min(int((z - low[2]) / size), shape[2] - 1)
-    least, reach = np.inf, 0
-    while least == np.inf:
-        for i in range(max(a - reach, 0), min(a + reach + 1, shape[0])):
-            for j in range(max(b - reach, 0), min(b + reach + 1, shape[1])):
-                row = (i * shape[1] + j) * shape[2]
-                # Cells of a row are one after the other.
-                first, last = offsets[row + max(c - reach, 0)], offsets[row + min(c + reach + 1, shape[2])]
-                for at in range(first, last):
-                    dx, dy, dz = places[at, 0] - x, places[at, 1] - y, places[at, 2] - z
-                    least = min(least, dx * dx + dy * dy + dz * dz)
-        reach += 1
-    return least
+def _square_to(places: Floats, i: int, x: float, y: float, z: float) -> float:
+    """Return the squared distance of one of some places (q, 3) from a position."""
+    dx, dy, dz = places[i, 0] - x, places[i, 1] - y, places[i, 2] - z
+    square: float = dx * dx + dy * dy + dz * dz
+    return square
+
+
+@kernel
+def _divide(lines: Floats, pieces: int, places: Floats, nodes: Ints) -> None:
+    """Write places (q, 3) along lines, so many from each station to the next, and their stations (q,)."""
+    number, last = 0, lines.shape[1] - 1
+    for line in range(len(lines)):
+        for station in range(last):
+            for piece in range(pieces + (1 if station == last - 1 else 0)):
+                share = piece / pieces
+                for axis in range(3):
+                    before, after = lines[line, station, axis], lines[line, station + 1, axis]
+                    places[number, axis] = (1.0 - share) * before + share * after
+                nodes[number] = line * (last + 1) + station
+                number += 1
 
 
 @array_kernel
@@ -272,94 +259,98 @@ def _pulls(
     pieces: int,
     samples: Floats,
     guesses: Ints,
-    places: Floats,
-    order: Ints,
-    offsets: Ints,
     low: Floats,
-    size: float,
+    scales: Floats,
     shape: Ints,
     band: float,
 ) -> tuple[Floats, Floats]:
     """Return sums of offsets (k, STATIONS, 3) of the samples that are nearest to each place, and how many.
 
     Places nearly as near, their squared distances within a band [mm^2] of the least, have a share in a
-    sample, which is 0 at the end of the band.
+    sample, which is 0 at the end of the band. A grid has cells of size 1 / scales (3,) from a corner (3,) on.
     """
     n_lines, n_stations = lines.shape[0], lines.shape[1]
-    n = (n_stations - 1) * pieces + 1
-    in_cells, stations = np.empty((len(order), 3)), np.empty(len(order), dtype=np.int64)
-    for at in range(len(order)):
-        line, piece = order[at] // n, order[at] % n
-        stations[at] = line * n_stations + min(piece // pieces, n_stations - 2)
+    n_places = n_lines * ((n_stations - 1) * pieces + 1)
+    places, nodes = np.empty((n_places, 3)), np.empty(n_places, dtype=np.int64)
+    _divide(lines, pieces, places, nodes)
+    cells = np.empty(n_places, dtype=np.int64)
+    for number in range(n_places):
+        cells[number] = _cell(places[number, 0], places[number, 1], places[number, 2], low, scales, shape)
+    order, offsets = sorted_into_bins(cells, shape[0] * shape[1] * shape[2])
+    in_cells = np.empty((n_places, 3))
+    for at in range(n_places):
         for axis in range(3):
             in_cells[at, axis] = places[order[at], axis]
     pulls, weights = np.zeros((n_lines, n_stations, 3)), np.zeros((n_lines, n_stations))
-    near, shares = np.empty(len(order), dtype=np.int64), np.empty(len(order))
-    nodes = lines.reshape(n_lines * n_stations, 3)
+    near, squares = np.empty(n_places + 1, dtype=np.int64), np.empty(n_places + 1)
+    stations = lines.reshape(n_lines * n_stations, 3)
     sums = pulls.reshape(n_lines * n_stations, 3), weights.reshape(n_lines * n_stations)
-    bins = in_cells, order, stations, offsets, low, size, shape
-    _pull(nodes, samples, guesses, places, bins, band, near, shares, *sums)
+    grid = in_cells, order, offsets, low, scales, shape
+    _pull(stations, nodes, samples, guesses, places, grid, band, near, squares, *sums)
     return pulls, weights
 
 
 @kernel
 def _pull(
-    nodes: Floats,
+    stations: Floats,
+    nodes: Ints,
     samples: Floats,
     guesses: Ints,
     places: Floats,
-    bins: tuple[Floats, Ints, Ints, Ints, Floats, float, Ints],
+    grid: tuple[Floats, Ints, Ints, Floats, Floats, Ints],
     band: float,
     near: Ints,
-    shares: Floats,
+    squares: Floats,
     pulls: Floats,
     weights: Floats,
 ) -> None:
     """Add to what :func:`_pulls` returns, by the number of the station before each place."""
-    in_cells, order, stations, offsets, low, size, shape = bins
+    in_cells, order, offsets, low, scales, shape = grid
     lx, ly, lz = low[0], low[1], low[2]
     nx, ny, nz = shape[0], shape[1], shape[2]
+    across, along_rows = scales[0], scales[2]
+    beside = 0  # what was nearest to the sample before is near
     for number in range(len(samples)):
         x, y, z = samples[number, 0], samples[number, 1], samples[number, 2]
-        guess = guesses[number]
+        least, guess = _square_to(places, beside, x, y, z), guesses[number]
         if 0 <= guess < len(places):
-            dx, dy, dz = places[guess, 0] - x, places[guess, 1] - y, places[guess, 2] - z
-            least = dx * dx + dy * dy + dz * dz
-        else:
-            least = _square_to_a_near_one(x, y, z, in_cells, offsets, low, size, shape)
-        farthest = least * (1.0 + 1e-9) + max(band, 1e-300)  # farther than the nearest in any case
+            least = min(least, _square_to(places, guess, x, y, z))
+        farthest = least * (1.0 + 1e-9) + band  # farther than the nearest in any case
         reach = np.sqrt(farthest)
-        first, last = max(int((z - reach - lz) / size), 0), min(int((z + reach - lz) / size), nz - 1)
+        first = max(int((z - reach - lz) * along_rows), 0)
+        last = min(int((z + reach - lz) * along_rows), nz - 1)
+        bottom, top = max(int((y - reach - ly) * across), 0), min(int((y + reach - ly) * across), ny - 1)
+        left, right = max(int((x - reach - lx) * across), 0), min(int((x + reach - lx) * across), nx - 1)
         found = 0
-        for i in range(max(int((x - reach - lx) / size), 0), min(int((x + reach - lx) / size), nx - 1) + 1):
-            for j in range(
-                max(int((y - reach - ly) / size), 0), min(int((y + reach - ly) / size), ny - 1) + 1
-            ):
+        for i in range(left, right + 1):
+            for j in range(bottom, top + 1):
                 row = (i * ny + j) * nz
+                # Cells of a row are one after the other.
                 for at in range(offsets[row + first], offsets[row + last + 1]):
-                    dx, dy, dz = in_cells[at, 0] - x, in_cells[at, 1] - y, in_cells[at, 2] - z
-                    square = dx * dx + dy * dy + dz * dz
-                    near[found], shares[found] = stations[at], square
+                    square = _square_to(in_cells, at, x, y, z)
+                    near[found], squares[found] = at, square
                     found += 1 if square < farthest else 0
-                    if square <= least:
-                        least, guess = square, order[at]
-        guesses[number] = guess
-        farthest = least * (1.0 + 1e-9) + max(band, 1e-300)
-        count, total = 0, 0.0
+        least, nearest = squares[0], near[0]
+        for k in range(1, found):
+            if squares[k] < least:
+                least, nearest = squares[k], near[k]
+        guesses[number] = beside = order[nearest]
+        farthest = least * (1.0 + 1e-9) + band
+        total = 0.0
         for k in range(found):
-            share = farthest - shares[k]
-            if share > 0.0:
-                near[count], shares[count] = near[k], share
-                count += 1
-                total += share
-        for k in range(count):
-            node = near[k]
-            ax, ay, az = nodes[node, 0], nodes[node, 1], nodes[node, 2]
-            bx, by, bz = nodes[node + 1, 0] - ax, nodes[node + 1, 1] - ay, nodes[node + 1, 2] - az
+            total += max(farthest - squares[k], 0.0)
+        for k in range(found):
+            share = (farthest - squares[k]) / total
+            if share <= 0.0:
+                continue
+            node = nodes[order[near[k]]]
+            ax, ay, az = stations[node, 0], stations[node, 1], stations[node, 2]
+            bx, by, bz = stations[node + 1, 0] - ax, stations[node + 1, 1] - ay, stations[node + 1, 2] - az
             squared = bx * bx + by * by + bz * bz
             along = (x - ax) * bx + (y - ay) * by + (z - az) * bz
             along = min(max(along / squared if squared > 0.0 else 0.0, 0.0), 1.0)
-            before, after = (1.0 - along) * shares[k] / total, along * shares[k] / total
+            after = along * share
+            before = share - after
             weights[node] += before
             weights[node + 1] += after
             sx, sy, sz = x - (ax + along * bx), y - (ay + along * by), z - (az + along * bz)

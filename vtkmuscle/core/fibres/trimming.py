@@ -17,15 +17,10 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.jit import array_kernel
-from vtkmuscle.core.mesh.polylines import (
-    distance_between,
-    evenly_spaced,
-    polyline_lengths,
-    resample_polyline,
-    turn_at,
-)
+from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.normals import unit_vectors
+from vtkmuscle.core.mesh.polylines import distance_between, evenly_spaced, resample_polyline, turn_at
 from vtkmuscle.core.mesh.sampling import PatchSamples
-from vtkmuscle.core.mesh.surface import unit_vectors
 from vtkmuscle.core.types import Floats, Ints
 
 #: Largest turn from a fibre into its new end segment [degrees].
@@ -336,6 +331,10 @@ def assign_places(departures: Floats, rays: Floats, places: Floats) -> Ints:
     ahead = unit_vectors(rays)
     along = ahead @ places.T - (ahead * departures).sum(axis=1, keepdims=True)
     costs = (1.0 + TURNING) * cdist(departures, places) - TURNING * along
+    # What all places cost a fibre, or a place all fibres, decides nothing, and takes longer.
+    costs -= costs.min(axis=1, keepdims=True)
+    if len(departures) == len(places):
+        costs -= costs.min(axis=0)
     taken: Ints = linear_sum_assignment(costs)[1].astype(np.int64)
     return taken
 

@@ -65,10 +65,12 @@ def closed_shells(points: Floats, triangles: Ints) -> ClosedShells:
     if not np.isfinite(points[triangles]).all():
         raise InputError("", "the surface has a coordinate that is not finite")
     remarks = []
-    if len(_excess(triangles)):
+    rim = _excess(triangles)
+    if len(rim):
         points, triangles = welded(points, triangles)
         _check_any(triangles)
-    if len(_excess(triangles)):
+        rim = _excess(triangles)
+    if len(rim):
         triangles, n_turned = _consistent(triangles)
         if n_turned:
             remarks.append(f"{n_turned} of {len(triangles)} triangles faced the other way and were turned")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from vtkmuscle.core.mesh.surface import numbered_edges, signed_volume, vertex_normals
+from vtkmuscle.core.mesh.normals import vertex_normals
+from vtkmuscle.core.mesh.surface import numbered_edges, signed_volume
 from vtkmuscle.core.types import Floats, Ints
 
 

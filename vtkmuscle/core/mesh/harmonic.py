@@ -6,7 +6,8 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array, csr_matrix
 from scipy.sparse.linalg import splu
 
-from vtkmuscle.core.mesh.surface import half_edges, point_components, triangle_normals
+from vtkmuscle.core.mesh.normals import triangle_normals
+from vtkmuscle.core.mesh.surface import half_edges, point_components
 from vtkmuscle.core.types import Floats, Ints
 
 #: Bounds of an edge's cotangent weight; an edge between equilateral triangles has 0.58. The lower one

@@ -1,109 +1,110 @@
-"""Which points are inside of a closed surface, for few points and a surface that is new each time."""
+"""Which points are inside of a closed surface, whatever of it is nearest: it may touch itself."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.bins import sorted_into_bins
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.types import Bools, Floats, Ints
 
-#: Triangles per cell of the grid, about as many.
-PER_CELL = 4.0
+#: Boxes are larger by this part of the coordinates, so that rounding hides no triangle from a ray.
+_ROUNDING = 1e-14
 
 
-def points_inside(queries: Floats, points: Floats, triangles: Ints) -> Bools:
+def points_inside(queries: Floats, tree: TriangleTree) -> Bools:
     """Return which points are inside of a closed surface, by the number of triangles beyond them.
 
-    Rays run along the axis that the points are least spread along: across a long muscle, where few are in
-    line. Points are sorted into a grid across it, and each triangle is tried on those in the cells that it is
-    in. Seen along the rays, of two triangles that share an edge exactly one has a place on it: no ray slips
-    through.
+    Rays run along the axis that the points are least spread along: across a long muscle, where few of its
+    boxes are in line. Seen along the rays, of two triangles that share an edge exactly one has a place on it:
+    no ray slips through.
 
     Parameters
     ----------
     queries : (k, 3) array
         Points.
-    points : (n, 3) array
-        Points of the surface.
-    triangles : (m, 3) int array
-        Its triangles; closed, whichever way they face.
+    tree : TriangleTree
+        Of the surface; closed, whichever way its triangles face.
 
     Returns
     -------
     (k,) bool array
         True inside; on the surface either.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from vtkmuscle.core.mesh.inside import points_inside
+    >>> from vtkmuscle.core.mesh.triangle_tree import triangle_tree
+    >>> corners = np.vstack([np.zeros(3), np.eye(3)])
+    >>> tree = triangle_tree(corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
+    >>> points_inside(np.array([[0.2, 0.2, 0.2], [0.4, 0.4, 0.4]]), tree).tolist()
+    [True, False]
     """
-    above = np.zeros(len(queries), dtype=np.bool_)
+    inside = np.zeros(len(queries), dtype=np.bool_)
     if len(queries):
         along = int(np.ptp(queries, axis=0).argmin())
-        order = [(along + 1) % 3, (along + 2) % 3, along]
-        side = max(int(np.sqrt(len(triangles) / PER_CELL)), 1)
-        turned = np.ascontiguousarray(queries[:, order])
-        _count(turned, np.ascontiguousarray(points[:, order]), triangles, *_grid(turned, side), side, above)
-    return above
-
-
-def _grid(queries: Floats, side: int) -> tuple[Ints, Ints, Floats]:
-    """Return points by cells of a grid across z: their numbers, where each cell begins, and its frame."""
-    low = queries[:, :2].min(axis=0)
-    size = np.maximum(queries[:, :2].max(axis=0) - low, 1e-300) * (1.0 + 1e-9)
-    columns, lines = np.minimum((queries[:, :2] - low) / size * side, side - 1.0).astype(np.int64).T
-    order, starts = sorted_into_bins(lines * side + columns, side * side)
-    return order, starts, np.concatenate([low, size])
+        slack = _ROUNDING * float(np.abs(tree.boxes[0]).max())
+        stack = np.empty(64, dtype=np.int64)
+        _count(np.ascontiguousarray(queries), tree.corners, tree.boxes, along, slack, stack, inside)
+    return inside
 
 
 @kernel
 def _count(
-    queries: Floats,
-    points: Floats,
-    triangles: Ints,
-    order: Ints,
-    starts: Ints,
-    frame: Floats,
-    side: int,
-    above: Bools,
+    queries: Floats, corners: Floats, boxes: Floats, along: int, slack: float, stack: Ints, inside: Bools
 ) -> None:
-    """Turn over ``above`` (k,) of each point for each triangle above it."""
-    low_x, low_y, wide, deep = frame[0], frame[1], frame[2], frame[3]
-    for t in range(len(triangles)):
-        a, b, c = points[triangles[t, 0]], points[triangles[t, 1]], points[triangles[t, 2]]
-        first = (min(a[0], b[0], c[0]) - low_x) / wide * side
-        last = (max(a[0], b[0], c[0]) - low_x) / wide * side
-        bottom = (min(a[1], b[1], c[1]) - low_y) / deep * side
-        top = (max(a[1], b[1], c[1]) - low_y) / deep * side
-        if last < 0.0 or first > side or top < 0.0 or bottom > side:
-            continue
-        from_cell, to_cell = int(max(first, 0.0)), int(min(last, side - 1.0))
-        for line in range(int(max(bottom, 0.0)), int(min(top, side - 1.0)) + 1):
-            for i in range(starts[line * side + from_cell], starts[line * side + to_cell + 1]):
-                q = order[i]
-                if _is_below(queries[q], a, b, c):
-                    above[q] = not above[q]
+    """Write whether the triangles above each point are odd in number; stack is working memory."""
+    n, n_leaves = len(corners), (len(boxes) + 1) // 2
+    one, two = (along + 1) % 3, (along + 2) % 3
+    for q in range(len(queries)):
+        x, y, z = queries[q, one], queries[q, two], queries[q, along]
+        stack[0], size, odd = 0, 1, False
+        while size:
+            size -= 1
+            node = stack[size]
+            if x + slack < boxes[node, one] or x - slack > boxes[node, 3 + one]:
+                continue
+            if y + slack < boxes[node, two] or y - slack > boxes[node, 3 + two]:
+                continue
+            if z - slack > boxes[node, 3 + along]:
+                continue
+            if node < n_leaves - 1:
+                stack[size], stack[size + 1] = 2 * node + 1, 2 * node + 2
+                size += 2
+                continue
+            leaf = node - (n_leaves - 1)
+            for i in range(leaf * n // n_leaves, (leaf + 1) * n // n_leaves):
+                if _is_below(queries[q], corners[i, 0], corners[i, 1], corners[i, 2], along):
+                    odd = not odd
+        inside[q] = odd
 
 
 @kernel
-def _is_below(query: Floats, a: Floats, b: Floats, c: Floats) -> bool:
-    """Return True where a triangle is above a point, seen along z; an edge belongs to one of its sides."""
-    x, y = query[0], query[1]
-    within = _crosses(x, y, a, b) != _crosses(x, y, b, c)
-    if within == _crosses(x, y, c, a):
+def _is_below(query: Floats, a: Floats, b: Floats, c: Floats, along: int) -> bool:
+    """Return True where a triangle is above a point, seen along an axis; an edge is of one of its sides."""
+    one, two = (along + 1) % 3, (along + 2) % 3
+    x, y = query[one], query[two]
+    ax, ay, bx, by, cx, cy = a[one], a[two], b[one], b[two], c[one], c[two]
+    within = _crosses(x, y, ax, ay, bx, by) != _crosses(x, y, bx, by, cx, cy)
+    if within == _crosses(x, y, cx, cy, ax, ay):
         return False
-    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    ux, uy, uz = bx - ax, by - ay, b[along] - a[along]
+    vx, vy, vz = cx - ax, cy - ay, c[along] - a[along]
     area = ux * vy - uy * vx
     if area == 0.0:
         return False
-    one = ((x - a[0]) * vy - (y - a[1]) * vx) / area
-    other = (ux * (y - a[1]) - uy * (x - a[0])) / area
-    return bool(a[2] + one * uz + other * vz > query[2])
+    first = ((x - ax) * vy - (y - ay) * vx) / area
+    second = (ux * (y - ay) - uy * (x - ax)) / area
+    return bool(a[along] + first * uz + second * vz > query[along])
 
 
 @kernel
-def _crosses(x: float, y: float, a: Floats, b: Floats) -> bool:
+def _crosses(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> bool:
     """Return True where an edge crosses the ray from a place towards greater x, whichever way it runs."""
-    if (a[1] > y) == (b[1] > y):
+    if (ay > y) == (by > y):
         return False
     # From the lower end on, so that the edge's other triangle gets the same answer to the last digit.
-    low, high = (b, a) if a[1] > b[1] else (a, b)
-    return bool(low[0] + (y - low[1]) / (high[1] - low[1]) * (high[0] - low[0]) > x)
+    if ay > by:
+        ax, ay, bx, by = bx, by, ax, ay
+    return bool(ax + (y - ay) / (by - ay) * (bx - ax) > x)

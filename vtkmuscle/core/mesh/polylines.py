@@ -45,15 +45,6 @@ def smooth_polylines(points: Floats, offsets: Ints, k: float, iterations: int) -
     return result
 
 
-def polyline_lengths(points: Floats, offsets: Ints) -> Floats:
-    """Return the length of each polyline, (k,), in the unit of the points."""
-    steps = np.zeros(len(points))
-    steps[1:] = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    steps[offsets[:-1]] = 0.0  # the step from one line to the next belongs to neither
-    lengths: Floats = np.add.reduceat(steps, offsets[:-1])
-    return lengths
-
-
 @kernel
 def distance_between(points: Floats, i: int, j: int) -> float:
     """Return the distance of two of some points (n, 3)."""

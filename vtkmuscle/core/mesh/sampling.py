@@ -10,7 +10,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.jit import array_kernel
-from vtkmuscle.core.mesh.surface import triangle_normals, unique_edges
+from vtkmuscle.core.mesh.normals import triangle_normals
+from vtkmuscle.core.mesh.surface import unique_edges
 from vtkmuscle.core.sobol import sobol
 from vtkmuscle.core.types import Bools, Floats, Ints
 

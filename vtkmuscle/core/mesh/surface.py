@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.bins import sorted_into_bins
+from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.types import Floats, Ints
 
 #: A surface of less volume than this part of its box's diagonal cubed encloses nothing.
@@ -132,44 +133,9 @@ def _sixfold_volume(points: Floats, triangles: Ints, centre: Floats) -> float:
     return total
 
 
-def triangle_normals(points: Floats, triangles: Ints) -> Floats:
-    """Return (b - a) x (c - a) for each triangle, (m, 3): twice the area long, not normalised."""
-    a, b, c = (points[triangles[:, i]] for i in range(3))
-    normals: Floats = np.cross(b - a, c - a)
-    return normals
-
-
-def vertex_normals(points: Floats, triangles: Ints) -> Floats:
-    """Return the unit normal of each point, area-weighted over its triangles; 0 where there is none."""
-    total = np.zeros((len(points), 3))
-    _add_normals(points, triangles, total)
-    return unit_vectors(total)
-
-
-@kernel
-def _add_normals(points: Floats, triangles: Ints, total: Floats) -> None:
-    """Add to each point's row the normals of its triangles, twice their area long."""
-    for corner in range(3):
-        for t in range(len(triangles)):
-            i, j, k = triangles[t]
-            ax, ay, az = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
-            bx, by, bz = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1], points[k, 2] - points[i, 2]
-            at = triangles[t, corner]
-            total[at, 0] += ay * bz - az * by
-            total[at, 1] += az * bx - ax * bz
-            total[at, 2] += ax * by - ay * bx
-
-
 def extent(points: Floats) -> float:
     """Return twice the distance of the farthest of some points (n, 3) from their mean: however they lie."""
     return 2.0 * float(np.linalg.norm(points - points.mean(axis=0), axis=1).max())
-
-
-def unit_vectors(vectors: Floats) -> Floats:
-    """Return vectors (..., 3) of length 1, 0 where a vector is 0."""
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    unit: Floats = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
-    return unit
 
 
 def point_components(n_points: int, edges: Ints) -> Ints:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial import Polynomial
+from numpy.polynomial.polynomial import polyder, polyfit, polyval
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
@@ -178,10 +178,11 @@ def quartic_moment_arms(
             "use more frames of the motion",
         )
     places = samples if at is None else _checked_places(at, samples)
-    q, wanted = samples[:, 0], places[:, 0]
-    fits = [Polynomial.fit(q, curve, QUARTIC) for curve in curves.T]
-    arms = np.column_stack([-fit.deriv()(wanted) for fit in fits])
-    left = np.column_stack([fit(q) for fit in fits]) - curves
+    low, high = samples.min(), samples.max()
+    q, wanted = (2.0 * (x[:, 0] - low) / (high - low) - 1.0 for x in (samples, places))
+    fits = polyfit(q, curves, QUARTIC)
+    arms = -2.0 / (high - low) * polyval(wanted, polyder(fits)).T
+    left = polyval(q, fits).T - curves
     return arms, np.sqrt((left**2).mean(axis=0))
 
 

@@ -3,56 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.moment_arms.derivatives import moment_arms, quartic_moment_arms
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.motion.sweeps import frames_of_sweep
-from vtkmuscle.core.types import Bools, Floats, Ints
-
-
-@dataclass(frozen=True, eq=False)
-class JointArms:
-    """Moment arms of the fibres of a muscle by one coordinate, -dl/dq.
-
-    Attributes
-    ----------
-    coordinate, unit, positive : str
-        Its name, the unit of its values, and what its positive direction is.
-    frames : (m,) int array
-        Numbers of the frames in which they are determined, counted in the motion that was given.
-    values : (m,) array
-        Of the coordinate in these frames, in its unit.
-    arms, errors : (m, k) arrays
-        Per fibre, and the standard error; positive where the fibre's pull drives the coordinate up. In the
-        unit of the lengths by an angle, per millimetre by a translation.
-    mean, mean_error : (m,) arrays
-        Of the mean length of the fibres.
-    quartic : (m, k) array or None
-        Of a polynomial of degree 4 fitted to each fibre's lengths; None where other coordinates change too,
-        or there are too few values.
-    quartic_residuals : (k,) array or None
-        Root mean square of what it leaves of the lengths.
-    window : int
-        How many different values a window of the regression holds.
-    """
-
-    coordinate: str
-    unit: str
-    positive: str
-    frames: Ints
-    values: Floats
-    arms: Floats
-    errors: Floats
-    mean: Floats
-    mean_error: Floats
-    quartic: Floats | None
-    quartic_residuals: Floats | None
-    window: int
+from vtkmuscle.core.types import Bools, Floats
 
 
 def coordinate_samples(

@@ -18,6 +18,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.mesh.harmonic import harmonic_extension
 from vtkmuscle.core.mesh.inside import points_inside
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.morphing.attached_area import AttachedArea
 from vtkmuscle.core.morphing.correspondence import (
     N_PLACES,
@@ -148,10 +149,10 @@ def morph_by_isolines(
         mapped = slices()
     heights = course.begin + fractions * course.way
     found = map_sections(mapped, levels, heights, slice_of, inside, slicing)
-    result, surface = found.places, course.surface
+    result = found.places
     at_origin, at_insertion = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
     between = result[~(at_origin | at_insertion)]
-    n_outside = int((~points_inside(between, surface.points, surface.triangles)).sum())
+    n_outside = int((~points_inside(between, course.tree)).sum())
     for area, ends in zip(course.areas, (at_origin, at_insertion), strict=True):
         result[ends] = area.nearest(result[ends])
     return Morph(
@@ -181,6 +182,11 @@ class _Course:
         sections = cut_surface(self.surface, self.field, levels)
         areas = loop_areas(sections.points, sections.loop_offsets)
         return sections, areas, main_loops(sections, at, np.linalg.norm(areas, axis=1))
+
+    @cached_property
+    def tree(self) -> TriangleTree:
+        """Of the muscle."""
+        return triangle_tree(self.surface.points, self.surface.triangles)
 
     @cached_property
     def areas(self) -> tuple[AttachedArea, AttachedArea]:

@@ -20,8 +20,9 @@ from vtkmuscle.core.mesh.harmonic import (
     harmonic_field,
     triangle_gradients,
 )
+from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors, vertex_normals
 from vtkmuscle.core.mesh.segments import fibre_directions_at, proper_segments, segments
-from vtkmuscle.core.mesh.surface import extent, triangle_normals, unit_vectors, vertex_normals
+from vtkmuscle.core.mesh.surface import extent
 from vtkmuscle.core.mesh.topology import MeshTopology
 from vtkmuscle.core.types import Floats, Ints
 

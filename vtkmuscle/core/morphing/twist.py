@@ -18,8 +18,8 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.mesh.segments import segments
-from vtkmuscle.core.mesh.surface import unit_vectors
 from vtkmuscle.core.morphing.correspondence import N_PLACES, loop_lengths, nearest_place, sampled_loop
 from vtkmuscle.core.morphing.superficial import SeenFibres, angle_between, root_mean_square
 from vtkmuscle.core.types import Floats, Ints

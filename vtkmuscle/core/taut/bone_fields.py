@@ -10,6 +10,7 @@ from vtkmuscle.core.collision.distance_lookup import trilinear
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.solids import FAR, Solids
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
+from vtkmuscle.core.space_order import space_order
 from vtkmuscle.core.types import Bools, Floats, Ints, Table
 
 #: Cells along an edge of a block; blocks are what is computed at a time.
@@ -18,17 +19,10 @@ SIDE = 8
 #: Blocks of a bone's table, at most: 64 MB. Cells of a bone that would need more are larger.
 MOST_BLOCKS = 2**24
 
+_LATTICE = np.stack(np.meshgrid(*[np.arange(SIDE + 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
 
-def _along_curve(side: int) -> Ints:
-    """Return the nodes of a block (side^3, 3) along a curve of Morton: each is near those before it."""
-    nodes = np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    bits = np.arange(side.bit_length())
-    codes = ((nodes[:, :, None] >> bits & 1) << 3 * bits).sum(axis=2) @ (1, 2, 4)
-    return nodes[np.argsort(codes)]
-
-
-#: The nodes of a block, (9^3, 3), with those of its far faces.
-_NODES = _along_curve(SIDE + 1)
+#: The nodes of a block, (9^3, 3), with those of its far faces; each is near those before it.
+_NODES = _LATTICE[space_order(_LATTICE.astype(np.float64))]
 
 #: What a table has for a block that was not computed yet.
 UNKNOWN = -1

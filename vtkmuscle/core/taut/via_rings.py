@@ -15,6 +15,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.inside import points_inside
 from vtkmuscle.core.mesh.surface import unique_edges
+from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Landmarks lie on a line if their polygon's area is less than this part of the square of its circumference:
@@ -172,10 +173,9 @@ def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
     part = (heights[cut, 0] / (heights[cut, 0] - heights[cut, 1]))[:, None]
     ends = points[edges[cut]]
     outline = ends[:, 0] + part * (ends[:, 1] - ends[:, 0])
-    return bool(
-        within_ring(ring, outline).any()
-        or points_inside(ring.centre[None], points, triangles.astype(np.int64))[0]
-    )
+    if within_ring(ring, outline).any():
+        return True
+    return bool(points_inside(ring.centre[None], triangle_tree(points, triangles.astype(np.int64)))[0])
 
 
 @array_kernel

@@ -1,0 +1,9 @@
+"""Colours of bones, muscles and fibres."""
+
+from __future__ import annotations
+
+IVORY = "#efe6d0"
+MUSCLE_RED = "#8b1a1a"
+FIBRE_MAP = "coolwarm"
+#: Colours of Okabe and Ito, which colour-blind readers can tell apart; bones and muscles take them in turn.
+PALETTE = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442")

@@ -1,0 +1,203 @@
+"""Figures drawn by a process of its own, beside what the process that asks for them goes on with.
+
+Drawing takes seconds of Python, which threads that solve would wait for; and VTK may end the process that
+renders, where a driver is at fault.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import traceback
+from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from vtkmodules.util.pickle_support import serialize_VTK_data_object
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
+
+from vtkmuscle.data.arrays import blocks_of, multiblock_from
+from vtkmuscle.data.drawn_bones import DrawnBone, DrawnBones
+from vtkmuscle.isolation import isolated_python
+from vtkmuscle.plotting import preflight
+from vtkmuscle.plotting.order import FigureOrder
+
+#: Of numbers on the pipes between the processes.
+_PROTOCOL = 5
+#: How long a process that was told to end may take to [s].
+_PATIENCE = 10.0
+
+
+class DrawingEndedError(RuntimeError):
+    """The process that draws has ended before it was done; says why."""
+
+
+class DrawingProcess:
+    """A process that draws figures one after the other; its end is nobody else's.
+
+    It begins at once to load what it needs, renders a test picture, and makes the bones ready.
+
+    Parameters
+    ----------
+    bones : vtkMultiBlockDataSet
+        At rest, named blocks of triangles, not changed meanwhile.
+    """
+
+    def __init__(self, bones: vtkMultiBlockDataSet) -> None:
+        # The package may be where no other code is loaded from: the folder that somebody works in.
+        root = str(Path(__file__).parents[2])
+        code = f"{preflight.TEST_PICTURE}\nsys.path.append({root!r})\nfrom {__name__} import _work\n_work()"
+        self._said = tempfile.TemporaryFile()  # noqa: SIM115 -- closed by close()
+        self._process = subprocess.Popen(
+            isolated_python(code),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._said,
+        )
+        self._late = threading.Event()
+        self._watch = threading.Timer(preflight.PREFLIGHT_TIMEOUT, self._give_up)
+        self._watch.daemon = True
+        self._watch.start()
+        self._ready = False
+        self._talk = ThreadPoolExecutor(1, "drawing")
+        self._bones = self._talk.submit(self._begin, bones)
+
+    def draw(self, order: FigureOrder, folder: Path) -> Future[tuple[Path, float]]:
+        """Let a figure be drawn into a folder.
+
+        Returns
+        -------
+        Future
+            Of the file, and the time that it took [s]. It raises what went wrong in drawing, or
+            DrawingEndedError.
+        """
+        return self._talk.submit(self._ask, _pickled((order, folder)))
+
+    def bones(self) -> Mapping[str, DrawnBone]:
+        """Wait for the bones as they are drawn, and return them.
+
+        Raises
+        ------
+        DrawingEndedError
+            If no picture can be rendered here; the message is the reason.
+        """
+        return self._bones.result()
+
+    def close(self) -> None:
+        """End the process, whatever it does."""
+        self._watch.cancel()
+        self._process.kill()
+        self._process.wait()
+        self._talk.shutdown(cancel_futures=True)
+        for file in (self._process.stdin, self._process.stdout, self._said):
+            assert file is not None
+            with suppress(OSError):  # what could not be sent is not missed
+                file.close()
+
+    def _begin(self, bones: vtkMultiBlockDataSet) -> Mapping[str, DrawnBone]:
+        self._receive()  # it has rendered the test picture
+        self._watch.cancel()
+        self._ready = True
+        return self._ask(_pickled(dict(blocks_of(bones))))  # type: ignore[no-any-return]
+
+    def _give_up(self) -> None:
+        self._late.set()
+        self._process.kill()
+
+    def _ask(self, question: bytes) -> Any:
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write(question)
+            self._process.stdin.flush()
+        except OSError:
+            raise DrawingEndedError(self._why()) from None
+        return self._receive()
+
+    def _receive(self) -> Any:
+        assert self._process.stdout is not None
+        try:
+            answer = pickle.load(self._process.stdout)
+        except (EOFError, OSError, pickle.UnpicklingError):
+            raise DrawingEndedError(self._why()) from None
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    def _why(self) -> str:
+        """Return in words why the process has ended."""
+        try:
+            status = self._process.wait(_PATIENCE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            status = self._process.wait()
+        if self._late.is_set():
+            return preflight.too_late()
+        self._said.seek(0)
+        said = self._said.read().decode("utf-8", "replace")
+        if not self._ready:
+            return preflight.no_picture(status, said)
+        how = f"crashed ({signal.Signals(-status).name})" if status < 0 else f"ended with status {status}"
+        return f"the process that draws {how}{preflight.last_words(said)}"
+
+
+class _Pickler(pickle.Pickler):
+    """Takes data sets of VTK, and of what is built on it, as those of VTK."""
+
+    def reducer_override(self, one: object) -> Any:
+        return serialize_VTK_data_object(one) if isinstance(one, vtkDataObject) else NotImplemented
+
+
+def _pickled(one: object) -> bytes:
+    data = io.BytesIO()
+    _Pickler(data, _PROTOCOL).dump(one)
+    return data.getvalue()
+
+
+def _work() -> None:
+    """Do what the process is there for, until its input ends: the one that asks is done, or has ended."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one that asks, who ends this one
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what a library prints is no answer
+
+    def answer(found: Any) -> None:
+        pickle.dump(found, answers, _PROTOCOL)
+        answers.flush()
+
+    answer(None)
+    import matplotlib as mpl  # noqa: PLC0415 -- the process that asks needs none
+
+    from vtkmuscle.plotting.studio import Studio  # noqa: PLC0415
+
+    mpl.rcdefaults()  # a matplotlibrc in the working folder may be from elsewhere
+    with suppress(EOFError, BrokenPipeError), Studio() as studio:
+        bones = DrawnBones(multiblock_from(pickle.load(sys.stdin.buffer)))
+        bones.spread()
+        answer(bones.by_name)
+        while True:
+            order, folder = pickle.load(sys.stdin.buffer)
+            before = time.perf_counter()
+            try:
+                answer((order.write(folder, bones, studio), time.perf_counter() - before))
+            except BrokenPipeError:
+                raise
+            except Exception as error:
+                answer(_sendable(error))
+
+
+def _sendable(error: Exception) -> Exception:
+    """Return an error as it can be sent, with where it was raised."""
+    error.add_note("".join(traceback.format_tb(error.__traceback__)))
+    try:
+        pickle.loads(pickle.dumps(error, _PROTOCOL))
+    except Exception:
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return error
