@@ -4,8 +4,9 @@ import numba
 import numpy as np
 import pytest
 
+from vtkmuscle.core import jit
 from vtkmuscle.core.jit import array_kernel, kernel, lane, reduction
-from vtkmuscle.core.kernel_parts import PartLibrary
+from vtkmuscle.core.kernel_parts import KernelLibrary, PartLibrary
 
 
 @kernel
@@ -91,6 +92,22 @@ def test_a_constant_does_not_compile_a_part_again(compiled):
 
     assert both(0.0) == 3.0
     assert [one.py_func.__name__ for one in compiled] == ["shifted", "both"]
+
+
+def test_sums_as_written_are_optimised_once_and_others_as_numba_does(monkeypatch):
+    monkeypatch.setattr(jit, "kernel_cache", lambda _: None)
+
+    def total(values):
+        result = 0.0
+        for value in values:
+            result += value
+        return result
+
+    as_written, in_parts = kernel(total), reduction(total)
+    assert as_written(VALUES) == in_parts(VALUES) == 6.0
+    (written,), (parts,) = as_written.overloads.values(), in_parts.overloads.values()
+    assert isinstance(written.library, KernelLibrary)
+    assert not isinstance(parts.library, KernelLibrary)
 
 
 def test_an_error_in_a_part_is_raised():

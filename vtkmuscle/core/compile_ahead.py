@@ -8,6 +8,7 @@ the folder where kernels are kept, and they meet in the middle.
 from __future__ import annotations
 
 import atexit
+import gc
 import hashlib
 import importlib
 import json
@@ -81,6 +82,7 @@ def _work() -> None:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
                 return
+        gc.disable()  # a third more memory for half a minute, a twentieth of the time
         for module, name, arguments in reversed(json.loads(LIST.read_text(encoding="utf-8"))):
             kernel = getattr(importlib.import_module(module), name)
             kernel.compile(tuple(map(type_of, arguments)))
