@@ -36,13 +36,13 @@ PUBLISHED: Mapping[str, Any] = MappingProxyType(
 #: ========  ==========================  =======================
 #: preset    phantom hip, three muscles  real hip, four muscles
 #: ========  ==========================  =======================
-#: preview   0.20 mm, 0.70               0.32 mm, 0.76
+#: preview   0.19 mm, 0.66               0.35 mm, 0.75
 #: balanced  0.056 mm, 1                 0.059 mm, 1
-#: accurate  0.024 mm, 1.03              0.025 mm, 1.11
+#: accurate  0.024 mm, 1.13              0.021 mm, 1.11
 #: ========  ==========================  =======================
 #:
 #: ``vtkmuscle tradeoff SCENE --every 5 --frames 0:4 --only presets --out FOLDER``. ``taut_resolution=64``
-#: moves muscles by another 0.15 mm on the phantom and 0.32 mm on the real hip, at three times the time.
+#: moves muscles by another 0.15 mm on the phantom and 0.30 mm on the real hip, at three times the time.
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         "preview": {"iterations": 10, "tolerance": 0.5, "taut_resolution": 24},
