@@ -22,7 +22,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from vtkmodules.util.pickle_support import serialize_VTK_data_object
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
 
 from vtkmuscle.data.arrays import blocks_of, multiblock_from
@@ -153,7 +152,12 @@ class _Pickler(pickle.Pickler):
     """Takes data sets of VTK, and of what is built on it, as those of VTK."""
 
     def reducer_override(self, one: object) -> Any:
-        return serialize_VTK_data_object(one) if isinstance(one, vtkDataObject) else NotImplemented
+        if not isinstance(one, vtkDataObject):
+            return NotImplemented
+        # ParaView's own VTK has none, and it draws no figures.
+        from vtkmodules.util.pickle_support import serialize_VTK_data_object  # noqa: PLC0415
+
+        return serialize_VTK_data_object(one)
 
 
 def _pickled(one: object) -> bytes:
