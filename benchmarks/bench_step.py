@@ -203,6 +203,7 @@ def report(muscle: str, measured: dict[str, dict[str, float]], *, stages: bool) 
             f"  {name:28s} {ms[BARE]:7.2f} {ms[STEP]:7.2f} {ms[FIBRES]:7.2f} {whole:7.2f} "
             f"{ms[STEP] / ms[BARE]:7.2f} {whole / ms[BARE]:7.2f}"
         )
+    print("  (bound of the last column: 2; adductor brevis 6 ms, gluteus maximus 12 ms)")
     if stages:
         print(f"\n  {'stage, ms':28s}" + "".join(f" {name[:20]:>20s}" for name in measured))
         for stage in [*STAGES, OTHER]:
