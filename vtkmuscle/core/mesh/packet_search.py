@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from vtkmuscle.core.jit import kernel, vector_kernel
-from vtkmuscle.core.mesh.triangle_distance import nearest_on_triangle
+from vtkmuscle.core.mesh.triangle_distance import distance2_to_box, nearest_on_triangle
 from vtkmuscle.core.types import Floats, Ints
 
 #: Points of a packet. Processors compute four or eight at a time; with 8 the loops are too short for it.
 LANES = 16
+#: The point by which a packet decides into which box it goes first.
+MIDDLE = LANES // 2
 
 
 @vector_kernel
@@ -46,7 +48,8 @@ def search_in_packets(
                 continue
             if node < n_leaves - 1:
                 left, right = 2 * node + 1, 2 * node + 2
-                if _to_middle2(boxes[left], lanes) < _to_middle2(boxes[right], lanes):
+                mx, my, mz = x[MIDDLE], y[MIDDLE], z[MIDDLE]
+                if distance2_to_box(boxes[left], mx, my, mz) < distance2_to_box(boxes[right], mx, my, mz):
                     left, right = right, left
                 stack[size], stack[size + 1] = left, right
                 size += 2
@@ -107,17 +110,6 @@ def _disc_is_near(disc: Floats, x: Floats, y: Floats, z: Floats, best: Floats) -
         up = max(abs(up) - half, 0.0)
         nearer += up * up + aside * aside < best[lane]
     return nearer > 0
-
-
-@kernel
-def _to_middle2(box: Floats, lanes: Floats) -> float:
-    """Return how far a packet's middle point is from a box, squared."""
-    x, y, z = lanes[0, LANES // 2], lanes[1, LANES // 2], lanes[2, LANES // 2]
-    dx = max(box[0] - x, x - box[3], 0.0)
-    dy = max(box[1] - y, y - box[4], 0.0)
-    dz = max(box[2] - z, z - box[5], 0.0)
-    result: float = dx * dx + dy * dy + dz * dz
-    return result
 
 
 @vector_kernel

@@ -1,4 +1,4 @@
-"""The nearest point of a triangle, and the normals from which its side of a surface follows."""
+"""The nearest point of a triangle, and the normals from which its side of a surface follows; boxes."""
 
 from __future__ import annotations
 
@@ -52,6 +52,16 @@ def nearest_on_triangle(  # noqa: PLR0911 -- one for each region
     scale = 1.0 / (va + vb + vc)
     v, w = vb * scale, vc * scale
     return a[0] + v * abx + w * acx, a[1] + v * aby + w * acy, a[2] + v * abz + w * acz, FACE
+
+
+@kernel
+def distance2_to_box(box: Floats, x: float, y: float, z: float) -> float:
+    """Return the squared distance of a point from a box, its low and high corner (6,); 0 inside."""
+    dx = max(box[0] - x, x - box[3], 0.0)
+    dy = max(box[1] - y, y - box[4], 0.0)
+    dz = max(box[2] - z, z - box[5], 0.0)
+    distance2: float = dx * dx + dy * dy + dz * dz
+    return distance2
 
 
 class Sides(NamedTuple):

@@ -10,7 +10,14 @@ import numpy as np
 from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.packet_search import LANES, search_in_packets
 from vtkmuscle.core.mesh.shared import shared
-from vtkmuscle.core.mesh.triangle_distance import FACE, Sides, nearest_on_triangle, pseudonormal_at, sides_of
+from vtkmuscle.core.mesh.triangle_distance import (
+    FACE,
+    Sides,
+    distance2_to_box,
+    nearest_on_triangle,
+    pseudonormal_at,
+    sides_of,
+)
 from vtkmuscle.core.types import Floats, Ints
 
 #: Triangles in a box of the lowest level, on average at most.
@@ -276,15 +283,6 @@ def _fill_normals(sides: Sides, triangles: Ints, regions: Ints, normals: Floats)
 
 
 @kernel
-def _distance2_to_box(box: Floats, x: float, y: float, z: float) -> float:
-    dx = max(box[0] - x, x - box[3], 0.0)
-    dy = max(box[1] - y, y - box[4], 0.0)
-    dz = max(box[2] - z, z - box[5], 0.0)
-    distance2: float = dx * dx + dy * dy + dz * dz
-    return distance2
-
-
-@kernel
 def _foot(corners: Floats, query: Floats, foot: Floats) -> float:
     """Put the foot of the perpendicular onto a triangle's plane into foot (3,); return its length.
 
@@ -370,8 +368,8 @@ def _search(
                 continue
             if node < n_leaves - 1:
                 left, right = 2 * node + 1, 2 * node + 2
-                to_left = _distance2_to_box(boxes[left], x, y, z)
-                to_right = _distance2_to_box(boxes[right], x, y, z)
+                to_left = distance2_to_box(boxes[left], x, y, z)
+                to_right = distance2_to_box(boxes[right], x, y, z)
                 if to_left < to_right:
                     left, right, to_left, to_right = right, left, to_right, to_left
                 stack[size], near[size] = left, to_left

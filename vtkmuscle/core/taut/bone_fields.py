@@ -33,7 +33,8 @@ class BoneFields:
 
     A signed distance grid for collision knows a narrow band around a bone. Fibres keep the thickness of the
     tissue away from it, centimetres, but only in a few places: blocks of 8 x 8 x 8 cells are computed when a
-    query first comes to them, from the triangles, and the values do not depend on the order of the queries.
+    query first comes to them, from the triangles. But for rounding the values do not depend on the order of
+    the queries.
 
     Parameters
     ----------
