@@ -46,6 +46,7 @@ def kernel(function: F) -> F:
     return _compiled(function)
 
 
+#: For a function that makes arrays, the same.
 array_kernel = kernel
 
 
