@@ -7,9 +7,9 @@ import numpy as np
 
 from vtkmuscle import phantoms
 from vtkmuscle.core.collision.obstacles import bone_axes
-from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread
+from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.taut.paths import POINTS, TautPaths
-from vtkmuscle.core.taut.via_rings import via_ring
+from vtkmuscle.core.paths.via_rings import via_ring
 from vtkmuscle.data.arrays import blocks_of, point_array, points_of, polylines_of, triangles_of
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.filters import FixedPointDetector

@@ -7,7 +7,7 @@ from phantom_oracles import moved_centres, slope, taut_length
 from vtkmuscle import Scene
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.taut.via_rings import passes_through, via_ring, within_ring
+from vtkmuscle.core.paths.via_rings import passes_through, via_ring, within_ring
 from vtkmuscle.data.arrays import cell_array, points_of, triangles_of
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.filters import FibreMetrics

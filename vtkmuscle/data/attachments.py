@@ -12,7 +12,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.errors import InputError, placed
-from vtkmuscle.core.taut.via_rings import ViaRing, via_ring
+from vtkmuscle.core.paths.via_rings import ViaRing, via_ring
 from vtkmuscle.data.arrays import (
     Polylines,
     blocks_of,
@@ -108,7 +108,7 @@ def attachments_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentAre
     ------
     ValueError
         For a block without landmarks, with a coordinate that is not finite, or without its arrays; for a via
-        ring that is not closed, or that :func:`vtkmuscle.core.taut.via_rings.via_ring` refuses.
+        ring that is not closed, or that :func:`vtkmuscle.core.paths.via_rings.via_ring` refuses.
     """
     areas = []
     for name, block in blocks_of(data):
@@ -141,7 +141,7 @@ def end_areas(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]:
 def via_rings_of(data: vtkMultiBlockDataSet, where: str) -> list[AttachmentArea]:
     """Return the rings that a muscle passes through, as :func:`attachments_of` does, but no ends.
 
-    Their planes and polygons: :func:`vtkmuscle.core.taut.via_rings.via_ring`.
+    Their planes and polygons: :func:`vtkmuscle.core.paths.via_rings.via_ring`.
     """
     return [area for area in attachments_of(data, where) if area.role == VIA]
 

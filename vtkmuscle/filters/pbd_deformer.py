@@ -16,7 +16,7 @@ from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.pbd.muscle_model import FixedMuscle, MuscleModel, MuscleShape
 from vtkmuscle.core.pbd.solver import MuscleSolver
 from vtkmuscle.core.pbd.state import MuscleState
-from vtkmuscle.core.taut.via_rings import ViaRing
+from vtkmuscle.core.paths.via_rings import ViaRing
 from vtkmuscle.core.types import Ints
 from vtkmuscle.data.arrays import (
     blocks_of,

@@ -12,7 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.mesh.surface import survey
-from vtkmuscle.core.taut.via_rings import passes_through, via_ring
+from vtkmuscle.core.paths.via_rings import passes_through, via_ring
 from vtkmuscle.data.arrays import checked_surface, points_of, surface_from
 from vtkmuscle.data.attachments import VIA, AttachmentArea
 from vtkmuscle.data.superficial import checked_superficial

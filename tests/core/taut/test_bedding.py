@@ -9,7 +9,7 @@ from taut_phantoms import fibres_along
 
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.taut.bedding import bedding_of
-from vtkmuscle.core.taut.bundles import bundle_of
+from vtkmuscle.core.paths.bundles import bundle_of
 from vtkmuscle.core.taut.paths import TautPaths
 from vtkmuscle.phantoms.meshing import mesh_of
 from vtkmuscle.phantoms.straps import cord

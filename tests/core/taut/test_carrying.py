@@ -8,7 +8,7 @@ from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
 from vtkmuscle.core.taut.carrying import GREATEST_STRETCH, THINNING, Carrier
-from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread, lines_on_surface
+from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread, lines_on_surface
 from vtkmuscle.core.taut.paths import POINTS
 
 TURN = rotation_about((10.0, -20.0, 30.0), np.array([1.0, 2.0, 2.0]) / 3.0, 65.0)

@@ -8,7 +8,7 @@ from taut_phantoms import strung_phantom
 
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
-from vtkmuscle.core.taut.lines import STAND_INS, bones_at_ends, evenly_spread, lines_on_surface
+from vtkmuscle.core.paths.lines import STAND_INS, bones_at_ends, evenly_spread, lines_on_surface
 
 
 def spread(line, count):

@@ -5,7 +5,7 @@ from taut_phantoms import COURSES, fibres_along, strung_phantom
 
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
-from vtkmuscle.core.taut.tissue import directions_along, tissue_between
+from vtkmuscle.core.paths.tissue import directions_along, tissue_between
 
 
 def between(make, across, outward, bone):

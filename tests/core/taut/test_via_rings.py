@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.taut.via_rings import (
+from vtkmuscle.core.paths.via_rings import (
     in_ring_plane,
     inside_polygon,
     moved_ring,

@@ -22,9 +22,9 @@ from vtkmuscle.core.pbd.solver import MuscleSolver
 from vtkmuscle.core.pbd.state import MuscleState
 from vtkmuscle.core.taut.carrying import Passengers
 from vtkmuscle.core.taut.guidance import Guidance
-from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread, lines_on_surface
+from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread, lines_on_surface
 from vtkmuscle.core.taut.paths import POINTS, TautPaths
-from vtkmuscle.core.taut.via_rings import ViaRing
+from vtkmuscle.core.paths.via_rings import ViaRing
 from vtkmuscle.core.types import Floats, Ints
 
 #: Points (n, 3) of polylines, one after the other [mm], and the first point of each, and n, (k + 1,).

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.taut.bundles import Bundle
+from vtkmuscle.core.paths.bundles import Bundle
 from vtkmuscle.core.taut.places import nearest_segment, part_of_segment, turn_back
-from vtkmuscle.core.taut.tissue import smoothed_along
+from vtkmuscle.core.paths.tissue import smoothed_along
 from vtkmuscle.core.types import Bools, Floats
 
 #: The course that is held is smoothed along the fibre, for strings have corners on bones: standard deviation

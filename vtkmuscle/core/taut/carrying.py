@@ -10,9 +10,9 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.jit import array_kernel, kernel, reduction
 from vtkmuscle.core.mesh.ring_rotations import nearest_rotation
-from vtkmuscle.core.taut.bundles import nearest, to_nothing
+from vtkmuscle.core.paths.bundles import nearest, to_nothing
 from vtkmuscle.core.taut.paths import TautPaths, TautState
-from vtkmuscle.core.taut.tissue import directions_along
+from vtkmuscle.core.paths.tissue import directions_along
 from vtkmuscle.core.types import Floats, Ints
 
 #: Points of strings that a point of the surface goes with, and that a string's point shares its turn with,

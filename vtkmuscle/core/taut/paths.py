@@ -15,12 +15,12 @@ from vtkmuscle.core.motion.blending import screw_between
 from vtkmuscle.core.motion.rigid import inverse
 from vtkmuscle.core.taut.bedding import bedding_of, no_bedding
 from vtkmuscle.core.taut.bone_fields import BoneFields
-from vtkmuscle.core.taut.bundles import bundle_of
+from vtkmuscle.core.paths.bundles import bundle_of
 from vtkmuscle.core.taut.ring_contact import Rings
 from vtkmuscle.core.taut.string_arrays import Fields, Memory, Tissue
 from vtkmuscle.core.taut.strings import pull_taut
-from vtkmuscle.core.taut.tissue import directions_along, smoothed_along, tissue_between
-from vtkmuscle.core.taut.via_rings import ViaRing, in_ring_plane, is_inside, moved_ring, nearest_on_polygon
+from vtkmuscle.core.paths.tissue import directions_along, smoothed_along, tissue_between
+from vtkmuscle.core.paths.via_rings import ViaRing, in_ring_plane, is_inside, moved_ring, nearest_on_polygon
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Points of a string. Strings of 17 points round a cylinder of 30 mm have moment arms 1 % less than those of

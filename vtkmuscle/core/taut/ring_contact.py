@@ -8,7 +8,7 @@ import numpy as np
 
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.taut.springs import PUSH, add_spring
-from vtkmuscle.core.taut.via_rings import is_inside, nearest_on_polygon
+from vtkmuscle.core.paths.via_rings import is_inside, nearest_on_polygon
 from vtkmuscle.core.types import Floats, Ints
 
 

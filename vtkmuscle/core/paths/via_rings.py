@@ -71,7 +71,7 @@ def via_ring(landmarks: Floats) -> ViaRing:
     Examples
     --------
     >>> import numpy as np
-    >>> from vtkmuscle.core.taut.via_rings import via_ring
+    >>> from vtkmuscle.core.paths.via_rings import via_ring
     >>> ring = via_ring(np.array([(0.0, 0.0, 5.0), (2.0, 0.0, 5.0), (2.0, 2.0, 5.0), (0.0, 2.0, 5.0)]))
     >>> ring.centre.tolist(), ring.normal.tolist()
     ([1.0, 1.0, 5.0], [0.0, 0.0, 1.0])

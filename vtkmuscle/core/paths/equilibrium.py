@@ -1,0 +1,238 @@
+"""The equilibrium of a sheet of paths: forces of springs, neighbours and surroundings, and their stiffness.
+
+The unknowns are the points of f paths of n points each, the ends of which are given. One energy has all that
+acts on them; its gradient and a positive part of its second derivatives (blocks 3 x 3 of each point, -1 between
+neighbours along a path, and a spring's along its own direction between neighbours across) are what Newton's method
+needs. Its steps are solved by conjugate gradients, preconditioned by the paths one by one, which are block
+tridiagonal.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vtkmuscle.core.jit import kernel, reduction
+from vtkmuscle.core.paths.neighbours import Neighbours
+from vtkmuscle.core.types import Floats
+
+#: A step of conjugate gradients ends the solve where what is left of the residual, in the norm of the
+#: preconditioner, is this part of what it was. Of 0.1 and 0.01 the same number of Newton's steps results.
+REDUCTION = 0.1
+
+#: Steps of conjugate gradients in a step of Newton's, at most.
+STEPS = 60
+
+
+@kernel
+def add_springs(x: Floats, held: Floats, pull: Floats, gradient: Floats, blocks: Floats) -> None:
+    """Write the gradient and the blocks of springs along paths and of what holds each point.
+
+    E = sum |x_{i+1} - x_i|^2 / 2 + sum x_i . (A_i x_i / 2 - b_i).
+
+    Parameters
+    ----------
+    x : (f, n, 3) array
+        Positions [mm].
+    held : (f, n, 6) array
+        A: xx, xy, xz, yy, yz, zz.
+    pull : (f, n, 3) array
+        b [mm].
+    gradient : (f, n, 3) array
+        Overwritten.
+    blocks : (f, n, 6) array
+        Overwritten; symmetric, as A.
+    """
+    f, n, _ = x.shape
+    for a in range(f):
+        for i in range(1, n - 1):
+            k = held[a, i]
+            p, q, r = x[a, i, 0], x[a, i, 1], x[a, i, 2]
+            gradient[a, i, 0] = k[0] * p + k[1] * q + k[2] * r
+            gradient[a, i, 1] = k[1] * p + k[3] * q + k[4] * r
+            gradient[a, i, 2] = k[2] * p + k[4] * q + k[5] * r
+            for c in range(3):
+                gradient[a, i, c] += 2.0 * x[a, i, c] - x[a, i - 1, c] - x[a, i + 1, c] - pull[a, i, c]
+            for c in range(6):
+                blocks[a, i, c] = k[c]
+            blocks[a, i, 0] += 2.0
+            blocks[a, i, 3] += 2.0
+            blocks[a, i, 5] += 2.0
+        for c in range(3):
+            gradient[a, 0, c] = gradient[a, n - 1, c] = 0.0
+
+
+@kernel
+def add_neighbours(
+    x: Floats, neighbours: Neighbours, gradient: Floats, blocks: Floats, directions: Floats
+) -> None:
+    """Add the springs between neighbours, E = sum c (|x_i - x_j| - d)^2 / 2, and write their directions (m, 3).
+
+    Arrays of points are (f n, ...) here. Of a spring's second derivatives those along it count.
+    """
+    for e in range(len(neighbours.pairs)):
+        i, j = neighbours.pairs[e, 0], neighbours.pairs[e, 1]
+        u, v, w = x[i, 0] - x[j, 0], x[i, 1] - x[j, 1], x[i, 2] - x[j, 2]
+        length = math.sqrt(u * u + v * v + w * w)
+        c = neighbours.stiffness[e]
+        force = c * (length - neighbours.distances[e])
+        if length > 0.0:
+            u, v, w = u / length, v / length, w / length
+        directions[e, 0], directions[e, 1], directions[e, 2] = u, v, w
+        for k, sign in ((i, 1.0), (j, -1.0)):
+            s = sign * force
+            gradient[k, 0], gradient[k, 1], gradient[k, 2] = (
+                gradient[k, 0] + s * u,
+                gradient[k, 1] + s * v,
+                gradient[k, 2] + s * w,
+            )
+            add_direction(blocks[k], c, u, v, w)
+
+
+@kernel
+def add_direction(block: Floats, stiffness: float, u: float, v: float, w: float) -> None:
+    """Add the stiffness s d d^T along a direction d to a point's block (6,)."""
+    block[0] += stiffness * u * u
+    block[1] += stiffness * u * v
+    block[2] += stiffness * u * w
+    block[3] += stiffness * v * v
+    block[4] += stiffness * v * w
+    block[5] += stiffness * w * w
+
+
+@reduction
+def newton_step(
+    gradient: Floats,
+    blocks: Floats,
+    neighbours: Neighbours,
+    directions: Floats,
+    work: Floats,
+    step: Floats,
+) -> float:
+    """Write the step of Newton's method, (f, n, 3), and return its slope: gradient . step, negative.
+
+    Parameters
+    ----------
+    gradient, blocks, neighbours, directions
+        As of the functions above; ``blocks`` (f, n, 6).
+    work : (5, f, n, 6) array
+        Working memory.
+    step : (f, n, 3) array
+        Overwritten.
+    """
+    inverses = work[0]
+    residual, solved, way, image = work[1, :, :, :3], work[2, :, :, :3], work[3, :, :, :3], work[4, :, :, :3]
+    _invert(blocks, inverses)
+    f, n, _ = gradient.shape
+    for a in range(f):
+        for i in range(n):
+            for c in range(3):
+                residual[a, i, c] = -gradient[a, i, c]
+                step[a, i, c] = 0.0
+    _solve_paths(inverses, residual, solved)
+    left = _dot(residual, solved)
+    aim = REDUCTION * REDUCTION * left
+    for a in range(f):
+        for i in range(n):
+            for c in range(3):
+                way[a, i, c] = solved[a, i, c]
+    for _ in range(STEPS):
+        if not left > aim:
+            break
+        _multiply(blocks, neighbours, directions, way, image)
+        curvature = _dot(way, image)
+        if not curvature > 0.0:
+            break
+        part = left / curvature
+        for a in range(f):
+            for i in range(n):
+                for c in range(3):
+                    step[a, i, c] += part * way[a, i, c]
+                    residual[a, i, c] -= part * image[a, i, c]
+        _solve_paths(inverses, residual, solved)
+        before, left = left, _dot(residual, solved)
+        for a in range(f):
+            for i in range(n):
+                for c in range(3):
+                    way[a, i, c] = solved[a, i, c] + left / before * way[a, i, c]
+    return _dot(gradient, step)
+
+
+@reduction
+def _dot(a: Floats, b: Floats) -> float:
+    """Return the sum of the products of (f, n, 3) arrays, inner points only."""
+    total = 0.0
+    f, n, _ = a.shape
+    for k in range(f):
+        for i in range(1, n - 1):
+            for c in range(3):
+                total += a[k, i, c] * b[k, i, c]
+    return total
+
+
+@kernel
+def _invert(blocks: Floats, inverses: Floats) -> None:
+    """Write the inverse blocks of the elimination of each path's matrix, -1 beside its blocks."""
+    f, n, _ = blocks.shape
+    for k in range(f):
+        for i in range(1, n - 1):
+            h = inverses[k, i]
+            for c in range(6):
+                h[c] = blocks[k, i, c] - (inverses[k, i - 1, c] if i > 1 else 0.0)
+            a, b, c0, d, e, g = h[0], h[1], h[2], h[3], h[4], h[5]
+            size = 1.0 / (a * (d * g - e * e) + b * (c0 * e - b * g) + c0 * (b * e - c0 * d))
+            h[0], h[1], h[2] = size * (d * g - e * e), size * (c0 * e - b * g), size * (b * e - c0 * d)
+            h[3], h[4], h[5] = size * (a * g - c0 * c0), size * (b * c0 - a * e), size * (a * d - b * b)
+
+
+@kernel
+def _solve_paths(inverses: Floats, right: Floats, y: Floats) -> None:
+    """Solve each path's equations for the right sides (f, n, 3)."""
+    f, n, _ = right.shape
+    for k in range(f):
+        for c in range(3):
+            y[k, 0, c] = y[k, n - 1, c] = 0.0
+        for i in range(1, n - 1):
+            for c in range(3):
+                y[k, i, c] = right[k, i, c]
+            if i > 1:
+                _add_product(inverses[k, i - 1], y[k, i - 1], y[k, i])
+        for i in range(n - 2, 0, -1):
+            p, q, r = y[k, i, 0], y[k, i, 1], y[k, i, 2]
+            if i < n - 2:
+                p, q, r = p + y[k, i + 1, 0], q + y[k, i + 1, 1], r + y[k, i + 1, 2]
+            h = inverses[k, i]
+            y[k, i, 0] = h[0] * p + h[1] * q + h[2] * r
+            y[k, i, 1] = h[1] * p + h[3] * q + h[4] * r
+            y[k, i, 2] = h[2] * p + h[4] * q + h[5] * r
+
+
+@kernel
+def _add_product(block: Floats, x: Floats, y: Floats) -> None:
+    y[0] += block[0] * x[0] + block[1] * x[1] + block[2] * x[2]
+    y[1] += block[1] * x[0] + block[3] * x[1] + block[4] * x[2]
+    y[2] += block[2] * x[0] + block[4] * x[1] + block[5] * x[2]
+
+
+@kernel
+def _multiply(blocks: Floats, neighbours: Neighbours, directions: Floats, x: Floats, y: Floats) -> None:
+    """Write the product of the matrix with x (f, n, 3), 0 at the ends."""
+    f, n, _ = x.shape
+    for k in range(f):
+        for c in range(3):
+            y[k, 0, c] = y[k, n - 1, c] = 0.0
+        for i in range(1, n - 1):
+            for c in range(3):
+                y[k, i, c] = -x[k, i - 1, c] - x[k, i + 1, c]
+            _add_product(blocks[k, i], x[k, i], y[k, i])
+    for e in range(len(neighbours.pairs)):
+        i, j = neighbours.pairs[e, 0], neighbours.pairs[e, 1]
+        c = neighbours.stiffness[e]
+        a, b = x[i // n, i % n], x[j // n, j % n]
+        y_a, y_b = y[i // n, i % n], y[j // n, j % n]
+        u, v, w = directions[e, 0], directions[e, 1], directions[e, 2]
+        on_a = c * (u * b[0] + v * b[1] + w * b[2])
+        on_b = c * (u * a[0] + v * a[1] + w * a[2])
+        y_a[0], y_a[1], y_a[2] = y_a[0] - on_a * u, y_a[1] - on_a * v, y_a[2] - on_a * w
+        y_b[0], y_b[1], y_b[2] = y_b[0] - on_b * u, y_b[1] - on_b * v, y_b[2] - on_b * w

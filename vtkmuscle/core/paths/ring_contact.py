@@ -1,0 +1,167 @@
+"""Paths kept within via rings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.paths.bone_contact import pressure_at
+from vtkmuscle.core.paths.equilibrium import add_direction
+from vtkmuscle.core.paths.via_rings import ViaRing, is_inside, moved_ring, nearest_on_polygon
+from vtkmuscle.core.types import Floats, Ints
+
+
+class Rings(NamedTuple):
+    """Via rings now, and how far paths are outside of them at rest.
+
+    Attributes
+    ----------
+    frames : (r, 4, 3) array
+        Centre [mm], unit normal, and the two axes of the plane of each ring.
+    corners : (c, 2) array
+        Of all rings' polygons, along the axes about the centre [mm].
+    offsets : (r + 1,) int array
+        First corner of each ring, and c.
+    outside : (r, f) array
+        How far outside a path may be, as it is at rest [mm].
+    """
+
+    frames: Floats
+    corners: Floats
+    offsets: Ints
+    outside: Floats
+
+
+def rings_at(
+    rings: Sequence[tuple[int, ViaRing]], transforms: Floats, middle: Floats, outside: Floats
+) -> Rings:
+    """Return rings, each with the number of its bone, where these are, about a point."""
+    moved = [moved_ring(ring, transforms[bone]) for bone, ring in rings]
+    frames = np.array([[ring.centre - middle, ring.normal, *ring.axes] for ring in moved]).reshape(-1, 4, 3)
+    corners = np.concatenate([np.empty((0, 2)), *(ring.corners for ring in moved)])
+    offsets = np.cumsum([0, *(len(ring.corners) for ring in moved)])
+    return Rings(frames, corners, offsets, outside)
+
+
+@kernel
+def hold_in_rings(x: Floats, rings: Rings, rounding: float, points: Ints) -> None:
+    """Write which point of each path each ring holds, (r, f), 0 for none.
+
+    A path that crosses a ring's plane outside of it is held by its point next to there, and let go when that
+    is inside. Only a point in the plane bends where the ring is.
+    """
+    for ring in range(len(rings.frames)):
+        frame = rings.frames[ring]
+        corners = rings.corners[rings.offsets[ring] : rings.offsets[ring + 1]]
+        for a in range(len(x)):
+            i = points[ring, a]
+            if i > 0:
+                if outside_at(frame, corners, x[a, i])[3] <= rings.outside[ring, a] - rounding:
+                    points[ring, a] = 0
+                continue
+            segment, part, s, t = crossing(frame, x[a])
+            if segment >= 0 and way_to_edge(corners, s, t)[2] > rings.outside[ring, a]:
+                i = segment if part < 0.5 else segment + 1
+                points[ring, a] = min(max(i, 1), x.shape[1] - 2)
+
+
+@kernel
+def add_rings(
+    x: Floats,
+    rings: Rings,
+    points: Ints,
+    push: float,
+    rounding: float,
+    gradient: Floats,
+    blocks: Floats,
+    held: Floats,
+) -> None:
+    """Add the forces of rings on the points that they hold, and write how hard they press, (r, f, n) [mm].
+
+    A ring's edge pushes as a bone does (:func:`~vtkmuscle.core.paths.bone_contact.pressure_at`), at right angles
+    to the ring's normal, and keeps the point in its plane.
+    """
+    held[:] = 0.0
+    for ring in range(len(rings.frames)):
+        frame = rings.frames[ring]
+        corners = rings.corners[rings.offsets[ring] : rings.offsets[ring + 1]]
+        for a in range(len(x)):
+            i = points[ring, a]
+            if i == 0:
+                continue
+            height, u, v, way = outside_at(frame, corners, x[a, i])
+            force, stiff = pressure_at(rings.outside[ring, a] - way, push, rounding)
+            for c in range(3):
+                gradient[a, i, c] += push * height * frame[1, c]
+            add_direction(blocks[a, i], push, frame[1, 0], frame[1, 1], frame[1, 2])
+            if force > 0.0 and way != 0.0:
+                p, q = u / way, v / way
+                held[ring, a, i] = force
+                for c in range(3):
+                    gradient[a, i, c] -= force * (p * frame[2, c] + q * frame[3, c])
+                add_direction(
+                    blocks[a, i],
+                    stiff,
+                    p * frame[2, 0] + q * frame[3, 0],
+                    p * frame[2, 1] + q * frame[3, 1],
+                    p * frame[2, 2] + q * frame[3, 2],
+                )
+
+
+@kernel
+def outside_at(frame: Floats, corners: Floats, at: Floats) -> tuple[float, float, float, float]:
+    """Return a point's height over a ring's plane, the way to the ring's edge along its axes, and its length.
+
+    All [mm]; the length is negative for a point inside.
+    """
+    height, s, t = 0.0, 0.0, 0.0
+    for c in range(3):
+        away = at[c] - frame[0, c]
+        height, s, t = height + away * frame[1, c], s + away * frame[2, c], t + away * frame[3, c]
+    u, v, way = way_to_edge(corners, s, t)
+    return height, u, v, way
+
+
+@kernel
+def way_to_edge(corners: Floats, s: float, t: float) -> tuple[float, float, float]:
+    """Return the way from a place of a ring's plane to its polygon's edge, and its length, negative inside."""
+    u, v = nearest_on_polygon(corners, s, t)
+    way = np.sqrt((u - s) ** 2 + (v - t) ** 2)
+    return u - s, v - t, -way if is_inside(corners, s, t) else way
+
+
+@kernel
+def crossing(frame: Floats, p: Floats) -> tuple[int, float, float, float]:
+    """Return where a path crosses a ring's plane nearest to its centre.
+
+    Segment, the part of it that is before, and the place along the plane's axes [mm]; segment -1 for nowhere.
+    """
+    nearest, segment, part, s, t = np.inf, -1, 0.0, 0.0, 0.0
+    for i in range(len(p) - 1):
+        low, high, u, v, du, dv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for c in range(3):
+            away, along = p[i, c] - frame[0, c], p[i + 1, c] - p[i, c]
+            low += away * frame[1, c]
+            high += (away + along) * frame[1, c]
+            u, v = u + away * frame[2, c], v + away * frame[3, c]
+            du, dv = du + along * frame[2, c], dv + along * frame[3, c]
+        if (low < 0.0) == (high < 0.0):
+            continue
+        at = low / (low - high)
+        u, v = u + at * du, v + at * dv
+        if u * u + v * v < nearest:
+            nearest, segment, part, s, t = u * u + v * v, i, at, u, v
+    return segment, part, s, t
+
+
+@kernel
+def outside_of(rings: Rings, x: Floats, outside: Floats) -> None:
+    """Write how far outside of rings paths (f, n, 3) cross their planes, (r, f) [mm]."""
+    for ring in range(len(rings.frames)):
+        corners = rings.corners[rings.offsets[ring] : rings.offsets[ring + 1]]
+        for a in range(len(x)):
+            segment, _, s, t = crossing(rings.frames[ring], x[a])
+            outside[ring, a] = max(way_to_edge(corners, s, t)[2], 0.0) if segment >= 0 else 0.0

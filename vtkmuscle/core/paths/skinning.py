@@ -1,0 +1,334 @@
+"""A muscle's surface and fibres taken along by its paths: linear blend skinning with frames by shape matching."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.ring_rotations import nearest_rotation
+from vtkmuscle.core.paths.sheet import MusclePaths, PathState
+from vtkmuscle.core.paths.tissue import directions_along
+from vtkmuscle.core.types import Floats, Ints
+
+#: Paths that take a point of the surface along, at most: those of the nearest points of paths, of which so many
+#: are looked at.
+CARRIERS, LOOKED_AT = 8, 64
+
+#: Paths beside one whose points turn with its own, with it, and the weights of their points so many before to
+#: so many behind: a binomial, as wide as a cubic B-spline.
+BESIDE, WINDOW = 12, (1.0, 4.0, 6.0, 4.0, 1.0)
+
+#: How much of a turn comes from the bones: it decides where paths do not, as all of them are on a line.
+FROM_BONES = 0.02
+
+#: Bounds of the stretch, beyond which none is sensible (a muscle works between about 0.5 and 1.6).
+LEAST_STRETCH, GREATEST_STRETCH = 0.25, 4.0
+
+#: Distances below this part of the muscle's thickness are the same.
+LEAST_APART = 1e-3
+
+
+class SkinningWeights(NamedTuple):
+    """Which points of paths take points along.
+
+    Attributes
+    ----------
+    points : (p, 3) array
+        At rest [mm].
+    carriers : (p, c) int array
+        Points of paths, those of one after those of another.
+    weights : (p, c) array
+        Rows sum to 1.
+    """
+
+    points: Floats
+    carriers: Ints
+    weights: Floats
+
+
+class Skinning:
+    """Takes a muscle along with its paths: where it is before volume and bones are heeded.
+
+    Around each point of a path the muscle turns as the points beside it have turned together (shape matching;
+    Müller, Heidelberger, Teschner, Gross 2005, doi:10.1145/1073204.1073216), is as much longer along the path
+    as this is, and thinner across by as much as keeps its volume. A point of the surface goes with the paths
+    nearest to it, with each by the four points about the place where it lies beside that, weighted by a cubic
+    B-spline: the surface is as smooth along the paths as these, however few points they have. Near the fixed
+    points it goes with the bone. At rest nothing moves.
+
+    Parameters
+    ----------
+    paths : MusclePaths
+        The paths.
+    surface : (v, 3) array
+        The muscle at rest [mm].
+    fixed_to : (v,) int array
+        Bone that each point is fixed to, -1 for free ones.
+    """
+
+    def __init__(self, paths: MusclePaths, surface: Floats, fixed_to: Ints) -> None:
+        self._paths = paths
+        rest = paths.rest.points
+        f, n, _ = rest.shape
+        self._rest: Floats = rest.reshape(-1, 3)
+        self._tangents: Floats = directions_along(rest).reshape(-1, 3)
+        least = LEAST_APART * paths.thickness
+        count = min(BESIDE, f)
+        self._beside = np.empty((f, n, count), dtype=np.int64)
+        self._parts = np.empty((f, n, count))
+        for i in range(n):
+            apart, found = cKDTree(rest[:, i]).query(rest[:, i], k=range(1, count + 1))
+            self._beside[:, i], self._parts[:, i] = found, falling_weights(apart, least)
+        self._surface = self._weights_of(surface, least)
+        fixed = np.flatnonzero(fixed_to >= 0)
+        apart, nearest = cKDTree(surface[fixed]).query(surface)
+        self._bone: Ints = fixed_to[fixed][nearest]
+        self._with_bone: Floats = np.exp(-0.5 * (2.0 * apart / paths.thickness) ** 2)
+
+    def _weights_of(self, points: Floats, least: float) -> SkinningWeights:
+        f, n, _ = self._paths.rest.points.shape
+        tree = cKDTree(self._rest)
+        _, near = tree.query(points, k=range(1, min(LOOKED_AT, tree.n) + 1))
+        count = min(CARRIERS, f)
+        carriers = np.empty((len(points), 4 * count), dtype=np.int64)
+        weights = np.empty(carriers.shape)
+        apart, at = np.empty((len(points), count)), np.empty((len(points), count))
+        paths = np.empty((len(points), count), dtype=np.int64)
+        _places_beside(points, self._rest.reshape(f, n, 3), near, paths, apart, at)
+        parts = falling_weights(apart, least)
+        low = np.clip(at.astype(np.int64), 0, n - 2)
+        t = (at - low)[:, :, None]
+        spline = np.concatenate(
+            [
+                (1.0 - t) ** 3 / 6.0,
+                (3.0 * t**3 - 6.0 * t**2 + 4.0) / 6.0,
+                (-3.0 * t**3 + 3.0 * t**2 + 3.0 * t + 1.0) / 6.0,
+                t**3 / 6.0,
+            ],
+            axis=2,
+        )
+        nodes = np.clip(low[:, :, None] + np.arange(-1, 3), 0, n - 1) + n * paths[:, :, None]
+        carriers[:] = nodes.reshape(len(points), -1)
+        weights[:] = (parts[:, :, None] * spline).reshape(len(points), -1)
+        return SkinningWeights(np.ascontiguousarray(points), carriers, weights)
+
+    def weights_of_fibres(self, points: Floats, offsets: Ints) -> SkinningWeights:
+        """Return the weights of points (p, 3) of the fibres that the paths were made from, each with its path.
+
+        offsets : (f + 1,) int array
+            First point of each fibre, and p.
+        """
+        n = self._paths.fibres.shape[1]
+        carriers, weights = np.empty((len(points), 2), dtype=np.int64), np.empty((len(points), 2))
+        for fibre, (begin, end) in enumerate(pairwise(offsets)):
+            steps = np.linalg.norm(np.diff(points[begin:end], axis=0), axis=1)
+            along = np.concatenate([[0.0], np.cumsum(steps)])
+            at = along / max(along[-1], np.finfo(float).tiny) * (n - 1)
+            low = np.minimum(at.astype(np.int64), n - 2)
+            carriers[begin:end] = fibre * n + low[:, None] + np.arange(2)
+            weights[begin:end] = np.column_stack([1.0 - (at - low), at - low])
+        return SkinningWeights(np.ascontiguousarray(points), carriers, weights)
+
+    def at(self, state: PathState) -> SkinnedMuscle:
+        """Return the muscle as its paths take it along in a pose."""
+        paths = self._paths
+        f, n, _ = state.points.shape
+        stretch = (state.lengths / paths.rest.lengths).clip(LEAST_STRETCH, GREATEST_STRETCH)
+        part = np.linspace(0.0, 1.0, n)[None, :, None, None]
+        first, last = (state.transforms[b][:, None, :3, :3] for b in (paths.start_bones, paths.end_bones))
+        turns = np.ascontiguousarray((1.0 - part) * first + part * last)
+        frames = np.empty((f * n, 3, 3))
+        least = (LEAST_APART * paths.thickness) ** 2
+        _frames(
+            paths.rest.points, state.points, self._beside, self._parts, np.array(WINDOW), turns,
+            self._tangents, stretch, least, frames,
+        )  # fmt: skip
+        muscle = SkinnedMuscle(self._rest, state.points.reshape(-1, 3), frames, np.empty((0, 3)))
+        moved, points = muscle.points(self._surface), self._surface.points
+        transforms = state.transforms[self._bone]
+        with_bone = np.einsum("vij,vj->vi", transforms[:, :3, :3], points) + transforms[:, :3, 3]
+        moved += self._with_bone[:, None] * (with_bone - moved)
+        return muscle._replace(surface=moved)
+
+
+class SkinnedMuscle(NamedTuple):
+    """A muscle as its paths take it along in a pose.
+
+    Attributes
+    ----------
+    rest, nodes : (f n, 3) arrays
+        Points of the paths at rest and now [mm].
+    frames : (f n, 3, 3) array
+        How the muscle turns and stretches about each.
+    surface : (v, 3) array
+        Points of its surface [mm].
+    """
+
+    rest: Floats
+    nodes: Floats
+    frames: Floats
+    surface: Floats
+
+    def points(self, weights: SkinningWeights) -> Floats:
+        """Return where points are taken, (p, 3) [mm]."""
+        moved = np.empty_like(weights.points)
+        _skin(self.rest, self.nodes, self.frames, weights.carriers, weights.weights, weights.points, moved)
+        return moved
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes, but for what all poses share [bytes]."""
+        return self.frames.nbytes + self.surface.nbytes
+
+
+def falling_weights(distances: Floats, least: float) -> Floats:
+    """Return weights for distances (m, k), ascending: Gaussian, 0 at the last, rows sum to 1.
+
+    Distances below ``least`` are all the same.
+    """
+    width = np.maximum(distances[:, -1:] / 2.0, least)
+    values = np.exp(-0.5 * (distances / width) ** 2)
+    less = values - values[:, -1:]
+    values = np.where(less[:, :1] > 1e-9, less, values)  # of those equally far rounding would choose one
+    weights: Floats = values / values.sum(axis=1, keepdims=True)
+    return weights
+
+
+@kernel
+def _places_beside(
+    points: Floats, paths: Floats, near: Ints, found: Ints, apart: Floats, at: Floats
+) -> None:
+    """Write the paths nearest to points (v, 3), ascending, how far they are, and where along them that is.
+
+    near : (v, k) int array
+        Points of paths, ascending by distance; paths that have none among these count as far as the last.
+    """
+    n = paths.shape[1]
+    for v in range(len(points)):
+        count = 0
+        for k in range(near.shape[1]):
+            path = near[v, k] // n
+            known = False
+            for c in range(count):
+                known = known or found[v, c] == path
+            if known or count == found.shape[1]:
+                continue
+            apart[v, count], at[v, count] = _nearest_place(points[v], paths[path], near[v, k] % n)
+            found[v, count] = path
+            count += 1
+        for c in range(count, found.shape[1]):
+            found[v, c], apart[v, c], at[v, c] = found[v, count - 1], np.inf, at[v, count - 1]
+        for c in range(1, count):  # ascending: sorted by insertion
+            k = c
+            while k > 0 and apart[v, k] < apart[v, k - 1]:
+                found[v, k], found[v, k - 1] = found[v, k - 1], found[v, k]
+                apart[v, k], apart[v, k - 1] = apart[v, k - 1], apart[v, k]
+                at[v, k], at[v, k - 1] = at[v, k - 1], at[v, k]
+                k -= 1
+        for c in range(count, found.shape[1]):
+            apart[v, c] = apart[v, count - 1]
+
+
+@kernel
+def _nearest_place(point: Floats, path: Floats, node: int) -> tuple[float, float]:
+    """Return how far a path is beside one of its points, and where along it, in segments."""
+    best, place = np.inf, 0.0
+    for j in range(max(node - 1, 0), min(node + 1, len(path) - 1)):
+        ahead, length2 = 0.0, 0.0
+        for c in range(3):
+            step = path[j + 1, c] - path[j, c]
+            ahead += (point[c] - path[j, c]) * step
+            length2 += step * step
+        part = min(max(ahead / length2, 0.0), 1.0) if length2 > 0.0 else 0.0
+        squared = 0.0
+        for c in range(3):
+            squared += (path[j, c] + part * (path[j + 1, c] - path[j, c]) - point[c]) ** 2
+        if squared < best:
+            best, place = squared, j + part
+    return np.sqrt(best), place
+
+
+@kernel
+def _frames(
+    rest: Floats,
+    now: Floats,
+    beside: Ints,
+    parts: Floats,
+    window: Floats,
+    turns: Floats,
+    tangents: Floats,
+    stretch: Floats,
+    least: float,
+    frames: Floats,
+) -> None:
+    """Write F = R (g I + (l - g) t t^T), g = l^(-1/2), for each point of each path.
+
+    R takes the points beside it from rest to now best, in the least squares sense (Arun, Huang, Blostein
+    1987, doi:10.1109/TPAMI.1987.4767965), and a little the bones' turn.
+    """
+    f, n, _ = rest.shape
+    reach = len(window) // 2
+    r, work, before, after = np.empty((3, 3)), np.empty((6, 3)), np.empty(3), np.empty(3)
+    for a in range(f):
+        for i in range(n):
+            r[:] = 0.0
+            before[:], after[:] = 0.0, 0.0
+            total, variance = 0.0, 0.0
+            for k in range(beside.shape[2]):
+                other = beside[a, i, k]
+                for j in range(max(i - reach, 0), min(i + reach + 1, n)):
+                    w = parts[a, i, k] * window[j - i + reach]
+                    total += w
+                    for c in range(3):
+                        p, q = rest[other, j, c] - rest[a, i, c], now[other, j, c] - now[a, i, c]
+                        before[c] += w * p
+                        after[c] += w * q
+                        variance += w * p * p
+                        for d in range(3):
+                            r[c, d] += w * q * (rest[other, j, d] - rest[a, i, d])
+            for c in range(3):
+                variance -= before[c] * before[c] / total
+                for d in range(3):
+                    r[c, d] -= after[c] * before[d] / total
+            bones = FROM_BONES * (variance + total * least)
+            for c in range(3):
+                for d in range(3):
+                    r[c, d] += bones * turns[a, i, c, d]
+            nearest_rotation(r, work)
+            node, along = a * n + i, stretch[a]
+            across = 1.0 / np.sqrt(along)
+            for c in range(3):
+                turned = 0.0
+                for d in range(3):
+                    turned += r[c, d] * tangents[node, d]
+                for d in range(3):
+                    frames[node, c, d] = across * r[c, d] + (along - across) * turned * tangents[node, d]
+
+
+@kernel
+def _skin(
+    rest: Floats,
+    nodes: Floats,
+    frames: Floats,
+    carriers: Ints,
+    weights: Floats,
+    points: Floats,
+    moved: Floats,
+) -> None:
+    """Write where points go: the weighted mean of where each carrier takes them."""
+    for v in range(len(points)):
+        x, y, z = 0.0, 0.0, 0.0
+        for j in range(carriers.shape[1]):
+            k, w = carriers[v, j], weights[v, j]
+            if w == 0.0:
+                continue
+            a, b, c = points[v, 0] - rest[k, 0], points[v, 1] - rest[k, 1], points[v, 2] - rest[k, 2]
+            m = frames[k]
+            x += w * (nodes[k, 0] + m[0, 0] * a + m[0, 1] * b + m[0, 2] * c)
+            y += w * (nodes[k, 1] + m[1, 0] * a + m[1, 1] * b + m[1, 2] * c)
+            z += w * (nodes[k, 2] + m[2, 0] * a + m[2, 1] * b + m[2, 2] * c)
+        moved[v, 0], moved[v, 1], moved[v, 2] = x, y, z

@@ -1,0 +1,134 @@
+"""What lies round a muscle's paths at rest, and holds them in every pose: bones, tissue, the muscle's own pressure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from vtkmuscle.core.mesh.solids import Solids
+from vtkmuscle.core.mesh.triangle_tree import TriangleTree
+from vtkmuscle.core.paths.bundles import bundle_of
+from vtkmuscle.core.paths.neighbours import MODULUS
+from vtkmuscle.core.paths.tissue import directions_along, smoothed_along, tissue_between
+from vtkmuscle.core.types import Floats, Ints
+
+#: What is measured between a fibre and the bones is smoothed along the fibre by a Gaussian of this standard
+#: deviation, as a part of its length: the thickness of the tissue, and the direction aside of the fibre.
+THICKNESS_SMOOTHING, ASIDE_SMOOTHING = 1.0 / 32.0, math.sqrt(2.0) / 32.0
+
+#: A bone's normal must be this much across a fibre, as a sine, to tell which way is aside; from half more on
+#: it is sure.
+LEAST_ACROSS = 0.3
+
+#: The layer of tissue between a path and a bone that it is held aside over is at least so thick, in
+#: thicknesses of the muscle: its stiffness would be infinite where a fibre touches.
+LEAST_LAYER = 0.25
+
+#: Width of the bundle whose bow tissue outside of the muscle holds, in thicknesses of the muscle.
+BUNDLE = 2.0
+
+
+class Surroundings(NamedTuple):
+    """What holds each point of each path, by the bone that it moves with.
+
+    Attributes
+    ----------
+    standoff : (b, f, n) array
+        Tissue between the point and the bone: no path comes nearer there [mm].
+    force : (b, f, n, 3) array
+        With which the point is pushed at rest, in the units of a path's springs [mm].
+    stiffness : (b, f, n, 3, 3) array
+        By which that force falls as the point leaves its place at rest, seen from the bone [1].
+    shares : (b, f, n) array
+        Part of what holds the point that each bone bears; they sum to 1.
+    """
+
+    standoff: Floats
+    force: Floats
+    stiffness: Floats
+    shares: Floats
+
+
+def surroundings_of(
+    fibres: Floats,
+    start_bones: Ints,
+    end_bones: Ints,
+    bones: Mapping[int, Solids],
+    muscle: TriangleTree,
+    thickness: float,
+) -> Surroundings:
+    """Return what holds fibres as they are at rest.
+
+    A chain of springs needs the force 2 x_i - x_{i-1} - x_{i+1} at each point to stay on a course x that is
+    not straight. At rest that force is there, so what bears it can be told:
+
+    * a bone, as far as it pushes along its normal and the muscle lies on it: it lets go as soon as the path
+      leaves it. Where there is a gap below a thickness between muscle and bone, it bears the less;
+    * the muscle's own pressure, where fibres beside each other bow apart. It does not change;
+    * tissue round the muscle, where all of a bundle bows and no bone is near: a hamstring lies on other
+      muscles and under a fascia. It is an elastic foundation (Winkler) at right angles to the fibre, whose
+      force changes by what it is at rest as the path goes aside by a thickness.
+
+    A path also shears the tissue between it and the bones that it comes from when it goes aside over them:
+    a layer as thick as the distance d, of the stiffness m (L / d)^2 as between neighbours
+    (:data:`~vtkmuscle.core.paths.neighbours.MODULUS`). Each bone's part of that falls along the fibre, from
+    all at its end to none at the other.
+
+    Parameters
+    ----------
+    fibres : (f, n, 3) array
+        At rest, evenly spread [mm].
+    start_bones, end_bones : (f,) int arrays
+        The bones of the ends.
+    bones : mapping of int to Solids
+        At rest, by their number.
+    muscle : TriangleTree
+        Its surface at rest.
+    thickness : float
+        2 V / A of the muscle [mm].
+    """
+    f, n, _ = fibres.shape
+    shape = (len(bones), f, n)
+    standoff, aside = np.zeros(shape), np.zeros((*shape, 3, 3))
+    distances = np.zeros(shape)
+    rest = np.zeros_like(fibres)
+    rest[:, 1:-1] = 2.0 * fibres[:, 1:-1] - fibres[:, :-2] - fibres[:, 2:]
+    tangents = directions_along(fibres)
+    lengths = np.linalg.norm(np.diff(fibres, axis=1), axis=2).sum(axis=1)[:, None]
+    along = np.linspace(0.0, 1.0, n)[None]
+    for bone, (number, solids) in enumerate(bones.items()):
+        distance, outward, tissue = tissue_between(fibres, tangents, solids, muscle)
+        standoff[bone] = np.minimum(smoothed_along(tissue, THICKNESS_SMOOTHING), distance)
+        distances[bone] = distance
+        gap = np.clip((distance - standoff[bone]) / thickness, 0.0, 1.0)
+        pushes = (1.0 - gap**2) ** 2 * np.maximum(np.einsum("fni,fni->fn", rest, outward), 0.0)
+        rest -= pushes[..., None] * outward
+        side = smoothed_along(np.cross(tangents, outward), ASIDE_SMOOTHING)
+        across = np.linalg.norm(side, axis=2)
+        side /= np.maximum(across, np.finfo(float).tiny)[..., None]
+        part = (start_bones == number)[:, None] * (1.0 - along) + (end_bones == number)[:, None] * along
+        layer = np.maximum(distance, LEAST_LAYER * thickness)
+        held = MODULUS * (lengths / (layer * (n - 1))) ** 2 * part
+        held = held * np.clip(2.0 * (across - LEAST_ACROSS), 0.0, 1.0)
+        aside[bone] = held[..., None, None] * side[..., :, None] * side[..., None, :]
+    shares = shares_by_distance(distances)
+    bow = bundle_of(fibres, BUNDLE * thickness).mean(rest.reshape(-1, 3)).reshape(rest.shape)
+    across_fibre = np.eye(3) - tangents[..., :, None] * tangents[..., None, :]
+    bed = (np.linalg.norm(bow, axis=2) / thickness)[..., None, None] * across_fibre
+    return Surroundings(
+        standoff, shares[..., None] * rest, aside + shares[..., None, None] * bed, shares
+    )
+
+
+def shares_by_distance(distances: Floats) -> Floats:
+    """Return shares (b, ...) that fall with the squares of distances (b, ...) [mm] and sum to 1.
+
+    Shepard 1968, doi:10.1145/800186.810616.
+    """
+    least = np.finfo(float).eps * max(float(np.max(distances, initial=0.0)), 1.0)
+    near = 1.0 / np.maximum(distances, least) ** 2
+    shares: Floats = near / near.sum(axis=0)
+    return shares
