@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.ring_rotations import nearest_rotation
 from vtkmuscle.core.motion.rigid import inverse
+from vtkmuscle.core.motion.twists import screws
 from vtkmuscle.core.types import Floats
 
 #: Least norm that a blended quaternion is divided by.
@@ -122,11 +123,9 @@ def screw_between(start: Floats, end: Floats, fraction: float) -> Floats:
     """
     if fraction >= 1.0:
         return end
-    motion = end @ inverse(start)
-    turn = Rotation.from_matrix(motion[:3, :3]).as_rotvec()
+    slide, turn = np.split(screws((end @ inverse(start))[None])[0], 2)
     part = np.eye(4)
     part[:3, :3] = Rotation.from_rotvec(fraction * turn).as_matrix()
-    slide = np.linalg.solve(_left_jacobian(turn), motion[:3, 3])
     part[:3, 3] = fraction * _left_jacobian(fraction * turn) @ slide
     result: Floats = part @ start
     return result
