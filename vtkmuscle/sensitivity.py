@@ -183,6 +183,7 @@ def _spreads(scene: Scene, cause: str, amount: float, samples: int, seed: int) -
             values[name],
         )
         for name in scene.muscles
+        if lengths[name]  # a muscle on one bone has no paths
     }
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import cell_array, field_array, polylines_of, set_cell_array
@@ -58,17 +59,28 @@ def path_arrays(points: Floats, wrenches: Floats, bones: Sequence[str]) -> dict[
     return arrays
 
 
-def add_paths(fibres: vtkPolyData, muscle: Any, taut: vtkPolyData | None) -> None:
-    """Add paths to the fibres that they are of: those of the deformed muscle, or else the taut fibres."""
+def add_paths(fibres: vtkPolyData, muscle: Any, taut: vtkPolyData | None, where: str) -> None:
+    """Add their paths to fibres: those of the deformed muscle, or else the taut fibres.
+
+    Raises
+    ------
+    ValueError
+        If taut fibres are no paths, or not one for each fibre.
+    """
     found: dict[str, NDArray[Any]] = {}
-    count, data = fibres.GetNumberOfCells(), muscle.GetFieldData()
-    for name in _names(data):
+    count = fibres.GetNumberOfCells()
+    for name in _names(muscle.GetFieldData()):
         values = field_array(muscle, name) if name.startswith("Path") else None
         if values is not None and len(values) == count:
             found[name] = values
-    if not found and taut is not None and taut.GetNumberOfCells() == count:
-        paths = paths_of(taut, "taut fibres")
-        if paths is not None:
+    if taut is not None:
+        paths = paths_of(taut, where)
+        if paths is None or len(paths.lengths) != count:
+            there = (
+                "they have no cell array 'PathLength'" if paths is None else f"there are {len(paths.lengths)}"
+            )
+            raise InputError(where, there, f"connect TautFibres for the same {count} fibre(s)")
+        if not found:
             found = {PATH_LENGTH: paths.lengths, PATH_POINTS: paths.points.reshape(count, -1)}
             found |= {PATH_WRENCH + bone: values for bone, values in paths.wrenches.items()}
     for name, values in found.items():
@@ -81,14 +93,11 @@ def _names(data: Any) -> list[str]:
 
 def paths_of(fibres: vtkPolyData, where: str) -> Paths | None:
     """Return the paths that fibres have with them, None where they have none."""
-    data = fibres.GetCellData()
+    lines, data = polylines_of(fibres, where), fibres.GetCellData()
     if not data.HasArray(PATH_LENGTH):
         return None
     lengths = np.array(cell_array(fibres, PATH_LENGTH, where))
-    if data.HasArray(PATH_POINTS):
-        points = np.array(cell_array(fibres, PATH_POINTS, where))
-    else:
-        points = polylines_of(fibres, where).points
+    points = np.array(cell_array(fibres, PATH_POINTS, where)) if data.HasArray(PATH_POINTS) else lines.points
     wrenches = {
         name.removeprefix(PATH_WRENCH): np.array(cell_array(fibres, name, where))
         for name in _names(data)

@@ -155,7 +155,8 @@ class FibreTransport(Filter):
     ------
     ValueError
         If there are no fibres, if a muscle is no triangle mesh or the rest muscle is not closed, if a
-        coordinate is not finite, or if the deformed muscle has not as many points as the muscle at rest.
+        coordinate is not finite, if the deformed muscle has not as many points as the muscle at rest, or if
+        ``paths`` are not one for each fibre.
 
     References
     ----------
@@ -243,7 +244,7 @@ class FibreTransport(Filter):
         set_cell_array(result, "RestLength", polyline_lengths(lines.points, lines.offsets))
         set_field_array(result, "PointsOutside", int((rest.gap > rest.slack).sum()))
         set_field_array(result, "WeightError", rest.error)
-        add_paths(result, deformed_muscle, paths)
+        add_paths(result, deformed_muscle, paths, "FibreTransport: paths")
         return result
 
     def _carried(self, muscle: vtkPolyData, count: int) -> tuple[Floats, Floats] | None:
