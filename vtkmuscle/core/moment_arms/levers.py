@@ -14,9 +14,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from vtkmuscle.core.moment_arms.differences import Differences, differences_by
+from vtkmuscle.core.motion.blending import screws
 from vtkmuscle.core.motion.frames import inverses
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.core.motion.twists import screws
 from vtkmuscle.core.types import Floats, Ints
 
 

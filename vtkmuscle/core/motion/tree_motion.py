@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.motion.blending import screws
 from vtkmuscle.core.motion.coordinates import TRANSLATIONS, Coordinate
 from vtkmuscle.core.motion.frames import inverses
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.motion.tree import KinematicTree
-from vtkmuscle.core.motion.twists import screws
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 
