@@ -16,7 +16,7 @@ FOLDER = Path(__file__).parents[2] / "benchmarks"
 DRAWN = {
     "bones made coarser",
     "pictures",
-    "regressions of moment arms",
+    "moment arms of muscles",
     "thousands of pixels drawn",
     "triangles drawn",
     "windows opened",
