@@ -10,7 +10,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.pbd.muscle_model import FixedMuscle
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread
-from vtkmuscle.core.taut.paths import POINTS, TautPaths, TautState
+from vtkmuscle.core.paths.sheet import POINTS, MusclePaths, PathState
 from vtkmuscle.data.arrays import (
     Polylines,
     checked_surface,
@@ -31,19 +31,18 @@ from vtkmuscle.filters.bone_motion import bones_of
 _WHERE = "TautFibres: bones"
 
 
-class TautFibres(HistoryFilter[TautState]):
-    """Pull fibres taut round the moving bones: lengths and moment arms without solving a muscle's volume.
+class TautFibres(HistoryFilter[PathState]):
+    """Pull fibres taut round the moving bones: the paths of a muscle, without its volume.
 
-    Each fibre is a string between its ends, which go with their bones. It keeps away from each bone by what
-    of the muscle lay between it and the bone at that place at rest. Where the muscle lies on the bone of the
-    fibre's origin, a string keeps its course over that bone: it may slide along it and lift off, but does not
-    slip off sideways. It passes through via rings. It has no friction and no stiffness otherwise, so that
-    -dl/dq of its length is the lever of its pull about the axis of the coordinate q.
+    Each fibre is the path of its part of the muscle, from bone to bone: its length is that of the
+    musculotendon unit, and its pull has the moment arm. It keeps away from each bone by what of the muscle
+    lies between the two at rest, keeps its distance from the paths beside it, has the bow that it has at rest
+    where no bone holds that, and passes through via rings. Otherwise it is as short as it can be. All paths
+    of a muscle are one sheet, whose energy has a minimum there (:mod:`vtkmuscle.core.paths.sheet`).
 
-    PBDDeformer follows the same strings. They cost a small part of a solve, and know nothing of a muscle that
-    bulges, or of the volume that it keeps.
+    PBDDeformer carries a muscle by the same paths. Alone they cost a part of that.
 
-    Where bones have time steps, each pose is reached from the one before, however it is asked for; a string
+    Where bones have time steps, each pose is reached from the one before, however it is asked for; a path
     that can lie on either side of a bone is where that way leads.
 
     Raises
@@ -54,9 +53,8 @@ class TautFibres(HistoryFilter[TautState]):
 
     References
     ----------
-    Hintermüller, Ito, Kunisch 2002, *The primal-dual active set strategy as a semismooth Newton method*,
-    doi:10.1137/S1052623401383558, for how strings are solved; Modenese, Kohout 2020, doi:10.1007/s10439-020-
-    02490-4, for the moment arms that they are compared with in the documentation.
+    Modenese, Kohout 2020, doi:10.1007/s10439-020-02490-4, for the moment arms that they are compared with in
+    the documentation.
 
     Examples
     --------
@@ -79,16 +77,8 @@ class TautFibres(HistoryFilter[TautState]):
         default=POINTS - 1,
         minimum=4,
         maximum=1000,
-        doc="Segments of a string. Strings of 16 round a cylinder have moment arms 1 % less than those of 32 "
+        doc="Segments of a path. Paths of 16 round a cylinder have moment arms 1 % less than those of 32 "
         "and 64, which agree; the time grows with it.",
-    )
-    hold: Parameter[float | None] = Parameter(
-        float,
-        default=None,
-        minimum=0.0,
-        units="mm",
-        doc="Gap between the muscle and the bone of its origin up to which a fibre is kept from slipping off "
-        "sideways; None is V / A of the muscle, half its mean thickness; 0: never.",
     )
     checkpoint_memory = Parameter(
         float,
@@ -112,28 +102,28 @@ class TautFibres(HistoryFilter[TautState]):
     attachments = InputPort(
         vtkMultiBlockDataSet,
         optional=True,
-        doc="For the via rings among them, which strings pass through.",
+        doc="For the via rings among them, which paths pass through.",
     )
     output = OutputPort(
         vtkPolyData,
-        doc="The strings, with the cell and field arrays of the rest fibres and the cell arrays ``Length``, "
-        "``TautLength`` (the same) and ``RestLength`` (pulled taut at rest) [mm], ``Ratio`` (of the two), "
-        "``Contact`` (points that a bone pushes), ``PathLength`` (the length again, as that of the paths) "
+        doc="The paths, with the cell and field arrays of the rest fibres and the cell arrays ``Length``, "
+        "``TautLength`` (the same) and ``RestLength`` (at rest) [mm], ``Ratio`` (of the two), "
+        "``Contact`` (points that bones or rings press on), ``PathLength`` (the length again, as that of the paths) "
         "and "
-        "``PathWrench_BONE`` (6), force [1] and moment about the origin [mm] that a string of unit tension "
-        "exerts on each bone, and the field array ``UnsettledFibres``, how many did not come to rest.",
+        "``PathWrench_BONE`` (6), force [1] and moment about the origin [mm] that a path of unit tension "
+        "exerts on each bone, and the field array ``Unsettled``, 1 where the sheet did not come to rest.",
     )
 
     moving = ("bones",)
 
     def __init__(self, **settings: Any) -> None:
         self._rest_bones = RestBones(_WHERE)
-        self._paths: TautPaths | None = None
+        self._paths: MusclePaths | None = None
         self._rest: FixedMuscle | None = None
         super().__init__(**settings)
 
     def forget(self) -> None:
-        """Drop all poses, and the strings."""
+        """Drop all poses, and the paths."""
         super().forget()
         self._paths = None
 
@@ -144,14 +134,14 @@ class TautFibres(HistoryFilter[TautState]):
         bones: vtkMultiBlockDataSet,
         attachments: vtkMultiBlockDataSet | None,
     ) -> vtkPolyData:
-        """Return the strings at the time asked for."""
+        """Return the paths at the time asked for."""
         names = list(bones_of(bones, _WHERE))
         if self._is_new(rest_fibres, rest_muscle, names, attachments):
             self._prepare(bones_of(self.data_at("bones", bones, self.path[0]), _WHERE))
         paths = self._paths
         assert paths is not None
 
-        def advance(before: TautState | None, now: vtkMultiBlockDataSet) -> TautState:
+        def advance(before: PathState | None, now: vtkMultiBlockDataSet) -> PathState:
             transforms = transforms_of(bones_of(now, _WHERE), _WHERE)
             pose = paths.follow(paths.rest if before is None else before, transforms)
             self.report_part(1.0)
@@ -166,7 +156,7 @@ class TautFibres(HistoryFilter[TautState]):
         names: list[str],
         attachments: vtkMultiBlockDataSet | None,
     ) -> bool:
-        """Take what the strings are made from; return whether that is another than before."""
+        """Take what the paths are made from; return whether that is another than before."""
         lines = polylines_of(rest_fibres, "TautFibres: rest_fibres")
         where = "TautFibres: rest_muscle"
         points, triangles = checked_surface(rest_muscle, where)
@@ -187,25 +177,24 @@ class TautFibres(HistoryFilter[TautState]):
         return True
 
     def _prepare(self, bones: dict[str, vtkPolyData]) -> None:
-        """Make the strings at rest."""
+        """Make the paths at rest."""
         given = self._rest
         assert given is not None
         assert given.fibres is not None
         self._rest_bones.take(bones, transforms_of(bones, _WHERE), collision="sdf")
         fibres = evenly_spread(*given.fibres, self.resolution + 1)
         with placed("TautFibres: rest_fibres"):
-            self._paths = TautPaths(
+            self._paths = MusclePaths(
                 fibres,
                 *bones_at_ends(fibres, given.points, given.fixed_to),
                 given.points,
                 given.triangles,
                 {bone.bone: (bone.points, bone.triangles, bone.axes) for bone in self._rest_bones.obstacles},
                 rings=given.rings,
-                hold=self.hold,
             )
 
     def _result(
-        self, rest_fibres: vtkPolyData, paths: TautPaths, state: TautState, bones: list[str]
+        self, rest_fibres: vtkPolyData, paths: MusclePaths, state: PathState, bones: list[str]
     ) -> vtkPolyData:
         count, n, _ = state.points.shape
         result: vtkPolyData = with_polylines(
@@ -220,8 +209,8 @@ class TautFibres(HistoryFilter[TautState]):
             ("TautLength", lengths),
             ("RestLength", rest),
             ("Ratio", lengths / rest),
-            ("Contact", state.pushed.any(axis=0).sum(axis=1)),
+            ("Contact", state.contacts),
         ):
             set_cell_array(result, name, values)
-        set_field_array(result, "UnsettledFibres", state.unsettled)
+        set_field_array(result, "Unsettled", int(not state.settled))
         return result

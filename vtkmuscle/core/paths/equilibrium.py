@@ -17,9 +17,9 @@ from vtkmuscle.core.jit import kernel, reduction
 from vtkmuscle.core.paths.neighbours import Neighbours
 from vtkmuscle.core.types import Floats
 
-#: A step of conjugate gradients ends the solve where what is left of the residual, in the norm of the
-#: preconditioner, is this part of what it was. Of 0.1 and 0.01 the same number of Newton's steps results.
-REDUCTION = 0.1
+#: Part of the residual that conjugate gradients leave in a step of Newton's method: of 0.1 and 0.01 the same
+#: number of these results. And where the response to a move of a bone is asked for, which nothing corrects.
+STEP_LEFT, RESPONSE_LEFT = 0.1, 1e-3
 
 #: Steps of conjugate gradients in a step of Newton's, at most.
 STEPS = 60
@@ -107,6 +107,7 @@ def newton_step(
     blocks: Floats,
     neighbours: Neighbours,
     directions: Floats,
+    left_over: float,
     work: Floats,
     step: Floats,
 ) -> float:
@@ -116,6 +117,9 @@ def newton_step(
     ----------
     gradient, blocks, neighbours, directions
         As of the functions above; ``blocks`` (f, n, 6).
+    left_over : float
+        A step of conjugate gradients ends the solve where what is left of the residual, in the norm of the
+        preconditioner, is this part of what it was.
     work : (5, f, n, 6) array
         Working memory.
     step : (f, n, 3) array
@@ -132,7 +136,7 @@ def newton_step(
                 step[a, i, c] = 0.0
     _solve_paths(inverses, residual, solved)
     left = _dot(residual, solved)
-    aim = REDUCTION * REDUCTION * left
+    aim = left_over * left_over * left
     for a in range(f):
         for i in range(n):
             for c in range(3):

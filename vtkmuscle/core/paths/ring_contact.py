@@ -165,3 +165,26 @@ def outside_of(rings: Rings, x: Floats, outside: Floats) -> None:
         for a in range(len(x)):
             segment, _, s, t = crossing(rings.frames[ring], x[a])
             outside[ring, a] = max(way_to_edge(corners, s, t)[2], 0.0) if segment >= 0 else 0.0
+
+
+def ring_loads(
+    x: Floats, rings: Rings, ring: int, points: Ints, held: Floats, push: float
+) -> tuple[Floats, Floats]:
+    """Return the forces (f, n, 3) and stiffnesses (f, n, 3, 3) of a ring on the points of paths x (f, n, 3).
+
+    points, held : (f,) int and (f, n) arrays
+        The points that the ring holds, and how hard it presses.
+    """
+    force, stiffness = np.zeros_like(x), np.zeros((*x.shape, 3))
+    frame = rings.frames[ring]
+    corners = rings.corners[rings.offsets[ring] : rings.offsets[ring + 1]]
+    for a in np.flatnonzero(points):
+        i = points[a]
+        height, u, v, way = outside_at(frame, corners, x[a, i])
+        force[a, i] = -push * height * frame[1]
+        stiffness[a, i] = push * np.outer(frame[1], frame[1])
+        if held[a, i] > 0.0:
+            into = (u * frame[2] + v * frame[3]) / way
+            force[a, i] += held[a, i] * into
+            stiffness[a, i] += push * np.outer(into, into)
+    return force, stiffness

@@ -14,11 +14,12 @@ from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.blending import screw_between
 from vtkmuscle.core.motion.rigid import inverse
 from vtkmuscle.core.paths.bone_contact import FIRST_PUSH, PUSH, BoneContacts, add_contacts
-from vtkmuscle.core.paths.equilibrium import add_neighbours, add_springs, newton_step
+from vtkmuscle.core.paths.equilibrium import RESPONSE_LEFT, STEP_LEFT, add_neighbours, add_springs, newton_step
 from vtkmuscle.core.paths.neighbours import neighbours_of
-from vtkmuscle.core.paths.ring_contact import Rings, add_rings, hold_in_rings, outside_of, rings_at
+from vtkmuscle.core.paths.ring_contact import Rings, add_rings, hold_in_rings, outside_of, ring_loads, rings_at
 from vtkmuscle.core.paths.surroundings import surroundings_of
 from vtkmuscle.core.paths.via_rings import ViaRing
+from vtkmuscle.core.paths.wrenches import path_wrenches
 from vtkmuscle.core.types import Floats, Ints
 
 #: Points of a path. Paths of 17 points round a cylinder of 30 mm have moment arms 1 % less than those of
@@ -43,6 +44,9 @@ LARGEST_MOVE = 4.0
 #: with, but no more often than that.
 _RISE, _SHORTENED = 0.5, 8
 
+#: How far a bone is moved to see how its push changes, in thicknesses of the muscle.
+SMALL_MOVE = 1e-4
+
 #: Bones whose moves differ by less than this have moved together: paths go with them as they are [mm].
 _TOGETHER = 1e-9
 
@@ -57,9 +61,9 @@ class PathState:
         [mm].
     transforms : (b, 4, 4) array
         Of the bones, rest to now.
-    shares : (b, f, n) array
-        Part of what holds each point that each bone bears: bones and rings as hard as they press, tissue
-        besides.
+    wrenches : (f, b, 6) array
+        By which each path does work as each bone moves, at unit tension: force [1], moment about the origin
+        [mm]; see :func:`~vtkmuscle.core.paths.wrenches.path_wrenches`.
     contacts : (f,) int array
         Points of each path that bones or rings press on.
     settled : bool
@@ -68,7 +72,7 @@ class PathState:
 
     points: Floats
     transforms: Floats
-    shares: Floats
+    wrenches: Floats
     contacts: Ints
     settled: bool = True
 
@@ -81,7 +85,7 @@ class PathState:
     @property
     def nbytes(self) -> int:
         """Memory that it takes [bytes]."""
-        return sum(array.nbytes for array in (self.points, self.transforms, self.shares, self.contacts))
+        return sum(array.nbytes for array in (self.points, self.transforms, self.wrenches, self.contacts))
 
 
 class MusclePaths:
@@ -177,7 +181,7 @@ class MusclePaths:
         known = _padded(before.transforms, transforms)
         moves = _moves(known, transforms)
         if np.ptp(moves, axis=0).max() <= _TOGETHER:
-            return replace(before, points=self._with_bones(before.points, moves), transforms=transforms)
+            return self._together(before, moves, transforms)
         steps = math.ceil(self._carried(known, transforms) / (LARGEST_MOVE * self._segment))
         state = replace(before, transforms=known)
         for number in range(1, steps + 1):
@@ -187,6 +191,14 @@ class MusclePaths:
                 pose = np.array([screw_between(a, b, number / steps) for a, b in pairs])
             state = self._settle(self._with_bones(state.points, _moves(state.transforms, pose)), pose)
         return state
+
+    def _together(self, before: PathState, moves: Floats, transforms: Floats) -> PathState:
+        """Return the paths after all bones have moved alike."""
+        turn, shift = moves[0, :3, :3], moves[0, :3, 3]
+        wrenches = np.concatenate([before.wrenches[..., :3] @ turn.T, before.wrenches[..., 3:] @ turn.T], axis=2)
+        wrenches[..., 3:] += np.cross(shift, wrenches[..., :3])
+        points = self._with_bones(before.points, moves)
+        return replace(before, points=points, transforms=transforms, wrenches=wrenches)
 
     def _carried(self, before: Floats, now: Floats) -> float:
         """Return how far the bones carry the paths' ends against each other's bones, at most [mm]."""
@@ -239,8 +251,9 @@ class MusclePaths:
             elif -slope < enough:
                 settled = True
                 break
-        shares, contacts = pose.shares()
-        return PathState(x + middle, transforms, shares, contacts, settled)
+        wrenches = pose.wrenches(x)
+        wrenches[:, :, 3:] += np.cross(middle, wrenches[:, :, :3])
+        return PathState(x + middle, transforms, wrenches, pose.contacts(), settled)
 
 
 class _Pose:
@@ -248,9 +261,9 @@ class _Pose:
 
     def __init__(self, paths: MusclePaths, transforms: Floats, middle: Floats) -> None:
         around, numbers = paths._around, paths._numbers
+        self._paths, self._around = paths, around
         self._neighbours, self._contacts = paths._neighbours, paths._contacts
-        self._shares, self._ring_bones = around.shares, [bone for bone, _ in paths._rings]
-        self._numbers = numbers
+        self._numbers, self._ring_bones = numbers, [bone for bone, _ in paths._rings]
         self._moved = np.array(transforms)
         self._moved[:, :3, 3] -= middle
         f, n, _ = paths.fibres.shape
@@ -295,22 +308,61 @@ class _Pose:
     def step(self) -> float:
         """Compute the step of Newton's method, ``way``, and return its slope."""
         return float(
-            newton_step(self.gradient, self._blocks, self._neighbours, self._directions, self._work, self.way)
+            newton_step(
+                self.gradient, self._blocks, self._neighbours, self._directions, STEP_LEFT, self._work, self.way
+            )
         )
 
-    def shares(self) -> tuple[Floats, Ints]:
-        """Return what part of each point each bone bears (b, f, n), and how many of each path are pressed."""
-        presses = np.zeros((len(self._moved), *self._pressure.shape[1:]))
-        presses[self._numbers] = self._pressure
-        for bone, held in zip(self._ring_bones, self._ring_pressure, strict=True):
-            presses[bone] += held
-        total = presses.sum(axis=0)
-        tissue = np.zeros_like(presses)
-        tissue[self._numbers] = self._shares
-        if not len(self._numbers):
-            tissue[0] = 1.0
-        shares: Floats = np.where(total > 0.0, presses / np.where(total > 0.0, total, 1.0), tissue)
-        return shares, (total > 0.0).sum(axis=1)
+    def contacts(self) -> Ints:
+        """Return how many points of each path bones and rings press on, (f,)."""
+        presses: Ints = ((self._pressure > 0.0).any(axis=0) | (self._ring_pressure > 0.0).any(axis=0)).sum(axis=1)
+        return presses
+
+    def wrenches(self, x: Floats) -> Floats:
+        """Return the wrenches of the paths at x, which was looked at last, about its origin."""
+        ends = self._paths.start_bones, self._paths.end_bones
+        moving = sorted({*ends[0].tolist(), *ends[1].tolist(), *self._numbers.tolist(), *self._ring_bones})
+
+        def change(bone: int, velocity: Floats, turn: Floats) -> Floats:
+            return self._change(x, bone, velocity, turn)
+
+        def response(gradient: Floats) -> Floats:
+            newton_step(
+                gradient, self._blocks, self._neighbours, self._directions, RESPONSE_LEFT, self._work, self.way
+            )
+            return self.way
+
+        return path_wrenches(x, *ends, moving, len(self._moved), change, response)
+
+    def _change(self, x: Floats, bone: int, velocity: Floats, turn: Floats) -> Floats:
+        """Return how the gradient at x changes as a bone moves; see :data:`ChangeOfGradient`."""
+        change = np.zeros_like(x)
+        for k in np.flatnonzero(self._numbers == bone):
+            rotation, shift = self._moved[bone, :3, :3], self._moved[bone, :3, 3]
+            held = rotation @ self._around.stiffness[k] @ rotation.T
+            home = self._paths.fibres @ rotation.T + shift
+            force = self._around.force[k] @ rotation.T - np.einsum("fnij,fnj->fni", held, x - home)
+            change -= np.einsum("fnij,fnj->fni", held, velocity) + np.cross(turn, force)
+            # The bone's surface curves: its normals where the points will be, seen from the bone.
+            part = SMALL_MOVE * self._paths.thickness / max(float(np.abs(velocity).max()), 1.0)
+            before, after = (self._push_of(k, y) for y in (x, x - part * velocity))
+            change -= (after - before) / part + np.cross(turn, after)
+        for ring in np.flatnonzero(np.array(self._ring_bones) == bone):
+            loads = x, self._rings, int(ring), self._ring_points[ring], self._ring_pressure[ring], PUSH
+            force, held = ring_loads(*loads)
+            change -= np.einsum("fnij,fnj->fni", held, velocity) + np.cross(turn, force)
+        return change
+
+    def _push_of(self, k: int, x: Floats) -> Floats:
+        """Return with what forces a bone presses on points (f, n, 3)."""
+        gaps, normals = self._contacts.at(x, self._moved)
+        pressure = np.zeros((1, *x.shape[:2]))
+        add_contacts(
+            x, gaps[k : k + 1], normals[k : k + 1], PUSH, self._contacts.rounding,
+            np.zeros_like(x), np.zeros((*x.shape[:2], 6)), pressure,
+        )  # fmt: skip
+        force: Floats = pressure[0][..., None] * normals[k]
+        return force
 
 
 def half_thickness(surface: Floats, triangles: Ints) -> float:
