@@ -21,15 +21,15 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from vtkmuscle import Scene
+from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
-from vtkmuscle.data.arrays import field_array, point_array, points_of
-from vtkmuscle.data.surface_distance import SurfaceDistance
+from vtkmuscle.data.arrays import checked_surface, field_array, point_array, points_of
 from vtkmuscle.run import muscle_pipeline
 
 #: Settings of the deformer beside those of the scene.
 MODES = {
-    "sdf": {"collision": "sdf", "grid_spacing": 1.0},
-    "sdf, plain": {"collision": "sdf", "grid_spacing": 1.0, "solver": "gauss-seidel"},
+    "sdf": {"collision": "sdf"},
+    "sdf, plain": {"collision": "sdf", "solver": "gauss-seidel"},
     "voxel": {"collision": "voxel", "solver": "gauss-seidel"},
     "voxel, anderson": {"collision": "voxel", "solver": "anderson"},
     "voxel, transform": {"collision": "voxel", "solver": "gauss-seidel", "bone_push": "transform"},
@@ -52,7 +52,7 @@ CUP = 6.0
 def hip(folder):
     """Return the scene, and the exact distance of each bone."""
     scene = Scene.load(folder / "scene.toml")
-    return scene, {name: SurfaceDistance(bone) for name, bone in scene.bones.items()}
+    return scene, {name: solids_of(*checked_surface(bone, "test")) for name, bone in scene.bones.items()}
 
 
 class Acetabulum:

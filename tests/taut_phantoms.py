@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from vtkmuscle import phantoms
-from vtkmuscle.core.collision.obstacles import bone_axes
+from vtkmuscle.core.bones.bone import bone_axes
 from vtkmuscle.core.motion.twists import twist_about
 from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.taut.paths import POINTS, TautPaths

@@ -176,7 +176,6 @@ def test_what_takes_more_than_half_of_the_memory_is_refused_before_it_starts(
     ("old", "new", "key"),
     [
         ("n_fibres = 6, resolution = 5", "n_fibres = 100000, resolution = 1000", "muscles.spindle.fibres"),
-        ("iterations = 3", "grid_spacing = 0.005", "bones."),
     ],
 )
 def test_memory_is_estimated_for_what_takes_it(scene_file, tmp_path, monkeypatch, old, new, key):

@@ -12,11 +12,13 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle import Scene, hinge
 from vtkmuscle.cli import app
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 from vtkmuscle.core.moment_arms.length_jumps import even_stretches, largest_turns, length_jumps
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import (
     Polylines,
+    checked_surface,
     points_of,
     polylines_from,
     set_cell_array,
@@ -25,13 +27,12 @@ from vtkmuscle.data.arrays import (
     triangles_of,
     with_points,
 )
-from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters import PBDDeformer
 from vtkmuscle.plotting import can_render
 from vtkmuscle.run.limits import BEYOND, CHECKS, FULL_SIZE, LONGEST, SHORTEST
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report import DEFINITIONS
-from vtkmuscle.run.scenes import bone_distances
+from vtkmuscle.run.scenes import bone_shapes
 from vtkmuscle.run.verdict import judge, reasons_of, slackness_of
 
 #: What a good frame has.
@@ -325,13 +326,13 @@ def test_an_open_bone_is_measured_with_its_holes_closed(tmp_path):
     scene = Scene.load(write_tiny_scene(tmp_path))
     whole = scene.bones["upper"]
     opened = surface_from(points_of(whole), triangles_of(whole, "bone")[3:])
-    distances = bone_distances(replace(scene, bones={**scene.bones, "upper": opened}))
+    distances = bone_shapes(replace(scene, bones={**scene.bones, "upper": opened}))
     assert set(distances) == {"upper", "lower"}
     middle = points_of(whole).mean(axis=0)[None]
-    exact = SurfaceDistance(whole).depth(middle)
+    exact = solids_of(*checked_surface(whole, "test")).depth(middle)
     np.testing.assert_allclose(distances["upper"].depth(middle), exact, rtol=0.05)
     sheet = surface_from(np.array([[0.0, 0, 0], [9, 0, 0], [0, 9, 0]]), np.array([[0, 1, 2]]))
-    assert set(bone_distances(replace(scene, bones={**scene.bones, "plate": sheet}))) == {"upper", "lower"}
+    assert set(bone_shapes(replace(scene, bones={**scene.bones, "plate": sheet}))) == {"upper", "lower"}
 
 
 def test_slackness_is_against_the_taut_length_and_what_it_is_at_rest():

@@ -7,7 +7,7 @@ from bench_kernels import torus
 from calibration import TRIANGLES
 from problems import held_torus, iteration_of, naive_iteration_of
 
-from vtkmuscle.core.collision.distance_grid import build_distance_grid
+from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.fibres.sparse_weights import sparse_mean_value_coordinates, sparse_transport
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.topology import mesh_topology
@@ -57,6 +57,6 @@ def test_transport_of_1600_points(measured, hip):
     measured(lambda: sparse_transport(weights, points, threads=1), rounds=ROUNDS)
 
 
-def test_signed_distance_grid_of_a_bone(measured, hip):
+def test_field_of_a_bone_all_over_its_surface(measured, hip):
     points, triangles = checked_surface(dict(blocks_of(hip.phantom.bones))["femur"], "femur")
-    measured(lambda: build_distance_grid(points, triangles, cell=2.0), rounds=FEW)
+    measured(lambda: Bone(points, triangles).field(points), rounds=FEW)

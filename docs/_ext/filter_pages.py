@@ -26,7 +26,7 @@ GROUPS = {
             "volume_stiffness",
             "external_force",
         ],
-        "Bones": ["collision", "grid_spacing", "friction", "measure_penetration"],
+        "Bones": ["collision", "measure_penetration"],
         "The solver": ["solver", "substeps"],
         "As published": [
             "n_voxels",

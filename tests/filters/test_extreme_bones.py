@@ -65,7 +65,7 @@ def deformed(bar, path, *, collision, more=(), **settings):
     blocks.update({f"more {k}": surface_from(*bone) for k, bone in enumerate(more)})
     moving = BoneMotion(motion=RigidMotion(np.arange(float(len(path))), {"bar": np.array(path)}))
     moving.connect(0, multiblock_from(blocks))
-    deformer = PBDDeformer(collision=collision, grid_spacing=1.0, n_voxels=30**3, **settings)
+    deformer = PBDDeformer(collision=collision, n_voxels=30**3, **settings)
     deformer.connect(0, muscle())
     deformer.connect(1, moving)
     out = deformer.update(time=float(len(path) - 1)).output

@@ -1,7 +1,6 @@
 """A frame is the same whatever was asked for, and changed, before; and nothing is done twice without need."""
 
 import functools
-from weakref import WeakValueDictionary
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from test_pbd_deformer import bones, fixed_to, spindle
 
-from vtkmuscle.core.collision import distance_obstacle, obstacles
+from vtkmuscle.core.collision import obstacles
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.pbd import muscle_model, orders, solver
 from vtkmuscle.data.arrays import points_of
@@ -35,9 +34,7 @@ CHOICES = {
     "tolerance": (0.5, 0.0),
     "guidance": (0.02, 0.2),
     "stiffness": (1.0, 0.7),
-    "grid_spacing": (3.0, 4.0),
     "bone_clearance": (0.0, 0.5),
-    "friction": (0.0, 0.3),
     "contact_velocity": ("zero", "keep"),
     "n_voxels": (200, 400),
     "n_voxels_per_axis": (None, 8),
@@ -137,7 +134,7 @@ OF_A_MUSCLE = {
     "stiffness": {"topology", "rest shape", "blend weights", "fibre directions"},
 }
 #: Parameters of the bones' obstacles, with which strings are made, and constraints that follow them.
-OF_THE_OBSTACLES = {"collision", "grid_spacing", "bone_clearance", "friction"}
+OF_THE_OBSTACLES = {"collision", "bone_clearance"}
 
 
 @pytest.fixture
@@ -161,8 +158,6 @@ def work(monkeypatch):
     count(orders, "pack", "constraints")
     count(muscle_model, "harmonic_directions", "fibre directions")
     count(muscle_model, "TautPaths", "strings")
-    monkeypatch.setattr(distance_obstacle, "_shared", WeakValueDictionary())
-    count(distance_obstacle, "cached_distance_grid", "distance grids")
     count(obstacles, "build_voxel_grid", "voxels")
     count(solver.MuscleSolver, "step", "steps")
     return done
@@ -184,9 +179,7 @@ def work(monkeypatch):
         ("projection_order", "sequential", {"steps"}),
         ("collision", "off", {"steps"}),
         ("collision", "voxel", {"steps", "voxels"}),
-        ("grid_spacing", 4.0, {"steps", "distance grids"}),
         ("bone_clearance", 0.5, {"steps"}),
-        ("friction", 0.3, {"steps"}),
         ("contact_velocity", "keep", {"steps"}),
         ("motion", "far", {"steps"}),
         ("n_voxels_per_axis", 8, set()),
@@ -199,7 +192,7 @@ def work(monkeypatch):
 def test_a_change_redoes_what_depends_on_it_and_nothing_else(work, name, value, redone, anisotropy):
     deformer = made({**FIRST, "muscle": "thick", "anisotropy": anisotropy})
     frame(deformer, 8.0)
-    assert set(work) == {*OF_A_MUSCLE[anisotropy], "steps", "constraints", "distance grids"}
+    assert set(work) == {*OF_A_MUSCLE[anisotropy], "steps", "constraints"}
     before = len(work)
     put(deformer, name, value)
     frame(deformer, 8.0)

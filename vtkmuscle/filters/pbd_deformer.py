@@ -127,8 +127,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     bones = InputPort(
         vtkMultiBlockDataSet,
         doc="Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to "
-        "now. Where one has the field array ``Reach``, points (n, 3) in the rest pose, its signed distance "
-        "grid covers the part between them; a muscle that leaves it gets the whole bone, with a warning.",
+        "now.",
     )
     fibres = InputPort(vtkPolyData, optional=True, doc="Polylines in the rest pose, for the anisotropy.")
     neighbours = InputPort(
@@ -267,9 +266,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
                 bones,
                 transforms,
                 collision=self.collision,
-                cell=self.grid_spacing,
                 skin=self.bone_clearance,
-                friction=self.friction,
                 n_max=self.n_voxels,
                 n_equal=self.n_voxels_per_axis,
             )

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.motion.rigid import RigidMotion
@@ -23,7 +24,6 @@ from vtkmuscle.data.arrays import (
     polylines_of,
     set_cell_array,
 )
-from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.deformer.convergence_report import read_convergence
@@ -56,10 +56,8 @@ class MuscleRun:
         Which muscle.
     track : MuscleTrack
         Where finished frames go.
-    bones : dict of str to vtkPolyData
-        Of the scene, at rest, with what :func:`~vtkmuscle.run.reach.bones_with_reach` adds.
-    distances : dict of str to SurfaceDistance
-        Of the closed bones.
+    shapes : dict of str to Bone
+        The bones of the scene that have an inside, at rest.
     folder : RunFolder or None
         Where to write to.
     stop : threading.Event
@@ -80,8 +78,7 @@ class MuscleRun:
         scene: SceneData,
         name: str,
         track: MuscleTrack,
-        bones: dict[str, vtkPolyData],
-        distances: dict[str, SurfaceDistance],
+        shapes: dict[str, Bone],
         folder: RunFolder | None,
         stop: threading.Event,
         progress: Progress,
@@ -91,7 +88,7 @@ class MuscleRun:
     ) -> None:
         self.observe, self.clock = observe, clock
         self.scene, self.name, self.track = scene, name, track
-        self.bones, self.distances, self.folder = bones, distances, folder
+        self.shapes, self.folder = shapes, folder
         self.stop, self.progress = stop, progress
         self.others = others
         self.deformer: PBDDeformer | None = None
@@ -108,14 +105,14 @@ class MuscleRun:
         """
         scene, name, track = self.scene, self.name, self.track
         neighbours = self._deformers() if scene.muscle_contact == "on" else None
-        pipeline = muscle_pipeline(scene, name, self.bones, neighbours=neighbours)
+        pipeline = muscle_pipeline(scene, name, neighbours=neighbours)
         self.deformer = pipeline.deformer
         self._tell("fixed points", 0.0)
         with self._timed("fixing", pipeline.fixed):
             rest = track.rest = pipeline.fixed.update().output
         _warn_if_none_is_free(name, rest)
         with self._timed("measuring"):
-            measure = MuscleMeasure(track.rest, list(scene.bones), self.distances, scene.millimetres)
+            measure = MuscleMeasure(track.rest, list(scene.bones), self.shapes, scene.millimetres)
             track.report.update(measure.at_rest())
         areas = scene.muscles[name].attachments
         track.report["estimated_attachments"] = sum(area.estimated for area in areas)
@@ -290,7 +287,7 @@ class MuscleRun:
         jump = CHECKS["jumps"].look * min(1.0, measure.size / FULL_SIZE)
         points = [one.points.reshape(len(one), -1, 3) for one in lines]
         millimetres = self.scene.millimetres
-        return slides_of(lengths, points, motion, self.distances, jump=jump, millimetres=millimetres)
+        return slides_of(lengths, points, motion, self.shapes, jump=jump, millimetres=millimetres)
 
     def _deformers(self) -> dict[str, PBDDeformer]:
         """Return the deformers of the other muscles, without those that failed on the way."""

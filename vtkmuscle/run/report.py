@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.data.arrays import field_array, points_of
-from vtkmuscle.data.surface_distance import SurfaceDistance
+from vtkmuscle.core.mesh.solids import solids_of
+from vtkmuscle.data.arrays import checked_surface, field_array, points_of
 from vtkmuscle.io.fibre_table import fibre_columns, fibre_summary
 from vtkmuscle.run import architecture
 from vtkmuscle.run.table import Table
@@ -142,8 +142,7 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
     JSON-able, see :data:`DEFINITIONS`; ``millimetres`` is the length of the scene's unit.
     """
     points = points_of(fibres)
-    surface = SurfaceDistance(muscle)
-    outside = np.where(surface.depth(points) > 0, 0.0, surface.unsigned(points)) * millimetres
+    outside = np.maximum(solids_of(*checked_surface(muscle, "muscle")).distances(points), 0.0) * millimetres
     inside = int((outside <= FIBRE_TOLERANCE).sum())
     twist = {
         name: float(values[0])

@@ -75,7 +75,6 @@ def grid() -> list[Setting]:
     vary("substeps", 2, 4)
     vary("prediction", "inertial")
     vary("anisotropy", "stiffness", "off")
-    vary("grid_spacing", 0.5, 1.0, 2.0, 4.0)
     vary("collision", "off")
     vary("collision", "voxel", solver="gauss-seidel")
     centre = PRESETS[CENTRE]

@@ -19,7 +19,6 @@ from vtkmuscle.tradeoff.settings import Setting
 #: Parameters of PBDDeformer that trade speed for accuracy. The scene's own values of these do not count, so
 #: that the reference is the reference; all others, such as stiffnesses, are the scene's.
 TRADED = (
-    "grid_spacing",
     "iterations",
     "projection_order",
     "solver",

@@ -107,7 +107,7 @@ class Contact:
     """A muscle and the bones during one step.
 
     A bone whose box the free points' path does not meet is not looked at any closer, and all bones are
-    sorted out at once: far ones cost next to nothing, and no grid is built for them. Where points slide
+    sorted out at once: far ones cost next to nothing. Where points slide
     along the bones, their path is followed from one call to the next. A point that is known to be away from
     a bone is not tested again before it has moved that far.
 
@@ -276,16 +276,7 @@ class Contact:
         ends = _box_seen_from(to_axes, p, free)
         low, high = obstacle.box_along_axes
         lowest, highest = np.minimum(starts[0], ends[0]), np.maximum(starts[1], ends[1])
-        if (highest < low - obstacle.margin).any() or (lowest > high + obstacle.margin).any():
-            return False
-        if obstacle.cover(lowest, highest):
-            self._barrier.warn(
-                number,
-                "unforeseen",
-                "the muscle came farther along it than its bones would take it, so the distances from all of "
-                "the bone are needed, which are made now",
-            )
-        return True
+        return not ((highest < low - obstacle.margin) | (lowest > high + obstacle.margin)).any()
 
 
 def _meet(start: Floats, end: Floats, low: Floats, high: Floats) -> Bools:

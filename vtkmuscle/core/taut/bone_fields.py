@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vtkmuscle.core.collision.distance_lookup import trilinear
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.solids import FAR, Solids
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
@@ -100,7 +99,7 @@ class BoneFields:
             nodes = _NODES[unknown[tuple(_NODES.T)]]
             at = origin + cell * (SIDE * corner + nodes)
             rest = apply_transform(inverse(self.to_axes[bone]), at)
-            values[tuple(nodes.T)] = self._solids[bone].distances(rest)
+            values[tuple(nodes.T)] = self._solids[bone].distances(rest, run=len(rest))
             self.table[block] = self._used
             self._used += 1
 
@@ -153,6 +152,18 @@ def field_at(layout: Floats, table: Table, values: Floats, x: float, y: float, z
     if block == UNKNOWN:
         return FAR, int(place)
     return trilinear(values[block], i % SIDE, j % SIDE, k % SIDE, u - i, v - j, w - k), -1
+
+
+@kernel
+def trilinear(values: Floats, i: np.int64, j: np.int64, k: np.int64, u: float, v: float, w: float) -> float:
+    """Return the value in cell (i, j, k) of nodes (9, 9, 9), at (u, v, w) in [0, 1] from its first node."""
+    c00 = values[i, j, k] + w * (values[i, j, k + 1] - values[i, j, k])
+    c01 = values[i, j + 1, k] + w * (values[i, j + 1, k + 1] - values[i, j + 1, k])
+    c10 = values[i + 1, j, k] + w * (values[i + 1, j, k + 1] - values[i + 1, j, k])
+    c11 = values[i + 1, j + 1, k] + w * (values[i + 1, j + 1, k + 1] - values[i + 1, j + 1, k])
+    c0, c1 = c00 + v * (c01 - c00), c10 + v * (c11 - c10)
+    value: float = c0 + u * (c1 - c0)
+    return value
 
 
 @kernel

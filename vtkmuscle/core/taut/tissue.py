@@ -70,7 +70,7 @@ def tissue_between(
     """
     shape = points.shape[:2]
     at, along = points.reshape(-1, 3), tangents.reshape(-1, 3)
-    distance, outward = bone.closest(at)
+    distance, outward = bone.exact(at)
     ahead = np.einsum("ij,ij->i", outward, along)
     beside = -(outward - ahead[:, None] * along)
     size = np.linalg.norm(beside, axis=1)

@@ -99,15 +99,6 @@ class DeformerSettings:
         choices=("sdf", "voxel", "off"),
         doc="How points are kept out of the bones: by signed distances, by voxels (published) or not at all.",
     )
-    grid_spacing: Parameter[float | None] = Parameter(
-        float,
-        default=None,
-        above=0.0,
-        units="mm",
-        only_with=("collision", "sdf"),
-        doc="Distance of the nodes of the signed distance grids; None is 1/600 of the diagonal of the bone's "
-        "box along its principal axes.",
-    )
     bone_clearance = Parameter(
         float,
         default=0.0,
@@ -115,14 +106,6 @@ class DeformerSettings:
         units="mm",
         only_with=("collision", "sdf"),
         doc="Distance that points keep from the bones; those nearer at rest may come as near.",
-    )
-    friction = Parameter(
-        float,
-        default=0.0,
-        minimum=0.0,
-        only_with=("collision", "sdf"),
-        doc="Coulomb's coefficient between muscle and bones: how much of the push out of a bone may be spent "
-        "on holding a point where it is on the bone.",
     )
     n_voxels = Parameter(
         int,

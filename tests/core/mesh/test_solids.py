@@ -1,3 +1,5 @@
+"""Exact distances from closed surfaces, and what is inside of them."""
+
 from __future__ import annotations
 
 import igl
@@ -13,9 +15,9 @@ from vtkmodules.vtkFiltersSources import (
     vtkSphereSource,
 )
 
+from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import point_components, signed_volume, unique_edges
-from vtkmuscle.data.arrays import checked_surface, surface_from
-from vtkmuscle.data.surface_distance import SurfaceDistance
+from vtkmuscle.data.arrays import checked_surface
 
 
 def mesh_of(source):
@@ -89,45 +91,58 @@ def near_points(points, triangles, *, n=2000, seed=1):
 
 
 @pytest.mark.parametrize("inside_out", [False, True])
-def test_signed_distances_need_no_closed_surface(inside_out):
-    points, triangles = ball()
-    below = triangles[points[triangles][:, :, 2].max(axis=1) < 5.0]  # open at its top
-    bone = SurfaceDistance(surface_from(points, below[:, ::-1] if inside_out else below))
-    found = bone.signed([[0.0, 0.0, -13.0], [0.0, 0.0, -9.0], [7.0, 0.0, -3.0], [10.0, 0.0, -5.0]])
-    np.testing.assert_allclose(found, [3.0, -1.0, np.hypot(7, 3) - 10, np.hypot(10, 5) - 10], atol=0.1)
-
-
 @pytest.mark.parametrize("shape", SHAPES)
-def test_distances_agree_with_libigl(shape):
+def test_distances_agree_with_libigl(shape, inside_out):
     points, triangles = SHAPES[shape]
     positions = near_points(points, triangles)
     expected = igl.signed_distance(positions, points, triangles)[0]
-    surface = SurfaceDistance(surface_from(points, triangles))
-    np.testing.assert_allclose(surface.unsigned(positions), np.abs(expected), atol=1e-9)
-    closest, distances = surface.closest(positions)
-    np.testing.assert_allclose(distances, np.abs(expected), atol=1e-9)
-    np.testing.assert_allclose(np.linalg.norm(closest - positions, axis=1), distances, atol=1e-9)
-    np.testing.assert_allclose(surface.unsigned(closest), 0.0, atol=1e-9)
+    solids = solids_of(points, triangles[:, ::-1] if inside_out else triangles)
+    np.testing.assert_allclose(solids.distances(positions), expected, atol=1e-9)
+    distance, outward = solids.exact(positions)
+    np.testing.assert_allclose(distance, expected, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(outward, axis=1), 1.0, atol=1e-9)
+    nearest = positions - distance[:, None] * outward
+    np.testing.assert_allclose(solids.distances(nearest), 0.0, atol=1e-8)
 
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_points_are_inside_where_their_winding_number_says_so(shape):
     points, triangles = SHAPES[shape]
     positions = near_points(points, triangles)
-    surface = SurfaceDistance(surface_from(points, triangles))
-    depth, distance = surface.depth(positions), surface.unsigned(positions)
+    solids = solids_of(points, triangles)
+    depth, distance = solids.depth(positions), np.abs(solids.distances(positions))
     inside = igl.winding_number(points, triangles, positions) > 0.5
     clear = distance > 1e-6
     np.testing.assert_array_equal((depth > 0)[clear], inside[clear])
     np.testing.assert_array_equal(depth[inside & clear], distance[inside & clear])
+    np.testing.assert_array_equal(solids.inside(positions), depth > 0)
     assert 0.1 < inside.mean() < 0.9
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_points_that_come_in_runs_have_the_same_distances(shape):
+    points, triangles = SHAPES[shape]
+    positions = near_points(points, triangles, n=600)
+    solids = solids_of(points, triangles)
+    alone = solids.distances(positions)
+    for run in (600, 50, 7):
+        np.testing.assert_allclose(solids.distances(positions, run=run), alone, atol=1e-9)
+    # A run does not depend on those before it, to the last digit.
+    together_with_others = solids.distances(np.vstack([positions[::-1], positions]), run=50)
+    np.testing.assert_array_equal(together_with_others[600:], solids.distances(positions, run=50))
+
+
+def test_points_outside_go_to_the_nearest_place_on_the_surface():
+    solids = solids_of(*cube())
+    inside, outside = [1.0, 2.0, 3.0], [14.0, 2.0, -3.0]
+    np.testing.assert_allclose(solids.into([inside, outside]), [inside, [10.0, 2.0, -3.0]], atol=1e-12)
 
 
 def test_where_shells_overlap_the_deepest_counts():
     a, b = ball(), ball(centre=(12.0, 0.0, 0.0))
     positions = np.random.default_rng(0).uniform(-12.0, 24.0, (2000, 3)) * [1, 0.6, 0.6]
-    both = SurfaceDistance(surface_from(*together(a, b))).depth(positions)
-    each = [SurfaceDistance(surface_from(*mesh)).depth(positions) for mesh in (a, b)]
+    both = solids_of(*together(a, b)).depth(positions)
+    each = [solids_of(*mesh).depth(positions) for mesh in (a, b)]
     np.testing.assert_allclose(both, np.maximum(*each), atol=1e-12)
     assert ((each[0] > 0) & (each[1] > 0)).sum() > 20
     assert both[np.linalg.norm(positions - [6.0, 0, 0], axis=1) < 3].min() > 0
@@ -135,7 +150,7 @@ def test_where_shells_overlap_the_deepest_counts():
 
 def test_a_hollow_counts_as_bone():
     inner_points, inner = ball(radius=6.0)
-    surface = SurfaceDistance(surface_from(*together(ball(), (inner_points, inner[:, ::-1]))))
+    surface = solids_of(*together(ball(), (inner_points, inner[:, ::-1])))
     depth = surface.depth([[0.0, 0, 0], [8.0, 0, 0], [12.0, 0, 0]])
     assert depth[0] == pytest.approx(10.0, abs=0.1)
     assert depth[1] == pytest.approx(2.0, abs=0.1)
@@ -146,38 +161,39 @@ def test_a_surface_that_is_inside_out_has_the_same_inside():
     points, triangles = torus()
     positions = near_points(points, triangles)
     np.testing.assert_allclose(
-        SurfaceDistance(surface_from(points, triangles[:, ::-1])).depth(positions),
-        SurfaceDistance(surface_from(points, triangles)).depth(positions),
+        solids_of(points, triangles[:, ::-1]).depth(positions),
+        solids_of(points, triangles).depth(positions),
         atol=1e-12,
     )
 
 
 def test_triangles_with_points_of_their_own_are_joined():
     points, triangles = ball()
-    loose = surface_from(points[triangles].reshape(-1, 3), np.arange(triangles.size).reshape(-1, 3))
+    loose = points[triangles].reshape(-1, 3), np.arange(triangles.size).reshape(-1, 3)
     positions = near_points(points, triangles)
     np.testing.assert_allclose(
-        SurfaceDistance(loose).depth(positions),
-        SurfaceDistance(surface_from(points, triangles)).depth(positions),
+        solids_of(*loose).depth(positions),
+        solids_of(points, triangles).depth(positions),
         atol=1e-12,
     )
 
 
-def test_a_shell_with_a_hole_has_no_inside_and_says_so():
+def test_a_part_with_a_hole_is_closed():
     points, triangles = together(ball(), ball(centre=(50.0, 0.0, 0.0)))
-    surface = SurfaceDistance(surface_from(points, triangles[1:]))
-    with pytest.warns(UserWarning, match=r"1 of 2 shell\(s\)"):
-        depth = surface.depth([[0.0, 0, 0], [50.0, 0, 0]])
-    assert depth[0] == 0.0
-    assert depth[1] == pytest.approx(10.0, abs=0.1)
+    solids = solids_of(points, triangles[1:])
+    assert "1 hole(s)" in solids.remarks[0]
+    np.testing.assert_allclose(solids.depth([[0.0, 0, 0], [50.0, 0, 0]]), 10.0, atol=0.1)
 
 
-def test_nothing_is_built_of_a_surface_that_no_point_is_near():
-    surface = SurfaceDistance(surface_from(*ball()))
-    before = set(vars(surface))
-    assert surface.depth([[0.0, 0.0, 10.5], [30.0, 0.0, 0.0]]).tolist() == [0.0, 0.0]
-    assert set(vars(surface)) == before
-    assert surface.depth([[0.0, 0.0, 9.0]])[0] == pytest.approx(1.0, abs=0.1)
+def test_a_part_that_encloses_nothing_has_a_distance_on_either_side():
+    sheet = np.array([[0.0, 0, 0], [10, 0, 0], [10, 10, 0], [0, 10, 0]])
+    solids = solids_of(sheet, np.array([[0, 1, 2], [0, 2, 3]]))
+    at = [[5.0, 5.0, 0.7], [5.0, 5.0, -0.7]]
+    assert "enclose no volume" in solids.remarks[-1]
+    distance, outward = solids.exact(at)
+    np.testing.assert_allclose(distance, 0.7)
+    np.testing.assert_allclose(outward, [[0, 0, 1], [0, 0, -1]], atol=1e-12)
+    np.testing.assert_array_equal(solids.depth(at), 0.0)
 
 
 def test_rigid_motion_and_units_carry_over():
@@ -189,30 +205,31 @@ def test_rigid_motion_and_units_carry_over():
         return 0.001 * (values @ turn.T + [400.0, 3.0, -90.0])
 
     np.testing.assert_allclose(
-        1000.0 * SurfaceDistance(surface_from(moved(points), triangles)).depth(moved(positions)),
-        SurfaceDistance(surface_from(points, triangles)).depth(positions),
+        1000.0 * solids_of(moved(points), triangles).depth(moved(positions)),
+        solids_of(points, triangles).depth(positions),
         atol=1e-8,
     )
 
 
 def test_no_points_give_no_distances():
-    surface = SurfaceDistance(surface_from(*cube()))
+    solids = solids_of(*cube())
     none = np.zeros((0, 3))
-    assert surface.unsigned(none).shape == surface.depth(none).shape == (0,)
-    assert surface.closest(none)[0].shape == (0, 3)
+    assert solids.distances(none).shape == solids.depth(none).shape == (0,)
+    assert solids.exact(none)[1].shape == (0, 3)
 
 
 @pytest.mark.parametrize("wrong", [[[np.nan, 0.0, 0.0]], [0.0, 0.0, 0.0], [[0.0, 0.0]]])
 def test_points_that_are_not_finite_triples_are_refused(wrong):
     with pytest.raises(ValueError, match="finite"):
-        SurfaceDistance(surface_from(*cube())).depth(wrong)
+        solids_of(*cube()).depth(wrong)
 
 
-def test_a_surface_of_other_faces_is_refused():
-    squares = vtkCubeSource()
-    squares.Update()
-    with pytest.raises(ValueError, match="vtkTriangleFilter"):
-        SurfaceDistance(squares.GetOutput())
+def test_surfaces_without_triangles_or_with_nan_are_refused():
+    points, triangles = cube()
+    with pytest.raises(ValueError, match="no triangles"):
+        solids_of(points, triangles[:0])
+    with pytest.raises(ValueError, match="not finite"):
+        solids_of(np.where(points > 9.0, np.nan, points), triangles)
 
 
 @pytest.mark.realdata
@@ -224,8 +241,8 @@ def test_real_bones_agree_with_winding_numbers_shell_by_shell(lhdl_hip, bone):
     expected = np.zeros(len(positions), dtype=bool)
     for label in np.unique(labels):
         expected |= igl.winding_number(points, triangles[labels == label], positions) > 0.5
-    surface = SurfaceDistance(surface_from(points, triangles))
-    clear = surface.unsigned(positions) > 1e-6
+    surface = solids_of(points, triangles)
+    clear = np.abs(surface.distances(positions)) > 1e-6
     np.testing.assert_array_equal((surface.depth(positions) > 0)[clear], expected[clear])
 
 
@@ -235,7 +252,7 @@ def test_the_known_penetrations_of_the_rest_pose_are_found(lhdl_hip):
     for muscle in ("gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis"):
         points, _ = read(lhdl_hip / "muscles" / f"{muscle}.vtp")
         bones = [lhdl_hip / "bones" / f"{bone}.vtp" for bone in ("pelvis", "femur_r")]
-        each = [SurfaceDistance(surface_from(*read(bone))).depth(points) for bone in bones]
+        each = [solids_of(*read(bone)).depth(points) for bone in bones]
         depth = np.maximum(*each)
         depths[muscle] = ((depth > 0).sum(), round(float(depth.max()), 2))
     assert depths == {
@@ -253,14 +270,3 @@ def read(path):
     reader.SetFileName(str(path))
     reader.Update()
     return checked_surface(reader.GetOutput(), str(path))
-
-
-@pytest.mark.parametrize("shape", [ball, torus, needle])
-def test_what_is_inside_has_a_depth(shape):
-    distance = SurfaceDistance(surface_from(*shape()))
-    low, high = distance.box
-    places = np.random.default_rng(3).uniform(low - 1.0, high + 1.0, (4000, 3))
-    inside = distance.inside(places)
-    assert np.array_equal(inside, distance.depth(places) > 0.0)
-    assert inside.any()
-    assert not inside.all()
