@@ -739,7 +739,7 @@ def test_a_saved_scene_is_the_same_scene(scene_file, tmp_path):
     edit(
         scene_file,
         "[solver]",
-        'solver = { external_force = [0, 0.1, 1e-9], anisotropy = "off" }\nfixing = { distance = 0.1 }\n'
+        "solver = { external_force = [0, 0.1, 1e-9], anisotropy = false }\nfixing = { distance = 0.1 }\n"
         '[fixing]\nmethod = "attachment"\n[solver]',
     )
     first = Scene.load(scene_file)

@@ -175,19 +175,19 @@ def test_a_fibre_more_in_twelve_is_counted(guard, monkeypatch):
     assert {line.split(":")[0] for line in told} == {name for name, count in before.items() if count}
 
 
-def test_one_more_projection_per_iteration_is_counted(guard, work, monkeypatch):
+def test_one_more_settling_per_frame_is_counted(guard, work, monkeypatch):
     """Plant what the guard is there for: a step that does its work twice."""
     import work_counts
 
-    from vtkmuscle.core.pbd.solver import MuscleSolver
+    from vtkmuscle.core.deformation.settling import Settling
 
-    step = MuscleSolver.step
+    settle = Settling.settle
 
     def twice(self, *arguments, **keywords):
-        step(self, *arguments, **keywords)
-        return step(self, *arguments, **keywords)
+        settle(self, *arguments, **keywords)
+        return settle(self, *arguments, **keywords)
 
-    monkeypatch.setattr(MuscleSolver, "step", twice)
+    monkeypatch.setattr(Settling, "settle", twice)
     now = work_counts.work()
-    assert now["projections"] == 2 * work["projections"]
+    assert now["diffusions"] == 2 * work["diffusions"]
     assert guard.regressions({"counts": now}, {"counts": work})

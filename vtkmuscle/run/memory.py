@@ -44,8 +44,7 @@ def check_memory(scene: SceneData, numbers: range) -> None:
             f"the run would take about {total / 1e9:.3g} GB of memory, {largest / 1e9:.3g} GB of it for "
             f"this, but may take {most / 1e9:.3g} GB",
             key,
-            "keep fewer frames or fibres, simplify surfaces, use larger cells, or set "
-            f"{VARIABLE} to the gigabytes it may take",
+            f"keep fewer frames or fibres, simplify surfaces, or set {VARIABLE} to the gigabytes it may take",
             scene.files.get(""),
         )
 
@@ -65,18 +64,16 @@ def estimated_memory(scene: SceneData, numbers: range) -> Iterator[tuple[str, fl
             frames += len(numbers) * (points * _FIBRE_POINT + count * _FIBRE)
             yield f"muscles.{name}.fibres", points * _FIBRE_POINT_AT_REST
         yield f"frames of muscles.{name}", frames
-    cells = [scene.solver_of(name).get("grid_spacing") for name in scene.muscles]
     for name, bone in scene.bones.items():
         places, triangles = points_of(bone), triangles_of(bone, name)
         size = np.ptp(places, axis=0)
         diagonal = float(np.linalg.norm(size))
         a, b, c = (places[triangles[:, corner]] for corner in range(3))
         area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-        for cell in {float(cell or diagonal / CELLS_PER_DIAGONAL) for cell in cells}:
-            if cell > 0.0:
-                block = SIDE * cell
-                blocks = 3.0 * area / block**2 + 0.5 * float(np.prod(size / block))
-                yield f"bones.{name}", blocks * _NODE * SIDE**3
+        block = SIDE * diagonal / CELLS_PER_DIAGONAL
+        if block > 0.0:
+            blocks = 3.0 * area / block**2 + 0.5 * float(np.prod(size / block))
+            yield f"bones.{name}", blocks * _NODE * SIDE**3
 
 
 def _most() -> float | None:
