@@ -34,7 +34,9 @@ def arms(values):
 
 @pytest.mark.parametrize(("own", "other"), [(ARM, ARM + OFF), (ARM + OFF, ARM)])
 def test_arms_in_other_frames_leave_an_error_in_all_of_ours(own, other):
-    found = arm_estimates(lengths(own), [Cause("solve", [lengths(other)])], arms)
+    found = arm_estimates(lengths(own), [Cause("segments", [lengths(other)])], arms)
     known = arms(lengths(own))["knee"]
-    np.testing.assert_allclose(found["moment_arm_knee"].parts["solve"], np.full(len(known.mean), OFF))
-    np.testing.assert_allclose(found["fibre_moment_arm_knee"].parts["solve"], np.full(known.arms.shape, OFF))
+    np.testing.assert_allclose(found["moment_arm_knee"].parts["segments"], np.full(len(known.mean), OFF))
+    np.testing.assert_allclose(
+        found["fibre_moment_arm_knee"].parts["segments"], np.full(known.arms.shape, OFF)
+    )

@@ -42,16 +42,16 @@ def test_every_run_states_what_takes_no_further_solve(plain):
     of_rest = {"volume", "pcsa", "pcsa_without_tendon", "fascicle_length"}
     assert errors.keys() == {"length", "moment_arm_distal_angle", *of_rest}
     assert errors["fascicle_length"]["parts"].keys() == {"segments", "fibres", "tendon"}
-    assert errors["length"]["parts"].keys() == {"solve", "segments", "fibres"}
+    assert errors["length"]["parts"].keys() == {"segments", "fibres"}
     assert errors["volume"]["parts"].keys() == {"facets", "solve"}
-    assert errors["moment_arm_distal_angle"]["parts"].keys() == {"solve", "segments", "fibres", "regression"}
+    assert errors["moment_arm_distal_angle"]["parts"].keys() == {"segments", "fibres", "regression"}
     assert plain.report["muscles"]["spindle"]["errors_not_known"] == dict.fromkeys(KINDS, "not asked for")
 
 
 def test_what_is_asked_for_is_added_and_the_results_stay(result, plain):
     np.testing.assert_array_equal(result.lengths["spindle"], plain.lengths["spindle"])
     parts = result.report["muscles"]["spindle"]["errors"]["length"]["parts"]
-    assert parts.keys() == {"solve", "fibres", *KINDS}  # finer slices tell of segments too
+    assert parts.keys() == {"fibres", *KINDS}  # finer slices tell of segments too
     assert all(part > 0.0 for part in parts.values())
     assert result.report["muscles"]["spindle"]["errors_not_known"] == {}
 
