@@ -100,7 +100,7 @@ def test_the_second_process_of_a_first_run_compiles_what_that_calls():
     assert (done.stdout.strip(), done.returncode) == ("", 0), "run benchmarks/compile_times.py --write"
 
 
-def test_iteration_step_transport_and_decomposition_are_no_slower_than_committed(guard):
+def test_settling_step_transport_and_decomposition_are_no_slower_than_committed(guard):
     """By processor time in turns with a kernel that stays; other kinds of processor are left a factor 2."""
     committed = json.loads(guard.COMMITTED.read_text(encoding="utf-8"))
     now = guard.ratios(turns=5)
@@ -108,22 +108,14 @@ def test_iteration_step_transport_and_decomposition_are_no_slower_than_committed
     assert guard.regressions({"ratios": now}, committed, margin=2.0) == []
 
 
-def test_an_iteration_is_faster_than_the_naive_one():
-    """4.1 times were measured; a machine that does other things is left a margin of 2."""
-    from problems import iteration_of, naive_iteration_of
+def test_time_of_settling_grows_with_the_triangles_and_the_root_of_their_number(guard):
+    """What diffuses goes over a length: over twice the edges where there are four times the triangles."""
+    from problems import settling_of
     from timing import interleaved
 
-    times = interleaved({"naive": naive_iteration_of(20_000), "fast": iteration_of(20_000)}, rounds=15)
-    assert times["naive"] > 2.0 * times["fast"]
-
-
-def test_time_of_an_iteration_grows_with_the_triangles(guard):
-    from problems import iteration_of
-    from timing import interleaved
-
-    times = interleaved({str(n): iteration_of(n) for n in (5_000, 50_000)}, rounds=15)
+    times = interleaved({str(n): settling_of(n) for n in (5_000, 50_000)}, rounds=15)
     (power,) = guard.growth({"triangles": {int(n): ms for n, ms in times.items()}}).values()
-    assert power < 1.3
+    assert power < 1.6
 
 
 def test_growth_is_a_power(guard):

@@ -146,7 +146,7 @@ class Settling:
         out = points.copy()
         inside = touching.keep_out(out)
         way = out - points
-        if _torn(way, inside, self._edges):
+        if _torn(points, way, inside, self._edges):
             time = (TOGETHER / SPREAD) ** 2 * self._time
             self._diffusion.spread(way, time, inside, insulated=True)
             way /= np.maximum(np.linalg.norm(way, axis=1), np.finfo(float).tiny)[:, None]
@@ -178,13 +178,18 @@ class Settling:
 
 
 @kernel
-def _torn(way: Floats, inside: Bools, edges: Ints) -> bool:
-    """Return whether two neighbours inside (n,) have ways (n, 3) of more than 90 degrees to each other."""
+def _torn(points: Floats, way: Floats, inside: Bools, edges: Ints) -> bool:
+    """Return whether opposite ways (n, 3) take two neighbours inside (n,) apart by more than their edge."""
     for e in range(len(edges)):
         i, j = edges[e, 0], edges[e, 1]
-        product = way[i, 0] * way[j, 0] + way[i, 1] * way[j, 1] + way[i, 2] * way[j, 2]
-        if inside[i] and inside[j] and product < 0.0:
-            return True
+        if inside[i] and inside[j]:
+            product, apart, length = 0.0, 0.0, 0.0
+            for k in range(3):
+                product += way[i, k] * way[j, k]
+                apart += (way[i, k] - way[j, k]) ** 2
+                length += (points[i, k] - points[j, k]) ** 2
+            if product < 0.0 and apart > length:
+                return True
     return False
 
 
