@@ -142,7 +142,7 @@ def test_an_open_bone_will_do_and_the_run_says_what_was_made_of_it(scene_file):
     points, triangles = surface_parts(path)
     write_polydata(path, surface_from(points, triangles[1:]))
     # Voxels that reach as far as the muscle, which is not near enough to the bone otherwise.
-    edit(scene_file, "iterations = 3", 'iterations = 3\ncollision = "voxel"\nn_voxels_per_axis = 1')
+    edit(scene_file, "iterations = 3", 'iterations = 3\nquality = "published"\nn_voxels_per_axis = 1')
     scene = Scene.load(scene_file)
     assert scene.bones["upper"].GetNumberOfCells() == len(triangles) - 1
     with pytest.warns(UserWarning, match=r"block 'upper': the surface is open: 1 hole\(s\), 3 edges"):

@@ -39,6 +39,15 @@ def test_a_setting_that_is_gone_says_what_to_use(scene_file):
         Scene.load(scene_file)
 
 
+def test_voxels_without_the_published_quality_are_refused(scene_file):
+    text = scene_file.read_text()
+    scene_file.write_text(text.replace("iterations = 3", 'iterations = 3\ncollision = "voxel"'))
+    with pytest.raises(SceneError, match="solver: collision is 'voxel', which goes with quality 'published'"):
+        Scene.load(scene_file)
+    scene_file.write_text('quality = "published"\n' + scene_file.read_text())
+    assert Scene.load(scene_file).solver_of("spindle")["collision"] == "voxel"
+
+
 def test_the_option_takes_the_keys_place_and_tells_what_stays(scene_file, tmp_path):
     arguments = ["run", scene_file, "--out", tmp_path / "out", "--frames", "0:2", "--no-figures"]
     arguments = [*map(str, arguments), "--quality", "accurate"]
