@@ -1,7 +1,7 @@
 """Measure how far muscles end inside the bones of a hip over full flexion, against the bones' triangles.
 
-Run as ``python benchmarks/bench_penetration.py [folder] [--modes sdf voxel ...] [--muscles NAME ...]``, where
-the folder holds ``scene.toml`` (by default that of ``VTKMUSCLE_DATA``, else ``../shared/data``, and there
+Run as ``python benchmarks/bench_penetration.py [folder] [--modes NAME ...] [--muscles NAME ...]``, where the
+folder holds ``scene.toml`` (by default that of ``VTKMUSCLE_DATA``, else ``../shared/data``, and there
 ``lhdl_hip``).
 
 For each mode and muscle: over all frames, the largest 95th percentile and the largest depth of free points
@@ -28,20 +28,11 @@ from vtkmuscle.run import muscle_pipeline
 
 #: Settings of the deformer beside those of the scene.
 MODES = {
-    "sdf": {"collision": "sdf"},
-    "sdf, plain": {"collision": "sdf", "solver": "gauss-seidel"},
-    "voxel": {"collision": "voxel", "solver": "gauss-seidel"},
-    "voxel, anderson": {"collision": "voxel", "solver": "anderson"},
-    "voxel, transform": {"collision": "voxel", "solver": "gauss-seidel", "bone_push": "transform"},
-    "voxel, published": {
-        "collision": "voxel",
-        "solver": "gauss-seidel",
-        "prediction": "inertial",
-        "projection_order": "sequential",
-        "bone_push": "transform",
-        "contact_velocity": "keep",
-        "anisotropy": "stiffness",
-    },
+    "default": {},
+    "preview": {"quality": "preview"},
+    "accurate": {"quality": "accurate"},
+    "published": {"quality": "published"},
+    "published, bone_push off": {"quality": "published", "bone_push": "off"},
     "off": {"collision": "off"},
 }
 

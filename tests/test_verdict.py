@@ -44,7 +44,6 @@ GOOD = {
     "edge_stretch_floored_max": 2.0,
     "dihedral_error_p95_deg": 15.0,
     "folded_edges": 1,
-    "estimated_distance_mm": 0.05,
     "penetration_new_max_mm": 0.1,
     "penetration_new_p95_mm": 0.0,
     "fibres_outside_max_mm": 0.1,
@@ -90,7 +89,6 @@ def test_a_good_muscle_is_ok_and_all_was_checked():
         ("longest edge", "edge_stretch_floored_max", 4.0, 23.0),
         ("crumpled", "dihedral_error_p95_deg", 36.0, 55.0),
         ("folded", "folded_edges", 8, 40),
-        ("estimate", "estimated_distance_mm", 2.0, 11.0),
         ("penetration", "penetration_new_max_mm", 1.0, 8.0),
         ("widespread penetration", "penetration_new_p95_mm", 0.2, 1.5),
         ("fibres outside", "fibres_outside_max_mm", 7.0, 16.0),
@@ -155,13 +153,12 @@ def test_what_has_no_figure_is_not_judged_and_told():
     table = rows()
     for row in table:
         row["penetration_new_max_mm"] = row["penetration_new_p95_mm"] = None
-        del row["estimated_distance_mm"], row["volume_ratio"]
+        del row["volume_ratio"]
     found = verdict(table)
     assert found["verdict"] == "ok"
     assert found["not_checked"] == {
         "penetration": "no bone has an inside",
         "widespread penetration": "no bone has an inside",
-        "estimate": "the solver gave none",
         "volume": "it was not measured",
     }
 
@@ -182,14 +179,10 @@ def test_the_worst_reason_comes_first_and_decides():
     assert [reason.check for reason in reasons_of(found)] == ["longest edge", "volume", "folded"]
 
 
-def test_limits_that_are_lengths_are_less_for_a_small_muscle_and_the_solvers_tolerance_counts():
+def test_limits_that_are_lengths_are_less_for_a_small_muscle():
     table = rows(penetration_new_max_mm=0.3)
     assert verdict(table, size=FULL_SIZE)["verdict"] == "ok"
     assert verdict(table, size=0.1 * FULL_SIZE)["verdict"] == "look"
-    near = rows(estimated_distance_mm=0.3)
-    assert verdict(near, tolerance=0.0)["verdict"] == "ok"
-    assert verdict(near, tolerance=0.1)["verdict"] == "look"
-    assert verdict(near, tolerance=0.5)["verdict"] == "ok"
 
 
 def test_the_limits_are_those_of_the_documentation(request):

@@ -8,7 +8,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.errors import InputError, placed
-from vtkmuscle.core.pbd.muscle_model import FixedMuscle
+from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.taut.paths import POINTS, TautPaths, TautState
 from vtkmuscle.data.arrays import (

@@ -11,11 +11,11 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.bones.bone import Bone, depth_in
 from vtkmuscle.core.mesh.bent import BentSurface, bent_surface
+from vtkmuscle.core.mesh.hinges import dihedral_angles
 from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, unique_edges
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.core.pbd.rest_shape import dihedral_angles
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, triangles_of
 from vtkmuscle.filters.deformer.neighbours import outward_tree

@@ -26,7 +26,7 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.deformer.convergence_report import read_convergence
+from vtkmuscle.filters.deformer.shape_report import read_shape
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.run.architecture import architecture_of
@@ -216,7 +216,7 @@ class MuscleRun:
             row = {
                 "frame": number,
                 "time": now,
-                **read_convergence(deformed, self.scene.millimetres),
+                **read_shape(deformed, self.scene.millimetres),
                 **measure.frame(points, transforms),
             }
             if fibres is not None:
@@ -250,7 +250,6 @@ class MuscleRun:
         """Add the verdict on the frames that are there to the report."""
         track, millimetres = self.track, self.scene.millimetres
         rows = track.report["frames"]
-        tolerance = track.report["parameters"]["solver"].get("tolerance")
         lengths = rest_lengths = slackness = None
         slides: list[tuple[float, str] | None] = []
         motion = self.scene.motion.part(numbers[: len(rows)]) if rows else None
@@ -272,7 +271,6 @@ class MuscleRun:
             motion=motion,
             n_edges=measure.n_edges,
             size=measure.size,
-            tolerance=None if tolerance is None else tolerance * millimetres,
             failure=track.failure,
         )
 

@@ -236,22 +236,22 @@ class Contact:
                     number,
                     "jumped",
                     f"it moved {way:.4g} mm against the muscle in one step, but is {thickness:.4g} mm thick; "
-                    "give the motion more frames, or use more substeps",
+                    "give the motion more frames",
                 )
             else:
                 barrier.warn(
                     number,
                     "flung",
                     f"a point of the muscle moved {way:.4g} mm against it in one step by its own velocity, "
-                    f"but it is {thickness:.4g} mm thick; use start 'blend', in which points have no "
-                    "velocity, or more iterations",
+                    f"but it is {thickness:.4g} mm thick; use more iterations, or a quality in which points "
+                    "have no velocity",
                 )
         if inside.sum() > SWALLOWED * barrier.free.sum():
             barrier.warn(
                 number,
                 "swallowed",
                 f"{inside.sum()} of the muscle's {barrier.free.sum()} free points were in it at the "
-                "beginning of a step; give the motion more frames, or use more substeps",
+                "beginning of a step; give the motion more frames",
             )
 
     def _in_reach(self, p: Floats, first: int) -> list[int]:
