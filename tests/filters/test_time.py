@@ -11,7 +11,7 @@ from test_pbd_deformer import bones, fixed_to, spindle
 
 from vtkmuscle.core import fixed_muscle
 from vtkmuscle.core.algorithm_2 import solver
-from vtkmuscle.core.collision import distance_obstacle, obstacles
+from vtkmuscle.core.collision import obstacles
 from vtkmuscle.core.deformation import muscle
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.data.arrays import points_of
@@ -169,8 +169,6 @@ def work(monkeypatch):
     count(muscle, "Settling", "settling")
     count(solver, "RestShape", "rest shape")
     count(solver, "harmonic_directions", "fibre directions")
-    monkeypatch.setattr(distance_obstacle, "_shared", WeakValueDictionary())
-    count(distance_obstacle, "cached_distance_grid", "distance grids")
     count(obstacles, "build_voxel_grid", "voxels")
     count(muscle.CarriedMuscle, "pose", "frames")
     count(solver.Algorithm2, "step", "frames")

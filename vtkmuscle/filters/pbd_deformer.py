@@ -162,9 +162,9 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         "also the point array ``Carried`` (3), where they do so before it settles [mm], and the field arrays "
         "``FibrePoints`` (p, 3), where they carry the points of ``fibres`` [mm], and ``UnsettledFibres``, "
         "how many paths did not come to rest; and of the paths, where each stands for one of ``fibres``, "
-        "``PathLength`` (k,) [mm], ``PathPoints`` (k, 3 n) [mm] and ``PathWrench_BONE`` (k, 6), force [1] and "
-        "moment about the origin [mm] on each bone at unit tension. With quality 'published' also the point array ``Velocity`` "
-        "(3) [mm/s].",
+        "``PathLength`` (k,) [mm], ``PathPoints`` (k, 3 n) [mm] and ``PathWrench_BONE`` (k, 6), force [1] "
+        "and moment about the origin [mm] on each bone at unit tension. With quality 'published' also the "
+        "point array ``Velocity`` (3) [mm/s].",
     )
 
     moving = ("bones", "neighbours")
