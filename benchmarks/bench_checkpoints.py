@@ -10,8 +10,8 @@ import time
 
 import numpy as np
 
+from vtkmuscle.core.deformation.muscle import CarriedMuscle
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.core.pbd.solver import MuscleSolver
 from vtkmuscle.phantoms import hip
 from vtkmuscle.pipelines import deform
 
@@ -29,14 +29,14 @@ def main() -> None:
     muscle = phantom.muscles[MUSCLE]
     size = 48e-6 * muscle.GetNumberOfPoints()
     steps = 0
-    step = MuscleSolver.step
+    step = CarriedMuscle.pose
 
     def counted(self, *arguments, **keywords):
         nonlocal steps
         steps += 1
         return step(self, *arguments, **keywords)
 
-    MuscleSolver.step = counted
+    CarriedMuscle.pose = counted
     anywhere = np.random.default_rng(1).permutation(ANGLES)
     print(f"{MUSCLE}: {muscle.GetNumberOfPoints()} points, {size:.3f} MB per frame, {len(ANGLES)} frames")
     print("  room  checkpoint_memory   steps and ms per frame, backwards       at random")

@@ -13,8 +13,8 @@ import time
 from itertools import pairwise
 
 import numpy as np
-from muscle_problem import data_folder
 from numpy.typing import NDArray
+from real_hip import data_folder
 from scipy.spatial import cKDTree
 
 from vtkmuscle import Scene

@@ -14,7 +14,7 @@ import warnings
 
 import igl
 import numpy as np
-from muscle_problem import data_folder
+from real_hip import data_folder
 from timing import interleaved
 
 from vtkmuscle import Scene

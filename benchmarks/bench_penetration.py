@@ -1,7 +1,7 @@
 """Measure how far muscles end inside the bones of a hip over full flexion, against the bones' triangles.
 
-Run as ``python benchmarks/bench_penetration.py [folder] [--modes sdf voxel ...] [--muscles NAME ...]``, where
-the folder holds ``scene.toml`` (by default that of ``VTKMUSCLE_DATA``, else ``../shared/data``, and there
+Run as ``python benchmarks/bench_penetration.py [folder] [--modes NAME ...] [--muscles NAME ...]``, where the
+folder holds ``scene.toml`` (by default that of ``VTKMUSCLE_DATA``, else ``../shared/data``, and there
 ``lhdl_hip``).
 
 For each mode and muscle: over all frames, the largest 95th percentile and the largest depth of free points
@@ -21,27 +21,18 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from vtkmuscle import Scene
+from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
-from vtkmuscle.data.arrays import field_array, point_array, points_of
-from vtkmuscle.data.surface_distance import SurfaceDistance
+from vtkmuscle.data.arrays import checked_surface, field_array, point_array, points_of
 from vtkmuscle.run import muscle_pipeline
 
 #: Settings of the deformer beside those of the scene.
 MODES = {
-    "sdf": {"collision": "sdf", "grid_spacing": 1.0},
-    "sdf, plain": {"collision": "sdf", "grid_spacing": 1.0, "solver": "gauss-seidel"},
-    "voxel": {"collision": "voxel", "solver": "gauss-seidel"},
-    "voxel, anderson": {"collision": "voxel", "solver": "anderson"},
-    "voxel, transform": {"collision": "voxel", "solver": "gauss-seidel", "bone_push": "transform"},
-    "voxel, published": {
-        "collision": "voxel",
-        "solver": "gauss-seidel",
-        "prediction": "inertial",
-        "projection_order": "sequential",
-        "bone_push": "transform",
-        "contact_velocity": "keep",
-        "anisotropy": "stiffness",
-    },
+    "default": {},
+    "preview": {"quality": "preview"},
+    "accurate": {"quality": "accurate"},
+    "published": {"quality": "published"},
+    "published, bone_push off": {"quality": "published", "bone_push": "off"},
     "off": {"collision": "off"},
 }
 
@@ -52,7 +43,7 @@ CUP = 6.0
 def hip(folder):
     """Return the scene, and the exact distance of each bone."""
     scene = Scene.load(folder / "scene.toml")
-    return scene, {name: SurfaceDistance(bone) for name, bone in scene.bones.items()}
+    return scene, {name: solids_of(*checked_surface(bone, "test")) for name, bone in scene.bones.items()}
 
 
 class Acetabulum:

@@ -6,7 +6,7 @@ triangles drawn, bytes by a quarter, and what a run does not at all. The tests h
 
 ``ratios`` are times of processor over that of a calibration kernel that this project will not change, taken
 in turns with it: medians of the turns. On two processors with six processes at work, eight runs differed from
-their middle by up to 12 % (iteration) and 5 % (the others). So a quarter more is a regression (``--margin``);
+their middle by up to 12 % (settling) and 5 % (the others). So a quarter more is a regression (``--margin``);
 the tests, which may run on another kind of processor, allow twice as much.
 """
 
@@ -27,7 +27,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from calibration import TRIANGLES, calibration
 from fibre_counts import OF_FIBRES, fibre_work
-from problems import iteration_of, steps_of
+from problems import settling_of, steps_of
 from work_counts import counts
 
 from vtkmuscle import phantoms
@@ -58,7 +58,7 @@ def figures() -> dict[str, Callable[[], object]]:
     places = points_of(fibres)
 
     return {
-        "iteration": iteration_of(TRIANGLES),
+        "settling": settling_of(TRIANGLES),
         "step": steps_of(TRIANGLES),
         "transport": transported,
         "weights": lambda: sparse_mean_value_coordinates(points, triangles, places, prune=0.3, threads=1),

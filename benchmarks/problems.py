@@ -1,4 +1,4 @@
-"""What benchmarks work on: iterations on meshes of any size, and the phantom hip with pieces of it."""
+"""What benchmarks work on: settling of meshes of any size, and the phantom hip with pieces of it."""
 
 from __future__ import annotations
 
@@ -7,16 +7,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from bench_kernels import SHAPE_STIFFNESS, no_bones, stiffness, torus
-from naive_kernels import naive_dihedral, naive_distance
+from calibration import torus
 
 from vtkmuscle import Scene, phantoms
-from vtkmuscle.core.mesh.surface import edge_lengths
+from vtkmuscle.core.deformation.settling import Settling
+from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
-from vtkmuscle.core.pbd import constraints
-from vtkmuscle.core.pbd.orders import ColourOrder
-from vtkmuscle.core.pbd.rest_shape import RestShape
 from vtkmuscle.data.arrays import (
     blocks_of,
     multiblock_from,
@@ -41,31 +38,16 @@ def held_torus(n_triangles: int) -> tuple[Any, Any, Any, Any]:
     return points, mass, mesh_topology(len(points), triangles), moved
 
 
-def iteration_of(n_triangles: int) -> Callable[[], object]:
-    """Return one whole iteration on a mesh of about so many triangles, many edges at a time."""
-    points, mass, topology, p = held_torus(n_triangles)
-    order = ColourOrder(topology, RestShape(points, topology), mass, stiffness(topology))
-    return lambda: order.project(p, no_bones, bones_last=False)
-
-
-def naive_iteration_of(n_triangles: int) -> Callable[[], object]:
-    """Return the same by the naive kernels, with trigonometry."""
-    points, mass, topology, p = held_torus(n_triangles)
-    edges, quads = topology.edges, np.ascontiguousarray(topology.quads)
-    lengths, ones = edge_lengths(points, edges), np.ones(len(edges))
-    shape, gradient = RestShape(points, topology), np.empty_like(points)
-    angles, volume = shape.angles, shape.volume
-
-    def run() -> None:
-        naive_distance(p, mass, edges, lengths, ones)
-        naive_dihedral(p, mass, quads, angles, SHAPE_STIFFNESS)
-        constraints.project_volume(p, mass, topology.triangles, volume, 0.0, 1.0, gradient)
-
-    return run
+def settling_of(n_triangles: int) -> Callable[[], object]:
+    """Return the settling, in five rounds, of a mesh of about so many triangles."""
+    points, mass, topology, moved = held_torus(n_triangles)
+    settling = Settling(RestShape(points, topology), np.where(mass > 0.0, -1, 0))
+    still = np.eye(4)[None]
+    return lambda: settling.settle(moved, still, rounds=5)
 
 
 def steps_of(n_triangles: int) -> Callable[[], object]:
-    """Return two steps of 10 iterations of a muscle of about so many triangles, one side of it turning."""
+    """Return two frames of a muscle of about so many triangles, one side of it turning."""
     points, triangles = torus(n_triangles)
     muscle, part = surface_from(points, triangles), len(points) // FIXED_PART
     held = np.full(len(points), -1, dtype=np.int32)
@@ -77,7 +59,7 @@ def steps_of(n_triangles: int) -> Callable[[], object]:
     motion.connect(0, bones)
 
     def run() -> object:
-        deformer = PBDDeformer(collision="off", prediction="blend", iterations=10)
+        deformer = PBDDeformer(collision="off")
         deformer.connect(0, muscle)
         deformer.connect(1, motion)
         return deformer.update(time=2.0).output

@@ -15,7 +15,7 @@ import tempfile
 from pathlib import Path
 
 import made
-from muscle_problem import data_folder
+from real_hip import data_folder
 
 ROOT = made.HERE.parent
 #: Hips of the documentation's atlas.

@@ -86,7 +86,6 @@ def measured(kind: str, size: int) -> dict[str, float]:
         "set_up_s": (taken - further * len(ends) * (frames - 1)) / len(ends),
         "frame_ms": 1000.0 * further,
         "memory_mb": memory() - before,
-        "distance_mm": max(row.get("estimated_distance_mm") or 0.0 for row in rows),
         "volume_error": max(abs(row["volume_ratio"] - 1.0) for row in rows),
     }
 
@@ -112,9 +111,7 @@ def main() -> None:
             found = subprocess.run(command, check=True, capture_output=True, text=True).stdout
             row = json.loads(found.splitlines()[-1])
             shown = int(row["triangles"]) if kind == "triangles" else size
-            numbers = (
-                f"{row['set_up_s']:.3g},{row['frame_ms']:.3g},{row['memory_mb']:.0f},{row['distance_mm']:.2f}"
-            )
+            numbers = f"{row['set_up_s']:.3g},{row['frame_ms']:.3g},{row['memory_mb']:.0f}"
             lines.append(f"{kind},{shown},{numbers},{row['volume_error']:.0e}")
             print(lines[-1], flush=True)
     if given.write:

@@ -1,4 +1,4 @@
-"""What a run costs whatever the machine: projections, collision passes, executions, pictures and memory."""
+"""What a run costs whatever the machine: diffusions, collision passes, executions, pictures and memory."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from vtkmodules.vtkFiltersModeling import vtkLinearSubdivisionFilter
 
 from vtkmuscle import Scene, phantoms
 from vtkmuscle.core.collision import contact
-from vtkmuscle.core.pbd import orders
+from vtkmuscle.core.deformation import diffusion
 from vtkmuscle.data import drawn_bones
 from vtkmuscle.data.arrays import blocks_of, multiblock_from
 from vtkmuscle.filters import FixedPointDetector
@@ -34,9 +34,9 @@ FRAMES = 6
 
 @contextmanager
 def counted(counts: Counter[str]) -> Iterator[None]:
-    """Count projections, collision passes, and executions of filters."""
+    """Count diffusions, collision passes, and executions of filters."""
     watched = (
-        ("projections", orders.ColourOrder, "project"),
+        ("diffusions", diffusion.Diffusion, "spread"),
         ("collision passes", contact.Contact, "keep_out"),
         ("executions", Filter, "RequestData"),
     )

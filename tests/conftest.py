@@ -12,10 +12,7 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 
 @pytest.fixture(scope="session", autouse=True)
 def _cache_of_its_own(tmp_path_factory):
-    """Keep the distance grids of tests out of the user's cache; processes that tests start share it.
-
-    What they compile is kept where it always is: nothing is compiled twice.
-    """
+    """Keep what tests leave out of the user's cache, but for what they compile: nothing is compiled twice."""
     import numba
 
     from vtkmuscle.core.kernel_cache import kernel_folder

@@ -6,15 +6,11 @@ from functools import cache
 import numpy as np
 
 from vtkmuscle import phantoms
-from vtkmuscle.core.collision.obstacles import bone_axes
-<<<<<<< HEAD
-from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread
-=======
+from vtkmuscle.core.bones.bone import bone_axes
 from vtkmuscle.core.motion.twists import twist_about
 from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread
->>>>>>> main
 from vtkmuscle.core.taut.paths import POINTS, TautPaths
-from vtkmuscle.core.paths.via_rings import via_ring
+from vtkmuscle.core.taut.via_rings import via_ring
 from vtkmuscle.data.arrays import blocks_of, point_array, points_of, polylines_of, triangles_of
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.filters import FixedPointDetector

@@ -14,7 +14,6 @@ from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.run.keys import digest_of, muscle_keys
 from vtkmuscle.run.muscles import MuscleRun
-from vtkmuscle.run.reach import bones_with_reach
 
 
 @pytest.fixture(scope="module")
@@ -164,7 +163,7 @@ def test_what_is_finished_is_not_computed_again_and_what_is_changed_is_computed_
 
 def test_what_a_muscle_depends_on_is_in_its_key(scene):
     def keys(changed, count=5):
-        return muscle_keys(changed, bones_with_reach(changed), range(count))
+        return muscle_keys(changed, range(count))
 
     def with_thin(**changes):
         return replace(scene, muscles={**scene.muscles, "thin": replace(scene.muscles["thin"], **changes)})

@@ -142,7 +142,7 @@ def test_an_open_bone_will_do_and_the_run_says_what_was_made_of_it(scene_file):
     points, triangles = surface_parts(path)
     write_polydata(path, surface_from(points, triangles[1:]))
     # Voxels that reach as far as the muscle, which is not near enough to the bone otherwise.
-    edit(scene_file, "iterations = 3", 'iterations = 3\ncollision = "voxel"\nn_voxels_per_axis = 1')
+    edit(scene_file, "iterations = 3", 'iterations = 3\nquality = "published"\nn_voxels_per_axis = 1')
     scene = Scene.load(scene_file)
     assert scene.bones["upper"].GetNumberOfCells() == len(triangles) - 1
     with pytest.warns(UserWarning, match=r"block 'upper': the surface is open: 1 hole\(s\), 3 edges"):
@@ -739,7 +739,7 @@ def test_a_saved_scene_is_the_same_scene(scene_file, tmp_path):
     edit(
         scene_file,
         "[solver]",
-        'solver = { external_force = [0, 0.1, 1e-9], anisotropy = "off" }\nfixing = { distance = 0.1 }\n'
+        "solver = { external_force = [0, 0.1, 1e-9], anisotropy = false }\nfixing = { distance = 0.1 }\n"
         '[fixing]\nmethod = "attachment"\n[solver]',
     )
     first = Scene.load(scene_file)

@@ -31,6 +31,23 @@ def test_an_unknown_preset_is_refused_with_the_nearest(scene_file):
         Scene.load(scene_file)
 
 
+def test_a_setting_that_is_gone_says_what_to_use(scene_file):
+    scene_file.write_text(scene_file.read_text().replace("iterations = 3", "iterations = 3\ntolerance = 0.1"))
+    with pytest.raises(
+        SceneError, match=r"there is no setting 'tolerance' any more; .*use quality or iterations"
+    ):
+        Scene.load(scene_file)
+
+
+def test_voxels_without_the_published_quality_are_refused(scene_file):
+    text = scene_file.read_text()
+    scene_file.write_text(text.replace("iterations = 3", 'iterations = 3\ncollision = "voxel"'))
+    with pytest.raises(SceneError, match="solver: collision is 'voxel', which goes with quality 'published'"):
+        Scene.load(scene_file)
+    scene_file.write_text('quality = "published"\n' + scene_file.read_text())
+    assert Scene.load(scene_file).solver_of("spindle")["collision"] == "voxel"
+
+
 def test_the_option_takes_the_keys_place_and_tells_what_stays(scene_file, tmp_path):
     arguments = ["run", scene_file, "--out", tmp_path / "out", "--frames", "0:2", "--no-figures"]
     arguments = [*map(str, arguments), "--quality", "accurate"]
@@ -40,7 +57,7 @@ def test_the_option_takes_the_keys_place_and_tells_what_stays(scene_file, tmp_pa
     report = json.loads((tmp_path / "out/report.json").read_text())
     settings = report["muscles"]["spindle"]["parameters"]["solver"]
     assert settings["iterations"] == 3
-    assert settings["tolerance"] == PRESETS["accurate"]["tolerance"]
+    assert settings["taut_resolution"] == PRESETS["accurate"]["taut_resolution"]
     refused = CliRunner().invoke(app, [*arguments[:-1], "best"], catch_exceptions=False)
     assert refused.exit_code == 2
     assert "there is no preset 'best'" in refused.output

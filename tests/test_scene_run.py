@@ -16,7 +16,6 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, unique_edges
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform
-from vtkmuscle.core.pbd.stages import STAGES
 from vtkmuscle.data.arrays import (
     cell_array,
     point_array,
@@ -208,12 +207,9 @@ def test_the_report_says_what_the_geometry_says(result, scene):
         assert row["edge_stretch_max"] == pytest.approx(stretch.max(), rel=1e-12)
         assert row["edge_stretch_p95"] == pytest.approx(np.percentile(stretch, 95), rel=1e-12)
         assert row["fixed_error_max_mm"] < 1e-6
-        assert 1 <= row["iterations"] <= 5
         assert 0 <= row["penetration_p95_mm"] <= row["penetration_max_mm"] < 5
-        assert 0 <= row["residual_mm"] <= row["estimated_distance_mm"]
         assert row["across_fibres_p5"] <= row["across_fibres_p50"] <= row["across_fibres_p95"]
-        assert 0 <= row["dihedral_error_p50_deg"] <= row["dihedral_error_p95_deg"] <= 180
-        assert sum(row[f"ms_{stage}"] for stage in STAGES) <= row["ms"]
+        assert 0 <= row["dihedral_error_p95_deg"] <= 180
     parameters = result.report["muscles"]["spindle"]["parameters"]
     assert parameters["solver"]["iterations"] == 3
     assert parameters["fixing"]["method"] == "attachment"
@@ -449,7 +445,7 @@ def in_metres(scene):
 
 def test_a_scene_in_metres_reports_the_same_millimetres(scene):
     # Where two fibre segments are equally near, rounding decides which one gives an edge its direction.
-    scene = replace(scene, solver={"iterations": 3, "anisotropy": "off"})
+    scene = replace(scene, solver={"iterations": 3})
     result, other = scene.run(), in_metres(scene).run()
     np.testing.assert_allclose(other.lengths["spindle"], result.lengths["spindle"], rtol=1e-6)
     for name in result.muscle_names:

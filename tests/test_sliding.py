@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from vtkmuscle import Scene
+from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.data.arrays import surface_from
-from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.phantoms import leg
 from vtkmuscle.phantoms.implicit import thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution
@@ -24,7 +24,7 @@ RADII = [7.0, 13.0, 11.0, 6.0, 5.5, 5.0]
 def bone():
     """A roller of radius 20 along z."""
     points, triangles = solid_of_revolution([-60.0, 60.0], [20.0, 20.0], 48)
-    return SurfaceDistance(surface_from(points, triangles))
+    return Bone(points, triangles)
 
 
 def over_roller(aside, lifted=0.0):

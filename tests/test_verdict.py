@@ -12,11 +12,13 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle import Scene, hinge
 from vtkmuscle.cli import app
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 from vtkmuscle.core.moment_arms.length_jumps import even_stretches, largest_turns, length_jumps
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import (
     Polylines,
+    checked_surface,
     points_of,
     polylines_from,
     set_cell_array,
@@ -25,13 +27,12 @@ from vtkmuscle.data.arrays import (
     triangles_of,
     with_points,
 )
-from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters import PBDDeformer
 from vtkmuscle.plotting import can_render
 from vtkmuscle.run.limits import BEYOND, CHECKS, FULL_SIZE, LONGEST, SHORTEST
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report import DEFINITIONS
-from vtkmuscle.run.scenes import bone_distances
+from vtkmuscle.run.scenes import bone_shapes
 from vtkmuscle.run.verdict import judge, reasons_of, slackness_of
 
 #: What a good frame has.
@@ -43,7 +44,6 @@ GOOD = {
     "edge_stretch_floored_max": 2.0,
     "dihedral_error_p95_deg": 15.0,
     "folded_edges": 1,
-    "estimated_distance_mm": 0.05,
     "penetration_new_max_mm": 0.1,
     "penetration_new_p95_mm": 0.0,
     "fibres_outside_max_mm": 0.1,
@@ -89,7 +89,6 @@ def test_a_good_muscle_is_ok_and_all_was_checked():
         ("longest edge", "edge_stretch_floored_max", 4.0, 23.0),
         ("crumpled", "dihedral_error_p95_deg", 36.0, 55.0),
         ("folded", "folded_edges", 8, 40),
-        ("estimate", "estimated_distance_mm", 2.0, 11.0),
         ("penetration", "penetration_new_max_mm", 1.0, 8.0),
         ("widespread penetration", "penetration_new_p95_mm", 0.2, 1.5),
         ("fibres outside", "fibres_outside_max_mm", 7.0, 16.0),
@@ -154,13 +153,12 @@ def test_what_has_no_figure_is_not_judged_and_told():
     table = rows()
     for row in table:
         row["penetration_new_max_mm"] = row["penetration_new_p95_mm"] = None
-        del row["estimated_distance_mm"], row["volume_ratio"]
+        del row["volume_ratio"]
     found = verdict(table)
     assert found["verdict"] == "ok"
     assert found["not_checked"] == {
         "penetration": "no bone has an inside",
         "widespread penetration": "no bone has an inside",
-        "estimate": "the solver gave none",
         "volume": "it was not measured",
     }
 
@@ -181,14 +179,10 @@ def test_the_worst_reason_comes_first_and_decides():
     assert [reason.check for reason in reasons_of(found)] == ["longest edge", "volume", "folded"]
 
 
-def test_limits_that_are_lengths_are_less_for_a_small_muscle_and_the_solvers_tolerance_counts():
+def test_limits_that_are_lengths_are_less_for_a_small_muscle():
     table = rows(penetration_new_max_mm=0.3)
     assert verdict(table, size=FULL_SIZE)["verdict"] == "ok"
     assert verdict(table, size=0.1 * FULL_SIZE)["verdict"] == "look"
-    near = rows(estimated_distance_mm=0.3)
-    assert verdict(near, tolerance=0.0)["verdict"] == "ok"
-    assert verdict(near, tolerance=0.1)["verdict"] == "look"
-    assert verdict(near, tolerance=0.5)["verdict"] == "ok"
 
 
 def test_the_limits_are_those_of_the_documentation(request):
@@ -325,13 +319,13 @@ def test_an_open_bone_is_measured_with_its_holes_closed(tmp_path):
     scene = Scene.load(write_tiny_scene(tmp_path))
     whole = scene.bones["upper"]
     opened = surface_from(points_of(whole), triangles_of(whole, "bone")[3:])
-    distances = bone_distances(replace(scene, bones={**scene.bones, "upper": opened}))
+    distances = bone_shapes(replace(scene, bones={**scene.bones, "upper": opened}))
     assert set(distances) == {"upper", "lower"}
     middle = points_of(whole).mean(axis=0)[None]
-    exact = SurfaceDistance(whole).depth(middle)
+    exact = solids_of(*checked_surface(whole, "test")).depth(middle)
     np.testing.assert_allclose(distances["upper"].depth(middle), exact, rtol=0.05)
     sheet = surface_from(np.array([[0.0, 0, 0], [9, 0, 0], [0, 9, 0]]), np.array([[0, 1, 2]]))
-    assert set(bone_distances(replace(scene, bones={**scene.bones, "plate": sheet}))) == {"upper", "lower"}
+    assert set(bone_shapes(replace(scene, bones={**scene.bones, "plate": sheet}))) == {"upper", "lower"}
 
 
 def test_slackness_is_against_the_taut_length_and_what_it_is_at_rest():

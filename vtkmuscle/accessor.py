@@ -116,7 +116,7 @@ class MuscleAccessor:
         time : float, optional
             When; the last time step of the motion by default.
         fibres : vtkPolyData, optional
-            Fibres at rest, for the anisotropy.
+            Fibres at rest, for the paths.
         origin, insertion, attachments
             As of :meth:`fixed`; not needed where the mesh has the point array ``FixedTo``.
         fixing : mapping, optional

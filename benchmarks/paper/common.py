@@ -34,7 +34,7 @@ from vtkmuscle.plotting.views import View
 from vtkmuscle.run import muscle_pipeline
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from muscle_problem import data_folder
+from real_hip import data_folder
 
 Floats = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from common import Case, Table, main, picture, quietly
 
-from vtkmuscle.data.arrays import multiblock_from, polylines_of
-from vtkmuscle.data.surface_distance import SurfaceDistance
+from vtkmuscle.core.mesh.solids import solids_of
+from vtkmuscle.data.arrays import checked_surface, multiblock_from, polylines_of
 from vtkmuscle.filters import FibreTemplateSource, SliceMorpher, TemplateFitter
 
 #: Nearer to the surface than this is not outside of it [mm].
@@ -22,12 +22,12 @@ def tables(case: Case) -> list[Table]:
     for name in case.muscles:
         muscle, areas = case.scene.muscles[name].surface, case.scene.attachments_data(name)
         fitted = TemplateFitter()(template, muscle, areas)
-        distance, outside = SurfaceDistance(muscle), []
+        distance, outside = solids_of(*checked_surface(muscle, "test")), []
         for mapping in ("mean-value", "bijective"):
             # The mean value map warns of points that it puts outside; they are counted here.
             morpher = SliceMorpher(method="plane", mapping=mapping)
             points = polylines_of(quietly(morpher, fitted, muscle, areas), name).points
-            far = np.where(distance.depth(points) > 0.0, 0.0, distance.unsigned(points))
+            far = np.where(distance.depth(points) > 0.0, 0.0, np.abs(distance.distances(points)))
             outside.append(f"{int((far * case.scene.millimetres > TOLERANCE).sum())} of {len(points)}")
         table.add(name, "in the muscle", *outside, "plane")
         if case.draws:

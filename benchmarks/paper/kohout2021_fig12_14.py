@@ -14,8 +14,8 @@ from common import AS_PUBLISHED, LEFT, Case, Floats, Table, angles_up_to, main
 
 from vtkmuscle.core.fibres.measures import smoothed_curve
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.data.arrays import polylines_of
-from vtkmuscle.data.surface_distance import SurfaceDistance
+from vtkmuscle.core.mesh.solids import solids_of
+from vtkmuscle.data.arrays import checked_surface, polylines_of
 from vtkmuscle.plotting.sheets import curves
 
 PUBLISHED = {
@@ -43,7 +43,7 @@ def lengths_over(case: Case, name: str, angles: list[float], settings: dict[str,
 def deep_half(case: Case, name: str, published: str | None) -> Any:
     """Return which fibres are nearer to the pelvis than half of them, at rest."""
     lines = polylines_of(case.fibres(name, published=published), name)
-    far = SurfaceDistance(case.scene.bones["pelvis"]).unsigned(lines.points)
+    far = np.abs(solids_of(*checked_surface(case.scene.bones["pelvis"], "test")).distances(lines.points))
     mean = np.add.reduceat(far, lines.offsets[:-1]) / np.diff(lines.offsets)
     return mean < np.median(mean)
 

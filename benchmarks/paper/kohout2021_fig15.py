@@ -19,9 +19,9 @@ from common import AS_PUBLISHED, LEFT, STEP, Case, Floats, Table, data_folder, m
 from vtkmuscle import RigidMotion
 from vtkmuscle.core.fibres.linear_blend import blend_fibres, fitted_a
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
-from vtkmuscle.data.arrays import polylines_of
-from vtkmuscle.data.surface_distance import SurfaceDistance
+from vtkmuscle.data.arrays import checked_surface, polylines_of
 from vtkmuscle.io import read_motion_table
 from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.plotting.sheets import curves
@@ -88,7 +88,7 @@ def blended_lengths(case: Case, name: str, poses: Poses, a: float, published: st
 def fitted(case: Case, name: str, poses: Poses, published: str | None) -> float:
     """Return the parameter of the linear blend that keeps the fibres out of the bones best."""
     lines, surfaces = polylines_of(case.fibres(name, published=published), name), case.scene.bones
-    distances = {bone: SurfaceDistance(surface) for bone, surface in surfaces.items()}
+    distances = {bone: solids_of(*checked_surface(surface, "test")) for bone, surface in surfaces.items()}
     chosen = poses.transforms()[:: max(len(poses.angles) // 6, 1)]
 
     def depth(pose: int, points: Floats) -> Floats:

@@ -14,8 +14,8 @@ import pyvista as pv
 from common import Case, Table, main, picture
 from kohout2012_time import decompose_once
 
-from vtkmuscle.data.arrays import multiblock_from, polylines_of
-from vtkmuscle.data.surface_distance import SurfaceDistance
+from vtkmuscle.core.mesh.solids import solids_of
+from vtkmuscle.data.arrays import checked_surface, multiblock_from, polylines_of
 
 KINDS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("as published (Kohout and Kukačka 2014)", {"published": "kohout2014"}),
@@ -45,8 +45,8 @@ def tables(case: Case) -> list[Table]:
             first, fibres = decompose_once(case, name, fresh, RESOLUTION, **settings)
             again = min(decompose_once(case, name, fresh, RESOLUTION, **settings)[0] for _ in range(ROUNDS))
             points = polylines_of(fibres, name).points
-            distance = SurfaceDistance(fresh)
-            far = np.where(distance.depth(points) > 0.0, 0.0, distance.unsigned(points))
+            distance = solids_of(*checked_surface(fresh, "test"))
+            far = np.where(distance.depth(points) > 0.0, 0.0, np.abs(distance.distances(points)))
             outside = int((far * case.scene.millimetres > TOLERANCE).sum())
             published = "< 50" if case.real else ""
             cells = (f"{first:.0f}", f"{again:.0f}", f"{outside} of {len(points)}")

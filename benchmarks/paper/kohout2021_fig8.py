@@ -31,7 +31,7 @@ def tables(case: Case) -> list[Table]:
     rows = []
     for fixed in ("collision", "attachment"):
         kinds = []
-        for anisotropy in ("off", "stiffness"):
+        for anisotropy in (False, True):
             settings = {**AS_PUBLISHED, "anisotropy": anisotropy}
             fixing = {"method": fixed, "n_voxels": FINE}
             poses = [
@@ -40,7 +40,10 @@ def tables(case: Case) -> list[Table]:
             ]
             kinds.append(poses)
             rows.append(
-                [(f"{fixed}, anisotropy {anisotropy}, {n}", p) for n, p in zip(counts, poses, strict=True)]
+                [
+                    (f"{fixed}, anisotropy {'on' if anisotropy else 'off'}, {n}", p)
+                    for n, p in zip(counts, poses, strict=True)
+                ]
             )
         for count, off, on in zip(counts, *kinds, strict=True):
             edges = " / ".join(longest_edge(pose) for pose in (off, on))

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.jit import array_kernel, kernel
+from vtkmuscle.core.mesh.enclosed_volume import project_volume, volume_and_gradient
 from vtkmuscle.core.mesh.topology import mesh_topology
-from vtkmuscle.core.pbd import constraints
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -72,9 +72,13 @@ def _project_lengths(p, w, edges, lengths, powers):
     """Project the lengths of edges one by one, by the masses of their ends."""
     for e in range(len(edges)):
         i, j = edges[e, 0], edges[e, 1]
-        (p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2]) = constraints.distance(
-            p[i, 0], p[i, 1], p[i, 2], w[i], p[j, 0], p[j, 1], p[j, 2], w[j], lengths[e], powers[e]
-        )
+        x, y, z = p[i, 0] - p[j, 0], p[i, 1] - p[j, 1], p[i, 2] - p[j, 2]
+        length = math.sqrt(x * x + y * y + z * z)
+        weight = length * (w[i] + w[j])
+        s = powers[e] * (length - lengths[e]) / weight if weight > 0.0 else 0.0
+        si, sj = w[i] * s, w[j] * s
+        p[i, 0], p[i, 1], p[i, 2] = p[i, 0] - si * x, p[i, 1] - si * y, p[i, 2] - si * z
+        p[j, 0], p[j, 1], p[j, 2] = p[j, 0] + sj * x, p[j, 1] + sj * y, p[j, 2] + sj * z
 
 
 @array_kernel
@@ -114,7 +118,7 @@ def run(
     lengths = np.linalg.norm(rest[edges[:, 1]] - rest[edges[:, 0]], axis=1)
     free = fixed_to < 0
     w, ones, gradient = free.astype(np.float64), np.ones(len(rest)), np.empty_like(rest)
-    volume, angles = constraints.volume_and_gradient(rest, triangles, gradient), _angles(rest, quads)
+    volume, angles = volume_and_gradient(rest, triangles, gradient), _angles(rest, quads)
     held = w[edges].any(axis=1)
     edges, powers, lengths = edges[held], powers[held], lengths[held]
     x, v, moves, corrected = rest.copy(), np.zeros_like(rest), [], 0
@@ -126,7 +130,7 @@ def run(
             p = x + v
             _project_lengths(p, w, edges, lengths, powers)
             # Fixed points take their part of the volume's correction there, and are put back.
-            constraints.project_volume(p, ones, triangles, volume, 0.0, 1.0, gradient)
+            project_volume(p, ones, triangles, volume, 0.0, gradient)
             corrected += _project_angles(p, w, quads, angles)
             p[~free] = x[~free]
             v = p - x

@@ -20,9 +20,8 @@ from problems import Hip
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add what limits the benchmarks, and what they are compared with."""
+    """Add what limits the benchmarks."""
     parser.addoption("--largest", type=int, default=100_000, help="most triangles of the scaling")
-    parser.addoption("--pypbd", metavar="PYTHON", help="a Python that has pypbd")
 
 
 @pytest.fixture(scope="session")

@@ -88,7 +88,11 @@ def test_linear_blend_fibres(measured, hip):
     )
 
 
-@pytest.mark.parametrize("collision", ["off", "sdf", "voxel"])
-@pytest.mark.parametrize("solver", ["gauss-seidel", "anderson"])
-def test_pbd_deformer_over_5_frames(measured, hip, solver, collision):
-    measured(lambda: hip.frames(5, solver=solver, collision=collision), rounds=FEW)
+@pytest.mark.parametrize("collision", ["off", "sdf"])
+@pytest.mark.parametrize("quality", ["preview", "balanced"])
+def test_pbd_deformer_over_5_frames(measured, hip, quality, collision):
+    measured(lambda: hip.frames(5, quality=quality, collision=collision), rounds=FEW)
+
+
+def test_algorithm_2_over_5_frames(measured, hip):
+    measured(lambda: hip.frames(5, quality="published", iterations=10), rounds=FEW)

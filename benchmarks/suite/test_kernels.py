@@ -1,40 +1,27 @@
-"""Kernels: an iteration, weights, distances, what is made of a mesh once."""
+"""Kernels: settling, weights, distances, what is made of a mesh once."""
 
 from __future__ import annotations
 
 import numpy as np
-from bench_kernels import torus
-from calibration import TRIANGLES
-from problems import held_torus, iteration_of, naive_iteration_of
+from calibration import TRIANGLES, torus
+from problems import held_torus, settling_of
 
-from vtkmuscle.core.collision.distance_grid import build_distance_grid
+from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.fibres.sparse_weights import sparse_mean_value_coordinates, sparse_transport
 from vtkmuscle.core.mesh.harmonic import harmonic_weights
 from vtkmuscle.core.mesh.topology import mesh_topology
-from vtkmuscle.core.pbd.batches import pack
-from vtkmuscle.core.pbd.rest_shape import RestShape
 from vtkmuscle.data.arrays import blocks_of, checked_surface, points_of
 
 ROUNDS, FEW = 20, 3
 
 
-def test_iteration(measured):
-    measured(iteration_of(TRIANGLES), rounds=ROUNDS)
-
-
-def test_naive_iteration(measured):
-    measured(naive_iteration_of(TRIANGLES), rounds=ROUNDS)
+def test_settling(measured):
+    measured(settling_of(TRIANGLES), rounds=ROUNDS)
 
 
 def test_topology(measured):
     points, triangles = torus(TRIANGLES)
     measured(lambda: mesh_topology(len(points), triangles), rounds=ROUNDS)
-
-
-def test_packing(measured):
-    points, mass, topology, _ = held_torus(TRIANGLES)
-    shape = RestShape(points, topology)
-    measured(lambda: pack(topology, shape, mass), rounds=FEW)
 
 
 def test_harmonic_weights(measured):
@@ -57,6 +44,6 @@ def test_transport_of_1600_points(measured, hip):
     measured(lambda: sparse_transport(weights, points, threads=1), rounds=ROUNDS)
 
 
-def test_signed_distance_grid_of_a_bone(measured, hip):
+def test_field_of_a_bone_all_over_its_surface(measured, hip):
     points, triangles = checked_surface(dict(blocks_of(hip.phantom.bones))["femur"], "femur")
-    measured(lambda: build_distance_grid(points, triangles, cell=2.0), rounds=FEW)
+    measured(lambda: Bone(points, triangles).field(points), rounds=FEW)

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import pytest
-from problems import iteration_of, steps_of
+from problems import settling_of, steps_of
 
 ROUNDS, FEW = 15, 2
 #: Steps take longer than an iteration by far.
@@ -26,9 +26,9 @@ def within(request):
 
 
 @pytest.mark.parametrize("triangles", [1_000, 10_000, 100_000, 1_000_000])
-def test_iteration(measured, within, triangles):
+def test_settling(measured, within, triangles):
     within(triangles)
-    measured(iteration_of(triangles), rounds=ROUNDS, scale="triangles, an iteration", size=triangles)
+    measured(settling_of(triangles), rounds=ROUNDS, scale="triangles, an iteration", size=triangles)
 
 
 @pytest.mark.parametrize("triangles", [1_000, 10_000, LARGEST_STEP])

@@ -16,27 +16,21 @@ from vtkmuscle.filters.base.docstrings import described, split_docstring
 #: The parameters of a filter that has many, in groups by what they are about.
 GROUPS = {
     "PBDDeformer": {
-        "Set these first": ["quality", "iterations", "tolerance", "bone_clearance", "checkpoint_memory"],
-        "What the muscle keeps": [
-            "anisotropy",
-            "guidance",
-            "taut_resolution",
+        "Set these first": ["quality", "bone_clearance", "checkpoint_memory"],
+        "What a quality sets": ["iterations", "taut_resolution", "collision"],
+        "The report": ["measure_penetration"],
+        "As published": [
             "stiffness",
             "shape_stiffness",
             "volume_stiffness",
+            "anisotropy",
+            "velocity_kept",
+            "dt",
             "external_force",
-        ],
-        "Bones": ["collision", "grid_spacing", "friction", "measure_penetration"],
-        "The solver": ["solver", "substeps"],
-        "As published": [
             "n_voxels",
             "n_voxels_per_axis",
             "bone_push",
             "contact_velocity",
-            "prediction",
-            "projection_order",
-            "dt",
-            "velocity_kept",
         ],
     }
 }

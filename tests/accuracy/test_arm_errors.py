@@ -33,13 +33,18 @@ def slopes(name, of):
 
 @pytest.mark.parametrize(
     "cause",
-    [Cause("solve", [lengths(ARM + OFF)]), Cause("solve", [lengths(ARM + OFF)], arms=[arms(ARM + OFF)])],
+    [
+        Cause("segments", [lengths(ARM + OFF)]),
+        Cause("segments", [lengths(ARM + OFF)], arms=[arms(ARM + OFF)]),
+    ],
     ids=["lengths", "arms"],
 )
 def test_other_lengths_or_arms_leave_an_error_in_every_frame(cause):
     found = arm_estimates(arms(ARM), [cause], slopes)
-    np.testing.assert_allclose(found["moment_arm_knee"].parts["solve"], np.full(len(ANGLES), OFF))
-    np.testing.assert_allclose(found["each_moment_arm_knee"].parts["solve"], np.full((len(ANGLES), 2), OFF))
+    np.testing.assert_allclose(found["moment_arm_knee"].parts["segments"], np.full(len(ANGLES), OFF))
+    np.testing.assert_allclose(
+        found["each_moment_arm_knee"].parts["segments"], np.full((len(ANGLES), 2), OFF)
+    )
 
 
 def test_what_lever_and_slope_differ_by_bounds_the_error():
@@ -50,5 +55,5 @@ def test_what_lever_and_slope_differ_by_bounds_the_error():
 def test_a_slope_that_is_not_known_adds_nothing():
     (known,) = arms(ARM).values()
     known = {"knee": replace(known, slopes=np.full_like(known.arms, np.nan))}
-    found = arm_estimates(known, [Cause("solve", [lengths(ARM + OFF)])], slopes)
+    found = arm_estimates(known, [Cause("segments", [lengths(ARM + OFF)])], slopes)
     assert all(not part.any() for part in found["moment_arm_knee"].parts.values())

@@ -42,7 +42,7 @@ def test_every_run_states_what_takes_no_further_solve(plain):
     of_rest = {"volume", "pcsa", "pcsa_without_tendon", "fascicle_length"}
     assert errors.keys() == {"length", "fibre_length", "moment_arm_distal_angle", *of_rest}
     assert errors["fascicle_length"]["parts"].keys() == {"segments", "fibres", "tendon"}
-    assert errors["fibre_length"]["parts"].keys() == {"solve", "segments", "fibres"}
+    assert errors["fibre_length"]["parts"].keys() == {"segments", "fibres"}
     assert errors["length"]["parts"].keys() == {"segments", "fibres"}
     assert errors["volume"]["parts"].keys() == {"facets", "solve"}
     assert errors["moment_arm_distal_angle"]["parts"].keys() == {"segments", "fibres", "slopes"}
@@ -53,7 +53,7 @@ def test_what_is_asked_for_is_added_and_the_results_stay(result, plain):
     np.testing.assert_array_equal(result.lengths["spindle"], plain.lengths["spindle"])
     errors = result.report["muscles"]["spindle"]["errors"]
     of_fibres, of_paths = (errors[name]["parts"] for name in ("fibre_length", "length"))
-    assert of_fibres.keys() == {"solve", "fibres", *KINDS}  # finer slices tell of segments too
+    assert of_fibres.keys() == {"fibres", *KINDS}  # finer slices tell of segments too
     assert of_paths.keys() == {"segments", "fibres", *KINDS} - {"pruning"}
     assert all(part > 0.0 for parts in (of_fibres, of_paths) for part in parts.values())
     assert errors["moment_arm_distal_angle"]["parts"].keys() == {*of_paths, "slopes"}

@@ -85,7 +85,7 @@ def test_figures_and_page_take_no_more_than_committed(guard, monkeypatch, plante
     assert told == expected.get(planted, ["triangles drawn"])
 
 
-def test_iteration_step_transport_and_decomposition_are_no_slower_than_committed(guard):
+def test_settling_step_transport_and_decomposition_are_no_slower_than_committed(guard):
     """By processor time in turns with a kernel that stays; other kinds of processor are left a factor 2."""
     committed = json.loads(guard.COMMITTED.read_text(encoding="utf-8"))
     now = guard.ratios(turns=5)
@@ -93,22 +93,14 @@ def test_iteration_step_transport_and_decomposition_are_no_slower_than_committed
     assert guard.regressions({"ratios": now}, committed, margin=2.0) == []
 
 
-def test_an_iteration_is_faster_than_the_naive_one():
-    """4.1 times were measured; a machine that does other things is left a margin of 2."""
-    from problems import iteration_of, naive_iteration_of
+def test_time_of_settling_grows_with_the_triangles_and_the_root_of_their_number(guard):
+    """What diffuses goes over a length: over twice the edges where there are four times the triangles."""
+    from problems import settling_of
     from timing import interleaved
 
-    times = interleaved({"naive": naive_iteration_of(20_000), "fast": iteration_of(20_000)}, rounds=15)
-    assert times["naive"] > 2.0 * times["fast"]
-
-
-def test_time_of_an_iteration_grows_with_the_triangles(guard):
-    from problems import iteration_of
-    from timing import interleaved
-
-    times = interleaved({str(n): iteration_of(n) for n in (5_000, 50_000)}, rounds=15)
+    times = interleaved({str(n): settling_of(n) for n in (5_000, 50_000)}, rounds=15)
     (power,) = guard.growth({"triangles": {int(n): ms for n, ms in times.items()}}).values()
-    assert power < 1.3
+    assert power < 1.6
 
 
 def test_growth_is_a_power(guard):
@@ -153,19 +145,19 @@ def test_a_fibre_more_in_twelve_is_counted(guard, monkeypatch):
     assert {line.split(":")[0] for line in told} == {name for name, count in before.items() if count}
 
 
-def test_one_more_projection_per_iteration_is_counted(guard, work, monkeypatch):
+def test_one_more_settling_per_frame_is_counted(guard, work, monkeypatch):
     """Plant what the guard is there for: a step that does its work twice."""
     import work_counts
 
-    from vtkmuscle.core.pbd.solver import MuscleSolver
+    from vtkmuscle.core.deformation.settling import Settling
 
-    step = MuscleSolver.step
+    settle = Settling.settle
 
     def twice(self, *arguments, **keywords):
-        step(self, *arguments, **keywords)
-        return step(self, *arguments, **keywords)
+        settle(self, *arguments, **keywords)
+        return settle(self, *arguments, **keywords)
 
-    monkeypatch.setattr(MuscleSolver, "step", twice)
+    monkeypatch.setattr(Settling, "settle", twice)
     now = work_counts.work()
-    assert now["projections"] == 2 * work["projections"]
+    assert now["diffusions"] == 2 * work["diffusions"]
     assert guard.regressions({"counts": now}, {"counts": work})

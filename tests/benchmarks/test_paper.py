@@ -91,18 +91,19 @@ def test_the_command_line_knows_all_experiments(case):
 
 def test_settings_of_the_paper_are_all_named(case):
     """A default that changes must not change what is called published."""
-    from vtkmuscle.filters.deformer.quality import PUBLISHED
+    from vtkmuscle.core.algorithm_2.parameters import Parameters
 
-    choices = {name for name in PUBLISHED if isinstance(PUBLISHED[name], str)}
-    assert choices == {
-        "anisotropy",
-        "bone_push",
-        "collision",
-        "contact_velocity",
-        "projection_order",
-        "solver",
-        "prediction",
-    }
+    assert Parameters() == Parameters(
+        dt=1.0,
+        velocity_kept=0.99,
+        stiffness=1.0,
+        shape_stiffness=0.9,
+        volume_stiffness=1.0,
+        anisotropy=True,
+        external_force=(0.0, 0.0, 0.0),
+        bone_push="transform",
+        contact_velocity="keep",
+    )
 
 
 def test_roughness_is_the_angle_between_triangles(case):

@@ -7,11 +7,11 @@ import pytest
 from tiny_scene import ellipsoid
 
 from vtkmuscle.core.mesh.normals import vertex_normals
+from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.rigid import rotation_about
 from vtkmuscle.data import drawn_bones
-from vtkmuscle.data.arrays import multiblock_from, points_of, surface_from, triangles_of
+from vtkmuscle.data.arrays import checked_surface, multiblock_from, points_of, surface_from, triangles_of
 from vtkmuscle.data.drawn_bones import DrawnBones, clustered, spread_over
-from vtkmuscle.data.surface_distance import SurfaceDistance
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def test_a_fine_bone_is_drawn_coarser_and_stays_within_a_fraction_of_a_triangle(
     assert faces.max() < len(coarse)
     edges = np.linalg.norm(coarse[faces[:, 0]] - coarse[faces[:, 1]], axis=1)
     middles = coarse[faces].mean(axis=1)
-    assert SurfaceDistance(fine).unsigned(middles).max() < 0.2 * edges.mean()
+    assert np.abs(solids_of(*checked_surface(fine, "test")).distances(middles)).max() < 0.2 * edges.mean()
     outward = (coarse - [5, 0, 0]) / np.array([30, 40, 100]) ** 2
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     assert (normals * outward).sum(axis=1).min() > 0.99

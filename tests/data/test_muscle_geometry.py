@@ -31,8 +31,8 @@ def test_a_change_through_a_view_makes_another_surface_and_leaves_the_old_facts(
     vtk_to_numpy(ball.GetPoints().GetData())[:] *= 2
     other = muscle_geometry(ball, "test")
     assert other is not known
-    assert known.distance.depth([[0.0, 0, 0]])[0] == pytest.approx(10, abs=0.3)
-    assert other.distance.depth([[0.0, 0, 0]])[0] == pytest.approx(20, abs=0.6)
+    assert known.solids.depth([[0.0, 0, 0]])[0] == pytest.approx(10, abs=0.3)
+    assert other.solids.depth([[0.0, 0, 0]])[0] == pytest.approx(20, abs=0.6)
 
 
 def test_facts_are_right(ball):

@@ -21,15 +21,16 @@ docs/validation/extremes.rst``; {other}.
 LONG = {
     "form": "long",
     "option": " --long",
-    "modes": "Where nothing else is said, all of solver, prediction, collision and anisotropy were combined.",
+    "modes": "Where nothing else is said, the default with and without bones, and the published model\n"
+    "with and without bones and anisotropy were tried.",
     "other": "the normal run of the tests has a short form of it",
 }
 SHORT = {
     "form": "short",
     "option": "",
-    "modes": "Where nothing else is said, each kind of collision was combined with each kind of anisotropy,\n"
-    "solvers and predictions in turn: every two choices meet.",
-    "other": "with ``--long`` it runs all combinations, and meshes of up to a million triangles",
+    "modes": "Where nothing else is said, the default with and without bones, and the published model\n"
+    "with and without bones and anisotropy were tried.",
+    "other": "with ``--long`` it tries more examples, and meshes of up to a million triangles",
 }
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.data.arrays import cell_array, checked_surface, field_array, points_of, surface_from
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of
-from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters import FibreMetrics, FibreTransport, FibreTubes, SliceMorpher
 from vtkmuscle.phantoms import spindle_over_hinge
 from vtkmuscle.phantoms.implicit import thick_curve
@@ -117,8 +117,8 @@ def finite_and_measured(rest, muscle):
         assert np.isfinite(cell_array(measured, name, "fibres")).all()
     for name in ("PCSA", "CentroidPath", "SectionDensity"):
         assert np.isfinite(field_array(measured, name)).all()
-    surface, points = SurfaceDistance(muscle), points_of(rest)
-    return np.where(surface.depth(points) > 0, 0.0, surface.unsigned(points)).max()
+    surface, points = solids_of(*checked_surface(muscle, "test")), points_of(rest)
+    return np.where(surface.depth(points) > 0, 0.0, np.abs(surface.distances(points))).max()
 
 
 #: What cannot be filled, by which methods, and what the message says of it.

@@ -14,7 +14,7 @@ from vtkmuscle.data.arrays import blocks_of, points_of, vtk_points
 from vtkmuscle.data.pipeline_times import announce_times
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
-from vtkmuscle.filters.deformer.convergence_report import FIGURES
+from vtkmuscle.filters.deformer.shape_report import FIGURES
 
 #: Arrays that say how a result came about, not what it is: they differ from run to run, or by parameters that
 #: change nothing else.

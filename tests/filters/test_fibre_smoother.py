@@ -9,10 +9,12 @@ from vtkmodules.vtkFiltersSources import vtkSphereSource
 from vtkmuscle import Scene
 from vtkmuscle.core.fibres.packing import filling_radius
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.arrays import (
     Polylines,
     cell_array,
+    checked_surface,
     points_of,
     polylines_from,
     polylines_of,
@@ -22,7 +24,6 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.data.muscle_geometry import muscle_geometry
-from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
 from vtkmuscle.phantoms import fibre_block, hip, spindle_over_hinge, winding_spindle
 from vtkmuscle.pipelines import decompose
@@ -76,13 +77,13 @@ def test_points_stay_in_the_muscle_where_it_is_connected():
     arch = np.column_stack([9.9 * np.cos(t), 0 * t, 9.9 * np.sin(t)])
     arch[8] *= 1.5
     fibres = polylines_from(Polylines(arch, np.array([0, 16])))
-    surface = SurfaceDistance(ball)
+    surface = solids_of(*checked_surface(ball, "test"))
     alone = points_of(FibreSmoother(smoothing_passes=1)(fibres))
     kept = points_of(FibreSmoother(smoothing_passes=1)(fibres, ball))
     outside = surface.depth(alone) == 0
     assert outside[8]
     assert_allclose(kept[~outside], alone[~outside], atol=0)
-    assert_allclose(surface.unsigned(kept[outside]), 0.0, atol=1e-9)
+    assert_allclose(np.abs(surface.distances(kept[outside])), 0.0, atol=1e-9)
     assert_array_equal(kept[[0, -1]], arch[[0, -1]])
 
 
@@ -215,7 +216,7 @@ def test_a_hundred_fibres_cover_real_muscles_nearly_as_well_as_evenly_spaced_one
     lines = polylines_of(decompose(muscle, scene.attachments_data(name)).update().output, name)
     geometry = muscle_geometry(muscle, name)
     places = np.random.default_rng(1).uniform(geometry.points.min(0), geometry.points.max(0), (60_000, 3))
-    inside = places[geometry.distance.depth(places) > 0.0]
+    inside = places[geometry.solids.depth(places) > 0.0]
     assert len(inside) > 5000
     share = np.linspace(0.0, 1.0, 12)[:, None]
     dense = [a + share * (b - a) for line in map(lines.line, range(100)) for a, b in pairwise(line)]

@@ -3,10 +3,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
+from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.data.arrays import (
     Polylines,
     cell_array,
+    checked_surface,
     field_array,
     points_of,
     polylines_from,
@@ -18,7 +20,6 @@ from vtkmuscle.data.arrays import (
     with_points,
 )
 from vtkmuscle.data.pipeline_times import announce_times
-from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters import fibre_transport
 from vtkmuscle.filters.fibre_transport import FibreTransport
 
@@ -184,11 +185,11 @@ def test_carried_fibres_are_no_farther_outside_than_at_rest(fibres, muscle):
     set_point_array(thinner, "Carried", points_of(thinner))
     set_field_array(thinner, "FibrePoints", carried)
     moved = points_of(FibreTransport()(fibres, muscle, thinner))
-    gap = SurfaceDistance(muscle).signed(points_of(fibres)).clip(min=0.0)
-    distances = SurfaceDistance(thinner).signed(moved)
-    assert (SurfaceDistance(thinner).signed(carried) > gap + 1.0).any()
+    gap = solids_of(*checked_surface(muscle, "test")).distances(points_of(fibres)).clip(min=0.0)
+    distances = solids_of(*checked_surface(thinner, "test")).distances(moved)
+    assert (solids_of(*checked_surface(thinner, "test")).distances(carried) > gap + 1.0).any()
     assert (distances <= gap + 1e-9).all()
-    within = SurfaceDistance(thinner).signed(carried) <= gap
+    within = solids_of(*checked_surface(thinner, "test")).distances(carried) <= gap
     assert_allclose(moved[within], carried[within], atol=1e-12)
 
 

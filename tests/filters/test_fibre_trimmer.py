@@ -10,6 +10,7 @@ from vtkmodules.vtkFiltersSources import vtkCubeSource
 from vtkmuscle.data.arrays import (
     Polylines,
     cell_array,
+    checked_surface,
     field_array,
     points_of,
     polylines_from,
@@ -178,8 +179,8 @@ def test_a_muscle_with_a_hole_is_refused(muscle):
 def test_fibres_of_a_real_muscle_stay_in_it_and_end_apart_without_sharp_turns(lhdl_hip, name):
     from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
+    from vtkmuscle.core.mesh.solids import solids_of
     from vtkmuscle.data.attachments import landmarks_of
-    from vtkmuscle.data.surface_distance import SurfaceDistance
     from vtkmuscle.filters.fibre_smoother import FibreSmoother
     from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
     from vtkmuscle.filters.slice_morpher import SliceMorpher
@@ -194,12 +195,12 @@ def test_fibres_of_a_real_muscle_stay_in_it_and_end_apart_without_sharp_turns(lh
     attachments = attachments_from([AttachmentArea(*part) for part in parts])
     fitted = TemplateFitter()(FibreTemplateSource(n_fibres=64)(), real, attachments)
     trimmed = FibreTrimmer()(SliceMorpher()(fitted, real, attachments), real, attachments)
-    surface, points = SurfaceDistance(real), points_of(trimmed)
+    surface, points = solids_of(*checked_surface(real, "test")), points_of(trimmed)
     # The output's coordinates may round to either side of the surface.
-    assert surface.unsigned(points[surface.depth(points) == 0]).max() < 1e-5
+    assert np.abs(surface.distances(points[surface.depth(points) == 0])).max() < 1e-5
     lines = points.reshape(64, -1, 3)
     for places in (lines[:, 0], lines[:, -1]):
-        assert surface.unsigned(places).max() < 1e-5
+        assert np.abs(surface.distances(places)).max() < 1e-5
         gaps = np.linalg.norm(places[:, None] - places[None], axis=2) + 1e9 * np.eye(len(places))
         assert gaps.min() > 0.3
     steps = np.diff(points_of(FibreSmoother()(trimmed)).reshape(64, -1, 3), axis=1)

@@ -8,10 +8,10 @@ from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle import Scene
 from vtkmuscle.core.mesh.normals import triangle_normals
+from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 from vtkmuscle.data.arrays import checked_surface, multiblock_from, point_array, points_of
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from, landmarks_of
-from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 
 
@@ -110,7 +110,12 @@ def test_a_point_in_areas_of_two_bones_goes_to_the_one_with_the_nearest_landmark
 def test_proximity_fixes_the_points_within_the_tolerance_of_the_nearest_bone(tolerance):
     fixed_to = detect("proximity", distance=tolerance)
     limit = mean_edge_length() if tolerance is None else tolerance
-    distances = np.array([SurfaceDistance(BONES.GetBlock(i)).unsigned(points_of(MUSCLE)) for i in range(3)])
+    distances = np.array(
+        [
+            np.abs(solids_of(*checked_surface(BONES.GetBlock(i), "test")).distances(points_of(MUSCLE)))
+            for i in range(3)
+        ]
+    )
     expected = np.where(distances.min(axis=0) <= limit, distances.argmin(axis=0), -1)
     np.testing.assert_array_equal(fixed_to, expected)
     assert set(fixed_to) == {-1, 1, 2}
@@ -119,11 +124,14 @@ def test_proximity_fixes_the_points_within_the_tolerance_of_the_nearest_bone(tol
 def test_collision_fixes_the_points_in_the_voxels_of_a_bone():
     fixed_to = detect("collision", n_voxels=100_000)
     points = points_of(MUSCLE)
-    inside = SurfaceDistance(BONES.GetBlock(1)).depth(points) > 0
+    inside = solids_of(*checked_surface(BONES.GetBlock(1), "test")).depth(points) > 0
     assert inside.sum() > 50
     assert (fixed_to[inside] == 1).all()
     cell_diagonal = 20.0 / 46 * 3**0.5
-    near = SurfaceDistance(BONES.GetBlock(1)).unsigned(points) <= 1.05 * cell_diagonal
+    near = (
+        np.abs(solids_of(*checked_surface(BONES.GetBlock(1), "test")).distances(points))
+        <= 1.05 * cell_diagonal
+    )
     assert (inside | near)[fixed_to == 1].all()
     assert not (fixed_to == 0).any()
 
@@ -136,8 +144,12 @@ def test_a_point_in_the_voxels_of_two_bones_goes_to_the_nearer_surface():
     bones = multiblock_from({"a": ball((0.0, 0.0, 24.0), 10.0), "b": ball((0.0, 6.0, 24.0), 10.0)})
     fixed_to = detect("collision", bones=bones)
     points = points_of(MUSCLE)
-    distances = np.array([SurfaceDistance(bones.GetBlock(i)).unsigned(points) for i in range(2)])
-    in_both = np.array([SurfaceDistance(bones.GetBlock(i)).depth(points) > 0 for i in range(2)]).all(axis=0)
+    distances = np.array(
+        [np.abs(solids_of(*checked_surface(bones.GetBlock(i), "test")).distances(points)) for i in range(2)]
+    )
+    in_both = np.array(
+        [solids_of(*checked_surface(bones.GetBlock(i), "test")).depth(points) > 0 for i in range(2)]
+    ).all(axis=0)
     assert in_both.sum() > 20
     np.testing.assert_array_equal(fixed_to[in_both], distances.argmin(axis=0)[in_both])
     assert set(fixed_to[in_both]) == {0, 1}
@@ -204,7 +216,9 @@ def test_attachments_of_the_real_muscles_lie_on_their_bones(lhdl_hip):
     """Every fixed point is on the bone's side: nearer to its own bone than the landmarks' errors allow."""
     scene = tomllib.loads((lhdl_hip / "scene.toml").read_text())
     bones = multiblock_from({name: read(lhdl_hip / bone["surface"]) for name, bone in scene["bones"].items()})
-    distances = {name: SurfaceDistance(bones.GetBlock(i)) for i, name in enumerate(scene["bones"])}
+    distances = {
+        name: solids_of(*checked_surface(bones.GetBlock(i), "test")) for i, name in enumerate(scene["bones"])
+    }
     found = {}
     for name, muscle in scene["muscles"].items():
         areas = []
@@ -216,7 +230,7 @@ def test_attachments_of_the_real_muscles_lie_on_their_bones(lhdl_hip):
         for index, bone in enumerate(scene["bones"]):
             patch = points_of(surface)[fixed_to == index]
             found[name, bone] = len(patch)
-            off = distances[bone].unsigned(patch)
+            off = np.abs(distances[bone].distances(patch))
             assert off.max() < 7.5, (name, bone)
             assert np.median(off) < 3.0, (name, bone)
     assert all(20 < count < 3000 for count in found.values()), found
@@ -245,7 +259,7 @@ def test_patches_of_the_real_muscles_are_as_large_as_their_rings_and_face_the_bo
                 assert 0.8 < areas[patch].sum() / ring < 1.2, (name, number)
             middles = points[triangles[patch]].mean(axis=1)
             units = normals[patch] / np.linalg.norm(normals[patch], axis=1, keepdims=True)
-            distance = SurfaceDistance(scene.bones[area.bone]).signed
+            distance = solids_of(*checked_surface(scene.bones[area.bone], "test")).distances
             slope = (distance(middles + 0.1 * units) - distance(middles)) / 0.1
             facing = np.average(slope < 0, weights=areas[patch])
             # What is near a curve along a rim, as that of the iliacus, goes round the rim.

@@ -12,15 +12,7 @@ BENCHMARK = Path(__file__).resolve().parents[2] / "benchmarks" / "bench_penetrat
 
 
 #: P21's own way: Algorithm 2 with voxels.
-P21 = {
-    "collision": "voxel",
-    "bone_push": "transform",
-    "contact_velocity": "keep",
-    "anisotropy": "stiffness",
-    "prediction": "inertial",
-    "solver": "gauss-seidel",
-    "projection_order": "sequential",
-}
+P21 = {"quality": "published"}
 
 
 @pytest.mark.realdata

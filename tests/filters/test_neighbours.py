@@ -10,7 +10,6 @@ from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 
 from examples import ball_beside
 from vtkmuscle import Muscle, Scene, SceneError
-from vtkmuscle.core.collision.muscle_contact import depth_in
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import (
     checked_surface,
@@ -25,7 +24,7 @@ from vtkmuscle.pipelines import deform
 
 
 def depth(points, other):
-    return depth_in(outward_tree(*checked_surface(other, "test")), points)
+    return outward_tree(*checked_surface(other, "test")).depth(points)
 
 
 def pressing(shift=0.0):

@@ -10,9 +10,9 @@ from vtkmodules.vtkFiltersCore import vtkPolyDataNormals, vtkTriangleFilter
 from vtkmodules.vtkFiltersSources import vtkCubeSource, vtkSphereSource
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
+from vtkmuscle.core.deformation.muscle import CarriedMuscle
 from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, unique_edges
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, hinge, inverse, rotation_about
-from vtkmuscle.core.pbd.solver import MuscleSolver
 from vtkmuscle.data.arrays import (
     Polylines,
     field_array,
@@ -28,7 +28,7 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.filters.deformer.convergence_report import read_convergence
+from vtkmuscle.filters.deformer.shape_report import read_shape
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 
 ANGLES = [0.0, 5.0, 10.0, 20.0, 30.0]
@@ -66,8 +66,7 @@ def bones(y=25.0):
 
 
 def deformer_of(muscle=None, motion=MOTION, fibres=None, **parameters):
-    """Return a deformer that does a few iterations, all of them."""
-    deformer = PBDDeformer(**{"iterations": 4, "tolerance": 0.0, **parameters})
+    deformer = PBDDeformer(**parameters)
     moving = BoneMotion(motion=motion)
     moving.connect(0, bones())
     deformer.connect(0, muscle or spindle())
@@ -81,28 +80,27 @@ def frame(deformer, time):
 
 
 @pytest.fixture
-def counted_steps(monkeypatch):
-    """Count the steps that are solved."""
+def counted_poses(monkeypatch):
+    """Count the poses that are solved."""
     angles = []
-    step = MuscleSolver.step
+    pose = CarriedMuscle.pose
 
-    def counting(self, state, transforms, **keywords):
+    def counting(self, before, transforms, **keywords):
         angles.append(round(float(np.degrees(np.arctan2(transforms[1][2, 1], transforms[1][1, 1]))), 6))
-        return step(self, state, transforms, **keywords)
+        return pose(self, before, transforms, **keywords)
 
-    monkeypatch.setattr(MuscleSolver, "step", counting)
+    monkeypatch.setattr(CarriedMuscle, "pose", counting)
     return angles
 
 
 # ---------------------------------------------------------------- what comes out
 
 
-@pytest.mark.parametrize("start", ["blend", "inertial"])
-@pytest.mark.parametrize("bone_push", ["off", "transform"])
-def test_fixed_points_follow_their_bone_and_the_volume_is_kept(start, bone_push):
+@pytest.mark.parametrize("quality", ["preview", "balanced", "accurate"])
+def test_fixed_points_follow_their_bone_and_the_volume_is_kept(quality):
     muscle = spindle()
     rest, marks = points_of(muscle), point_array(muscle, "FixedTo", "")
-    deformer = deformer_of(muscle, prediction=start, bone_push=bone_push)
+    deformer = deformer_of(muscle, quality=quality)
     for time in ANGLES:
         out = deformer.update(time).output
         now = points_of(out)
@@ -111,7 +109,7 @@ def test_fixed_points_follow_their_bone_and_the_volume_is_kept(start, bone_push)
             expected = apply_transform(transforms[bone], rest[marks == bone])
             assert np.abs(now[marks == bone] - expected).max() <= 1e-9
         volume = signed_volume(now, triangles_of(out, "")) / signed_volume(rest, triangles_of(out, ""))
-        assert volume == pytest.approx(1.0, abs=1e-3)
+        assert volume == pytest.approx(1.0, abs=1e-9)
         assert field_array(out, "VolumeRatio")[0] == pytest.approx(volume, rel=1e-9)
 
 
@@ -129,34 +127,37 @@ def test_arrays_of_the_input_pass_and_the_input_stays_as_it_is():
     assert muscle.GetPointData().GetArray("Displacement") is None
 
 
-def test_displacement_velocity_and_report_are_those_of_the_frame():
-    deformer = deformer_of(dt=0.5, collision="off")
-    before = frame(deformer, 20.0)
+def test_displacement_and_report_are_those_of_the_frame():
+    deformer = deformer_of(collision="off")
     out = deformer.update(30.0).output
-    rest = points_of(spindle())
-    assert np.allclose(point_array(out, "Displacement", ""), points_of(out) - rest, atol=1e-9)
-    assert np.allclose(point_array(out, "Velocity", ""), (points_of(out) - before) / 0.5, atol=1e-9)
-    stretch = [field_array(out, f"EdgeStretch{name}")[0] for name in ("P50", "P95", "Max")]
-    assert 0.5 < stretch[0] < stretch[1] < stretch[2] < 5.0
-    angles = [field_array(out, f"DihedralError{name}")[0] for name in ("P50", "P95")]
-    assert 0.0 < angles[0] < angles[1] < 90.0
+    assert np.allclose(point_array(out, "Displacement", ""), points_of(out) - points_of(spindle()), atol=1e-9)
+    assert out.GetPointData().GetArray("Velocity") is None
+    stretch = [field_array(out, f"EdgeStretch{name}")[0] for name in ("P95", "Max")]
+    assert 0.5 < stretch[0] < stretch[1] < 5.0
+    assert 0.0 < field_array(out, "DihedralErrorP95")[0] < 90.0
     assert field_array(out, "DegenerateEdges")[0] == 0
-    assert field_array(out, "Iterations")[0] == 4
-    assert field_array(out, "EstimatedDistance")[0] > field_array(out, "Residual")[0] > 0.0
     assert field_array(out, "CollidingPoints")[0] == 0
     assert field_array(out, "Milliseconds")[0] > 0.0
 
 
+def test_the_published_model_has_velocities():
+    deformer = deformer_of(quality="published", iterations=3, dt=0.5, collision="off")
+    before = frame(deformer, 20.0)
+    out = deformer.update(30.0).output
+    assert np.allclose(point_array(out, "Velocity", ""), (points_of(out) - before) / 0.5, atol=1e-9)
+    assert out.GetPointData().GetArray("Carried") is None
+
+
 def test_no_motion_leaves_the_muscle_where_it_is():
     still = RigidMotion(np.array([0.0, 1.0, 2.0]), {"upper": np.array([np.eye(4)] * 3)})
-    assert np.abs(frame(deformer_of(motion=still, iterations=300), 2.0) - points_of(spindle())).max() <= 1e-9
+    assert np.abs(frame(deformer_of(motion=still), 2.0) - points_of(spindle())).max() <= 1e-9
 
 
 def test_everything_moved_rigidly_gives_the_same_moved():
     move = rotation_about((3, 4, 5), (1, -1, 2), 77.0)
     move[:3, 3] += [1e3, -500.0, 20.0]
     muscle = with_points(spindle(), apply_transform(move, points_of(spindle())))
-    there = PBDDeformer(iterations=4)
+    there = PBDDeformer()
     blocks = {
         name: with_points(bones().GetBlock(i), apply_transform(move, points_of(bones().GetBlock(i))))
         for i, name in enumerate(("lower", "upper"))
@@ -170,8 +171,7 @@ def test_everything_moved_rigidly_gives_the_same_moved():
     assert np.abs(apply_transform(move, frame(deformer_of(), 30.0)) - frame(there, 30.0)).max() <= 1e-6
 
 
-@pytest.mark.parametrize("solver", ["gauss-seidel", "anderson"])
-def test_anisotropy_lets_the_muscle_give_way_along_the_fibres(solver):
+def test_anisotropy_lets_the_published_muscle_give_way_along_the_fibres():
     muscle = spindle()
     rest, edges = points_of(muscle), unique_edges(triangles_of(muscle, "spindle"))
     lengths = edge_lengths(rest, edges)
@@ -179,65 +179,52 @@ def test_anisotropy_lets_the_muscle_give_way_along_the_fibres(solver):
     changes = [
         np.abs(edge_lengths(frame(deformer, 30.0), edges) / lengths - 1.0)[along].mean()
         for deformer in (
-            deformer_of(anisotropy=on, iterations=200, solver=solver) for on in ("stiffness", "off")
+            deformer_of(quality="published", collision="off", anisotropy=on, iterations=50)
+            for on in (True, False)
         )
     ]
     assert changes[0] > 1.2 * changes[1]
 
 
-def test_fibres_give_the_direction():
+def straight_and_winding():
+    """Return lines over the surface, along the muscle and round it."""
+    z, angles = np.linspace(-20, 20, 5), (0.0, 2.0, 4.0)
+    for turn in (0.0, 0.04):
+        lines = [np.column_stack([11 * np.cos(a + turn * z), 11 * np.sin(a + turn * z), z]) for a in angles]
+        yield polylines_from(Polylines(np.vstack(lines), np.arange(0, 16, 5)))
+
+
+def test_fibres_carry_the_muscle():
     z = np.linspace(-50, 50, 15)
     lines = [np.column_stack([0 * z + x, 0 * z + y, z]) for x in (-5, 0, 5) for y in (-5, 0, 5)]
     along = polylines_from(Polylines(np.vstack(lines), np.arange(10) * 15))
     across = polylines_from(Polylines(np.vstack(lines)[:, [2, 0, 1]], np.arange(10) * 15))
     results = [frame(deformer_of(fibres=fibres), 30.0) for fibres in (along, across, None)]
     assert np.abs(results[0] - results[1]).max() > 0.1
-    # The harmonic field's direction is nearly that of straight fibres.
+    # Lines over the surface stand in for straight fibres.
     assert np.abs(results[0] - results[2]).max() < np.abs(results[0] - results[1]).max() / 2
-    off = [frame(deformer_of(fibres=fibres, anisotropy="off"), 30.0) for fibres in (along, None)]
-    assert np.array_equal(*off)
 
 
-@pytest.mark.parametrize("anisotropy", ["taut", "stiffness"])
-def test_superficial_fibres_give_the_direction_whatever_fills_the_muscle(anisotropy):
-    z = np.linspace(-20, 20, 5)
-    straight, winding = (
-        polylines_from(
-            Polylines(
-                np.vstack(
-                    [
-                        np.column_stack([11 * np.cos(a + k * z), 11 * np.sin(a + k * z), z])
-                        for a in (0.0, 2.0, 4.0)
-                    ]
-                ),
-                np.arange(0, 16, 5),
-            )
-        )
-        for k in (0.0, 0.04)
-    )
-    z = np.linspace(-50, 50, 15)
-    lines = [np.column_stack([0 * z + x, 0 * z + y, z]) for x in (-5, 0, 5) for y in (-5, 0, 5)]
-    filling = polylines_from(Polylines(np.vstack(lines), np.arange(10) * 15))
-
-    def made(seen, fibres=None, **settings):
-        deformer = deformer_of(fibres=fibres, anisotropy=anisotropy, **settings)
+def test_superficial_fibres_say_which_edges_are_soft_in_the_published_model():
+    def made(seen, **settings):
+        deformer = deformer_of(**settings)
         deformer.connect(4, seen)
         return deformer
 
-    results = [frame(made(seen), 30.0) for seen in (straight, winding, None)]
+    published = {"quality": "published", "iterations": 3, "collision": "off"}
+    straight, winding = straight_and_winding()
+    results = [frame(made(seen, **published), 30.0) for seen in (straight, winding, None)]
     assert np.abs(results[0] - results[1]).max() > 0.1
     assert np.abs(results[0] - results[2]).max() < np.abs(results[0] - results[1]).max() / 2
-    filled = [frame(made(seen, filling), 30.0) for seen in (straight, winding)]
-    # Taut fibres carry the muscle: those that are seen only say which edges give way.
-    assert np.abs(filled[0] - filled[1]).max() > (0.05 if anisotropy == "taut" else 0.1)
-    # Another superficial fibre starts again; without anisotropy none is looked at.
-    deformer = made(straight)
+    # Another superficial fibre starts again.
+    deformer = made(straight, **published)
     frame(deformer, 30.0)
     deformer.connect(4, winding)
     assert np.array_equal(frame(deformer, 30.0), results[1])
     point = polylines_from(Polylines(np.zeros((2, 3)), np.array([0, 2])))
-    with pytest.raises(ValueError, match="PBDDeformer: superficial: no fibre has a length"):
-        frame(made(point), 30.0)
+    for settings in (published, {}):
+        with pytest.raises(ValueError, match="PBDDeformer: superficial: no fibre has a length"):
+            frame(made(point, **settings), 30.0)
 
 
 @pytest.mark.filterwarnings("ignore:.*by its own velocity, but it is 10 mm thick")
@@ -249,10 +236,9 @@ def test_points_are_kept_out_of_a_bone_that_is_not_fixed_to_anything(collision):
     # The upper bone alone swings through the muscle.
     swing = hinge("upper", (0.0, 25.0, 50.0), (1, 0, 0), np.arange(0.0, -61.0, -5.0)[::-1])
     swing = RigidMotion(np.arange(13.0), {"upper": swing.transforms["upper"][::-1]})
-    pushed = deformer_of(
-        muscle, swing, collision=collision, bone_push="transform", prediction="inertial", iterations=10
-    )
-    passed = deformer_of(muscle, swing, collision="off", prediction="inertial", iterations=10)
+    model = {} if collision == "sdf" else {"quality": "published", "iterations": 10}
+    pushed = deformer_of(muscle, swing, **{**model, "collision": collision})
+    passed = deformer_of(muscle, swing, **{**model, "collision": "off"})
     hits, depths = 0, []
     for deformer in (pushed, passed):
         deepest = []
@@ -276,7 +262,7 @@ def swinging(**parameters):
     set_point_array(muscle, "FixedTo", marks)
     swing = hinge("upper", (0.0, 25.0, 50.0), (1, 0, 0), np.arange(0.0, -61.0, -5.0)[::-1])
     swing = RigidMotion(np.arange(13.0), {"upper": swing.transforms["upper"][::-1]})
-    return deformer_of(muscle, swing, iterations=10, **parameters), swing, marks < 0
+    return deformer_of(muscle, swing, **parameters), swing, marks < 0
 
 
 def gap(deformer, swing, free):
@@ -288,8 +274,8 @@ def gap(deformer, swing, free):
 
 
 def test_the_skin_keeps_the_muscle_off_the_bone():
-    bare, *of_bare = swinging(grid_spacing=0.5)
-    off, *of_off = swinging(grid_spacing=0.5, bone_clearance=2.0)
+    bare, *of_bare = swinging()
+    off, *of_off = swinging(bone_clearance=2.0)
     assert gap(bare, *of_bare) == pytest.approx(0.0, abs=0.1)
     # Round an edge of the bone the distance is a rounded one: a little short between the nodes.
     assert gap(off, *of_off) == pytest.approx(2.0, abs=0.1)
@@ -297,56 +283,44 @@ def test_the_skin_keeps_the_muscle_off_the_bone():
 
 @pytest.mark.parametrize("collision", ["off", "sdf"])
 def test_penetration_is_that_of_the_free_points_in_the_exact_bone(collision):
-    deformer, swing, free = swinging(collision=collision, measure_penetration=True, prediction="inertial")
+    deformer, swing, free = swinging(collision=collision, measure_penetration=True)
     out = deformer.update(12.0).output
     lower = np.array([5.0, 5.0, 20.0]) - np.abs(points_of(out)[free] - [0, 25, -30])
     back = apply_transform(inverse(swing.at(12.0)["upper"]), points_of(out)[free]) - [0, 25, 30]
     upper = np.array([5.0, 5.0, 20.0]) - np.abs(back)
-    depths = np.maximum(0.0, np.maximum(lower.min(axis=1), upper.min(axis=1)))
+    signed = np.maximum(lower.min(axis=1), upper.min(axis=1))
+    depths = np.maximum(0.0, signed)
     assert field_array(out, "PenetrationMax")[0] == pytest.approx(depths.max(), abs=1e-5)
     assert field_array(out, "PenetrationP95")[0] == pytest.approx(np.percentile(depths, 95), abs=1e-5)
-    assert field_array(out, "PenetratingPoints")[0] == (depths > 1e-9).sum()
+    # Points are left on the surface, and rounding says on which side.
+    assert (signed > 1e-4).sum() <= field_array(out, "PenetratingPoints")[0] <= (signed > -1e-4).sum()
     assert (depths.max() > 1.0) == (collision == "off")
 
 
-def test_penetration_is_not_measured_unless_asked_for_and_asking_computes_no_frame_anew(counted_steps):
+def test_penetration_is_not_measured_unless_asked_for_and_asking_computes_no_frame_anew(counted_poses):
     deformer = deformer_of()
     assert field_array(deformer.update(10.0).output, "PenetrationMax") is None
     deformer.measure_penetration = True
     assert field_array(deformer.update(10.0).output, "PenetrationMax")[0] == 0.0
-    assert counted_steps == [0.0, 5.0, 10.0]
+    assert counted_poses == [0.0, 5.0, 10.0]
 
 
-def test_friction_holds_points_on_the_bone():
-    """With more friction a point that the bone presses goes less far along it; with much, not at all."""
-    ways = []
-    for friction in (0.0, 0.5, 100.0):
-        deformer, swing, free = swinging(friction=friction, prediction="inertial", solver="gauss-seidel")
-        met, on_bone = free.copy(), []
-        for time in (3.0, 4.0, 5.0):
-            out = deformer.update(time).output
-            met &= (point_array(out, "Velocity", "") == 0.0).all(axis=1)
-            on_bone.append(apply_transform(inverse(swing.at(time)["upper"]), points_of(out)))
-        assert met.any()
-        ways.append(float(np.linalg.norm(np.diff([at[met] for at in on_bone], axis=0), axis=2).mean()))
-    assert ways[0] > 2.0 * ways[1] > 0.1
-    assert ways[2] < 1e-3
-
-
+@pytest.mark.filterwarnings("ignore:.*by its own velocity, but it is 10 mm thick")
 def test_colliding_points_keep_their_velocity_where_asked_for():
     moving = {}
     for kept in ("zero", "keep"):
-        deformer, _, free = swinging(contact_velocity=kept, prediction="inertial")
+        deformer, _, free = swinging(quality="published", iterations=10, contact_velocity=kept)
         out = deformer.update(12.0).output
         assert field_array(out, "CollidingPoints")[0] > 0
         moving[kept] = int((point_array(out, "Velocity", "")[free] != 0).any(axis=1).sum())
     assert moving["zero"] < moving["keep"] == free.sum()
 
 
+@pytest.mark.filterwarnings("ignore:.*by its own velocity, but it is 10 mm thick")
 def test_voxels_may_be_as_many_along_each_axis():
     grids = []
     for settings in ({"n_voxels": 12**3}, {"n_voxels_per_axis": 12}):
-        deformer, *_ = swinging(collision="voxel", solver="gauss-seidel", **settings)
+        deformer, *_ = swinging(quality="published", iterations=10, **settings)
         deformer.update(12.0)
         grids.append(deformer._rest_bones.obstacles[1].grid.cells.shape)
     assert grids[0] != (14, 14, 14)
@@ -363,16 +337,16 @@ def test_frames_do_not_depend_on_what_was_asked_before():
         assert np.array_equal(frame(deformer, time), fresh[time]), time
 
 
-def test_only_the_frames_on_the_way_are_computed_and_none_twice(counted_steps):
+def test_only_the_frames_on_the_way_are_computed_and_none_twice(counted_poses):
     deformer = deformer_of()
     deformer.update(10.0)
-    assert counted_steps == [0.0, 5.0, 10.0]
+    assert counted_poses == [0.0, 5.0, 10.0]
     deformer.update(20.0)
     deformer.update(5.0)
-    assert counted_steps == [0.0, 5.0, 10.0, 20.0]
+    assert counted_poses == [0.0, 5.0, 10.0, 20.0]
     deformer.update(15.0)
     deformer.update(30.0)
-    assert counted_steps == [0.0, 5.0, 10.0, 20.0, 15.0, 30.0]
+    assert counted_poses == [0.0, 5.0, 10.0, 20.0, 15.0, 30.0]
 
 
 def test_time_steps_are_those_of_the_bones():
@@ -383,22 +357,22 @@ def test_time_steps_are_those_of_the_bones():
     assert [info.Get(key, i) for i in range(info.Length(key))] == ANGLES
 
 
-def test_without_a_time_it_is_the_last_step(counted_steps):
+def test_without_a_time_it_is_the_last_step(counted_poses):
     deformer = deformer_of()
     out = points_of(deformer.update().output)
-    assert counted_steps == ANGLES
+    assert counted_poses == ANGLES
     assert np.array_equal(out, frame(deformer, ANGLES[-1]))
 
 
-def test_before_the_first_step_is_one_step_from_rest(counted_steps):
+def test_before_the_first_step_is_one_step_from_rest(counted_poses):
     late = RigidMotion(np.array([1.0, 2.0]), {"upper": MOTION.transforms["upper"][3:]})
     deformer = deformer_of(motion=late)
     early = frame(deformer, 0.0)
     assert np.array_equal(early, frame(deformer, 1.0))
-    assert counted_steps == [20.0, 20.0]
+    assert counted_poses == [20.0, 20.0]
 
 
-def test_bones_without_time_steps_are_one_step_from_rest(counted_steps):
+def test_bones_without_time_steps_are_one_step_from_rest(counted_poses):
     moved = BoneMotion(motion=MOTION)(bones())
     deformer = PBDDeformer(iterations=4)
     first = deformer(spindle(), moved)
@@ -407,7 +381,7 @@ def test_bones_without_time_steps_are_one_step_from_rest(counted_steps):
     at = BoneMotion(motion=MOTION)
     at.connect(0, bones())
     deformer(spindle(), at.update(30.0).output)
-    assert counted_steps[-1] == 30.0
+    assert counted_poses[-1] == 30.0
 
 
 def test_a_filter_downstream_gets_the_frame_asked_for():
@@ -422,13 +396,13 @@ def test_a_filter_downstream_gets_the_frame_asked_for():
 @pytest.mark.parametrize(
     "change",
     [
-        lambda d, _: setattr(d, "iterations", 5),
-        lambda d, _: setattr(d, "external_force", (0.0, 1.0, 0.0)),
+        lambda d, _: setattr(d, "iterations", 6),
+        lambda d, _: setattr(d, "quality", "published"),
         lambda d, _: d.connect(0, spindle(radius=11.0)),
         lambda d, m: setattr(m, "motion", hinge("upper", (0, 20, 0), (1, 0, 0), ANGLES)),
         lambda d, _: d.connect(2, polylines_from(Polylines(np.eye(3) * 30, np.array([0, 3])))),
     ],
-    ids=["parameter", "force", "muscle", "motion", "fibres"],
+    ids=["parameter", "quality", "muscle", "motion", "fibres"],
 )
 def test_a_change_starts_again_from_rest(change):
     changed, fresh = deformer_of(), deformer_of()
@@ -447,12 +421,12 @@ def test_points_changed_in_place_start_again_from_rest():
     assert np.array_equal(frame(deformer, 30.0), frame(deformer_of(spindle(radius=10.0)), 30.0))
 
 
-def test_an_equal_muscle_in_a_new_object_goes_on(counted_steps):
+def test_an_equal_muscle_in_a_new_object_goes_on(counted_poses):
     deformer = deformer_of()
     deformer.update(20.0)
     deformer.connect(0, spindle())
     deformer.update(30.0)
-    assert counted_steps == [0.0, 5.0, 10.0, 20.0, 30.0]
+    assert counted_poses == [0.0, 5.0, 10.0, 20.0, 30.0]
 
 
 # ---------------------------------------------------------------- stopping and failing
@@ -466,7 +440,7 @@ def test_progress_goes_up_once_and_reaches_the_end():
     assert seen == sorted(seen)
     assert seen[0] == 0.0
     assert seen[-1] == 1.0
-    assert len(set(seen)) >= 4 * len(ANGLES)
+    assert len(set(seen)) >= 5 * len(ANGLES)
 
 
 def test_after_an_abort_the_filter_goes_on_where_it_was():
@@ -598,44 +572,40 @@ def test_a_bone_that_does_not_move_with_its_transform_is_told():
     deformer.update(5.0)
 
 
-def test_a_free_body_falls_if_there_is_a_force():
+def test_a_free_body_falls_in_the_published_model_if_there_is_a_force():
     muscle = marked(np.full(N, -1, dtype=np.int32))
-    deformer = deformer_of(muscle, external_force=(0, 0, -1.0), velocity_kept=1.0, collision="off")
+    force = {"external_force": (0, 0, -1.0), "velocity_kept": 1.0}
+    deformer = deformer_of(muscle, quality="published", collision="off", **force)
     assert np.allclose(frame(deformer, 10.0) - points_of(muscle), [0, 0, -6.0], atol=1e-9)
 
 
 # ---------------------------------------------------------------- the convergence report
 
 
-@pytest.mark.parametrize("anisotropy", ["taut", "stiffness", "off"])
-def test_edges_along_and_across_the_fibres_are_in_the_report(anisotropy):
-    deformer = deformer_of(anisotropy=anisotropy, measure_penetration=True)
-    out = deformer.update(30.0).output
-    row = read_convergence(out)
+@pytest.mark.parametrize(
+    "settings",
+    [{}, {"quality": "published", "iterations": 3}, {"quality": "published", "anisotropy": False}],
+    ids=["default", "published", "isotropic"],
+)
+def test_edges_along_and_across_the_fibres_are_in_the_report(settings):
+    deformer = deformer_of(measure_penetration=True, **settings)
+    out = deformer.update(5.0).output
+    row = read_shape(out)
     for way in ("along", "across"):
         spread = [row.get(f"{way}_fibres_{part}") for part in ("p5", "p50", "p95")]
-        if anisotropy == "off":
-            assert spread == [None] * 3
-        else:
+        if settings.get("anisotropy", True):
             assert spread == sorted(spread)
             assert 0.2 < spread[0] < spread[2] < 4.0
-    stages = [value for key, value in row.items() if key.startswith("ms_")]
-    assert len(stages) == 5
-    assert 0.0 < sum(stages) <= row["ms"]
-    # Only where taut fibres draw the points is there a bound of how far the end is.
-    assert ("estimated_distance_mm" in row) == (anisotropy == "taut")
-    assert set(row) >= {
-        "residual_mm",
-        "dihedral_error_p50_deg",
-        "penetration_max_mm",
-    }
+        else:
+            assert spread == [None] * 3
+    assert set(row) >= {"volume_ratio", "dihedral_error_p95_deg", "penetration_max_mm", "ms"}
     assert np.isfinite(list(row.values())).all()
 
 
 def test_lengths_of_the_report_are_in_millimetres():
     out = deformer_of().update(10.0).output
-    metres = read_convergence(out, 1000.0)
-    for key, value in read_convergence(out).items():
+    metres = read_shape(out, 1000.0)
+    for key, value in read_shape(out).items():
         assert metres[key] == pytest.approx(value * (1000.0 if key.endswith("_mm") else 1.0))
 
 
@@ -647,12 +617,12 @@ def test_no_grids_without_collision(monkeypatch):
         raise AssertionError("a grid was made")
 
     monkeypatch.setattr("vtkmuscle.core.collision.obstacles.build_voxel_grid", never)
-    monkeypatch.setattr("vtkmuscle.core.collision.distance_obstacle.cached_distance_grid", never)
+    monkeypatch.setattr("vtkmuscle.core.collision.obstacles.bone_of", never)
     deformer_of(collision="off").update(30.0)
 
 
 def test_parameters_round_trip():
-    deformer = PBDDeformer(iterations=3, prediction="inertial", external_force=(1, 2, 3))
+    deformer = PBDDeformer(quality="published", iterations=3, external_force=(1, 2, 3))
     assert PBDDeformer(**json.loads(json.dumps(deformer.parameters()))).parameters() == deformer.parameters()
     copy = pickle.loads(pickle.dumps(deformer))
     assert copy.parameters() == deformer.parameters()
@@ -700,7 +670,7 @@ def test_real_adductor_brevis_keeps_its_volume_and_its_bones(lhdl_hip):
     deformer.connect(1, moving)
     for time in motion.times:
         out = deformer.update(time).output
-        assert field_array(out, "VolumeRatio")[0] == pytest.approx(1.0, abs=1e-3)
+        assert field_array(out, "VolumeRatio")[0] == pytest.approx(1.0, abs=1e-9)
         assert field_array(out, "EdgeStretchP95")[0] < 2.5
         expected = apply_transform(motion.at(time)["femur_r"], points[marks == 1])
         assert np.abs(points_of(out)[marks == 1] - expected).max() <= 1e-6
@@ -708,10 +678,37 @@ def test_real_adductor_brevis_keeps_its_volume_and_its_bones(lhdl_hip):
 
 @pytest.mark.filterwarnings("ignore:.* moved .* in one step")
 @pytest.mark.parametrize("collision", ["sdf", "voxel", "off"])
-@pytest.mark.parametrize("solver", ["anderson", "gauss-seidel"])
-def test_a_force_that_takes_the_muscle_far_away_is_survived_or_refused(collision, solver):
-    deformer = deformer_of(external_force=(1e30, 0.0, 0.0), collision=collision, solver=solver)
+def test_a_force_that_takes_the_muscle_far_away_is_survived_or_refused(collision):
+    deformer = deformer_of(quality="published", external_force=(1e30, 0.0, 0.0), collision=collision)
     assert np.isfinite(frame(deformer, ANGLES[1])).all()
     deformer.external_force = (1e300, 0.0, 0.0)
     with pytest.raises(ValueError, match="use a smaller external_force"):
         frame(deformer, ANGLES[1])
+
+
+# ---------------------------------------------------------------- parameters that went
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "tolerance",
+        "substeps",
+        "guidance",
+        "friction",
+        "grid_spacing",
+        "solver",
+        "prediction",
+        "projection_order",
+    ],
+)
+def test_a_parameter_that_is_gone_says_what_to_use(name):
+    with pytest.raises(TypeError, match=f"'{name}' any more; .*(leave it out|use )"):
+        PBDDeformer(**{name: 1})
+    with pytest.raises(AttributeError, match=f"'{name}' any more; "):
+        setattr(PBDDeformer(), name, 1)
+
+
+def test_voxels_go_with_the_published_model_only():
+    with pytest.raises(ValueError, match="'voxel', which goes with quality 'published' only"):
+        frame(deformer_of(collision="voxel"), 0.0)

@@ -35,6 +35,10 @@ def test_a_preset_is_its_settings_and_explicit_ones_count_more():
         assert deformer.parameters() == made
     assert PBDDeformer(quality="accurate", iterations=10).iterations == 10
     assert PBDDeformer(quality=None).parameters() == PBDDeformer().parameters()
+    assert PBDDeformer(quality="balanced").parameters() == {
+        **PBDDeformer().parameters(),
+        "quality": "balanced",
+    }
 
 
 def test_an_unknown_preset_is_refused_with_those_there_are():

@@ -97,13 +97,13 @@ def test_an_array_that_a_frame_lacks_is_left_out_of_all(tmp_path):
     def uneven(i):
         surface = frame(i)
         if i != 1:
-            set_field_array(surface, "EstimatedDistance", 0.1)
+            set_field_array(surface, "PenetrationMax", 0.1)
         return surface
 
     write_vtkhdf(tmp_path / "m.vtkhdf", TIMES, uneven)
     series = read_series(tmp_path / "m.vtkhdf")
     for i in range(3):
-        assert field_array(series.frame(i), "EstimatedDistance") is None
+        assert field_array(series.frame(i), "PenetrationMax") is None
         assert field_array(series.frame(i), "VolumeRatio").tolist() == [1.0 + i / 3.0]
 
 

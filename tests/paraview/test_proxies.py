@@ -89,12 +89,15 @@ def test_what_does_not_count_is_hidden():
     shown = parts(PBDDeformer)
     voxels = named(shown, "NVoxels").find("Hints/PropertyWidgetDecorator").attrib
     assert (voxels["property"], voxels["values"], voxels["mode"]) == ("Collision", "voxel", "visibility")
-    for element in (named(shown, "Iterations"), named(shown, "Tolerance")):
-        (ruled,) = [d for d in element.iter("PropertyWidgetDecorator") if d.get("property") == "Quality"]
-        assert (ruled.get("values"), ruled.get("inverse")) == ("preview balanced accurate", "1")
-    (ruled,) = named(shown, "Substeps").iter("PropertyWidgetDecorator")
+    for name, ruling in (
+        ("Iterations", "preview balanced accurate published"),
+        ("TautResolution", "preview balanced accurate"),
+    ):
+        (ruled,) = named(shown, name).iter("PropertyWidgetDecorator")
+        assert (ruled.get("property"), ruled.get("values"), ruled.get("inverse")) == ("Quality", ruling, "1")
+    (ruled,) = named(shown, "Dt").iter("PropertyWidgetDecorator")
     assert (ruled.get("property"), ruled.get("values")) == ("Quality", "published")
-    assert named(shown, "Dt").find("Hints") is None
+    assert named(shown, "MeasurePenetration").find("Hints") is None
 
 
 @every_filter

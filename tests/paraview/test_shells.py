@@ -47,13 +47,13 @@ def test_setters_set():
     deformer.SetIterations(7)
     deformer.SetExternalForce(0.0, 1.0, 2.0)
     deformer.SetMeasurePenetration(1)
-    deformer.SetAnisotropy("stiffness")
-    deformer.SetSolver("gauss-seidel")
+    deformer.SetAnisotropy(0)
+    deformer.SetCollision("off")
     assert deformer.iterations == 7
     assert deformer.external_force == (0.0, 1.0, 2.0)
     assert deformer.measure_penetration is True
-    assert deformer.anisotropy == "stiffness"
-    assert deformer.solver == "gauss-seidel"
+    assert deformer.anisotropy is False
+    assert deformer.collision == "off"
 
 
 def test_a_number_counts_when_it_is_not_automatic():
@@ -73,12 +73,12 @@ def test_quality_rules_over_what_paraview_sets_beside_it():
     defaults = deformer.parameters()
     deformer.SetIterations(7)
     deformer.SetQuality("preview")
-    deformer.SetTolerance(0.2)  # hidden then, but a state file sets it
+    deformer.SetTautResolution(12)  # hidden then, but a state file sets it
     assert deformer.parameters() == PBDDeformer(quality="preview").parameters()
     deformer.SetQuality("accurate")
     assert deformer.parameters() == PBDDeformer(quality="accurate").parameters()
     deformer.SetQuality("")
-    assert deformer.parameters() == {**defaults, "iterations": 7, "tolerance": 0.2}
+    assert deformer.parameters() == {**defaults, "iterations": 7, "taut_resolution": 12}
 
 
 def test_a_motion_is_read_from_its_scene(spindle, tmp_path):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from tiny_scene import ellipsoid
 
+from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.rigid import apply_transform
-from vtkmuscle.data.arrays import points_of
-from vtkmuscle.data.surface_distance import SurfaceDistance
+from vtkmuscle.data.arrays import checked_surface, points_of
 from vtkmuscle.report import scene3d
 from vtkmuscle.report.packing import Pack, array_of, moving_of, unpacked
 
@@ -61,7 +61,12 @@ def test_a_fine_muscle_keeps_some_of_its_points_and_they_move_as_they_do():
     assert 800 < len(triangles) <= 1000
     assert len(np.unique(kept)) == len(kept)
     assert triangles.max() < len(kept)
-    assert SurfaceDistance(fine).unsigned(points[kept][triangles].mean(axis=1)).max() < 0.5
+    assert (
+        np.abs(
+            solids_of(*checked_surface(fine, "test")).distances(points[kept][triangles].mean(axis=1))
+        ).max()
+        < 0.5
+    )
 
 
 @pytest.mark.parametrize(("count", "most"), [(1, 1), (2, 2), (120, 120), (1000, 120)])

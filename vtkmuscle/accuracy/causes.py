@@ -33,7 +33,6 @@ def _apart(value: Floats, others: Floats) -> Floats:
 #: Per cause, what its other lengths say.
 RULES: Mapping[str, Rule] = MappingProxyType(
     {
-        "solve": _apart,
         "segments": _apart,
         "pruning": _apart,
         "model": lambda value, others: expanded_of_bounds(others[0] - value),

@@ -10,12 +10,11 @@ import numpy as np
 from vtkmuscle.accuracy.causes import Cause
 from vtkmuscle.core.accuracy.convergence import convergence_error
 from vtkmuscle.core.accuracy.estimate import (
-    COVERAGE_FACTOR,
     Estimate,
     expanded_of_bounds,
     expanded_of_samples,
 )
-from vtkmuscle.core.accuracy.polylines import bends, segment_errors
+from vtkmuscle.core.accuracy.polylines import segment_errors
 from vtkmuscle.core.mesh.halving import rounded_volume
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
@@ -34,9 +33,6 @@ FACET_ORDER = 2.0
 def causes_of_fibres(track: MuscleTrack, millimetres: float) -> list[Cause]:
     """Return the causes whose part in the lengths of fibres is known without a further solve.
 
-    ``solve``: the estimated distance to the end of the solve, root mean square over the surface. One
-    component of a displacement that may have any direction is 1 / sqrt(3) of it, which is taken as the
-    standard deviation of all points of a fibre together, in the directions that change its length.
     ``segments``: chords for arcs. ``millimetres`` is the length of the scene's unit.
     """
     lengths = np.array(track.fibre_lengths)
@@ -46,13 +42,7 @@ def causes_of_fibres(track: MuscleTrack, millimetres: float) -> list[Cause]:
     rest = polyline_lengths(rested.points, rested.offsets)
     chords = np.array([segment_errors(one.points, one.offsets) for one in lines])
     of_rest = segment_errors(rested.points, rested.offsets)
-    causes = [Cause("segments", [lengths + chords * millimetres], [(rest + of_rest) * millimetres])]
-    distances = [row.get("estimated_distance_mm") for row in track.report["frames"]]
-    if all(distance is not None for distance in distances):
-        turns = np.array([bends(one.points, one.offsets) for one in lines])
-        off = COVERAGE_FACTOR / np.sqrt(3.0) * np.array(distances, dtype=np.float64)[:, None] * turns
-        causes.append(Cause("solve", [lengths + off]))
-    return causes
+    return [Cause("segments", [lengths + chords * millimetres], [(rest + of_rest) * millimetres])]
 
 
 def causes_of_paths(track: MuscleTrack, millimetres: float) -> list[Cause]:

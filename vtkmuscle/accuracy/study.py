@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.accuracy.causes import KINDS, Cause
 from vtkmuscle.accuracy.estimates import (
@@ -81,14 +80,12 @@ class ErrorStudy:
         self._found: dict[tuple[str, str], list[Solved]] = {}
         self._failed: dict[tuple[str, str], str] = {}
 
-    def jobs(
-        self, numbers: range, bones: Mapping[str, vtkPolyData], stop: threading.Event
-    ) -> dict[str, Callable[[], None]]:
+    def jobs(self, numbers: range, stop: threading.Event) -> dict[str, Callable[[], None]]:
         """Return the further solves of some frames, which do not depend on each other, by their names.
 
         Parameters
         ----------
-        numbers, bones, stop
+        numbers, stop
             As of :func:`~vtkmuscle.accuracy.variants.solved`.
         """
         jobs: dict[str, Callable[[], None]] = {}
@@ -98,12 +95,12 @@ class ErrorStudy:
             for kind in self.kinds:
                 if kind in MADE:
                     make = partial(MADE[kind], self.scene, name)
-                    jobs[f"errors.{name}.{kind}"] = self._job(name, kind, 0, make, numbers, bones, stop)
+                    jobs[f"errors.{name}.{kind}"] = self._job(name, kind, 0, make, numbers, stop)
             for sample in range(self.landmark_samples if "landmarks" in self.kinds else 0):
                 rng = np.random.default_rng([sample, *name.encode()])
                 make = partial(moved_landmarks, self.scene, name, distance=self.landmark_error, rng=rng)
                 key = f"errors.{name}.landmarks.{sample}"
-                jobs[key] = self._job(name, "landmarks", sample, make, numbers, bones, stop)
+                jobs[key] = self._job(name, "landmarks", sample, make, numbers, stop)
         return jobs
 
     def _job(
@@ -113,7 +110,6 @@ class ErrorStudy:
         number: int,
         make: Callable[[], SceneData],
         numbers: range,
-        bones: Mapping[str, vtkPolyData],
         stop: threading.Event,
     ) -> Callable[[], None]:
         count = self.landmark_samples if kind == "landmarks" else 1
@@ -123,7 +119,7 @@ class ErrorStudy:
             try:
                 variant = make()
                 check_memory(variant, numbers)
-                places[number] = solved(variant, name, numbers, bones, stop)
+                places[number] = solved(variant, name, numbers, stop)
             except ValueError as error:
                 problem, _ = fault_of(error, placed=True)
                 self._failed[name, kind] = problem

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.mesh.halving import halved
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
@@ -112,7 +110,6 @@ def solved(
     scene: SceneData,
     name: str,
     numbers: range,
-    bones: Mapping[str, vtkPolyData],
     stop: threading.Event,
 ) -> Solved:
     """Return the lengths of a muscle's paths and fibres in some frames, and nothing else.
@@ -123,8 +120,6 @@ def solved(
         Which muscle, of which scene.
     numbers : range
         Of the frames; those before are solved as well, where the shape depends on them.
-    bones : mapping of str to vtkPolyData
-        As of :func:`~vtkmuscle.run.reach.bones_with_reach`.
     stop : threading.Event
         Set from outside to end early.
 
@@ -135,7 +130,7 @@ def solved(
     ValueError
         If it cannot be solved.
     """
-    pipeline = muscle_pipeline(scene, name, bones)
+    pipeline = muscle_pipeline(scene, name)
     assert pipeline.metrics is not None  # variants are made of muscles with fibres
     track = MuscleTrack()
     for number in range(numbers[-1] + 1) if pipeline.deformer is not None else numbers:

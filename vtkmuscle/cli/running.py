@@ -95,10 +95,10 @@ def _found(muscle: Mapping[str, Any]) -> str:
 
 def _table(muscles: list[str], console: Console) -> Callable[[str, Mapping[str, Any]], None]:
     """Return what prints a row of figures of each frame, above the progress bars."""
-    from vtkmuscle.filters.deformer.convergence_table import ConvergenceTable
+    from vtkmuscle.filters.deformer.frame_table import FrameTable
 
     width = max(map(len, muscles))
-    table = ConvergenceTable(console, label_width=width + 8)
+    table = FrameTable(console, label_width=width + 8)
     return lambda muscle, row: table.add(f"{muscle:<{width}} {row['time']:g}", row)
 
 

@@ -19,7 +19,6 @@ from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.core.motion.fitted_lengths import group_fibres
 from vtkmuscle.io.parts import Part, Parts, file_digest
 from vtkmuscle.run.keys import code_digest, digest_of, muscle_keys
-from vtkmuscle.run.reach import bones_with_reach
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.scenes import frame_numbers, run_scene
 from vtkmuscle.scene.data import MILLIMETRES
@@ -140,7 +139,7 @@ def _scene(text: str) -> _Loaded:
         else:
             check_sense(scene)
     numbers = frame_numbers(task.frames, len(scene.motion.times))
-    keys = muscle_keys(scene, bones_with_reach(scene), numbers)
+    keys = muscle_keys(scene, numbers)
     return _Loaded(scene, sorted({str(one.message) for one in caught}), keys, files)
 
 

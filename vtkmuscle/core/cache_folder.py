@@ -1,4 +1,4 @@
-"""Where distance grids, compiled kernels and links for ParaView are kept between runs."""
+"""Where compiled kernels and links for ParaView are kept between runs."""
 
 from __future__ import annotations
 

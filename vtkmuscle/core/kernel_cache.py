@@ -211,7 +211,7 @@ def source_key(module: str, file: Path) -> str:
     Parameters
     ----------
     module : str
-        Its full name, as ``vtkmuscle.core.taut.paths``.
+        Its full name, as ``vtkmuscle.core.paths.sheet``.
     file : Path
         Its source.
 

@@ -6,7 +6,5 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-#: Numbers of grids, which are many.
-Singles = NDArray[np.float32]
 #: Where the blocks of a grid are, in C order.
 Table = NDArray[np.int32]

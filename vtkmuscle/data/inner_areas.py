@@ -20,7 +20,7 @@ def inner_areas(areas: Sequence[AttachmentArea], geometry: MuscleGeometry) -> tu
 
     def within(ring: Floats) -> bool:
         points, triangles = discs_over([ring])
-        depths = geometry.distance.depth(points[triangles].mean(axis=1))
+        depths = geometry.solids.depth(points[triangles].mean(axis=1))
         return bool(len(depths) and np.median(depths) > geometry.mean_edge)
 
     return discs_over([area.landmarks for area in areas if area.closed and within(area.landmarks)])

@@ -6,14 +6,14 @@ import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.bones.bone import depth_in
 from vtkmuscle.core.collision.distance_obstacle import DistanceObstacle
 from vtkmuscle.core.collision.obstacles import Obstacle, VoxelObstacle
 from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, is_rigid
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import checked_surface, field_array, surface_from
-from vtkmuscle.data.surface_distance import SurfaceDistance
+from vtkmuscle.data.arrays import checked_surface, field_array
 
 #: How far a bone's points may be off its transform, as a part of its size and distance from the origin
 #: (coordinates may be float32).
@@ -54,16 +54,6 @@ def transforms_of(bones: dict[str, vtkPolyData], where: str) -> Floats:
     return transforms
 
 
-def _reach_of(bone: vtkPolyData, where: str) -> Floats | None:
-    """Return the points, at rest, between which muscles are expected by a bone; None where it has none."""
-    reach = field_array(bone, "Reach")
-    if reach is None:
-        return None
-    if reach.ndim != 2 or reach.shape[1] != 3 or not len(reach) or not np.isfinite(reach).all():
-        raise InputError(where, "the field array 'Reach' must be points, three finite numbers each")
-    return np.array(reach, dtype=np.float64)
-
-
 class RestBones:
     """Bones in the rest pose as obstacles, found by taking back the motion of moving bones.
 
@@ -78,7 +68,6 @@ class RestBones:
         self._obstacles: dict[str, Obstacle] = {}
         #: State of each bone's points, and its transform, when they were last found to agree.
         self._checked: dict[str, tuple[int, bytes]] = {}
-        self._exact: dict[str, SurfaceDistance] = {}
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
@@ -91,13 +80,11 @@ class RestBones:
         transforms: Floats,
         *,
         collision: str,
-        cell: float | None = None,
         skin: float = 0.0,
-        friction: float = 0.0,
         n_max: int = DEFAULT_N_MAX,
         n_equal: int | None = None,
     ) -> None:
-        """Take the rest geometry from moving bones; a bone that is as before keeps its grid.
+        """Take the rest geometry from moving bones; a bone that is as before keeps what is known of it.
 
         Take it from the same frame each time: from another one rounding differs, and with it the result.
 
@@ -109,10 +96,8 @@ class RestBones:
             Rest to now.
         collision : str
             ``"sdf"`` or ``"voxel"``.
-        cell : float, optional
-            With ``"sdf"``: distance of the grid's nodes [mm]; by the bone's size by default.
-        skin, friction : float
-            With ``"sdf"``: distance that points keep from the bones [mm], and Coulomb's coefficient.
+        skin : float
+            With ``"sdf"``: distance that points keep from the bones [mm].
         n_max : int
             With ``"voxel"``: number of voxels of a bone, about.
         n_equal : int, optional
@@ -121,10 +106,9 @@ class RestBones:
         Raises
         ------
         ValueError
-            If a bone is not made of triangles, or a coordinate is not finite, also of ``Reach``.
+            If a bone is not made of triangles, or a coordinate is not finite.
         """
         kept, self._obstacles = self._obstacles, {}
-        exact, self._exact = self._exact, {}
         self._checked.clear()
         for index, (name, bone) in enumerate(bones.items()):
             where = f"{self._where}, block {name!r}"
@@ -135,15 +119,8 @@ class RestBones:
             if collision == "voxel":
                 new = VoxelObstacle(index, rest, triangles, n_max=n_max, n_equal=n_equal, name=where)
             else:
-                reach = _reach_of(bone, where)
-                new = DistanceObstacle(
-                    index, rest, triangles, cell=cell, skin=skin, friction=friction, reach=reach, name=where
-                )
-                new.take_over(old)
-            same = old is not None and new.same_as(old)
-            self._obstacles[name] = old if old is not None and same else new
-            if same and name in exact:
-                self._exact[name] = exact[name]
+                new = DistanceObstacle(index, rest, triangles, skin=skin, name=where)
+            self._obstacles[name] = old if old is not None and new.same_as(old) else new
 
     def depths(self, points: Floats, transforms: Floats) -> Floats:
         """Return how deep points are in the bones, against their triangles.
@@ -158,18 +135,9 @@ class RestBones:
         Returns
         -------
         (n,) array
-            0 outside [mm]. A bone that is not closed has no inside here; a warning says so.
+            0 outside [mm].
         """
-        result = np.zeros(len(points))
-        for name, obstacle in self._obstacles.items():
-            at_rest = apply_transform(inverse(transforms[obstacle.bone]), points)
-            low, high = obstacle.box
-            near = np.flatnonzero(((at_rest >= low) & (at_rest <= high)).all(axis=1))
-            if len(near):
-                if name not in self._exact:
-                    self._exact[name] = SurfaceDistance(surface_from(obstacle.points, obstacle.triangles))
-                result[near] = np.maximum(result[near], self._exact[name].depth(at_rest[near]))
-        return result
+        return depth_in(((one.shape, transforms[one.bone]) for one in self.obstacles), points)
 
     def check(self, bones: dict[str, vtkPolyData], transforms: Floats) -> None:
         """Check that each bone is its rest geometry moved by its transform, at a sample of its points.

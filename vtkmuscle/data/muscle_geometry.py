@@ -15,6 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.attachments.patches import attachment_patch
 from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.mesh.sampling import samples_inside
+from vtkmuscle.core.mesh.solids import Solids, solids_of
 from vtkmuscle.core.mesh.surface import edge_uses, half_edges
 from vtkmuscle.core.mesh.topology import opposite_half_edges
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
@@ -22,7 +23,6 @@ from vtkmuscle.core.morphing.sections import ClosedSurface
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.data.attachments import AttachmentArea
-from vtkmuscle.data.surface_distance import SurfaceDistance
 
 T = TypeVar("T")
 
@@ -63,19 +63,15 @@ class MuscleGeometry:
 
     Parameters
     ----------
-    surface : vtkPolyData
-        Triangles.
     points : (n, 3) array
         Its points [mm].
     topology : SurfaceTopology
         Of its triangles.
     """
 
-    def __init__(self, surface: vtkPolyData, points: Floats, topology: SurfaceTopology) -> None:
+    def __init__(self, points: Floats, topology: SurfaceTopology) -> None:
         self.points, self.triangles = points, topology.triangles
         self._topology = topology
-        self._surface = vtkPolyData()
-        self._surface.DeepCopy(surface)  # the caller's may change
         self._found: dict[Hashable, Any] = {}
         self._samples = np.empty((0, 3))
 
@@ -96,9 +92,9 @@ class MuscleGeometry:
         return float(np.linalg.norm(self.points[edges[:, 1]] - self.points[edges[:, 0]], axis=1).mean())
 
     @cached_property
-    def distance(self) -> SurfaceDistance:
-        """Distances from the surface."""
-        return SurfaceDistance(self._surface)
+    def solids(self) -> Solids:
+        """What is inside of the surface, and how far things are from it."""
+        return solids_of(self.points, self.triangles)
 
     def patch(self, area: AttachmentArea) -> Ints:
         """Return the ids of the points that an attachment area covers; ValueError where it is off it."""
@@ -145,7 +141,7 @@ class MuscleGeometry:
         """Return positions (k, 3) of even density in it, `count` but where it has next to no volume [mm]."""
         if len(self._samples) < count:
             # Up to a power of two: another number of fibres then needs none of its own.
-            self._samples = samples_inside(self.distance.inside, self.points, 2 ** (count - 1).bit_length())
+            self._samples = samples_inside(self.solids.inside, self.points, 2 ** (count - 1).bit_length())
         return self._samples[:count]
 
 
@@ -177,7 +173,7 @@ def muscle_geometry(surface: vtkPolyData, where: str) -> MuscleGeometry:
             if topology is None:
                 topology = SurfaceTopology(triangles)
                 _remember(_topologies, (size, *faces), topology)
-            found = MuscleGeometry(surface, points, topology)
+            found = MuscleGeometry(points, topology)
             _remember(_known, (*positions, *faces), found)
     return found
 

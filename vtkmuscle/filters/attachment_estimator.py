@@ -9,9 +9,9 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.attachments.contact_areas import AttachedEnd, attached_ends, contact_areas, outline
 from vtkmuscle.core.attachments.patches import FACING, approach, outward_normals
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from
-from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
@@ -160,7 +160,7 @@ def _touching(
     near = in_box(points, bone, within)
     near = near[np.isin(near, triangles)]
     if len(near):
-        distance = SurfaceDistance(bone).signed
+        distance = solids_of(*checked_surface(bone, "AttachmentEstimator: bones")).distances
         near = near[distance(points[near]) <= within]
         normals, step = outward_normals(points, triangles)
         touching[near] = approach(points[near], normals[near], step, distance) >= FACING

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.bones.bone import Bone, bone_of, depth_in
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import (
     angles_to,
@@ -114,6 +117,7 @@ class FibreMetrics(Filter):
     )
 
     _bent: BentSurface | None = None
+    _shapes: Sequence[Bone] = ()
 
     def execute(
         self,
@@ -135,7 +139,7 @@ class FibreMetrics(Filter):
             set_cell_array(result, "PennationOrigin", origin)
             set_cell_array(result, "PennationInsertion", insertion)
         if bones is not None:
-            set_cell_array(result, "Penetration", _penetration(lines, bones))
+            set_cell_array(result, "Penetration", self._penetration(lines, bones))
         if self.curvature:
             at_points, mean, largest = polyline_curvatures(lines.points, lines.offsets)
             set_point_array(result, "Curvature", at_points)
@@ -169,6 +173,17 @@ class FibreMetrics(Filter):
         runs = np.vstack(end_directions(lines.points, lines.offsets))
         angles = angles_to_triangles(runs, points, nearest)
         return angles[: len(lines)], angles[len(lines) :]
+
+    def _penetration(self, lines: Polylines, bones: vtkMultiBlockDataSet) -> Floats:
+        """Return how deep the deepest point of each fibre is in a bone, (k,)."""
+        # Kept, for those that stand still need not be looked at again in the next frame.
+        self._shapes = [
+            bone_of(*checked_surface(bone, f"FibreMetrics: bones, block {name!r}"))
+            for name, bone in blocks_of(bones)
+        ]
+        depths = depth_in(((bone, np.eye(4)) for bone in self._shapes), lines.points)
+        deepest: Floats = np.maximum.reduceat(depths, lines.offsets[:-1])
+        return deepest
 
     def _measure_muscle(
         self, result: vtkPolyData, lines: Polylines, lengths: Floats, muscle: vtkPolyData | None
@@ -235,13 +250,3 @@ def _strain(fibres: vtkPolyData, lengths: Floats) -> Floats:
         )
     strain: Floats = np.divide(lengths - rest, rest, out=np.zeros_like(lengths), where=rest > 0)
     return strain
-
-
-def _penetration(lines: Polylines, bones: vtkMultiBlockDataSet) -> Floats:
-    """Return how deep the deepest point of each fibre is in a bone, (k,)."""
-    depths = np.zeros(len(lines.points))
-    for name, bone in blocks_of(bones):
-        surface = muscle_geometry(bone, f"FibreMetrics: bones, block {name!r}").distance
-        np.maximum(depths, surface.depth(lines.points), out=depths)
-    deepest: Floats = np.maximum.reduceat(depths, lines.offsets[:-1])
-    return deepest

@@ -152,7 +152,7 @@ class FibreSmoother(Filter):
                     else:
                         move_ends(goals, end, other, area.nearest(goals[end])[1])
                 points = goals
-            points[inner] = geometry.distance.into(points[inner])
+            points[inner] = geometry.solids.into(points[inner])
             self.report_progress((done + 1) / self.smoothing_passes)
         return points
 

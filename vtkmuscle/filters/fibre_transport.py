@@ -236,8 +236,8 @@ class FibreTransport(Filter):
         surface, fibre_points = (0.0, 0.0) if carried is None else carried
         moved = fibre_points + rest.moved(deformed - surface, self.report_progress)
         if rest.gap is None:
-            distance = muscle_geometry(rest_muscle, "FibreTransport: rest_muscle").distance
-            rest.gap = np.linalg.norm(distance.into(lines.points) - lines.points, axis=1)
+            solids = muscle_geometry(rest_muscle, "FibreTransport: rest_muscle").solids
+            rest.gap = np.linalg.norm(solids.into(lines.points) - lines.points, axis=1)
         if carried is not None:
             rest.keep_within(moved, deformed)
         result = with_polylines(rest_fibres, Polylines(moved, lines.offsets))

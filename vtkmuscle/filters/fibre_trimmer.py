@@ -136,7 +136,7 @@ class FibreTrimmer(Filter):
             axis=axis,
             origin=origin,
             insertion=insertion,
-            into_muscle=geometry.distance.into,
+            into_muscle=geometry.solids.into,
             tolerance=TOLERANCE * geometry.mean_edge,
             largest_cut=self.largest_cut,
         )
@@ -177,7 +177,8 @@ def _area_on_surface(areas: Sequence[AttachmentArea], geometry: MuscleGeometry, 
     flat = []
     for ring in (area.landmarks for area in areas if area.closed):
         points, triangles = discs_over([ring])
-        if geometry.distance.unsigned(points[triangles].mean(axis=1)).max() <= TOLERANCE * geometry.mean_edge:
+        away = np.abs(geometry.solids.distances(points[triangles].mean(axis=1)))
+        if away.max() <= TOLERANCE * geometry.mean_edge:
             flat.append(ring)
     points, triangles = discs_over(flat)
     spanned = _distance_to(points, triangles) if flat else None

@@ -9,11 +9,11 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.attachments.patches import attachment_patch
 from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX, build_voxel_grid
 from vtkmuscle.core.errors import InputError, placed
+from vtkmuscle.core.mesh.solids import Solids, solids_of
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, set_point_array
 from vtkmuscle.data.attachments import VIA, attachments_of
-from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
@@ -130,15 +130,15 @@ class FixedPointDetector(Filter):
         nearest = np.full(len(points), np.inf)
         fixed_to = np.full(len(points), -1)
         areas = attachments_of(attachments, "FixedPointDetector: attachments")
-        distances: dict[str, SurfaceDistance] = {}
+        solids: dict[str, Solids] = {}
         for number, area in enumerate(areas):
             if area.role == VIA:
                 continue
             where = f"FixedPointDetector: attachments, area {number} ({area.role} on {area.bone!r})"
             if area.bone not in bones:
                 raise InputError(where, f"the bones are {', '.join(map(repr, names))}", "rename one of them")
-            if area.bone not in distances:
-                distances[area.bone] = SurfaceDistance(bones[area.bone])
+            if area.bone not in solids:
+                solids[area.bone] = _solids_of(area.bone, bones[area.bone])
             with placed(where):
                 patch = attachment_patch(
                     points,
@@ -146,7 +146,7 @@ class FixedPointDetector(Filter):
                     area.landmarks,
                     area.closed,
                     tolerance=self.distance,
-                    bone_distance=distances[area.bone].signed,
+                    bone_distance=solids[area.bone].distances,
                 )
             offsets = cKDTree(area.landmarks).query(points[patch])[0]
             closer = offsets < nearest[patch]
@@ -161,10 +161,10 @@ class FixedPointDetector(Filter):
             within = float(edge_lengths(points, unique_edges(triangles)).mean())
         nearest = np.full(len(points), np.inf)
         fixed_to = np.full(len(points), -1)
-        for index, bone in enumerate(bones.values()):
+        for index, (name, bone) in enumerate(bones.items()):
             reachable = in_box(points, bone, within)
             if len(reachable):
-                distances = SurfaceDistance(bone).unsigned(points[reachable])
+                distances = np.abs(_solids_of(name, bone).distances(points[reachable]))
                 closer = (distances <= within) & (distances < nearest[reachable])
                 nearest[reachable[closer]] = distances[closer]
                 fixed_to[reachable[closer]] = index
@@ -194,12 +194,16 @@ class FixedPointDetector(Filter):
             )
         disputed = claimed.sum(axis=0) > 1
         distances = np.where(claimed, 0.0, np.inf)
-        for index, bone in enumerate(bones.values()):
+        for index, (name, bone) in enumerate(bones.items()):
             both = np.flatnonzero(disputed & claimed[index])
             if len(both):
-                distances[index, both] = SurfaceDistance(bone).unsigned(points[both])
+                distances[index, both] = np.abs(_solids_of(name, bone).distances(points[both]))
         fixed_to: Ints = np.where(claimed.any(axis=0), distances.argmin(axis=0), -1)
         return fixed_to
+
+
+def _solids_of(name: str, bone: vtkPolyData) -> Solids:
+    return solids_of(*checked_surface(bone, f"FixedPointDetector: bones, block {name!r}"))
 
 
 def in_box(points: Floats, bone: vtkPolyData, margin: float) -> Ints:

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.bones.bone import bone_of, depth_in
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.linear_blend import blend_fibres, fitted_a
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     Polylines,
     blocks_of,
+    checked_surface,
     polylines_of,
     set_cell_array,
     set_field_array,
@@ -23,7 +24,6 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.data.moving_bones import transforms_of
 from vtkmuscle.data.pipeline_times import times_of
-from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
@@ -108,8 +108,15 @@ class LinearBlendFibres(Filter):
         )
         a = self.a
         if self.fit:
-            depth = depth_in(list(blocks.values()))
-            a, left = fitted_a(lines.points, lines.offsets, [pose], depth, largest=self.largest_a)
+            shapes = [bone_of(*checked_surface(bone, "LinearBlendFibres: bones")) for bone in blocks.values()]
+            now = [(bone, np.eye(4)) for bone in shapes]
+            a, left = fitted_a(
+                lines.points,
+                lines.offsets,
+                [pose],
+                lambda _, points: depth_in(now, points),
+                largest=self.largest_a,
+            )
             if abs(a) >= self.largest_a:
                 warnings.warn(
                     f"LinearBlendFibres: the fit of a ends at its bound, {a:g}: the fibres, {left:.3g} deep "
@@ -132,14 +139,3 @@ class LinearBlendFibres(Filter):
                 "LinearBlendFibres", f"{role} is {name!r}, but the bones are {', '.join(map(repr, names))}"
             )
         return names.index(name)
-
-
-def depth_in(bones: Sequence[vtkPolyData]) -> Callable[[int, Floats], Floats]:
-    """Return a function from a number, not looked at, and points (n, 3) to their depths in bones (n,)."""
-    surfaces = [SurfaceDistance(bone) for bone in bones]
-
-    def depth(_pose: int, points: Floats) -> Floats:
-        deepest: Floats = np.max([surface.depth(points) for surface in surfaces], axis=0)
-        return deepest
-
-    return depth

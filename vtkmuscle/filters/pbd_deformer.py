@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.algorithm_2.solver import Algorithm2, State
 from vtkmuscle.core.collision.muscle_contact import Neighbour
+from vtkmuscle.core.deformation.muscle import CarriedMuscle, Pose
 from vtkmuscle.core.errors import InputError, placed
-from vtkmuscle.core.pbd.muscle_model import FixedMuscle, MuscleModel, MuscleShape
-from vtkmuscle.core.pbd.solver import MuscleSolver
-from vtkmuscle.core.pbd.state import MuscleState
+from vtkmuscle.core.fixed_muscle import FixedMuscle
+from vtkmuscle.core.mesh.rest_shape import ShapeReport
 from vtkmuscle.core.paths.via_rings import ViaRing
-from vtkmuscle.core.types import Ints
+from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import (
     blocks_of,
     checked_surface,
@@ -34,17 +35,24 @@ from vtkmuscle.data.superficial import checked_superficial
 from vtkmuscle.filters.base.history import HistoryFilter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
 from vtkmuscle.filters.bone_motion import bones_of
-from vtkmuscle.filters.deformer.convergence_report import convergence_fields
 from vtkmuscle.filters.deformer.neighbours import Neighbours
-from vtkmuscle.filters.deformer.settings import DeformerSettings, solver_parameters
+from vtkmuscle.filters.deformer.quality import PUBLISHED
+from vtkmuscle.filters.deformer.settings import (
+    GONE,
+    DeformerSettings,
+    algorithm_2_parameters,
+    check_together,
+)
+from vtkmuscle.filters.deformer.shape_report import shape_fields
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Frame:
-    """A state that was computed, and how long that took [ms]."""
+    """A state that was computed, and how long that took [ms]; its report, once it was asked for."""
 
-    state: MuscleState
+    state: Pose | State
     milliseconds: float
+    report: ShapeReport | None = None
 
     @property
     def nbytes(self) -> int:
@@ -53,58 +61,52 @@ class _Frame:
 
 
 class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
-    """Deform a muscle with the bones it is fixed to, by position based dynamics.
+    """Deform a muscle with the bones it is fixed to.
 
-    Points with a ``FixedTo`` follow their bone. The others keep, as well as they can, the lengths of the
-    edges, the angles between neighbouring triangles and the volume of the muscle, and stay out of the bones.
-
-    With ``anisotropy="taut"``, the default, they also follow the muscle's fibres. Each fibre is a string from
-    bone to bone, pulled taut round the bones, from which it keeps away by what of the muscle lies between at
-    rest. The strings carry the surface; edges and angles keep the muscle as it is carried, and each iteration
-    draws the points towards it by ``guidance``. ``"stiffness"`` (Kohout and Cervenka 2021) makes edges the
-    less stiff the more they run along the fibres, k = 1 - abs(u . v), and pulls no strings.
+    Points with a ``FixedTo`` follow their bone. The others are carried by the muscle's paths: each fibre is
+    pulled taut from bone to bone, round the bones, from which it keeps away by what of the muscle lies
+    between at rest. Then the muscle *settles*: it gets its volume back and leaves the bones, and what that
+    moves its points by diffuses over the surface in a number of rounds, so that the surface stays smooth. A
+    frame depends on its pose, and on the frames before by its paths only.
 
     The fibres are those connected as ``fibres``; where there are none, lines over the surface stand in for
     them, along the harmonic function between the points fixed to different bones. Where those are fixed to
-    one bone only, there are no strings, and all edges are equally stiff. Fibres seen on the surface,
-    connected as ``superficial``, count more for the directions of the edges.
+    one bone only, that bone takes the muscle with it.
 
-    A frame depends on the frames before it: the frame at time t is computed from rest through all time steps
-    that the bones announce up to t, and t itself, whatever was asked for before. Frames are kept to go back
-    to, in memory of ``checkpoint_memory``; one takes 72 bytes per point, and some 4.6 kB per string. Where it
-    is used up, every second frame is dropped, then every second of those.
+    ``quality="published"`` is another model: Algorithm 2 of Kohout and Cervenka 2021 as printed, by position
+    based dynamics, with no paths. A frame goes on from the one before with its velocities. The parameters
+    that are said to count only with it are those of the paper.
 
-    Without strings each step starts from ``"blend"``, where the bones' motions, blended by harmonic weights,
-    take the free points, or from ``"inertial"``, where their velocity takes them; strings do not draw them
-    then, and the muscle hangs back behind the bones. ``solver="anderson"``, the default, takes the iteration
-    of ``"gauss-seidel"`` nearer to its end in the same number of iterations, and stops at ``tolerance``.
+    ``quality`` sets ``collision``, ``iterations`` and ``taut_resolution``. Those that are given to the
+    constructor beside it count more, and one that is set afterwards is kept until ``quality`` is set again.
+
+    The frame at time t is computed from rest through all time steps that the bones announce up to t, and t
+    itself, whatever was asked for before. Frames are kept to go back to, in memory of ``checkpoint_memory``;
+    one takes 48 bytes per point, and some 4.6 kB per path. Where it is used up, every second frame is
+    dropped, then every second of those.
 
     ``collision="sdf"`` moves points that are in a bone to its surface, along which they slide. Points that
-    are in a bone at rest stay as deep as they are. ``"voxel"`` takes them back the way they came, which
-    leaves dents and spikes where a muscle is drawn over a bone.
+    are in a bone at rest stay as deep as they are. ``"voxel"`` takes them back the way they came, as
+    published, which leaves dents and spikes where a muscle is drawn over a bone.
 
     Muscles connected as ``neighbours`` stay as they are; this one is kept out of them, except as deep as it
     is in them at rest: ``neighbours={"psoas": psoas, "iliacus": iliacus}``, with their deformers.
-
-    ``quality`` stands for a group of the other parameters, and setting it sets them. Those that are given to
-    the constructor beside it count more, and one that is set afterwards is kept until ``quality`` is set
-    again. ``"published"`` are the settings of Kohout and Cervenka 2021; the others are points on the curve of
-    speed against accuracy.
 
     Raises
     ------
     ValueError
         If the surface is open, is not made of triangles or encloses no volume; if a coordinate is not
-        finite; if ``FixedTo`` is missing or names a block that does not exist; if no point is fixed while
-        there is no external force (nothing would hold or move the muscle); if a bone has no ``Transform``,
-        one that is not rigid, or points that did not move with it.
+        finite; if ``FixedTo`` is missing or names a block that does not exist; if no point is fixed (nothing
+        would hold or move the muscle, but the external force of the published model); if a bone has no
+        ``Transform``, one that is not rigid, or points that did not move with it; if ``collision`` is
+        "voxel" and ``quality`` not "published".
 
     References
     ----------
     Kohout, Cervenka 2021, *Muscle Deformation Using Position Based Dynamics*,
     doi:10.1007/978-3-030-72379-8_24.
 
-    Müller et al. 2007, *Position based dynamics*, doi:10.1016/j.jvcir.2007.01.005.
+    Botsch, Sorkine 2008, *On linear variational surface deformation methods*, doi:10.1109/TVCG.2007.1054.
 
     Examples
     --------
@@ -114,8 +116,8 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     >>> (name, muscle), = phantom.muscles.items()
     >>> fixed = FixedPointDetector()(muscle, phantom.bones, phantom.attachments[name])
     >>> moving = BoneMotion(bones=phantom.bones, motion=phantom.motion)
-    >>> deformed = PBDDeformer(muscle=fixed, bones=moving, iterations=5).apply(time=10.0)
-    >>> bool(abs(deformed.field_data["VolumeRatio"][0] - 1.0) < 0.01)
+    >>> deformed = PBDDeformer(muscle=fixed, bones=moving).apply(time=10.0)
+    >>> bool(abs(deformed.field_data["VolumeRatio"][0] - 1.0) < 1e-9)
     True
     """
 
@@ -127,10 +129,9 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     bones = InputPort(
         vtkMultiBlockDataSet,
         doc="Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to "
-        "now. Where one has the field array ``Reach``, points (n, 3) in the rest pose, its signed distance "
-        "grid covers the part between them; a muscle that leaves it gets the whole bone, with a warning.",
+        "now.",
     )
-    fibres = InputPort(vtkPolyData, optional=True, doc="Polylines in the rest pose, for the anisotropy.")
+    fibres = InputPort(vtkPolyData, optional=True, doc="Polylines in the rest pose, for the paths.")
     neighbours = InputPort(
         vtkMultiBlockDataSet,
         optional=True,
@@ -140,8 +141,8 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     superficial = InputPort(
         vtkPolyData,
         optional=True,
-        doc="Polylines on the muscle's surface in the rest pose, or near it; a few suffice for the direction "
-        "of the anisotropy.",
+        doc="Polylines on the muscle's surface in the rest pose, or near it: which edges run along the "
+        "fibres in the report, and are soft in the published model.",
     )
     attachments = InputPort(
         vtkMultiBlockDataSet,
@@ -150,31 +151,29 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     )
     output = OutputPort(
         vtkPolyData,
-        doc="The muscle at the time asked for, with the arrays of the input; the point arrays "
-        "``Displacement`` (3) from rest [mm] and ``Velocity`` (3) [mm/s]; the field arrays "
-        "``VolumeRatio`` (V / V0), ``EdgeStretchP50``, ``EdgeStretchP95`` and ``EdgeStretchMax`` (l / l0), "
-        "``AlongFibresP5``, ``AlongFibresP50`` and ``AlongFibresP95`` (of the edges within 18 degrees of the "
-        "fibres), ``AcrossFibresP5``, ``AcrossFibresP50`` and ``AcrossFibresP95`` (over 72 degrees), "
-        "``DihedralErrorP50`` and ``DihedralErrorP95`` [degrees], ``DegenerateEdges`` (whose angle was lost "
-        "as a triangle collapsed), ``Iterations``, ``Residual`` (root mean square of what the last one moved "
-        "points by) [mm], ``EstimatedDistance``, a bound of the distance to the converged shape, where taut "
-        "fibres draw the points [mm], ``CollidingPoints``, ``Milliseconds`` (of the last step) and of it "
-        "``MillisecondsPrediction``, ``MillisecondsConstraints``, ``MillisecondsCollision``, "
-        "``MillisecondsAcceleration`` and ``MillisecondsSettling``. With ``measure_penetration`` also "
-        "``PenetrationMax`` and ``PenetrationP95`` [mm], how deep the free points are in the closed bones, "
-        "and ``PenetratingPoints``, how many. With ``anisotropy`` 'taut' also the point array ``Carried`` "
-        "(3), where the taut fibres carry each point before edges, volume and bones are heeded [mm], and the "
-        "field arrays ``FibrePoints`` (p, 3), where they carry the points of ``fibres`` [mm], and "
-        "``UnsettledFibres``, how many fibres did not come to rest; and of the taut fibres, where each "
-        "stands for one of ``fibres``, ``PathLength`` (k,) [mm], ``PathPoints`` (k, 3 n) [mm] and "
-        "``PathWrench_BONE`` (k, 6), force [1] and moment about the origin [mm] that one of unit tension "
-        "exerts on each bone.",
+        doc="The muscle at the time asked for, with the arrays of the input; the point array "
+        "``Displacement`` (3) from rest [mm]; the field arrays ``VolumeRatio`` (V / V0), ``EdgeStretchP95`` "
+        "and ``EdgeStretchMax`` (l / l0), ``AlongFibresP5``, ``AlongFibresP50`` and ``AlongFibresP95`` (of "
+        "the edges within 18 degrees of the fibres), ``AcrossFibresP5``, ``AcrossFibresP50`` and "
+        "``AcrossFibresP95`` (over 72 degrees), ``DihedralErrorP95`` [degrees], ``DegenerateEdges`` (whose "
+        "angle was lost as a triangle collapsed), ``CollidingPoints``, and ``Milliseconds`` that the frame "
+        "took. With ``measure_penetration`` also ``PenetrationMax`` and ``PenetrationP95`` [mm], how deep "
+        "the free points are in the closed bones, and ``PenetratingPoints``, how many. Where paths carry it "
+        "also the point array ``Carried`` (3), where they do so before it settles [mm], and the field arrays "
+        "``FibrePoints`` (p, 3), where they carry the points of ``fibres`` [mm], and ``Unsettled``, 1 "
+        "where the paths did not come to rest; and of the paths, where each stands for one of ``fibres``, "
+        "``PathLength`` (k,) [mm], ``PathPoints`` (k, 3 n) [mm] and ``PathWrench_BONE`` (k, 6), force [1] "
+        "and moment about the origin [mm] on each bone at unit tension. With quality 'published' also the "
+        "point array ``Velocity`` (3) [mm/s].",
     )
 
     moving = ("bones", "neighbours")
+    gone = GONE
 
     def __init__(self, **settings: Any) -> None:
-        self._model: MuscleModel | None = None
+        self._muscle: FixedMuscle | None = None
+        self._solver: CarriedMuscle | Algorithm2 | None = None
+        self._made_from: tuple[object, ...] = ()
         self._rest_bones = RestBones("PBDDeformer: bones")
         self._neighbours: Neighbours | None = None
         self._rest_from: float | None = None
@@ -183,7 +182,6 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     def settings_of_frames(self) -> dict[str, Any]:
         """Return the parameters that a frame depends on."""
         settings = super().settings_of_frames()
-        del settings["quality"]
         if self.collision != "off":  # the bones at rest are known then
             del settings["measure_penetration"]
         return settings
@@ -205,6 +203,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         attachments: vtkMultiBlockDataSet | None,
     ) -> vtkPolyData:
         """Compute the frames on the way to the time asked for that are not known, and return the last."""
+        check_together(self.parameters())
         names = [name for name, _ in blocks_of(bones)]
         rings = rings_by_bone(attachments, names, "PBDDeformer: attachments")
         self._prepare(muscle, fibres, superficial, names, rings)
@@ -225,15 +224,15 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         points, triangles = checked_surface(muscle, where)
         fixed_to = self._checked_fixed_to(point_array(muscle, "FixedTo", where), bones)
         lines = seen = None
-        if fibres is not None and self.anisotropy != "off":
+        if fibres is not None:
             found = polylines_of(fibres, "PBDDeformer: fibres")
             lines = found.points, found.offsets
-        if superficial is not None and self.anisotropy != "off":
+        if superficial is not None:
             found = checked_superficial(superficial, "PBDDeformer: superficial")
             seen = found.points, found.offsets
         given = FixedMuscle(points, triangles, fixed_to, lines, seen, rings)
-        if self._model is None or not given.same_as(self._model.muscle):
-            self._model = MuscleModel(given)
+        if not given.same_as(self._muscle):
+            self._muscle, self._solver = given, None
             self.forget()
 
     def _checked_fixed_to(self, array: NDArray[Any], names: list[str]) -> Ints:
@@ -249,11 +248,11 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
                 f"({', '.join(map(repr, names))})",
                 "detect the fixed points with these bones",
             )
-        if (fixed_to < 0).all() and not any(self.external_force):
+        driven = self.quality == PUBLISHED and any(self.external_force)
+        if (fixed_to < 0).all() and not driven:
             raise InputError(
                 where,
-                "no point is fixed to a bone and external_force is zero, so nothing would hold or move the "
-                "muscle",
+                "no point is fixed to a bone, so nothing would hold or move the muscle",
                 "detect fixed points by another method or distance",
             )
         return fixed_to
@@ -267,9 +266,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
                 bones,
                 transforms,
                 collision=self.collision,
-                cell=self.grid_spacing,
                 skin=self.bone_clearance,
-                friction=self.friction,
                 n_max=self.n_voxels,
                 n_equal=self.n_voxels_per_axis,
             )
@@ -283,55 +280,79 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         if before is None:
             self._take_rest(bones)
         transforms = transforms_of(bones, "PBDDeformer: bones")
-        solver = self._made_solver()
         if self.collision != "off" or self.measure_penetration:
             self._rest_bones.check(bones, transforms)
-        start = solver.rest_state(len(bones)) if before is None else before.state
+        solver = self._made_solver()
+        muscle = self._known_muscle
         beside: Sequence[Neighbour] = ()
         if neighbours is not None:
             if self._neighbours is None:
-                rest = solver.points(solver.rest_state(len(bones)))
-                self._neighbours = Neighbours("PBDDeformer: neighbours", rest)
+                self._neighbours = Neighbours("PBDDeformer: neighbours", muscle.points)
             beside = self._neighbours.at(neighbours)
-        state = solver.step(start, transforms, neighbours=beside, progress=self.report_part)
+        last = None if before is None else before.state
+        state: Pose | State
+        if isinstance(solver, Algorithm2):
+            assert not isinstance(last, Pose)
+            start = solver.at_rest(len(bones)) if last is None else last
+            state = solver.step(start, transforms, neighbours=beside, progress=self.report_part)
+        else:
+            assert not isinstance(last, State)
+            state = solver.pose(
+                last, transforms, rounds=self.iterations, neighbours=beside, progress=self.report_part
+            )
         return _Frame(state, 1e3 * (time.perf_counter() - started))
 
-    def _made_solver(self) -> MuscleSolver:
-        """Return the solver for the present parameters."""
+    def _made_solver(self) -> CarriedMuscle | Algorithm2:
+        """Return the solver for the present muscle, bones and parameters; it is made where these are new."""
         obstacles = self._rest_bones.obstacles if self.collision != "off" else ()
-        with placed("PBDDeformer: muscle"):
-            return self._known_model.solver(
-                solver_parameters(self.parameters()), self.anisotropy, obstacles, self.taut_resolution
-            )
+        muscle, published = self._known_muscle, self.quality == PUBLISHED
+        settings = algorithm_2_parameters(self.parameters())
+        made_from = muscle, obstacles, settings if published else self.taut_resolution
+        if self._solver is None or made_from != self._made_from:
+            with placed("PBDDeformer: muscle"):
+                self._solver = (
+                    Algorithm2(muscle, settings, obstacles)
+                    if published
+                    else CarriedMuscle(muscle, obstacles, self.taut_resolution)
+                )
+            self._made_from = made_from
+        return self._solver
 
     @property
-    def _known_model(self) -> MuscleModel:
-        assert self._model is not None
-        return self._model
+    def _known_muscle(self) -> FixedMuscle:
+        assert self._muscle is not None
+        return self._muscle
 
     # ---------------------------------------------------------------- the result
 
     def _result(self, muscle: vtkPolyData, frame: _Frame, bones: list[str]) -> vtkPolyData:
-        shape = self._known_model.shape(frame.state)
-        result: vtkPolyData = with_points(muscle, shape.points)
-        set_point_array(result, "Displacement", shape.displacement)
-        set_point_array(result, "Velocity", shape.velocities)
-        for name, value in self._convergence(frame, shape).items():
+        state = frame.state
+        result: vtkPolyData = with_points(muscle, state.surface)
+        set_point_array(result, "Displacement", state.surface - self._known_muscle.points)
+        if isinstance(state, State):
+            set_point_array(result, "Velocity", state.velocities)
+        elif state.carried is not None and state.paths is not None:
+            set_point_array(result, "Carried", state.carried)
+            set_field_array(result, "Unsettled", int(not state.paths.settled))
+            if state.fibre_points is not None:
+                set_field_array(result, "FibrePoints", state.fibre_points)
+                arrays = path_arrays(state.paths.points, state.paths.wrenches, bones)
+                for name, values in arrays.items():
+                    set_field_array(result, name, values)
+        for name, value in self._figures(frame).items():
             set_field_array(result, name, value)
-        if shape.carried is not None and frame.state.guided is not None:
-            set_point_array(result, "Carried", shape.carried)
-            set_field_array(result, "UnsettledFibres", frame.state.guided.state.unsettled)
-        if shape.fibre_points is not None and frame.state.guided is not None:
-            set_field_array(result, "FibrePoints", shape.fibre_points)
-            paths = frame.state.guided.state
-            for name, values in path_arrays(paths.points, paths.wrenches, bones).items():
-                set_field_array(result, name, values)
         return result
 
-    def _convergence(self, frame: _Frame, shape: MuscleShape) -> dict[str, float]:
-        """Return the field arrays of a frame's convergence report."""
-        depths = None
+    def _figures(self, frame: _Frame) -> dict[str, float]:
+        """Return the field arrays of a frame's report."""
+        state = frame.state
+        if frame.report is None:
+            assert self._solver is not None
+            frame.report = self._solver.shape.compare(state.surface)
+        depths: Floats | None = None
         if self.measure_penetration:
-            free = self._known_model.muscle.fixed_to < 0
-            depths = self._rest_bones.depths(shape.points[free], frame.state.transforms)
-        return convergence_fields(shape.report, frame.state, depths=depths, milliseconds=frame.milliseconds)
+            free = self._known_muscle.fixed_to < 0
+            depths = self._rest_bones.depths(state.surface[free], state.transforms)
+        return shape_fields(
+            frame.report, colliding=state.colliding, depths=depths, milliseconds=frame.milliseconds
+        )

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.bones.bone import bone_of
 from vtkmuscle.core.errors import InputError, placed
-from vtkmuscle.core.pbd.muscle_model import FixedMuscle
+from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.paths.sheet import POINTS, MusclePaths, PathState
 from vtkmuscle.data.arrays import (
@@ -108,8 +109,8 @@ class TautFibres(HistoryFilter[PathState]):
         vtkPolyData,
         doc="The paths, with the cell and field arrays of the rest fibres and the cell arrays ``Length``, "
         "``TautLength`` (the same) and ``RestLength`` (at rest) [mm], ``Ratio`` (of the two), "
-        "``Contact`` (points that bones or rings press on), ``PathLength`` (the length again, as that of the paths) "
-        "and "
+        "``Contact`` (points that bones or rings press on), ``PathLength`` (the length again, as that of the "
+        "paths) and "
         "``PathWrench_BONE`` (6), force [1] and moment about the origin [mm] that a path of unit tension "
         "exerts on each bone, and the field array ``Unsettled``, 1 where the sheet did not come to rest.",
     )
@@ -189,7 +190,7 @@ class TautFibres(HistoryFilter[PathState]):
                 *bones_at_ends(fibres, given.points, given.fixed_to),
                 given.points,
                 given.triangles,
-                {bone.bone: (bone.points, bone.triangles, bone.axes) for bone in self._rest_bones.obstacles},
+                {bone.bone: bone_of(bone.points, bone.triangles) for bone in self._rest_bones.obstacles},
                 rings=given.rings,
             )
 

@@ -43,8 +43,8 @@ class MusclePipeline:
     attachments : vtkMultiBlockDataSet or algorithm, optional
         Where the muscle is attached, and the via rings that it passes through.
     superficial : vtkPolyData or algorithm, optional
-        Fibres that are seen on the surface at rest, a few polylines: they orient the template and the
-        anisotropy.
+        Fibres that are seen on the surface at rest, a few polylines: they orient the template, and say
+        which edges are soft where Algorithm 2 is used.
     neighbours : mapping of str to algorithm, optional
         Deformers of other muscles, out of which this one is kept.
     model : str, optional
@@ -181,7 +181,7 @@ def deform(
     attachments : vtkMultiBlockDataSet or algorithm, optional
         Where the muscle is attached; needed by the method ``"attachment"`` of FixedPointDetector.
     fibres : vtkPolyData or algorithm, optional
-        Fibres at rest, for the anisotropy.
+        Fibres at rest, for the paths.
     fixing : mapping or None, optional
         Parameters of FixedPointDetector, as ``{"method": "proximity", "distance": 3.0}``; None for a muscle
         that has the point array ``FixedTo`` already.

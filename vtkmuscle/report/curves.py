@@ -51,7 +51,6 @@ CHECKS = (
         0.0,
     ),
     ("penetration_new_max_mm", "depth in a bone that was not there at rest [mm]", "penetration", 1.0, 0.0),
-    ("estimated_distance_mm", "estimated distance to the converged shape [mm]", "estimate", 1.0, 0.0),
     ("fibres_outside_max_mm", "fibres out of their muscle [mm]", "fibres outside", 1.0, 0.0),
     (
         "fibres_penetration_new_max_mm",

@@ -42,7 +42,6 @@ QUALITY = (
     ("fibres_outside_max_mm", "fibres out of the muscle [mm]", np.max),
     ("fixed_error_max_mm", "fixed points off their bone [mm]", np.max),
     ("overlap_max_mm", "in another muscle [mm]", np.max),
-    ("estimated_distance_mm", "estimated distance to convergence [mm]", np.max),
     ("iterations", "iterations, mean", np.mean),
     ("ms", "time per frame [ms], median", np.median),
 )
@@ -307,7 +306,6 @@ _CHECKS = {
     "penetration": "penetration_new_max_mm",
     "fibres outside": "fibres_outside_max_mm",
     "fixed points": "fixed_error_max_mm",
-    "estimate": "estimated_distance_mm",
 }
 
 

@@ -6,8 +6,6 @@ import threading
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
-from vtkmodules.vtkCommonDataModel import vtkPolyData
-
 from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.run.track import MuscleTrack
@@ -16,9 +14,7 @@ from vtkmuscle.run.track import MuscleTrack
 class ErrorStudy(Protocol):
     """Further solves beside the run's own, and estimates; :class:`vtkmuscle.accuracy.ErrorStudy` is one."""
 
-    def jobs(
-        self, numbers: range, bones: Mapping[str, vtkPolyData], stop: threading.Event
-    ) -> Mapping[str, Callable[[], None]]:
+    def jobs(self, numbers: range, stop: threading.Event) -> Mapping[str, Callable[[], None]]:
         """Return what is to be done beside the muscles, by its names."""
         ...
 

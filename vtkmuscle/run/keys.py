@@ -15,8 +15,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.collision.distance_obstacle import DistanceObstacle
-from vtkmuscle.data.arrays import field_array, points_of, triangles_of
+from vtkmuscle.data.arrays import points_of
 from vtkmuscle.scene.data import SceneData
 
 #: Parts of the package that only start runs or show what came out of them.
@@ -29,7 +28,7 @@ _PACKAGES = ("numpy", "scipy", "numba", "vtk", "pyamg")
 _FILE = "template_file"
 
 
-def muscle_keys(scene: SceneData, bones: Mapping[str, vtkPolyData], numbers: range) -> dict[str, str]:
+def muscle_keys(scene: SceneData, numbers: range) -> dict[str, str]:
     """Return the key of each muscle of a scene: a digest of all that its frames depend on.
 
     That is its surface, attachments, fibres and settings, all bones and their motion, which frames are kept,
@@ -40,27 +39,18 @@ def muscle_keys(scene: SceneData, bones: Mapping[str, vtkPolyData], numbers: ran
     Parameters
     ----------
     scene : SceneData
-        All of it: how much of a bone is measured depends on where all muscles may meet it.
-    bones : mapping of str to vtkPolyData
-        As :func:`~vtkmuscle.run.reach.bones_with_reach` gives them.
+        All of it.
     numbers : range
         Of the frames that are kept.
     """
-    regions = {name: _region(name, bone) for name, bone in bones.items()}
     settings = scene.name, scene.units, scene.model, scene.muscle_contact
-    common = digest_of([code_digest(), settings, scene.motion, list(numbers), scene.bones, regions])
+    common = digest_of([code_digest(), settings, scene.motion, list(numbers), scene.bones])
     keys: dict[str, str] = {}
     for name, muscle in scene.muscles.items():
         before = list(keys.values()) if scene.muscle_contact != "off" else []
         own = [muscle.surface, muscle.attachments, muscle.fibres, muscle.superficial_fibres]
         keys[name] = digest_of([common, before, name, *own, scene.solver_of(name), scene.fixing_of(name)])
     return keys
-
-
-def _region(name: str, bone: vtkPolyData) -> Any:
-    """Return the box of a bone in which its distances are measured; None for all of it."""
-    reach = field_array(bone, "Reach")
-    return DistanceObstacle(0, points_of(bone), triangles_of(bone, name), reach=reach).region
 
 
 def digest_of(value: Any) -> str:

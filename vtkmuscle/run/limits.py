@@ -43,7 +43,7 @@ class Check:
 
 
 #: What to do where a solve has gone wrong.
-STEPS = "use smaller steps of the motion, more iterations or another solver, and look at its surface there"
+STEPS = "use smaller steps of the motion or a finer quality, and look at its surface there"
 
 #: What is judged. The limits, and why they are what they are:
 CHECKS = {
@@ -155,15 +155,7 @@ CHECKS = {
         "a fibre is {} deeper in a bone than at rest",
         "look at the fibres there, and do not use those that run through the bone",
     ),
-    # The limit is the solver's tolerance where it has one.
-    "estimate": Check(
-        1.0,
-        10.0,
-        "mm",
-        "it is an estimated {} from where the solve leads to (root mean square)",
-        "give it more iterations, a tolerance, or smaller steps of the motion",
-    ),
-    # What the solver promises is 0.1 mm (95th percentile); a point 5 mm deep has gone through a thin bone.
+    # What is promised is 0.1 mm (95th percentile); a point 5 mm deep has gone through a thin bone.
     "penetration": Check(
         0.5,
         5.0,

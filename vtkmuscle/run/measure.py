@@ -9,17 +9,15 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.collision.muscle_contact import depth_in
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.bones.bone import Bone, depth_in
 from vtkmuscle.core.mesh.bent import BentSurface, bent_surface
+from vtkmuscle.core.mesh.hinges import dihedral_angles
 from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, unique_edges
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
-from vtkmuscle.core.motion.rigid import apply_transform, inverse
-from vtkmuscle.core.pbd.rest_shape import dihedral_angles
+from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, triangles_of
-from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.deformer.neighbours import outward_tree
 
 #: An edge is folded back where its triangles are within 30 degrees of lying on each other; it counts where it
@@ -28,8 +26,6 @@ FOLDED, NOT_FOLDED = 150.0, 120.0
 #: An edge that is shorter than this part of the mean edge at rest counts as that long: a sliver's is easily
 #: many times its own length.
 SHORT_EDGE = 0.25
-#: A bone's box is larger by this part of it where points are sorted out: rounding must not lose one.
-NEARLY = 1e-9
 
 
 class MuscleMeasure:
@@ -41,8 +37,8 @@ class MuscleMeasure:
         The muscle at rest with the point array ``FixedTo``.
     bones : sequence of str
         Names of the bones, in the order that ``FixedTo`` counts.
-    distances : mapping of str to SurfaceDistance
-        Of the bones that have an inside, at rest.
+    shapes : mapping of str to Bone
+        The bones that have an inside, at rest.
     millimetres : float
         Millimetres per unit of length.
     """
@@ -51,11 +47,11 @@ class MuscleMeasure:
         self,
         rest: vtkPolyData,
         bones: list[str],
-        distances: Mapping[str, SurfaceDistance],
+        shapes: Mapping[str, Bone],
         millimetres: float,
     ) -> None:
         self._bones = bones
-        self._distances = distances
+        self._shapes = shapes
         self._millimetres = millimetres
         self._rest = points_of(rest)
         self._triangles = triangles_of(rest, "muscle")
@@ -125,7 +121,7 @@ class MuscleMeasure:
         depths = np.zeros(len(points))
         for other in others:
             tree = outward_tree(*checked_surface(other, "muscle"))
-            np.maximum(depths, depth_in(tree, points), out=depths)
+            np.maximum(depths, tree.depth(points), out=depths)
         depths *= self._millimetres
         inside = depths[depths > 0.0]
         return {
@@ -135,21 +131,14 @@ class MuscleMeasure:
         }
 
     def depths(self, points: Floats, transforms: Mapping[str, Floats]) -> Floats | None:
-        """Return how deep points (n, 3) are inside the exact surfaces of the closed bones, (n,).
+        """Return how deep points (n, 3) are inside the exact surfaces of the bones, (n,).
 
-        In the scene's unit, 0 outside; None where no bone is closed.
+        In the scene's unit, 0 outside; None where no bone has an inside.
         """
-        if not self._distances:
+        if not self._shapes:
             return None
-        depths = np.zeros(len(points))
-        near = np.empty(len(points), dtype=np.int64)
-        for bone, distance in self._distances.items():
-            to_rest = inverse(transforms.get(bone, np.eye(4)))
-            mine = near[: _in_box(points, to_rest, *distance.box, near)]
-            if len(mine):
-                found = distance.depth(apply_transform(to_rest, points[mine]))
-                depths[mine] = np.maximum(depths[mine], found)
-        return depths
+        posed = ((bone, transforms.get(name, np.eye(4))) for name, bone in self._shapes.items())
+        return depth_in(posed, points)
 
     def fibres(
         self, fibre_points: Floats, offsets: Ints, points: Floats, depths: Floats | None
@@ -209,20 +198,3 @@ class MuscleMeasure:
                 errors = np.linalg.norm(points[held] - apply_transform(now[bone], self._rest[held]), axis=1)
                 worst = max(worst, float(errors.max()))
         return worst * self._millimetres
-
-
-@kernel
-def _in_box(points: Floats, transform: Floats, low: Floats, high: Floats, found: Ints) -> int:
-    """Write the numbers of the points (n, 3) that go into a box by a transform; return how many."""
-    count = 0
-    for i in range(len(points)):
-        inside = True
-        for axis in range(3):
-            x = transform[axis, 3]
-            for k in range(3):
-                x += transform[axis, k] * points[i, k]
-            slack = NEARLY * (high[axis] - low[axis])
-            inside = inside and low[axis] - slack <= x <= high[axis] + slack
-        found[count] = i
-        count += 1 if inside else 0
-    return count

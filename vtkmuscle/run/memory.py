@@ -6,12 +6,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
-from vtkmuscle.core.collision.distance_blocks import SIDE
-from vtkmuscle.core.collision.distance_obstacle import CELLS_PER_DIAGONAL
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.faults import SceneError
@@ -25,8 +20,6 @@ _TRIANGLE = 6000
 _FIBRE_POINT, _FIBRE_POINT_AT_REST = 150, 2500
 #: Of a fibre in a kept frame, its measures and its path of 33 points with what it does to two bones [bytes].
 _FIBRE = 400 + 33 * 24 + 2 * 48
-#: Of a node of a distance grid, in the making [bytes].
-_NODE = 10
 #: Of a point of a muscle in a kept frame [bytes].
 _POINT = 24
 
@@ -44,8 +37,7 @@ def check_memory(scene: SceneData, numbers: range) -> None:
             f"the run would take about {total / 1e9:.3g} GB of memory, {largest / 1e9:.3g} GB of it for "
             f"this, but may take {most / 1e9:.3g} GB",
             key,
-            "keep fewer frames or fibres, simplify surfaces, use larger cells, or set "
-            f"{VARIABLE} to the gigabytes it may take",
+            f"keep fewer frames or fibres, simplify surfaces, or set {VARIABLE} to the gigabytes it may take",
             scene.files.get(""),
         )
 
@@ -65,18 +57,6 @@ def estimated_memory(scene: SceneData, numbers: range) -> Iterator[tuple[str, fl
             frames += len(numbers) * (points * _FIBRE_POINT + count * _FIBRE)
             yield f"muscles.{name}.fibres", points * _FIBRE_POINT_AT_REST
         yield f"frames of muscles.{name}", frames
-    cells = [scene.solver_of(name).get("grid_spacing") for name in scene.muscles]
-    for name, bone in scene.bones.items():
-        places, triangles = points_of(bone), triangles_of(bone, name)
-        size = np.ptp(places, axis=0)
-        diagonal = float(np.linalg.norm(size))
-        a, b, c = (places[triangles[:, corner]] for corner in range(3))
-        area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-        for cell in {float(cell or diagonal / CELLS_PER_DIAGONAL) for cell in cells}:
-            if cell > 0.0:
-                block = SIDE * cell
-                blocks = 3.0 * area / block**2 + 0.5 * float(np.prod(size / block))
-                yield f"bones.{name}", blocks * _NODE * SIDE**3
 
 
 def _most() -> float | None:

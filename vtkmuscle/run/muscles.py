@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.motion.rigid import RigidMotion
@@ -23,10 +24,9 @@ from vtkmuscle.data.arrays import (
     polylines_of,
     set_cell_array,
 )
-from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.deformer.convergence_report import read_convergence
+from vtkmuscle.filters.deformer.shape_report import read_shape
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.run.architecture import architecture_of
@@ -56,10 +56,8 @@ class MuscleRun:
         Which muscle.
     track : MuscleTrack
         Where finished frames go.
-    bones : dict of str to vtkPolyData
-        Of the scene, at rest, with what :func:`~vtkmuscle.run.reach.bones_with_reach` adds.
-    distances : dict of str to SurfaceDistance
-        Of the closed bones.
+    shapes : dict of str to Bone
+        The bones of the scene that have an inside, at rest.
     folder : RunFolder or None
         Where to write to.
     stop : threading.Event
@@ -80,8 +78,7 @@ class MuscleRun:
         scene: SceneData,
         name: str,
         track: MuscleTrack,
-        bones: dict[str, vtkPolyData],
-        distances: dict[str, SurfaceDistance],
+        shapes: dict[str, Bone],
         folder: RunFolder | None,
         stop: threading.Event,
         progress: Progress,
@@ -91,7 +88,7 @@ class MuscleRun:
     ) -> None:
         self.observe, self.clock = observe, clock
         self.scene, self.name, self.track = scene, name, track
-        self.bones, self.distances, self.folder = bones, distances, folder
+        self.shapes, self.folder = shapes, folder
         self.stop, self.progress = stop, progress
         self.others = others
         self.deformer: PBDDeformer | None = None
@@ -108,14 +105,14 @@ class MuscleRun:
         """
         scene, name, track = self.scene, self.name, self.track
         neighbours = self._deformers() if scene.muscle_contact == "on" else None
-        pipeline = muscle_pipeline(scene, name, self.bones, neighbours=neighbours)
+        pipeline = muscle_pipeline(scene, name, neighbours=neighbours)
         self.deformer = pipeline.deformer
         self._tell("fixed points", 0.0)
         with self._timed("fixing", pipeline.fixed):
             rest = track.rest = pipeline.fixed.update().output
         _warn_if_none_is_free(name, rest)
         with self._timed("measuring"):
-            measure = MuscleMeasure(track.rest, list(scene.bones), self.distances, scene.millimetres)
+            measure = MuscleMeasure(track.rest, list(scene.bones), self.shapes, scene.millimetres)
             track.report.update(measure.at_rest())
         areas = scene.muscles[name].attachments
         track.report["estimated_attachments"] = sum(area.estimated for area in areas)
@@ -180,11 +177,11 @@ class MuscleRun:
                 found = _copy(pipeline.metrics.update(time=now).output)
             took = self.clock() - before
             _add_penetration(found, measure, self.scene.motion.at(now))
-            unsettled = field_array(found, "UnsettledFibres")
+            unsettled = field_array(found, "Unsettled")
             row = {
                 "frame": number,
                 "time": now,
-                "unsettled_fibres": 0 if unsettled is None else int(unsettled[0]),
+                "unsettled": 0 if unsettled is None else int(unsettled[0]),
             }
             self._keep(row | {"ms": 1000.0 * took}, None, found)
 
@@ -219,7 +216,7 @@ class MuscleRun:
             row = {
                 "frame": number,
                 "time": now,
-                **read_convergence(deformed, self.scene.millimetres),
+                **read_shape(deformed, self.scene.millimetres),
                 **measure.frame(points, transforms),
             }
             if fibres is not None:
@@ -253,7 +250,6 @@ class MuscleRun:
         """Add the verdict on the frames that are there to the report."""
         track, millimetres = self.track, self.scene.millimetres
         rows = track.report["frames"]
-        tolerance = track.report["parameters"]["solver"].get("tolerance")
         lengths = rest_lengths = slackness = None
         slides: list[tuple[float, str] | None] = []
         motion = self.scene.motion.part(numbers[: len(rows)]) if rows else None
@@ -275,7 +271,6 @@ class MuscleRun:
             motion=motion,
             n_edges=measure.n_edges,
             size=measure.size,
-            tolerance=None if tolerance is None else tolerance * millimetres,
             failure=track.failure,
         )
 
@@ -290,7 +285,7 @@ class MuscleRun:
         jump = CHECKS["jumps"].look * min(1.0, measure.size / FULL_SIZE)
         points = [one.points.reshape(len(one), -1, 3) for one in lines]
         millimetres = self.scene.millimetres
-        return slides_of(lengths, points, motion, self.distances, jump=jump, millimetres=millimetres)
+        return slides_of(lengths, points, motion, self.shapes, jump=jump, millimetres=millimetres)
 
     def _deformers(self) -> dict[str, PBDDeformer]:
         """Return the deformers of the other muscles, without those that failed on the way."""

@@ -5,18 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from vtkmodules.vtkCommonDataModel import vtkPolyData
-
-from vtkmuscle.data.arrays import multiblock_from
 from vtkmuscle.pipelines import MusclePipeline
-from vtkmuscle.run.reach import bones_with_reach
 from vtkmuscle.scene.data import SceneData
 
 
 def muscle_pipeline(
     scene: SceneData,
     name: str,
-    bones: Mapping[str, vtkPolyData] | None = None,
     *,
     neighbours: Mapping[str, Any] | None = None,
 ) -> MusclePipeline:
@@ -26,9 +21,6 @@ def muscle_pipeline(
     ----------
     scene, name : SceneData, str
         Which muscle, of which scene.
-    bones : mapping of str to vtkPolyData, optional
-        The scene's bones as :func:`~vtkmuscle.run.reach.bones_with_reach` gives them, where they are there
-        already.
     neighbours : mapping of str to algorithm, optional
         Deformers of the muscles that this one is kept out of.
 
@@ -44,8 +36,7 @@ def muscle_pipeline(
     muscle = scene.muscles[name]
     return MusclePipeline(
         muscle.surface,
-        # One data set per muscle: threads must not share what VTK writes to.
-        multiblock_from(dict(bones_with_reach(scene) if bones is None else bones)),
+        scene.bones_data(),  # one per muscle: threads must not share what VTK writes to
         scene.motion,
         scene.attachments_data(name),
         superficial=muscle.superficial_fibres,

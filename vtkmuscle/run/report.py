@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.data.arrays import field_array, points_of
-from vtkmuscle.data.surface_distance import SurfaceDistance
+from vtkmuscle.core.mesh.solids import solids_of
+from vtkmuscle.data.arrays import checked_surface, field_array, points_of
 from vtkmuscle.io.fibre_table import fibre_columns, fibre_summary
 from vtkmuscle.run import architecture
 from vtkmuscle.run.table import Table
@@ -27,8 +27,8 @@ ERROR_DEFINITIONS = {
     "the frames; parts, what each cause adds, and total, the root of the sum of their squares, each as the "
     "root mean square over the frames. All are half widths of intervals of about 95 % confidence. Causes "
     "that are not there are not known: errors_not_known says why",
-    "errors.solve": "distance to the end of the solve; of a volume, by how much it is not kept",
-    "errors.segments": "straight segments for curved paths and fibres; part of slices where these are known",
+    "errors.solve": "of a volume, by how much it is not kept",
+    "errors.segments": "fibres of straight segments for curved ones; part of slices where these are known",
     "errors.fibres": "number of fibres that a mean is taken of",
     "errors.slopes": "what the lever of a path's pull and -dl/dq of its length differ by",
     "errors.facets": "flat triangles for a round surface",
@@ -45,8 +45,7 @@ DEFINITIONS = {
     "estimated_attachments": "attachment areas that were made from where the muscle touches bones",
     "attachment_sureness": "how sure the least sure of them is, 0 to 1; null where nothing was estimated",
     "volume_ratio": "volume / volume at rest",
-    "edge_stretch_p95": "95th percentile, over the edges of the muscle, of length / length at rest; _p50 is "
-    "the median",
+    "edge_stretch_p95": "95th percentile, over the edges of the muscle, of length / length at rest",
     "edge_stretch_p5": "5th percentile of it",
     "edge_stretch_max": "the largest of them",
     "edge_stretch_floored_max": "the largest, where edges that are shorter at rest than a quarter of the "
@@ -55,12 +54,9 @@ DEFINITIONS = {
     "along_fibres_p5": "5th percentile of length / length at rest over the edges within 18 degrees of the "
     "fibres at rest; likewise _p50 and _p95; where the direction of the fibres is known",
     "across_fibres_p5": "the same for edges over 72 degrees from the fibres",
-    "dihedral_error_p50_deg": "median of how much the angles between neighbouring triangles have changed, "
-    "degrees; likewise _p95",
+    "dihedral_error_p95_deg": "95th percentile of how much the angles between neighbouring triangles have "
+    "changed, degrees",
     "degenerate_edges": "edges whose angle was lost as a triangle beside them collapsed",
-    "residual_mm": "root mean square of what the last iteration moved the points by",
-    "estimated_distance_mm": "estimated distance to the converged shape (root mean square), where the solver "
-    "knows one",
     "colliding_points": "points that met a bone in the last step",
     "penetration_max_mm": "how deep the deepest free point is inside the exact surface of a bone, whose "
     "holes count as closed; null where no bone has an inside",
@@ -79,9 +75,6 @@ DEFINITIONS = {
     "overlap_max_mm": "how deep the deepest point is inside another muscle that comes before it in the scene",
     "overlap_p95_mm": "95th percentile of that depth over the points that are inside one",
     "overlapping_points": "number of points inside another muscle that comes before it in the scene",
-    "iterations": "iterations of the solver for the frame",
-    "ms_constraints": "part of the time of the last step spent on edges and volume, milliseconds; likewise "
-    "ms_prediction, ms_collision, ms_acceleration and ms_settling",
     "ms": "wall-clock time of the deformation of the frame, milliseconds; muscles run side by side",
     "ms_fibres": "the same of carrying its fibres along and measuring them",
     "points_inside": f"points of fibres at rest inside the muscle or within {FIBRE_TOLERANCE:g} mm of it",
@@ -142,8 +135,7 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
     JSON-able, see :data:`DEFINITIONS`; ``millimetres`` is the length of the scene's unit.
     """
     points = points_of(fibres)
-    surface = SurfaceDistance(muscle)
-    outside = np.where(surface.depth(points) > 0, 0.0, surface.unsigned(points)) * millimetres
+    outside = np.maximum(solids_of(*checked_surface(muscle, "muscle")).distances(points), 0.0) * millimetres
     inside = int((outside <= FIBRE_TOLERANCE).sum())
     twist = {
         name: float(values[0])

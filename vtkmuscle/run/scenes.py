@@ -12,15 +12,11 @@ from os import cpu_count
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkPolyData
-
+from vtkmuscle.core.bones.bone import Bone, bone_of
 from vtkmuscle.core.errors import InputError, fault_of
-from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.core.mesh.shared import held
-from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
+from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.data.drawn_bones import DrawnBones
-from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.parts import file_digest
 from vtkmuscle.run.claim import PAGE, scene_file
@@ -31,7 +27,6 @@ from vtkmuscle.run.keys import muscle_keys
 from vtkmuscle.run.memory import check_memory
 from vtkmuscle.run.moment_arms import MomentArmTable
 from vtkmuscle.run.muscles import Clock, MuscleRun, Observe, Progress
-from vtkmuscle.run.reach import bones_with_reach
 from vtkmuscle.run.report import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.track import MuscleTrack
@@ -119,16 +114,16 @@ def run_scene(
     _check_workers(workers)
     check_memory(scene, numbers)
     folder = None if out is None else RunFolder(out, series=series)
-    bones, distances = bones_with_reach(scene), bone_distances(scene)
-    keys, kept = _kept(folder, scene, bones, numbers, fresh=fresh)
+    shapes = bone_shapes(scene)
+    keys, kept = _kept(folder, scene, numbers, fresh=fresh)
     tracks = {name: kept.get(name) or MuscleTrack() for name in muscles or scene.muscles}
     report = _first_report(scene, numbers, tracks) | {"taken_over": list(kept), "sense": list(odd)}
     stop, report_progress, seen = threading.Event(), _one_at_a_time(progress), observe or (lambda *_: None)
-    further = {} if errors is None else errors.jobs(numbers, bones, stop)
+    further = {} if errors is None else errors.jobs(numbers, stop)
 
     def muscle_run(name: str, others: tuple[MuscleRun, ...]) -> MuscleRun:
         return MuscleRun(
-            scene, name, tracks[name], bones, distances, folder, stop, report_progress, seen, others, clock
+            scene, name, tracks[name], shapes, folder, stop, report_progress, seen, others, clock
         )
 
     result_of = partial(_result, scene, numbers, report, DrawnBones(scene.bones_data()))
@@ -234,12 +229,12 @@ def _result(
 
 
 def _kept(
-    folder: RunFolder | None, scene: SceneData, bones: dict[str, vtkPolyData], numbers: range, *, fresh: bool
+    folder: RunFolder | None, scene: SceneData, numbers: range, *, fresh: bool
 ) -> tuple[dict[str, str], dict[str, MuscleTrack]]:
     """Return the keys of the muscles, and those that the folder has finished."""
     if folder is None:
         return {}, {}
-    keys = muscle_keys(scene, bones, numbers)
+    keys = muscle_keys(scene, numbers)
     kept = {} if fresh else folder.finished(keys, scene.millimetres)
     if scene.muscle_contact != "off" and len(kept) < len(scene.muscles):
         kept = {}  # the others are kept out of these, and ask their filters for it
@@ -279,23 +274,10 @@ def _with_errors(
     return MomentArmTable(arms, arms.refused, result.errors)
 
 
-def bone_distances(scene: SceneData) -> dict[str, SurfaceDistance]:
-    """Return the exact distances of the bones that have an inside, holes closed as the collisions close them.
-
-    Each is built when a muscle comes near.
-    """
-    distances = {}
-    for name, bone in scene.bones.items():
-        distance = SurfaceDistance(bone)
-        if not distance.closed:
-            repaired = closed_shells(points_of(bone), triangles_of(bone, name))
-            parts = [part for part, solid in zip(repaired.shells, repaired.solid, strict=True) if solid]
-            if not parts:
-                continue
-            distance = SurfaceDistance(surface_from(repaired.points, np.concatenate(parts)))
-        if distance.closed:
-            distances[name] = distance
-    return distances
+def bone_shapes(scene: SceneData) -> dict[str, Bone]:
+    """Return the bones that have an inside, holes closed."""
+    shapes = {name: bone_of(*checked_surface(bone, name)) for name, bone in scene.bones.items()}
+    return {name: bone for name, bone in shapes.items() if bone.solids.trees}
 
 
 def _first_report(scene: SceneData, numbers: range, tracks: dict[str, MuscleTrack]) -> dict[str, Any]:

@@ -70,7 +70,6 @@ def judge(
     motion: RigidMotion | None = None,
     n_edges: int = 1,
     size: float = FULL_SIZE,
-    tolerance: float | None = None,
     failure: tuple[int, float, Exception] | None = None,
 ) -> dict[str, Any]:
     """Return the verdict on a muscle, from what was measured of its frames.
@@ -94,8 +93,6 @@ def judge(
         Of the surface.
     size : float, optional
         Diagonal of the muscle's box at rest [mm].
-    tolerance : float, optional
-        Of the solver [mm]; 0 or None where it has none.
     failure : (int, float, Exception), optional
         Frame and time at which the muscle could not be computed, and why.
 
@@ -109,7 +106,7 @@ def judge(
     reasons = [
         reason
         for name, series in values.items()
-        if (reason := _reason(name, series, rows, min(1.0, size / FULL_SIZE), tolerance)) is not None
+        if (reason := _reason(name, series, rows, min(1.0, size / FULL_SIZE))) is not None
     ]
     for number, reason in enumerate(reasons):
         if reason.check == "slid off":
@@ -184,14 +181,12 @@ def _series(
         "longest edge": column("edge_stretch_floored_max"),
         "crumpled": column("dihedral_error_p95_deg"),
         "folded": 100.0 * column("folded_edges") / n_edges,
-        "estimate": column("estimated_distance_mm"),
         "fibres outside": column("fibres_outside_max_mm"),
         "fibres in bone": column("fibres_penetration_new_max_mm"),
         "penetration": column("penetration_new_max_mm"),
         "widespread penetration": column("penetration_new_p95_mm"),
     }
     missing = {"penetration": "no bone has an inside", "widespread penetration": "no bone has an inside"}
-    missing["estimate"] = "the solver gave none"
     if lengths is None or rest_lengths is None or not len(lengths):
         missing |= dict.fromkeys(_OF_FIBRES, "it has no fibres")
     else:
@@ -218,7 +213,6 @@ def _reason(
     series: Floats,
     rows: Sequence[Mapping[str, Any]],
     scale: float,
-    tolerance: float | None,
 ) -> Reason | None:
     """Return why a check is not ok, None where it is; a value that is not finite is beyond all limits."""
     check = CHECKS[name]
@@ -226,8 +220,6 @@ def _reason(
     if not len(known):
         return None
     look, failed = (limit * (scale if check.unit == "mm" else 1.0) for limit in (check.look, check.failed))
-    if name == "estimate" and tolerance:
-        look, failed = tolerance, max(failed, 10.0 * tolerance)
     side = -1.0 if check.smaller else 1.0
     worst = int(known[np.argmax(side * series[known])])
     value = float(series[worst])

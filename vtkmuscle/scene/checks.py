@@ -16,6 +16,8 @@ from vtkmuscle.core.paths.via_rings import passes_through, via_ring
 from vtkmuscle.data.arrays import checked_surface, points_of, surface_from
 from vtkmuscle.data.attachments import VIA, AttachmentArea
 from vtkmuscle.data.superficial import checked_superficial
+from vtkmuscle.filters.deformer.settings import check_together
+from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.scene.data import Muscle, SceneData
 from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.validation import validated
@@ -48,6 +50,7 @@ def checked(scene: SceneData) -> tuple[dict[str, vtkPolyData], dict[str, Muscle]
     for name, muscle in scene.muscles.items():
         key = f"muscles.{name}"
         with faults.gathered():
+            _check_solver(scene, name)
             surface = _closed(scene, f"{key}.surface", muscle.surface)
             muscles[name] = replace(muscle, surface=surface)
             for number, area in enumerate(muscle.attachments):
@@ -56,6 +59,18 @@ def checked(scene: SceneData) -> tuple[dict[str, vtkPolyData], dict[str, Muscle]
             _check_superficial(scene, f"{key}.superficial_fibres", muscle, points_of(surface))
     faults.raise_any()
     return bones, muscles
+
+
+def _check_solver(scene: SceneData, name: str) -> None:
+    """Check that the settings of a muscle's deformer go together."""
+    if scene.model != "volume":
+        return
+    try:
+        check_together(PBDDeformer(**scene.solver_of(name)).parameters())
+    except ValueError as error:
+        problem, remedy = fault_of(error)
+        key = f"muscles.{name}.solver" if scene.muscles[name].solver else "solver"
+        raise _error(scene, key, problem, remedy) from error
 
 
 def _error(scene: SceneData, key: str, problem: str, remedy: str) -> SceneError:

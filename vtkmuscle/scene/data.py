@@ -37,7 +37,7 @@ class Muscle:
         Parameters of FixedPointDetector that differ from the scene's.
     superficial_fibres : vtkPolyData, optional
         Polylines: fibres that somebody has seen on the surface, in the rest pose. They orient the template
-        and the anisotropy.
+        and say which edges are soft where Algorithm 2 is used.
     literature : sequence of LiteratureCurve
         Published moment arms of the muscle, drawn beside those of a run.
     crosses : tuple of str, optional

@@ -12,9 +12,9 @@ import numpy as np
 
 from vtkmuscle.core.attachments.rings import ring_area, ring_length, short_ring
 from vtkmuscle.core.mesh.closed_shells import closed_shells
+from vtkmuscle.core.mesh.solids import Solids, solids_of
 from vtkmuscle.data.arrays import checked_surface, points_of
 from vtkmuscle.data.attachments import AttachmentArea
-from vtkmuscle.data.surface_distance import SurfaceDistance
 from vtkmuscle.scene.data import Muscle, SceneData
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense_motion import motion_findings
@@ -81,11 +81,11 @@ def findings(scene: SceneData) -> Iterator[Finding]:
     yield from _sizes(scene)
     yield from _twice(scene)
     yield from _bones_without_inside(scene)
-    distances = {name: SurfaceDistance(bone) for name, bone in scene.bones.items()}
+    solids = {name: solids_of(*checked_surface(bone, name)) for name, bone in scene.bones.items()}
     for name, muscle in scene.muscles.items():
         for number, area in enumerate(muscle.attachments):
             yield from _ring(f"muscles.{name}.attachments[{number}].landmarks", area, muscle, scene)
-        yield from _on_bones(scene, name, muscle, distances)
+        yield from _on_bones(scene, name, muscle, solids)
         yield from _estimates(name, muscle)
     yield from motion_findings(scene)
 
@@ -184,16 +184,14 @@ def _estimates(name: str, muscle: Muscle) -> Iterator[Finding]:
             return
 
 
-def _on_bones(
-    scene: SceneData, name: str, muscle: Muscle, distances: dict[str, SurfaceDistance]
-) -> Iterator[Finding]:
+def _on_bones(scene: SceneData, name: str, muscle: Muscle, solids: dict[str, Solids]) -> Iterator[Finding]:
     """Give landmarks that are not on the bone that they name."""
     scale = scene.millimetres
     length = float(np.linalg.norm(np.ptp(points_of(muscle.surface), axis=0))) * scale
     numbered = [(n, area) for n, area in enumerate(muscle.attachments) if area.role in ENDS]
     areas = [area for _, area in numbered]
     away = [
-        {bone: scale * distance.unsigned(area.landmarks) for bone, distance in distances.items()}
+        {bone: scale * np.abs(surface.distances(area.landmarks)) for bone, surface in solids.items()}
         for area in areas
     ]
     meant: dict[int, str] = {}

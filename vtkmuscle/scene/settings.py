@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, WithJsonSchema, create_model
 from pydantic_core import PydanticCustomError
@@ -27,6 +27,8 @@ class Settings(BaseModel):
     """A table of settings, of which only those that are given count."""
 
     model_config = ConfigDict(extra="forbid")
+    #: Settings that there were once, and what to do without each.
+    gone: ClassVar[Mapping[str, str]] = {}
 
     def given(self) -> dict[str, Any]:
         """Return the settings that the table has."""
@@ -82,6 +84,7 @@ if TYPE_CHECKING:
     Fibres = Settings
 else:
     Solver = _settings("Solver", PBDDeformer.parameter_declarations, "Those of PBDDeformer.")
+    Solver.gone = PBDDeformer.gone
     Fixing = _settings("Fixing", FixedPointDetector.parameter_declarations, "Those of FixedPointDetector.")
     Fibres = _settings(
         "Fibres",

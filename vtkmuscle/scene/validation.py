@@ -94,8 +94,9 @@ def _fault(error: ErrorDetails, name: str, known: type[BaseModel]) -> tuple[str,
     if kind == "missing":
         return "the key is missing", f"add {_TABLES.get(name) or example}"
     if kind == "extra_forbidden":
+        gone = known.gone.get(name, "") if issubclass(known, Settings) else ""
         what = f"there is no setting {name!r}" if issubclass(known, Settings) else "there is no such key"
-        return what, suggestion(name, known.model_fields)
+        return what + (" any more" if gone else ""), gone or suggestion(name, known.model_fields)
     if kind in _KINDS:
         remedy = f"write {example}"
         if kind == "bool_type" and field is not None and field.description:

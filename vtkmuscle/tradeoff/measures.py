@@ -117,7 +117,6 @@ def _of_muscle(trial: Trial | None, reference: Trial) -> dict[str, Any]:
             {
                 "time": frame["time"],
                 "rms_mm": float(np.sqrt((off**2).mean())),
-                "estimated_mm": frame.get("estimated_distance_mm"),
                 "length_mm": length,
             }
             for frame, off, length in zip(trial.frames, distances, lengths, strict=True)

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from vtkmuscle.io.writing import replacing
-from vtkmuscle.tradeoff.estimates import estimates
 from vtkmuscle.tradeoff.measures import ERRORS, Measure
 from vtkmuscle.tradeoff.study import Study
 
@@ -41,7 +40,7 @@ def front(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
 
 
 def write_plots(out: Path, study: Study) -> list[Path]:
-    """Write a plot per error, and one of the estimated against the true distance; return their paths."""
+    """Write a plot per error; return their paths."""
     import matplotlib as mpl  # noqa: PLC0415 -- slow to import, and only plots need it
     from matplotlib.figure import Figure  # noqa: PLC0415
 
@@ -52,9 +51,6 @@ def write_plots(out: Path, study: Study) -> list[Path]:
             figure = Figure(figsize=(7.0, 4.4), layout="constrained")
             if _draw_front(figure, study, measure):
                 paths += _save(figure, out / f"pareto_{measure.name}")
-        figure = Figure(figsize=(5.4, 4.4), layout="constrained")
-        if _draw_estimates(figure, study):
-            paths += _save(figure, out / "estimates")
     return paths
 
 
@@ -107,27 +103,4 @@ def _draw_front(figure: Any, study: Study, measure: Measure) -> bool:
     axes.set_title(f"{study.scene}: {len(study.muscles)} muscles", fontsize=10)
     axes.grid(alpha=0.3, which="major")
     figure.legend(loc="outside right upper", fontsize=7, frameon=False)
-    return True
-
-
-def _draw_estimates(figure: Any, study: Study) -> bool:
-    """Draw the bound of the distance against the true one, a point per setting, muscle and frame."""
-    axes = figure.add_subplot()
-    drawn: list[float] = []
-    for number, muscle in enumerate(study.muscles):
-        pairs = estimates(study.rows, muscle)
-        if len(pairs):
-            drawn += [*pairs.reshape(-1)]
-            axes.plot(*pairs.T, ".", markersize=3, color=f"C{number}", label=muscle)
-    if not drawn:
-        return False
-    bounds = np.array([min(drawn) / 2, max(drawn) * 2])
-    axes.plot(bounds, bounds, color="0.3", linewidth=1)
-    axes.fill_between(bounds, bounds, bounds[-1], color="0.9", zorder=0, label="the bound holds")
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_xlabel("true distance to the reference, RMS of a frame [mm]")
-    axes.set_ylabel("its bound, EstimatedDistance [mm]")
-    axes.set_title(f"{study.scene}: is the error within its bound?", fontsize=10)
-    axes.legend(fontsize=7)
     return True

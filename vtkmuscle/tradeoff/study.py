@@ -15,9 +15,9 @@ from vtkmuscle.tradeoff.records import Records
 from vtkmuscle.tradeoff.settings import Setting, grid, reference
 from vtkmuscle.tradeoff.trial import Trial, tried
 
-#: Iterations of the first reference; they are doubled for each muscle until it no longer moves.
-FIRST_ITERATIONS = 100
-MOST_ITERATIONS = 800
+#: Rounds of the first reference; they are doubled for each muscle until it no longer moves.
+FIRST_ITERATIONS = 20
+MOST_ITERATIONS = 160
 #: The reference of a muscle has converged when doubling its iterations moves it by no more, RMS [mm].
 CONVERGED = 0.05
 #: Every fifth frame is compared, and the last, unless frames are chosen.

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from vtkmuscle.io.writing import write_text
-from vtkmuscle.tradeoff.estimates import estimates_in_words
 from vtkmuscle.tradeoff.measures import MEASURES
 from vtkmuscle.tradeoff.study import Row, Study, in_words
 
@@ -46,8 +45,7 @@ def as_markdown(study: Study) -> str:
 
 
 def _remarks(study: Study) -> list[str]:
-    remarks = [in_words(doubling) for doubling in study.doublings]
-    return remarks + [words for words in [estimates_in_words(study)] if words]
+    return [in_words(doubling) for doubling in study.doublings]
 
 
 def _cells(row: Row) -> list[str]:

@@ -8,7 +8,6 @@ from vtkmuscle.data.arrays import points_of
 from vtkmuscle.plotting import MovingScene, Pose
 from vtkmuscle.run.frames import time_label
 from vtkmuscle.run.pipeline import muscle_pipeline
-from vtkmuscle.run.reach import bones_with_reach
 from vtkmuscle.scenes import Scene
 
 
@@ -35,9 +34,8 @@ class SolvedScene:
     """
 
     def __init__(self, scene: Scene, **options: Any) -> None:
-        bones = bones_with_reach(scene)
         self._motion = scene.motion
-        self._pipelines = {name: muscle_pipeline(scene, name, bones) for name in scene.muscles}
+        self._pipelines = {name: muscle_pipeline(scene, name) for name in scene.muscles}
         self._known: dict[int, Pose] = {}
         self.times = [float(time) for time in scene.motion.times]
         self.time_label = time_label(scene.motion)

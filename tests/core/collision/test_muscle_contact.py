@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
-from vtkmuscle.core.collision.muscle_contact import MuscleContact, Neighbour, depth_in
+from vtkmuscle.core.collision.muscle_contact import MuscleContact, Neighbour
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.data.arrays import checked_surface
 
@@ -103,5 +103,5 @@ def test_normals_computed_where_they_are_needed_are_those_of_the_whole_surface()
 
 
 def test_depth_is_that_below_the_surface():
-    depth = depth_in(BALL, np.array([[0.0, 0.0, 15.0], [0.0, 0.0, 21.0], [100.0, 0.0, 0.0]]))
+    depth = BALL.depth(np.array([[0.0, 0.0, 15.0], [0.0, 0.0, 21.0], [100.0, 0.0, 0.0]]))
     np.testing.assert_allclose(depth, [5.0, 0.0, 0.0], atol=2 * SAGITTA)

@@ -1,9 +1,8 @@
-"""Nearest points on triangles, pseudonormals and winding numbers."""
+"""Nearest points on triangles, and pseudonormals."""
 
 import igl
 import numpy as np
-import pytest
-from shapes import ball, box, ring
+from shapes import box
 
 from vtkmuscle.core.mesh.triangle_distance import (
     CORNER,
@@ -12,7 +11,6 @@ from vtkmuscle.core.mesh.triangle_distance import (
     nearest_on_triangle,
     pseudonormal_at,
     sides_of,
-    winding_number,
 )
 
 
@@ -51,11 +49,3 @@ def test_pseudonormals_of_a_box_do_not_depend_on_its_diagonals():
         outward / np.linalg.norm(outward, axis=2, keepdims=True),
         atol=1e-12,
     )
-
-
-@pytest.mark.parametrize("shape", [ball(), box(), ring()], ids=["ball", "box", "ring"])
-def test_winding_numbers_agree_with_libigl(shape):
-    rng = np.random.default_rng(2)
-    points = rng.uniform(shape[0].min() - 1, shape[0].max() + 1, (100, 3))
-    expected = igl.winding_number(*shape, points)
-    np.testing.assert_allclose([winding_number(*shape, p) for p in points], expected, atol=1e-6)

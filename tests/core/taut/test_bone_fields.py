@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from taut_phantoms import strung_phantom
 
-from vtkmuscle.core.collision.obstacles import bone_axes
+from vtkmuscle.core.bones.bone import bone_axes
 from vtkmuscle.core.mesh.solids import FAR, solids_of
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.core.taut.bone_fields import UNKNOWN, BoneFields, field_at, slope_at
@@ -63,7 +63,7 @@ def test_distances_agree_with_exact_ones(bones, rng):
         exact = signed_distance(points, bone[0], bone[1])
         solids = solids_of(bone[0], bone[1])
         np.testing.assert_allclose(solids.distances(points), exact, atol=1e-9)
-        np.testing.assert_allclose(solids.closest(points)[0], exact, atol=1e-9)
+        np.testing.assert_allclose(solids.exact(points)[0], exact, atol=1e-9)
         found, _ = looked_up(fields, number, points)
         assert np.abs(found - exact).max() < CELL / 3.0
         assert np.sqrt(np.mean((found - exact) ** 2)) < CELL / 20.0
@@ -78,7 +78,7 @@ def test_the_slope_is_the_way_out(rng):
     _, slopes = looked_up(fields, 0, at)
     np.testing.assert_allclose(np.linalg.norm(slopes, axis=1), 1.0, rtol=1e-12)
     assert np.degrees(np.arccos((slopes * away).sum(axis=1).min())) < 3.0
-    exact, directions = solids_of(points, triangles).closest(at)
+    exact, directions = solids_of(points, triangles).exact(at)
     assert np.degrees(np.arccos((directions * away).sum(axis=1).min())) < 3.0
     np.testing.assert_allclose(exact, np.linalg.norm(at - [5.0, -3.0, 2.0], axis=1) - 20.0, atol=0.1)
 
@@ -133,7 +133,7 @@ def test_a_bone_of_two_parts_has_the_distance_from_the_nearer_one(rng):
     at = rng.uniform([-5, -5, -5], [35, 15, 15], (200, 3))
     nearer = np.minimum(*(signed_distance(at, *part) for part in (first, second)))
     np.testing.assert_allclose(solids.distances(at), nearer, atol=1e-9)
-    np.testing.assert_allclose(solids.closest(at)[0], nearer, atol=1e-9)
+    np.testing.assert_allclose(solids.exact(at)[0], nearer, atol=1e-9)
 
 
 def test_the_grid_goes_with_the_axes_of_the_bone(bones, rng):

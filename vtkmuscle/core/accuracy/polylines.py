@@ -1,4 +1,4 @@
-"""How far the length of a polyline may be off: by its segments, and by where its points are."""
+"""How far the length of a polyline may be off by its segments."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import numpy as np
 
 from vtkmuscle.core.accuracy.convergence import convergence_error_of_fine
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.types import Floats, Ints
 
 #: Chords are shorter than arcs by the square of the segments' length.
@@ -51,28 +50,3 @@ def _every_second(points: Floats, offsets: Ints) -> Floats:
     kept = (place % 2 == 0) | (place == np.repeat(counts, counts) - 1)
     firsts = np.concatenate([[0], np.cumsum(kept)])[offsets]
     return polyline_lengths(points[kept], firsts)
-
-
-def bends(points: Floats, offsets: Ints) -> Floats:
-    """Return how much the length of each polyline changes at most per distance that its points move.
-
-    Moving the inner point i by d changes the length by d . (u_{i-1} - u_i), u the unit vectors of the
-    segments before and after it; the sum of the sizes of these differences is the turn of a smooth line
-    [radians]. The ends are held.
-
-    Parameters
-    ----------
-    points, offsets : (n, 3) array, (k + 1,) int array
-        Positions [mm]; first point of each line, and n.
-
-    Returns
-    -------
-    (k,) array
-        [1].
-    """
-    ahead = unit_vectors(np.diff(points, axis=0))
-    turns = np.zeros(len(points))
-    turns[1:-1] = np.linalg.norm(np.diff(ahead, axis=0), axis=1)
-    turns[offsets[:-1]] = turns[offsets[1:] - 1] = 0.0
-    sums: Floats = np.add.reduceat(turns, offsets[:-1])
-    return sums

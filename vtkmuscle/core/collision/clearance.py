@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from vtkmuscle.core.collision.distance_grid import DistanceGrid
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.motion.rigid import inverse
 from vtkmuscle.core.types import Floats
@@ -31,7 +30,6 @@ class Clearance:
     def __init__(self, n_points: int) -> None:
         self.seen_at: Floats = np.zeros((n_points, 3))
         self.squares: Floats = np.zeros(n_points)
-        self._grid: DistanceGrid | None = None
         self._bone: Floats = np.eye(4)
         self._to_rest: tuple[Floats, Floats] | None = None
 
@@ -41,13 +39,11 @@ class Clearance:
             self._to_rest = bone, inverse(bone)
         return self._to_rest[1]
 
-    def begin(self, grid: DistanceGrid, bone: Floats, step: Floats, x: Floats) -> None:
+    def begin(self, bone: Floats, step: Floats, x: Floats) -> None:
         """Begin a step.
 
         Parameters
         ----------
-        grid : DistanceGrid
-            Of the bone; of another one than before nothing is known.
         bone : (4, 4) array
             Where it is now.
         step : (4, 4) array
@@ -55,11 +51,8 @@ class Clearance:
         x : (n, 3) array
             Positions of the previous frame [mm]; the ways of the points begin there.
         """
-        if grid is not self._grid:
-            self.squares[:] = 0.0
-        else:
-            _carry(bone @ inverse(self._bone), step, x, self.seen_at, self.squares)
-        self._grid, self._bone = grid, bone
+        _carry(bone @ inverse(self._bone), step, x, self.seen_at, self.squares)
+        self._bone = bone
 
 
 @kernel

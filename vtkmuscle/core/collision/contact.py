@@ -107,7 +107,7 @@ class Contact:
     """A muscle and the bones during one step.
 
     A bone whose box the free points' path does not meet is not looked at any closer, and all bones are
-    sorted out at once: far ones cost next to nothing, and no grid is built for them. Where points slide
+    sorted out at once: far ones cost next to nothing. Where points slide
     along the bones, their path is followed from one call to the next. A point that is known to be away from
     a bone is not tested again before it has moved that far.
 
@@ -236,22 +236,22 @@ class Contact:
                     number,
                     "jumped",
                     f"it moved {way:.4g} mm against the muscle in one step, but is {thickness:.4g} mm thick; "
-                    "give the motion more frames, or use more substeps",
+                    "give the motion more frames",
                 )
             else:
                 barrier.warn(
                     number,
                     "flung",
                     f"a point of the muscle moved {way:.4g} mm against it in one step by its own velocity, "
-                    f"but it is {thickness:.4g} mm thick; use start 'blend', in which points have no "
-                    "velocity, or more iterations",
+                    f"but it is {thickness:.4g} mm thick; use more iterations, or a quality in which points "
+                    "have no velocity",
                 )
         if inside.sum() > SWALLOWED * barrier.free.sum():
             barrier.warn(
                 number,
                 "swallowed",
                 f"{inside.sum()} of the muscle's {barrier.free.sum()} free points were in it at the "
-                "beginning of a step; give the motion more frames, or use more substeps",
+                "beginning of a step; give the motion more frames",
             )
 
     def _in_reach(self, p: Floats, first: int) -> list[int]:
@@ -276,16 +276,7 @@ class Contact:
         ends = _box_seen_from(to_axes, p, free)
         low, high = obstacle.box_along_axes
         lowest, highest = np.minimum(starts[0], ends[0]), np.maximum(starts[1], ends[1])
-        if (highest < low - obstacle.margin).any() or (lowest > high + obstacle.margin).any():
-            return False
-        if obstacle.cover(lowest, highest):
-            self._barrier.warn(
-                number,
-                "unforeseen",
-                "the muscle came farther along it than its bones would take it, so the distances from all of "
-                "the bone are needed, which are made now",
-            )
-        return True
+        return not ((highest < low - obstacle.margin) | (lowest > high + obstacle.margin)).any()
 
 
 def _meet(start: Floats, end: Floats, low: Floats, high: Floats) -> Bools:

@@ -1,21 +1,17 @@
-"""What keeps points out of a bone that is given as signed distances."""
+"""What keeps points out of a bone by its field of signed distances."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from vtkmuscle.core.bones.bone import Bone
+from vtkmuscle.core.bones.lookup import Field, distance2_from_box, distance_at, least_distance_at, normal_at
 from vtkmuscle.core.collision.clearance import Clearance
-from vtkmuscle.core.collision.distance_grid import DistanceGrid, Field
-from vtkmuscle.core.collision.distance_lookup import distance_at, normal_at
-from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.motion.rigid import transform_point
 from vtkmuscle.core.types import Bools, Floats
 
-#: Cells of the band of a grid that a skin must leave free.
-SKIN_CELLS = 1.5
-
-#: Height above the surface, in cells, up to which a path counts as touching it: the grid may lose a plate
+#: Height above the surface, in cells, up to which a path counts as touching it: the field may lose a plate
 #: thinner than a cell, but shows a valley there that is no higher.
 _ZONE = 0.5
 
@@ -33,7 +29,7 @@ _MOST_SLIDES = 4
 
 
 def resolve_distance_collisions(
-    grid: DistanceGrid,
+    bone: Bone,
     now: Floats,
     step: Floats,
     x: Floats,
@@ -41,7 +37,6 @@ def resolve_distance_collisions(
     free: Bools,
     *,
     skin: float = 0.0,
-    friction: float = 0.0,
     allowance: Floats | None = None,
     clearance: Clearance | None = None,
 ) -> Bools:
@@ -55,10 +50,10 @@ def resolve_distance_collisions(
 
     Parameters
     ----------
-    grid : DistanceGrid
-        The bone at rest.
+    bone : Bone
+        At rest.
     now : (4, 4) array
-        Rigid transform of the bone from rest to now.
+        Rigid transform from the axes of the bone to where it is now.
     step : (4, 4) array
         Rigid transform of the bone from the previous frame to now.
     x : (n, 3) array
@@ -69,12 +64,9 @@ def resolve_distance_collisions(
     free : (n,) bool array
         Points that may be moved.
     skin : float, optional
-        Distance that points keep from the bone [mm].
-    friction : float, optional
-        Coulomb's coefficient: sliding along the bone is shortened by this times the push [1].
+        Distance that points keep from the bone [mm], >= 0.
     allowance : (n,) array, optional
-        How much deeper than the skin each point may be [mm], >= 0: for points that are in the bone at
-        rest, :func:`~vtkmuscle.core.collision.distance_lookup.rest_allowance`.
+        How much deeper than the skin each point may be [mm], >= 0.
     clearance : Clearance, optional
         Points that it knows to be away from the bone are passed over, and it learns from those that are not.
         The bone must stand still from one call to the next.
@@ -84,45 +76,34 @@ def resolve_distance_collisions(
     (n,) bool array
         Points that were moved.
 
-    Raises
-    ------
-    ValueError
-        If skin or friction are negative, or the skin does not fit into the band of the grid.
-
     References
     ----------
-    Macklin, Müller, Chentanez, Kim 2014, *Unified particle physics for real-time applications*,
-    doi:10.1145/2601097.2601152, section 6.1 (friction). Hart 1996, *Sphere tracing*,
-    doi:10.1007/s003710050084.
+    Hart 1996, *Sphere tracing*, doi:10.1007/s003710050084.
     """
-    widest = grid.band - SKIN_CELLS * grid.cell
-    if not (0.0 <= skin <= widest * (1.0 + 1e-12) and 0.0 <= friction < np.inf):
-        raise InputError(
-            "",
-            f"skin must be 0 to {widest:g} mm (the band of the distance grid less 1.5 cells) and friction "
-            f">= 0, got skin={skin:g} mm, friction={friction:g}",
-            "build the grid with a wider band",
-        )
     known = Clearance(len(p)) if clearance is None else clearance
-    moved = np.zeros(len(p), dtype=np.bool_)
+    moved, waiting = np.zeros(len(p), dtype=np.bool_), free.copy()
     to_rest = known.to_rest(now)
-    _resolve(
-        grid.field,
-        np.ascontiguousarray(now, dtype=np.float64),
-        to_rest,
-        to_rest @ step,
-        x,
-        p,
-        free,
-        float(skin),
-        np.zeros(len(p)) if allowance is None else allowance,
-        float(friction),
-        known.seen_at,
-        known.squares,
-        moved,
-        np.empty((13, 3)),
-    )
-    return moved
+    to_start = to_rest @ step
+    allowance = np.zeros(len(p)) if allowance is None else allowance
+    while True:
+        field = bone.look_up()
+        _resolve(
+            field,
+            np.ascontiguousarray(now, dtype=np.float64),
+            to_rest,
+            to_start,
+            x,
+            p,
+            waiting,
+            float(skin),
+            allowance,
+            known.seen_at,
+            known.squares,
+            moved,
+            np.empty((11, 3)),
+        )
+        if not bone.fill(field):
+            return moved
 
 
 @array_kernel
@@ -133,10 +114,9 @@ def _resolve(
     to_start: Floats,
     x: Floats,
     p: Floats,
-    movable: Bools,
+    waiting: Bools,
     skin: float,
     allowance: Floats,
-    friction: float,
     seen_at: Floats,
     squares: Floats,
     moved: Bools,
@@ -144,38 +124,48 @@ def _resolve(
 ) -> None:
     """Do what :func:`resolve_distance_collisions` says; seen_at, squares, moved : changed in place.
 
-    work : (13, 3), working memory, of which the first ten rows are also that of what is called.
+    waiting : (n,), changed in place: points to be looked at, afterwards those whose blocks were not known;
+    work : (11, 3), working memory, of which the first eight rows are also that of what is called.
     """
-    start, end, wanted = work[10], work[11], work[12]
-    zone = _ZONE * field.cell
+    start, end, wanted = work[8], work[9], work[10]
+    margin = field.cell + skin
     for i in range(len(p)):
+        if not waiting[i]:
+            continue
         way = (p[i, 0] - seen_at[i, 0]) ** 2 + (p[i, 1] - seen_at[i, 1]) ** 2 + (p[i, 2] - seen_at[i, 2]) ** 2
-        if way < squares[i] or not movable[i]:
+        if way < squares[i]:
+            waiting[i] = False
             continue
         transform_point(to_start, x, i, start)
         transform_point(to_rest, p, i, end)
-        apart, finite, beyond = False, True, 0.0
+        apart, finite = False, True
         for k in range(3):
-            high = field.origin[k] + field.cell * 8 * field.table.shape[k]
-            apart = apart or max(start[k], end[k]) < field.origin[k] or min(start[k], end[k]) > high
+            low, high = field.low[k] - margin, field.high[k] + margin
+            apart = apart or max(start[k], end[k]) < low or min(start[k], end[k]) > high
             finite = finite and np.isfinite(start[k]) and np.isfinite(end[k])
-            outside = max(field.origin[k] - end[k], end[k] - high, 0.0)
-            beyond += outside * outside
+            wanted[k] = end[k]
         length = np.sqrt((end[0] - start[0]) ** 2 + (end[1] - start[1]) ** 2 + (end[2] - start[2]) ** 2)
         if not (finite and np.isfinite(length)):
-            continue  # a path without a direction has no end either
-        distance = distance_at(field, end[0], end[1], end[2])
-        # A cell, for what the interpolation between nodes can be wrong by. Beyond the grid there is nothing.
-        clear = max(distance, np.sqrt(beyond)) - (field.cell + skin)
-        squares[i] = max(clear, 0.0) ** 2
+            waiting[i] = False  # a path without a direction has no end either
+            continue
+        before = field.lacking[0]
+        # The bone is not nearer than its box, nor than the overview tells.
+        distance = np.sqrt(distance2_from_box(field, end))
+        if distance <= margin:
+            distance = least_distance_at(field, end[0], end[1], end[2])
+        if distance <= margin:
+            distance = distance_at(field, end[0], end[1], end[2])
+        level = skin - allowance[i]
+        height = distance - level
+        if not (apart or (height >= 0.0 and height - _ZONE * field.cell >= length)):
+            _respond(field, start, end, level, work)
+        if field.lacking[0] > before:
+            continue
+        waiting[i] = False
+        # A cell, for what the interpolation between nodes can be wrong by.
+        squares[i] = max(distance - margin, 0.0) ** 2
         for k in range(3):
             seen_at[i, k] = p[i, k]
-        height = distance - (skin - allowance[i])
-        if apart or (height >= 0.0 and height - zone >= length):
-            continue  # too short a way to meet the bone
-        for k in range(3):
-            wanted[k] = end[k]
-        _respond(field, start, end, skin - allowance[i], friction, work)
         if end[0] != wanted[0] or end[1] != wanted[1] or end[2] != wanted[2]:
             for k in range(3):
                 p[i, k] = now[k, 0] * end[0] + now[k, 1] * end[1] + now[k, 2] * end[2] + now[k, 3]
@@ -184,17 +174,12 @@ def _resolve(
 
 
 @kernel
-def _respond(  # noqa: PLR0912 -- loops over axes compile faster than array expressions
-    field: Field, start: Floats, end: Floats, level: float, friction: float, work: Floats
-) -> None:
+def _respond(field: Field, start: Floats, end: Floats, level: float, work: Floats) -> None:
     """Move the end of a path to where the bone lets it be; start and end : (3,), changed in place."""
     contact, normal, landing = work[0], work[1], work[2]
-    first, wanted = work[5], work[6]
-    for k in range(3):
-        first[k], wanted[k] = start[k], end[k]
     slides = 0
     while _crosses(field, start, end, level, contact, landing, work):
-        _push_out(field, contact, level, work[9])
+        _push_out(field, contact, level, work[7])
         for k in range(3):
             start[k] = contact[k]
         slides += 1
@@ -207,19 +192,6 @@ def _respond(  # noqa: PLR0912 -- loops over axes compile faster than array expr
             down += normal[k] * (end[k] - contact[k])
         for k in range(3):
             end[k] -= min(down, 0.0) * normal[k]
-    if friction > 0.0:
-        push, slip, along = 0.0, 0.0, 0.0
-        for k in range(3):
-            push += (landing[k] - wanted[k]) ** 2
-        if push > 0.0 and normal_at(field, landing, normal):
-            for k in range(3):
-                along += normal[k] * (landing[k] - first[k])
-            for k in range(3):
-                slip += (landing[k] - first[k] - along * normal[k]) ** 2
-            part = min(1.0, friction * np.sqrt(push / slip)) if slip > 0.0 else 0.0
-            for k in range(3):
-                landing[k] -= part * (landing[k] - first[k] - along * normal[k])
-            _push_out(field, landing, level, work[9])
     for k in range(3):
         end[k] = landing[k]
 
@@ -261,7 +233,7 @@ def _crosses(  # noqa: PLR0912 -- one walk along a path
     contact : (3,), written if True: where the path went down;
     landing : (3,), written if False: the end, pushed out of the bone.
     """
-    at, normal, direction, down = work[3], work[4], work[7], work[8]
+    at, normal, direction, down = work[3], work[4], work[5], work[6]
     for k in range(3):
         landing[k] = end[k]
     last = distance_at(field, end[0], end[1], end[2]) - level
@@ -271,12 +243,12 @@ def _crosses(  # noqa: PLR0912 -- one walk along a path
     if last >= 0.0 and max(last, height) - zone >= length:
         return False  # too short to meet the bone
     if last < 0.0:
-        _push_out(field, landing, level, work[9])
+        _push_out(field, landing, level, work[7])
     if not length > 0.0:
         return False
     for k in range(3):
         direction[k] = (end[k] - start[k]) / length
-    t, t_end = _span_in_grid(field, start, direction, length)
+    t, t_end = _span_in_box(field, start, direction, length, max(level, 0.0) + field.cell)
     low, going_down, going_up = 0.0, False, False
     while t <= t_end:
         for k in range(3):
@@ -322,12 +294,13 @@ def _approach(field: Field, at: Floats, direction: Floats, level: float) -> None
 
 
 @kernel
-def _span_in_grid(field: Field, start: Floats, direction: Floats, length: float) -> tuple[float, float]:
-    """Return where a path enters and leaves the box of the grid, the first the greater if it misses it."""
+def _span_in_box(
+    field: Field, start: Floats, direction: Floats, length: float, margin: float
+) -> tuple[float, float]:
+    """Return where a path enters and leaves the bone's box with a margin, the first the greater without."""
     first, last = 0.0, length
     for k in range(3):
-        low = field.origin[k] - start[k]
-        high = field.origin[k] + field.cell * 8 * field.table.shape[k] - start[k]
+        low, high = field.low[k] - margin - start[k], field.high[k] + margin - start[k]
         if direction[k] == 0.0:
             if low > 0.0 or high < 0.0:
                 return 1.0, 0.0

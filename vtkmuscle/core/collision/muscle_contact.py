@@ -33,16 +33,6 @@ class Neighbour:
     allowance: Floats
 
 
-def depth_in(tree: TriangleTree, points: Floats) -> Floats:
-    """Return how deep points (n, 3) are inside a closed surface, (n,), 0 outside [mm]."""
-    depth = np.zeros(len(points))
-    low, high = tree.boxes[0, :3], tree.boxes[0, 3:]
-    near = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
-    if len(near):
-        depth[near] = np.maximum(-tree.signed(points[near])[0], 0.0)
-    return depth
-
-
 class MuscleContact:
     """The neighbours of a muscle during one step, in which they stand still.
 

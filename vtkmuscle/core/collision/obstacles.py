@@ -8,16 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
+from vtkmuscle.core.bones.bone import Bone, bone_of
 from vtkmuscle.core.collision.clearance import Clearance
 from vtkmuscle.core.collision.voxel_collision import resolve_collisions
 from vtkmuscle.core.collision.voxels import VoxelGrid, build_voxel_grid
 from vtkmuscle.core.errors import placed
-from vtkmuscle.core.mesh.sampling import uneven_weights
-from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Bools, Floats, Ints
-
-#: By how much the weights of a bone's points differ.
-UNEVENNESS = 1e-3
 
 
 @dataclass(eq=False)
@@ -85,20 +81,20 @@ class Obstacle(ABC):
     def margin(self) -> float:
         """How far around the bone's box a point may be that it concerns [mm]."""
 
-    def cover(self, low: Floats, high: Floats) -> bool:
-        """Return whether the grid had to be made anew for points in a box along the bone's axes [mm]."""
-        return False
-
     @cached_property
+    def shape(self) -> Bone:
+        """The bone at rest, the same for all muscles that meet it."""
+        return bone_of(self.points, self.triangles)
+
+    @property
+    @abstractmethod
     def axes(self) -> Floats:
         """From the scene at rest to the axes along which the grid is laid, (4, 4)."""
-        return bone_axes(self.points)
 
-    @cached_property
+    @property
+    @abstractmethod
     def box_along_axes(self) -> tuple[Floats, Floats]:
         """Lowest and highest corner of the bone's box along its axes [mm]."""
-        along = apply_transform(self.axes, self.points)
-        return along.min(axis=0), along.max(axis=0)
 
     @property
     @abstractmethod
@@ -175,6 +171,11 @@ class VoxelObstacle(Obstacle):
         """The axes of the scene at rest, along which a bone's bounding box lies."""
         return np.eye(4)
 
+    @property
+    def box_along_axes(self) -> tuple[Floats, Floats]:
+        """The box in the scene."""
+        return self.box
+
     @cached_property
     def grid(self) -> VoxelGrid:
         """The bone's voxels."""
@@ -198,33 +199,3 @@ class VoxelObstacle(Obstacle):
         """Move points back the way they came, to the first voxel outside."""
         way = approach
         return resolve_collisions(self.grid, way.now, way.step, way.x, p, way.free, bone_push=way.bone_push)
-
-
-def bone_axes(points: Floats) -> Floats:
-    """Return the rigid transform from the scene to a bone's principal axes.
-
-    A grid along the axes of the scene would make the result depend on how the scene is turned; along the
-    bone's own it has also fewer cells around it. Where the principal axes are not determined (a bone that is
-    round), the order of its points decides: they are weighted a little unevenly.
-
-    Parameters
-    ----------
-    points : (n, 3) array
-        The bone at rest [mm].
-
-    Returns
-    -------
-    (4, 4) array
-        Rigid; the bone's centre goes to the origin.
-    """
-    centre = points.mean(axis=0)
-    arms = points - centre
-    weights = 1.0 + UNEVENNESS * uneven_weights(len(points))
-    axes = np.linalg.eigh((arms * weights[:, None]).T @ arms)[1].T
-    # An eigenvector's sign is anybody's guess; the order of the points decides here, too.
-    axes[(weights - weights.mean()) @ (arms @ axes.T) < 0.0] *= -1.0
-    axes[2] = np.cross(axes[0], axes[1])  # a rotation, not a reflection
-    transform = np.eye(4)
-    transform[:3, :3] = axes
-    transform[:3, 3] = -axes @ centre
-    return transform

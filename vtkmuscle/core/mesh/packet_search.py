@@ -16,7 +16,14 @@ MIDDLE = LANES // 2
 
 @vector_kernel
 def search_in_packets(
-    corners: Floats, boxes: Floats, discs: Floats, queries: Floats, places: Ints, stack: Ints, lanes: Floats
+    corners: Floats,
+    boxes: Floats,
+    discs: Floats,
+    queries: Floats,
+    run: int,
+    places: Ints,
+    stack: Ints,
+    lanes: Floats,
 ) -> None:
     """Write which triangle is nearest to each point, :data:`LANES` points at a time.
 
@@ -30,6 +37,9 @@ def search_in_packets(
         Of a :class:`~vtkmuscle.core.mesh.triangle_tree.TriangleTree`.
     queries : (q, 3) array
         Positions; those of a packet follow each other.
+    run : int
+        Points of a run, >= 1: what is written for one does not depend on what comes before it, to the last
+        digit.
     places : (q,) int array
         Written: places in the tree's order.
     stack, lanes : (64,) int array, (5, LANES) array
@@ -37,9 +47,14 @@ def search_in_packets(
     """
     n_leaves = (len(boxes) + 1) // 2
     x, y, z, best, bound = lanes[0], lanes[1], lanes[2], lanes[3], lanes[4]
-    for first in range(0, len(queries), LANES):
-        last = min(first + LANES, len(queries))
-        _begin(corners, queries, places, first, last, lanes)
+    packets = (run + LANES - 1) // LANES  # of a run
+    for number in range((len(queries) + run - 1) // run * packets):
+        begin = number // packets * run
+        first = begin + number % packets * LANES
+        last = min(first + LANES, begin + run, len(queries))
+        if first >= last:
+            continue
+        _begin(corners, queries, places, places[first - 1] if first > begin else 0, first, last, lanes)
         stack[0], size = 0, 1
         while size:
             size -= 1
@@ -65,12 +80,14 @@ def search_in_packets(
 
 
 @kernel
-def _begin(corners: Floats, queries: Floats, places: Ints, first: int, last: int, lanes: Floats) -> None:
-    """Write a packet's points, and their distances from what is nearest to the last one of the packet before.
+def _begin(
+    corners: Floats, queries: Floats, places: Ints, place: int, first: int, last: int, lanes: Floats
+) -> None:
+    """Write a packet's points, and their distances from the triangle to begin with.
 
-    Lanes without a point of their own have the last one's.
+    That is what is nearest to the last point of the packet before. Lanes without a point of their own have
+    the last one's.
     """
-    place = places[first - 1] if first else 0
     a, b, c = corners[place, 0], corners[place, 1], corners[place, 2]
     for lane in range(LANES):
         q = min(first + lane, last - 1)

@@ -154,35 +154,3 @@ def _angle(points: Floats, triangles: Ints, t: int, point: int) -> float:
 def _across(ux: float, uy: float, uz: float, vx: float, vy: float, vz: float) -> tuple[float, float, float]:
     """Return the cross product of u and v."""
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-
-
-def winding_number(points: Floats, triangles: Ints, position: Floats) -> float:
-    """Return how often a surface winds round a position (3,): 1 inside, 0 outside a closed shell.
-
-    The sum of the triangles' solid angles over 4 pi, van Oosterom, Strackee 1983,
-    doi:10.1109/TBME.1983.325207.
-    """
-    return _half_solid_angles(points, triangles, position) / (2.0 * np.pi)
-
-
-@kernel
-def _half_solid_angles(points: Floats, triangles: Ints, position: Floats) -> float:
-    """Return half the sum of the signed solid angles under which triangles are seen from a position (3,)."""
-    total = 0.0
-    for triangle in range(len(triangles)):
-        i, j, k = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
-        ax, ay, az = points[i, 0] - position[0], points[i, 1] - position[1], points[i, 2] - position[2]
-        bx, by, bz = points[j, 0] - position[0], points[j, 1] - position[1], points[j, 2] - position[2]
-        cx, cy, cz = points[k, 0] - position[0], points[k, 1] - position[1], points[k, 2] - position[2]
-        a = np.sqrt(ax * ax + ay * ay + az * az)
-        b = np.sqrt(bx * bx + by * by + bz * bz)
-        c = np.sqrt(cx * cx + cy * cy + cz * cz)
-        volume = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
-        total += np.arctan2(
-            volume,
-            a * b * c
-            + (ax * bx + ay * by + az * bz) * c
-            + (bx * cx + by * cy + bz * cz) * a
-            + (cx * ax + cy * ay + cz * az) * b,
-        )
-    return total

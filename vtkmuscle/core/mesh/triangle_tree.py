@@ -88,19 +88,29 @@ class TriangleTree:
         places, closest, distances, _ = _nearest(self, np.ascontiguousarray(queries))
         return self.order[places], closest, distances
 
-    def signed(self, queries: Floats, *, close_by: bool = False) -> tuple[Floats, Floats]:
+    def signed(self, queries: Floats, *, run: int = 0) -> tuple[Floats, Floats]:
         """Return distances (q,), negative inside, and the nearest points (q, 3) of a closed surface.
 
         The sign is that of the angle-weighted normal at the nearest point: for surfaces that are closed,
-        manifold and face outward. Points on the surface are outside. ``close_by`` is for points each of which
-        is near those before it, as of a lattice: it takes less than half as long, and gives the same but for
-        rounding.
+        manifold and face outward. Points on the surface are outside. ``run`` is for points that come in runs
+        of that many, each near those before it, as of a lattice: it takes less than half as long, and gives
+        the same but for rounding, whatever other runs there are.
         """
-        search = _nearest_in_packets if close_by else _nearest
-        places, closest, distances, regions = search(self, np.ascontiguousarray(queries))
+        queries = np.ascontiguousarray(queries)
+        found = _nearest_in_packets(self, queries, run) if run else _nearest(self, queries)
+        places, closest, distances, regions = found
         normals = self._normals_at(places, regions)
         inside = np.einsum("ij,ij->i", queries - closest, normals) < 0.0
         return np.where(inside, -distances, distances), closest
+
+    def depth(self, queries: Floats) -> Floats:
+        """Return how deep points (q, 3) are inside a closed surface as of :meth:`signed`, (q,), 0 outside."""
+        depth = np.zeros(len(queries))
+        low, high = self.boxes[0, :3], self.boxes[0, 3:]
+        near = np.flatnonzero(((queries >= low) & (queries <= high)).all(axis=1))
+        if len(near):
+            depth[near] = np.maximum(-self.signed(queries[near])[0], 0.0)
+        return depth
 
     def tangent_planes(self, queries: Floats) -> tuple[Floats, Floats, Floats]:
         """Return distances and nearest points as :meth:`signed`, and unit normals (q, 3) at these.
@@ -311,13 +321,13 @@ def _nearest(tree: TriangleTree, queries: Floats) -> tuple[Ints, Floats, Floats,
     return places, closest, distances, regions
 
 
-def _nearest_in_packets(tree: TriangleTree, queries: Floats) -> tuple[Ints, Floats, Floats, Ints]:
-    """Return the same of points each of which is near those before it."""
+def _nearest_in_packets(tree: TriangleTree, queries: Floats, run: int) -> tuple[Ints, Floats, Floats, Ints]:
+    """Return the same of points that come in runs, in which each is near those before it."""
     places = np.zeros(len(queries), dtype=np.int64)
     regions = np.zeros(len(queries), dtype=np.int64)
     closest, distances = np.zeros((len(queries), 3)), np.zeros(len(queries))
     stack, lanes = np.empty(64, dtype=np.int64), np.empty((5, LANES))
-    search_in_packets(tree.corners, tree.boxes, tree.discs, queries, places, stack, lanes)
+    search_in_packets(tree.corners, tree.boxes, tree.discs, queries, run, places, stack, lanes)
     _meet(tree.corners, queries, places, closest, distances, regions)
     return places, closest, distances, regions
 

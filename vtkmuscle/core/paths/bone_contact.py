@@ -6,18 +6,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.solids import FAR, Solids
 from vtkmuscle.core.paths.equilibrium import add_direction
-from vtkmuscle.core.taut.bone_fields import BoneFields, field_at, slope_at
-from vtkmuscle.core.types import Floats, Ints, Table
+from vtkmuscle.core.types import Floats
 
-#: Stiffness of a bone or ring against a point, in stiffnesses of a path's springs. A point on a bone of radius
-#: R with points h apart sinks in by h^2 / (R PUSH): 0.01 mm where h is 4 mm and R 16 mm.
+#: Stiffness of a bone or ring against a point, in stiffnesses of a path's springs. A point on a bone of
+#: radius R with points h apart sinks in by h^2 / (R PUSH): 0.01 mm where h is 4 mm and R 16 mm.
 PUSH = 100.0
 
-#: Stiffness that the first steps in a new pose begin with: bones that moved into a path push it out gently, ten
-#: times harder in each step.
+#: Stiffness that the first steps in a new pose begin with: bones that moved into a path push it out gently,
+#: ten times harder in each step.
 FIRST_PUSH = 10.0
 
 #: The force of a bone begins this far before a path touches it and is fully there as far behind, in segments:
@@ -27,34 +26,25 @@ ROUNDING = 0.02
 #: Part of the springs' stiffness that the curvature of a bone may take away, at most.
 LARGEST_BEND = 0.5
 
-#: Cells of the bones' distance fields per segment of a path.
-CELLS_PER_SEGMENT = 2.0
-
-_MISSING = 4096
-
 
 class BoneContacts:
     """The bones that paths keep away from.
 
     Parameters
     ----------
-    bones : mapping of int to (Solids, axes (4, 4))
-        By their number, at rest, with the axes that their distance fields are laid along.
+    bones : mapping of int to Bone
+        By their number, at rest.
     standoff : (b, f, n) array
         How far each point of each path keeps away from each [mm].
     segment : float
         Mean distance of points along a path [mm].
     """
 
-    def __init__(
-        self, bones: Mapping[int, tuple[Solids, Floats]], standoff: Floats, segment: float
-    ) -> None:
-        self.numbers = list(bones)
+    def __init__(self, bones: Mapping[int, Bone], standoff: Floats, segment: float) -> None:
+        self._bones = dict(bones)
         self._standoff = standoff
         self.rounding = ROUNDING * segment
-        cell = segment / CELLS_PER_SEGMENT
-        reach = [float(most) + 2.0 * cell for most in standoff.max(axis=(1, 2), initial=0.0)]
-        self._fields = BoneFields(list(bones.values()), cell=cell, reach=reach)
+        self._within = standoff.max(axis=(1, 2), initial=0.0) + self.rounding
 
     def at(self, x: Floats, transforms: Floats) -> tuple[Floats, Floats]:
         """Return the gaps (b, f, n) between paths and bones [mm], and the directions in which they grow.
@@ -66,57 +56,18 @@ class BoneContacts:
         transforms : (bones, 4, 4) array
             Of all bones, rest to now.
         """
-        gaps, normals = np.empty(self._standoff.shape), np.zeros((*self._standoff.shape, 3))
-        fields, missing = self._fields, np.zeros(_MISSING, dtype=np.int64)
-        for k, number in enumerate(self.numbers):
-            turn, shift = transforms[number, :3, :3], transforms[number, :3, 3]
-            rest = (x.reshape(-1, 3) - shift) @ turn
-            distance, direction = np.empty(len(rest)), np.zeros((len(rest), 3))
-            near = self._standoff[k].reshape(-1) + self.rounding
-            while True:
-                lacking = _look_up(
-                    rest, near, fields.to_axes[k], fields.layout[k], fields.table, fields.values,
-                    distance, direction, missing,
-                )  # fmt: skip
-                if not lacking:
-                    break
-                fields.fill(missing[:lacking])
-            gaps[k] = (distance - self._standoff[k].reshape(-1)).reshape(x.shape[:2])
-            normals[k] = (direction @ turn.T).reshape(x.shape)
+        gaps, normals = np.empty(self._standoff.shape), np.empty((*self._standoff.shape, 3))
+        for k in range(len(self._bones)):
+            gaps[k], normals[k] = self.at_bone(k, x, transforms)
         return gaps, normals
 
-
-@kernel
-def _look_up(
-    points: Floats,
-    near: Floats,
-    to_axes: Floats,
-    layout: Floats,
-    table: Table,
-    values: Floats,
-    distance: Floats,
-    direction: Floats,
-    missing: Ints,
-) -> int:
-    """Write distances, and directions where they are below ``near``; return how many blocks are missing."""
-    found = 0
-    for i in range(len(points)):
-        p, q, r = points[i, 0], points[i, 1], points[i, 2]
-        x = to_axes[0, 0] * p + to_axes[0, 1] * q + to_axes[0, 2] * r + to_axes[0, 3]
-        y = to_axes[1, 0] * p + to_axes[1, 1] * q + to_axes[1, 2] * r + to_axes[1, 3]
-        z = to_axes[2, 0] * p + to_axes[2, 1] * q + to_axes[2, 2] * r + to_axes[2, 3]
-        distance[i], lack = field_at(layout, table, values, x, y, z)
-        if lack < 0 and distance[i] < near[i] and distance[i] != FAR:
-            out = direction[i]
-            lack = slope_at(layout, table, values, x, y, z, out)
-            x, y, z = out[0], out[1], out[2]
-            for c in range(3):
-                out[c] = to_axes[0, c] * x + to_axes[1, c] * y + to_axes[2, c] * z
-        if lack >= 0:
-            if found < len(missing):
-                missing[found] = lack
-            found += 1
-    return min(found, len(missing))
+    def at_bone(self, k: int, x: Floats, transforms: Floats) -> tuple[Floats, Floats]:
+        """Return the same of the k-th bone, (f, n) and (f, n, 3)."""
+        number, bone = list(self._bones.items())[k]
+        turn, shift = transforms[number, :3, :3], transforms[number, :3, 3]
+        rest = (x.reshape(-1, 3) - shift) @ turn
+        distance, outward = bone.field(rest, within=float(self._within[k]))
+        return distance.reshape(x.shape[:2]) - self._standoff[k], (outward @ turn.T).reshape(x.shape)
 
 
 @kernel

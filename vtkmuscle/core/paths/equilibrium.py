@@ -1,17 +1,15 @@
 """The equilibrium of a sheet of paths: forces of springs, neighbours and surroundings, and their stiffness.
 
 The unknowns are the points of f paths of n points each, the ends of which are given. One energy has all that
-acts on them; its gradient and a positive part of its second derivatives (blocks 3 x 3 of each point, -1 between
-neighbours along a path, and a spring's along its own direction between neighbours across) are what Newton's method
-needs. Its steps are solved by conjugate gradients, preconditioned by the paths one by one, which are block
+acts on them. Newton's method needs its gradient and a positive part of its second derivatives: a block 3 x 3
+of each point, -1 between neighbours along a path, and a spring's along its own direction between neighbours
+across. Its steps are solved by conjugate gradients, preconditioned by the paths one by one, which are block
 tridiagonal.
 """
 
 from __future__ import annotations
 
 import math
-
-import numpy as np
 
 from vtkmuscle.core.jit import kernel, reduction
 from vtkmuscle.core.paths.neighbours import Neighbours
@@ -67,9 +65,10 @@ def add_springs(x: Floats, held: Floats, pull: Floats, gradient: Floats, blocks:
 def add_neighbours(
     x: Floats, neighbours: Neighbours, gradient: Floats, blocks: Floats, directions: Floats
 ) -> None:
-    """Add the springs between neighbours, E = sum c (|x_i - x_j| - d)^2 / 2, and write their directions (m, 3).
+    """Add the springs between neighbours, and write their directions (m, 3).
 
-    Arrays of points are (f n, ...) here. Of a spring's second derivatives those along it count.
+    E = sum c (|x_i - x_j| - d)^2 / 2. Arrays of points are (f n, ...) here. Of a spring's second derivatives
+    those along it count.
     """
     for e in range(len(neighbours.pairs)):
         i, j = neighbours.pairs[e, 0], neighbours.pairs[e, 1]
@@ -128,19 +127,12 @@ def newton_step(
     inverses = work[0]
     residual, solved, way, image = work[1, :, :, :3], work[2, :, :, :3], work[3, :, :, :3], work[4, :, :, :3]
     _invert(blocks, inverses)
-    f, n, _ = gradient.shape
-    for a in range(f):
-        for i in range(n):
-            for c in range(3):
-                residual[a, i, c] = -gradient[a, i, c]
-                step[a, i, c] = 0.0
+    _add_scaled(gradient, -1.0, residual, 0.0)
+    _add_scaled(gradient, 0.0, step, 0.0)
     _solve_paths(inverses, residual, solved)
     left = _dot(residual, solved)
     aim = left_over * left_over * left
-    for a in range(f):
-        for i in range(n):
-            for c in range(3):
-                way[a, i, c] = solved[a, i, c]
+    _add_scaled(solved, 1.0, way, 0.0)
     for _ in range(STEPS):
         if not left > aim:
             break
@@ -149,18 +141,21 @@ def newton_step(
         if not curvature > 0.0:
             break
         part = left / curvature
-        for a in range(f):
-            for i in range(n):
-                for c in range(3):
-                    step[a, i, c] += part * way[a, i, c]
-                    residual[a, i, c] -= part * image[a, i, c]
+        _add_scaled(way, part, step, 1.0)
+        _add_scaled(image, -part, residual, 1.0)
         _solve_paths(inverses, residual, solved)
         before, left = left, _dot(residual, solved)
-        for a in range(f):
-            for i in range(n):
-                for c in range(3):
-                    way[a, i, c] = solved[a, i, c] + left / before * way[a, i, c]
+        _add_scaled(solved, 1.0, way, left / before)
     return _dot(gradient, step)
+
+
+@kernel
+def _add_scaled(x: Floats, by: float, y: Floats, keep: float) -> None:
+    """Write by x + keep y, of (f, n, 3) arrays, to y."""
+    for k in range(x.shape[0]):
+        for i in range(x.shape[1]):
+            for c in range(3):
+                y[k, i, c] = by * x[k, i, c] + (keep * y[k, i, c] if keep != 0.0 else 0.0)
 
 
 @reduction

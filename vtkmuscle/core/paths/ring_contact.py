@@ -81,8 +81,8 @@ def add_rings(
 ) -> None:
     """Add the forces of rings on the points that they hold, and write how hard they press, (r, f, n) [mm].
 
-    A ring's edge pushes as a bone does (:func:`~vtkmuscle.core.paths.bone_contact.pressure_at`), at right angles
-    to the ring's normal, and keeps the point in its plane.
+    A ring's edge pushes as a bone does (:func:`~vtkmuscle.core.paths.bone_contact.pressure_at`), at right
+    angles to the ring's normal; and the ring keeps the point in its plane.
     """
     held[:] = 0.0
     for ring in range(len(rings.frames)):
@@ -127,7 +127,7 @@ def outside_at(frame: Floats, corners: Floats, at: Floats) -> tuple[float, float
 
 @kernel
 def way_to_edge(corners: Floats, s: float, t: float) -> tuple[float, float, float]:
-    """Return the way from a place of a ring's plane to its polygon's edge, and its length, negative inside."""
+    """Return the way from a place of a ring's plane to its edge, and its length, negative inside."""
     u, v = nearest_on_polygon(corners, s, t)
     way = np.sqrt((u - s) ** 2 + (v - t) ** 2)
     return u - s, v - t, -way if is_inside(corners, s, t) else way

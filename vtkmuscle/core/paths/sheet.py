@@ -8,15 +8,29 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vtkmuscle.core.mesh.solids import solids_of
+from vtkmuscle.core.bones.bone import Bone
+from vtkmuscle.core.mesh.segments import fibre_directions_at
 from vtkmuscle.core.mesh.surface import check_volume, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.blending import screw_between
 from vtkmuscle.core.motion.rigid import inverse
 from vtkmuscle.core.paths.bone_contact import FIRST_PUSH, PUSH, BoneContacts, add_contacts
-from vtkmuscle.core.paths.equilibrium import RESPONSE_LEFT, STEP_LEFT, add_neighbours, add_springs, newton_step
+from vtkmuscle.core.paths.equilibrium import (
+    RESPONSE_LEFT,
+    STEP_LEFT,
+    add_neighbours,
+    add_springs,
+    newton_step,
+)
 from vtkmuscle.core.paths.neighbours import neighbours_of
-from vtkmuscle.core.paths.ring_contact import Rings, add_rings, hold_in_rings, outside_of, ring_loads, rings_at
+from vtkmuscle.core.paths.ring_contact import (
+    Rings,
+    add_rings,
+    hold_in_rings,
+    outside_of,
+    ring_loads,
+    rings_at,
+)
 from vtkmuscle.core.paths.surroundings import surroundings_of
 from vtkmuscle.core.paths.via_rings import ViaRing
 from vtkmuscle.core.paths.wrenches import path_wrenches
@@ -40,8 +54,8 @@ LARGEST_STEP = 2.0
 #: segments: a path does not jump over what lies between.
 LARGEST_MOVE = 4.0
 
-#: A step is shortened as long as the energy rises at its end by more than this part of the slope that it began
-#: with, but no more often than that.
+#: A step is shortened as long as the energy rises at its end by more than this part of the slope that it
+#: began with, but no more often than that.
 _RISE, _SHORTENED = 0.5, 8
 
 #: How far a bone is moved to see how its push changes, in thicknesses of the muscle.
@@ -109,9 +123,8 @@ class MusclePaths:
         The muscle at rest [mm].
     triangles : (m, 3) int array
         Point ids, outward, closed.
-    bones : mapping of int to (points (p, 3), triangles (q, 3), axes (4, 4))
-        By their number: the bones that paths keep away from, at rest, and the rigid transform to the axes
-        that their fields are laid along.
+    bones : mapping of int to Bone
+        By their number: the bones that paths keep away from, at rest.
     rings : sequence of (int, ViaRing)
         The bone that each via ring moves with, and the ring at rest.
 
@@ -135,7 +148,7 @@ class MusclePaths:
         end_bones: Ints,
         surface: Floats,
         triangles: Ints,
-        bones: Mapping[int, tuple[Floats, Ints, Floats]],
+        bones: Mapping[int, Bone],
         *,
         rings: Sequence[tuple[int, ViaRing]] = (),
     ) -> None:
@@ -147,17 +160,16 @@ class MusclePaths:
         self.thickness = 2.0 * half_thickness(surface, triangles)
         self._segment = float(segments.mean())
         self._rings = tuple(rings)
-        solids = {number: (solids_of(p, t), axes) for number, (p, t, axes) in bones.items()}
         self._numbers = np.array(list(bones), dtype=np.int64)
         self._around = surroundings_of(
             self.fibres,
             start_bones,
             end_bones,
-            {number: solid for number, (solid, _) in solids.items()},
+            bones,
             triangle_tree(surface, triangles),
             self.thickness,
         )
-        self._contacts = BoneContacts(solids, self._around.standoff, self._segment)
+        self._contacts = BoneContacts(bones, self._around.standoff, self._segment)
         self._neighbours = neighbours_of(self.fibres)
         last = max([*bones, int(start_bones.max()), int(end_bones.max()), *(bone for bone, _ in rings)])
         still = np.zeros((last + 1, 4, 4)) + np.eye(4)
@@ -166,6 +178,11 @@ class MusclePaths:
         outside_of(rings_at(self._rings, still, np.zeros(3), nothing), self.fibres, outside)
         self._outside = outside
         self.rest: PathState = self._settle(self.fibres, still)
+
+    def directions_at(self, points: Floats) -> Floats:
+        """Return the unit directions (p, 3) of the fibres at rest, where points (p, 3) are."""
+        f, n, _ = self.fibres.shape
+        return fibre_directions_at(points, self.fibres.reshape(-1, 3), n * np.arange(f + 1))
 
     def follow(self, before: PathState, transforms: Floats) -> PathState:
         """Return the paths in another pose of the bones, which these reach along their screws.
@@ -195,7 +212,9 @@ class MusclePaths:
     def _together(self, before: PathState, moves: Floats, transforms: Floats) -> PathState:
         """Return the paths after all bones have moved alike."""
         turn, shift = moves[0, :3, :3], moves[0, :3, 3]
-        wrenches = np.concatenate([before.wrenches[..., :3] @ turn.T, before.wrenches[..., 3:] @ turn.T], axis=2)
+        wrenches = np.concatenate(
+            [before.wrenches[..., :3] @ turn.T, before.wrenches[..., 3:] @ turn.T], axis=2
+        )
         wrenches[..., 3:] += np.cross(shift, wrenches[..., :3])
         points = self._with_bones(before.points, moves)
         return replace(before, points=points, transforms=transforms, wrenches=wrenches)
@@ -309,13 +328,21 @@ class _Pose:
         """Compute the step of Newton's method, ``way``, and return its slope."""
         return float(
             newton_step(
-                self.gradient, self._blocks, self._neighbours, self._directions, STEP_LEFT, self._work, self.way
+                self.gradient,
+                self._blocks,
+                self._neighbours,
+                self._directions,
+                STEP_LEFT,
+                self._work,
+                self.way,
             )
         )
 
     def contacts(self) -> Ints:
         """Return how many points of each path bones and rings press on, (f,)."""
-        presses: Ints = ((self._pressure > 0.0).any(axis=0) | (self._ring_pressure > 0.0).any(axis=0)).sum(axis=1)
+        presses: Ints = ((self._pressure > 0.0).any(axis=0) | (self._ring_pressure > 0.0).any(axis=0)).sum(
+            axis=1
+        )
         return presses
 
     def wrenches(self, x: Floats) -> Floats:
@@ -328,7 +355,13 @@ class _Pose:
 
         def response(gradient: Floats) -> Floats:
             newton_step(
-                gradient, self._blocks, self._neighbours, self._directions, RESPONSE_LEFT, self._work, self.way
+                gradient,
+                self._blocks,
+                self._neighbours,
+                self._directions,
+                RESPONSE_LEFT,
+                self._work,
+                self.way,
             )
             return self.way
 
@@ -337,7 +370,7 @@ class _Pose:
     def _change(self, x: Floats, bone: int, velocity: Floats, turn: Floats) -> Floats:
         """Return how the gradient at x changes as a bone moves; see :data:`ChangeOfGradient`."""
         change = np.zeros_like(x)
-        for k in np.flatnonzero(self._numbers == bone):
+        for k in np.flatnonzero(self._numbers == bone).tolist():
             rotation, shift = self._moved[bone, :3, :3], self._moved[bone, :3, 3]
             held = rotation @ self._around.stiffness[k] @ rotation.T
             home = self._paths.fibres @ rotation.T + shift
@@ -355,13 +388,13 @@ class _Pose:
 
     def _push_of(self, k: int, x: Floats) -> Floats:
         """Return with what forces a bone presses on points (f, n, 3)."""
-        gaps, normals = self._contacts.at(x, self._moved)
+        gaps, normals = self._contacts.at_bone(k, x, self._moved)
         pressure = np.zeros((1, *x.shape[:2]))
         add_contacts(
-            x, gaps[k : k + 1], normals[k : k + 1], PUSH, self._contacts.rounding,
+            x, gaps[None], normals[None], PUSH, self._contacts.rounding,
             np.zeros_like(x), np.zeros((*x.shape[:2], 6)), pressure,
         )  # fmt: skip
-        force: Floats = pressure[0][..., None] * normals[k]
+        force: Floats = pressure[0][..., None] * normals
         return force
 
 

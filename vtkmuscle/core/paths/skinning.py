@@ -1,4 +1,4 @@
-"""A muscle's surface and fibres taken along by its paths: linear blend skinning with frames by shape matching."""
+"""A muscle taken along by its paths: linear blend skinning with frames by shape matching."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from vtkmuscle.core.paths.sheet import MusclePaths, PathState
 from vtkmuscle.core.paths.tissue import directions_along
 from vtkmuscle.core.types import Floats, Ints
 
-#: Paths that take a point of the surface along, at most: those of the nearest points of paths, of which so many
-#: are looked at.
+#: Paths that take a point of the surface along, at most: those of the nearest points of paths, of which so
+#: many are looked at.
 CARRIERS, LOOKED_AT = 8, 64
 
 #: Paths beside one whose points turn with its own, with it, and the weights of their points so many before to
@@ -117,7 +117,7 @@ class Skinning:
         return SkinningWeights(np.ascontiguousarray(points), carriers, weights)
 
     def weights_of_fibres(self, points: Floats, offsets: Ints) -> SkinningWeights:
-        """Return the weights of points (p, 3) of the fibres that the paths were made from, each with its path.
+        """Return the weights of points (p, 3) of the fibres that paths were made from, each with its path.
 
         offsets : (f + 1,) int array
             First point of each fibre, and p.
@@ -199,9 +199,7 @@ def falling_weights(distances: Floats, least: float) -> Floats:
 
 
 @kernel
-def _places_beside(
-    points: Floats, paths: Floats, near: Ints, found: Ints, apart: Floats, at: Floats
-) -> None:
+def _places_beside(points: Floats, paths: Floats, near: Ints, found: Ints, apart: Floats, at: Floats) -> None:
     """Write the paths nearest to points (v, 3), ascending, how far they are, and where along them that is.
 
     near : (v, k) int array
@@ -271,42 +269,60 @@ def _frames(
     1987, doi:10.1109/TPAMI.1987.4767965), and a little the bones' turn.
     """
     f, n, _ = rest.shape
-    reach = len(window) // 2
-    r, work, before, after = np.empty((3, 3)), np.empty((6, 3)), np.empty(3), np.empty(3)
+    r, work, means = np.empty((3, 3)), np.empty((6, 3)), np.empty((2, 3))
     for a in range(f):
+        along = stretch[a]
+        across = 1.0 / np.sqrt(along)
         for i in range(n):
-            r[:] = 0.0
-            before[:], after[:] = 0.0, 0.0
-            total, variance = 0.0, 0.0
-            for k in range(beside.shape[2]):
-                other = beside[a, i, k]
-                for j in range(max(i - reach, 0), min(i + reach + 1, n)):
-                    w = parts[a, i, k] * window[j - i + reach]
-                    total += w
-                    for c in range(3):
-                        p, q = rest[other, j, c] - rest[a, i, c], now[other, j, c] - now[a, i, c]
-                        before[c] += w * p
-                        after[c] += w * q
-                        variance += w * p * p
-                        for d in range(3):
-                            r[c, d] += w * q * (rest[other, j, d] - rest[a, i, d])
-            for c in range(3):
-                variance -= before[c] * before[c] / total
-                for d in range(3):
-                    r[c, d] -= after[c] * before[d] / total
+            total, variance = _covariance(rest, now, a, i, beside[a, i], parts[a, i], window, means, r)
             bones = FROM_BONES * (variance + total * least)
             for c in range(3):
                 for d in range(3):
                     r[c, d] += bones * turns[a, i, c, d]
             nearest_rotation(r, work)
-            node, along = a * n + i, stretch[a]
-            across = 1.0 / np.sqrt(along)
+            t = tangents[a * n + i]
             for c in range(3):
-                turned = 0.0
+                turned = r[c, 0] * t[0] + r[c, 1] * t[1] + r[c, 2] * t[2]
                 for d in range(3):
-                    turned += r[c, d] * tangents[node, d]
+                    frames[a * n + i, c, d] = across * r[c, d] + (along - across) * turned * t[d]
+
+
+@kernel
+def _covariance(
+    rest: Floats,
+    now: Floats,
+    a: int,
+    i: int,
+    beside: Ints,
+    parts: Floats,
+    window: Floats,
+    means: Floats,
+    r: Floats,
+) -> tuple[float, float]:
+    """Write the covariance of now and rest of the points beside point i of path a.
+
+    Returns
+    -------
+    total, variance : float
+        Sum of the points' weights, and of their weighted squared distances from their mean at rest [mm^2].
+    """
+    r[:], means[:] = 0.0, 0.0
+    total, variance, reach = 0.0, 0.0, len(window) // 2
+    for k in range(len(beside)):
+        for j in range(max(i - reach, 0), min(i + reach + 1, rest.shape[1])):
+            w = parts[k] * window[j - i + reach]
+            total += w
+            for c in range(3):
+                p, q = rest[beside[k], j, c] - rest[a, i, c], now[beside[k], j, c] - now[a, i, c]
+                means[0, c], means[1, c] = means[0, c] + w * p, means[1, c] + w * q
+                variance += w * p * p
                 for d in range(3):
-                    frames[node, c, d] = across * r[c, d] + (along - across) * turned * tangents[node, d]
+                    r[c, d] += w * q * (rest[beside[k], j, d] - rest[a, i, d])
+    for c in range(3):
+        variance -= means[0, c] * means[0, c] / total
+        for d in range(3):
+            r[c, d] -= means[1, c] * means[0, d] / total
+    return total, variance
 
 
 @kernel

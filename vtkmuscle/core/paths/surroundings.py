@@ -1,4 +1,4 @@
-"""What lies round a muscle's paths at rest, and holds them in every pose: bones, tissue, the muscle's own pressure."""
+"""What lies round a muscle's paths at rest, and holds them in every pose: bones, tissue, pressure."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vtkmuscle.core.mesh.solids import Solids
+from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.paths.bundles import bundle_of
 from vtkmuscle.core.paths.neighbours import MODULUS
@@ -56,7 +56,7 @@ def surroundings_of(
     fibres: Floats,
     start_bones: Ints,
     end_bones: Ints,
-    bones: Mapping[int, Solids],
+    bones: Mapping[int, Bone],
     muscle: TriangleTree,
     thickness: float,
 ) -> Surroundings:
@@ -83,7 +83,7 @@ def surroundings_of(
         At rest, evenly spread [mm].
     start_bones, end_bones : (f,) int arrays
         The bones of the ends.
-    bones : mapping of int to Solids
+    bones : mapping of int to Bone
         At rest, by their number.
     muscle : TriangleTree
         Its surface at rest.
@@ -99,8 +99,8 @@ def surroundings_of(
     tangents = directions_along(fibres)
     lengths = np.linalg.norm(np.diff(fibres, axis=1), axis=2).sum(axis=1)[:, None]
     along = np.linspace(0.0, 1.0, n)[None]
-    for bone, (number, solids) in enumerate(bones.items()):
-        distance, outward, tissue = tissue_between(fibres, tangents, solids, muscle)
+    for bone, (number, shape_of_bone) in enumerate(bones.items()):
+        distance, outward, tissue = tissue_between(fibres, tangents, shape_of_bone, muscle)
         standoff[bone] = np.minimum(smoothed_along(tissue, THICKNESS_SMOOTHING), distance)
         distances[bone] = distance
         gap = np.clip((distance - standoff[bone]) / thickness, 0.0, 1.0)
@@ -118,9 +118,7 @@ def surroundings_of(
     bow = bundle_of(fibres, BUNDLE * thickness).mean(rest.reshape(-1, 3)).reshape(rest.shape)
     across_fibre = np.eye(3) - tangents[..., :, None] * tangents[..., None, :]
     bed = (np.linalg.norm(bow, axis=2) / thickness)[..., None, None] * across_fibre
-    return Surroundings(
-        standoff, shares[..., None] * rest, aside + shares[..., None, None] * bed, shares
-    )
+    return Surroundings(standoff, shares[..., None] * rest, aside + shares[..., None, None] * bed, shares)
 
 
 def shares_by_distance(distances: Floats) -> Floats:

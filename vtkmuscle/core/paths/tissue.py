@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from vtkmuscle.core.mesh.solids import Solids
+from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.types import Floats
 
@@ -42,7 +42,7 @@ def smoothed_along(values: Floats, deviation: float) -> Floats:
 
 
 def tissue_between(
-    points: Floats, tangents: Floats, bone: Solids, muscle: TriangleTree
+    points: Floats, tangents: Floats, bone: Bone, muscle: TriangleTree
 ) -> tuple[Floats, Floats, Floats]:
     """Return what of a muscle lies between its fibres and a bone.
 
@@ -54,7 +54,7 @@ def tissue_between(
     ----------
     points, tangents : (f, n, 3) arrays
         Points of the fibres at rest [mm], and the fibres' unit directions there.
-    bone : Solids
+    bone : Bone
         At rest.
     muscle : TriangleTree
         The muscle's surface at rest, closed, facing outward.
@@ -70,7 +70,7 @@ def tissue_between(
     """
     shape = points.shape[:2]
     at, along = points.reshape(-1, 3), tangents.reshape(-1, 3)
-    distance, outward = bone.closest(at)
+    distance, outward = bone.exact(at)
     ahead = np.einsum("ij,ij->i", outward, along)
     beside = -(outward - ahead[:, None] * along)
     size = np.linalg.norm(beside, axis=1)

@@ -8,8 +8,8 @@ import numpy as np
 
 from vtkmuscle.core.types import Floats, Ints
 
-#: Velocities (f, n, 3) of a bone's points where those of paths are, and its angular velocity (3,), to the change
-#: of the energy's gradient (f, n, 3) as the bone moves and the points stay.
+#: Takes a bone, its velocities (f, n, 3) where the points of paths are, and its angular velocity (3,), and
+#: returns how the energy's gradient (f, n, 3) changes as the bone moves and the points stay.
 ChangeOfGradient = Callable[[int, Floats, Floats], Floats]
 
 

@@ -8,7 +8,7 @@ is here, once.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar
 
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
@@ -57,6 +57,8 @@ class Filter(Running, Algorithm):
     """
 
     parameter_declarations: ClassVar[dict[str, Parameter[Any]]] = {}
+    #: Parameters that a filter had once, and what to do without each.
+    gone: ClassVar[Mapping[str, str]] = {}
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -109,6 +111,8 @@ class Filter(Running, Algorithm):
         for name in names:
             if name not in known:
                 what = f"{type(self).__name__} has no parameter or input port {name!r}"
+                if name in self.gone:
+                    raise error(f"{what} any more; {self.gone[name]}")
                 raise error(f"{what}; {suggestion(name, known)}")
 
     # ---------------------------------------------------------------- parameters

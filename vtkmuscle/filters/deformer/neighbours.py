@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.collision.muscle_contact import Neighbour, depth_in
+from vtkmuscle.core.collision.muscle_contact import Neighbour
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
@@ -47,7 +47,7 @@ class Neighbours:
             if number not in self._allowances:
                 displacement = np.array(point_array(block, "Displacement", where))
                 rest = outward_tree(points - displacement, triangles)
-                self._allowances[number] = depth_in(rest, self._rest)
+                self._allowances[number] = rest.depth(self._rest)
             found.append(Neighbour(outward_tree(points, triangles), self._allowances[number]))
         return found
 

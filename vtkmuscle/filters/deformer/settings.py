@@ -3,25 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
+from vtkmuscle.core.algorithm_2.parameters import Parameters
 from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
-from vtkmuscle.core.pbd.parameters import CHOICES, SolverParameters
-from vtkmuscle.core.taut.paths import POINTS
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.paths.sheet import POINTS
 from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.filters.deformer.quality import PRESETS
+from vtkmuscle.filters.deformer.quality import PRESETS, PUBLISHED
 
-_DEFAULT = SolverParameters()
+_DEFAULT = Parameters()
+_ONLY_PUBLISHED: tuple[str, *tuple[str, ...]] = ("quality", PUBLISHED)
+
+_CONVERGED = "the muscle settles in a fixed number of rounds: use quality or iterations"
+_OF_PUBLISHED = f"use quality = '{PUBLISHED}' for Algorithm 2 as printed, leave it out otherwise"
+#: Parameters that PBDDeformer had, and what to do without each.
+GONE: Mapping[str, str] = MappingProxyType(
+    {
+        "tolerance": _CONVERGED,
+        "substeps": _CONVERGED + ", or more frames of the motion",
+        "guidance": "the paths carry the muscle, and nothing draws it back to them; leave it out",
+        "friction": "a frame depends on its pose alone, and points slide freely along bones; leave it out",
+        "grid_spacing": "the distances of a bone are as fine as its size asks for; leave it out",
+        "solver": _OF_PUBLISHED,
+        "prediction": _OF_PUBLISHED,
+        "projection_order": _OF_PUBLISHED,
+    }
+)
 
 
-def _part(name: str, doc: str, **more: Any) -> Parameter[float]:
-    """Return a parameter from 0 to 1, with the solver's default."""
-    return Parameter(float, default=getattr(_DEFAULT, name), minimum=0.0, maximum=1.0, doc=doc, **more)
-
-
-def _choice(name: str, doc: str, **more: Any) -> Parameter[str]:
-    """Return a parameter with the solver's choices and default."""
-    return Parameter(str, default=getattr(_DEFAULT, name), choices=CHOICES[name], doc=doc, **more)
+def _published(name: str, doc: str, **more: Any) -> Parameter[Any]:
+    """Return a parameter of Algorithm 2, with its default."""
+    default = getattr(_DEFAULT, name)
+    return Parameter(type(default), default=default, only_with=_ONLY_PUBLISHED, doc=doc, **more)
 
 
 class DeformerSettings:
@@ -32,81 +47,31 @@ class DeformerSettings:
         default=None,
         choices=tuple(PRESETS),
         sets=PRESETS,
-        doc="A name for a group of the parameters below, which are set with it: the settings of Kohout and "
-        "Cervenka 2021 ('published'), or three on the curve of speed against accuracy; None sets nothing.",
+        doc="A name for collision, iterations and taut_resolution, which are set with it: how finely the "
+        "muscle is solved ('balanced' are the defaults); with 'published' by Algorithm 2 of Kohout and "
+        "Cervenka 2021. None sets nothing.",
     )
     iterations = Parameter(
         int,
-        default=_DEFAULT.iterations,
+        default=PRESETS["balanced"]["iterations"],
         minimum=1,
         maximum=1_000_000,
-        doc="Projections of all constraints per step, at most.",
-    )
-    substeps = Parameter(
-        int,
-        default=_DEFAULT.substeps,
-        minimum=1,
-        maximum=10_000,
-        doc="Parts that a step is cut into; bones move along their screws.",
-    )
-    dt = Parameter(float, default=_DEFAULT.dt, above=0.0, units="s", doc="Time of a step.")
-    velocity_kept = _part("velocity_kept", "Part of its velocity that a point keeps from step to step.")
-    stiffness = _part(
-        "stiffness",
-        "Stiffness of edge lengths, per iteration; per step with solver 'gauss-seidel' on batched edges.",
-    )
-    shape_stiffness = _part(
-        "shape_stiffness",
-        "Stiffness of the angles between triangles, per iteration or per step as that of the edges.",
-    )
-    volume_stiffness = _part(
-        "volume_stiffness",
-        "Stiffness of the muscle's volume, per iteration or per step as that of the edges.",
-    )
-    anisotropy = Parameter(
-        str,
-        default="taut",
-        choices=("taut", "stiffness", "off"),
-        doc="How edges give way along the fibres: they follow the fibres, pulled taut round the bones, or "
-        "they are less stiff (Kohout and Cervenka 2021), or not at all.",
-    )
-    guidance = _part(
-        "guidance",
-        "Part of its way to where the taut fibres carry it that each iteration draws a point of the "
-        "surface; not with prediction 'inertial'.",
-        only_with=("anisotropy", "taut"),
+        doc="Rounds in which the muscle settles, or iterations of Algorithm 2, per frame.",
     )
     taut_resolution = Parameter(
         int,
         default=POINTS - 1,
         minimum=4,
         maximum=1000,
-        only_with=("anisotropy", "taut"),
         doc="Segments of a taut fibre; the cells of the bones' distances that it asks are half as long. "
         "Round a cylinder those of 16 have moment arms 1 % less than those of 32 and 64, which agree.",
-    )
-    external_force = Parameter(
-        tuple,
-        default=_DEFAULT.external_force,
-        length=3,
-        units="mm/s^2",
-        doc="Force per mass on all free points; for prediction 'inertial'. With another one the solve leads "
-        "to where the constraints are met, and leaves the less of the force the further it goes.",
     )
     collision = Parameter(
         str,
         default="sdf",
         choices=("sdf", "voxel", "off"),
-        doc="How points are kept out of the bones: by signed distances, by voxels (published) or not at all.",
-    )
-    grid_spacing: Parameter[float | None] = Parameter(
-        float,
-        default=None,
-        above=0.0,
-        units="mm",
-        only_with=("collision", "sdf"),
-        doc="Distance of the nodes of the signed distance grids; None is 1/600 of the diagonal of the bone's "
-        "box along its principal axes.",
+        doc="How points are kept out of the bones: by signed distances, by voxels (with quality 'published' "
+        "only) or not at all.",
     )
     bone_clearance = Parameter(
         float,
@@ -115,14 +80,6 @@ class DeformerSettings:
         units="mm",
         only_with=("collision", "sdf"),
         doc="Distance that points keep from the bones; those nearer at rest may come as near.",
-    )
-    friction = Parameter(
-        float,
-        default=0.0,
-        minimum=0.0,
-        only_with=("collision", "sdf"),
-        doc="Coulomb's coefficient between muscle and bones: how much of the push out of a bone may be spent "
-        "on holding a point where it is on the bone.",
     )
     n_voxels = Parameter(
         int,
@@ -139,35 +96,34 @@ class DeformerSettings:
         only_with=("collision", "voxel"),
         doc="Number of voxels along each axis of a bone's box, instead of n_voxels.",
     )
-    bone_push = _choice(
+    bone_push = _published(
         "bone_push",
         "What a bone does to points that it moved over: take them with it, or nothing.",
-        only_with=("collision", "voxel"),
+        choices=("transform", "off"),
     )
-    contact_velocity = _choice(
+    contact_velocity = _published(
         "contact_velocity",
-        "Velocity of points that met a bone: none, as Kohout and Cervenka 2021 propose, or that of "
-        "their displacement, as they compute it.",
+        "Velocity of points that met a bone: that of their displacement, as Kohout and Cervenka 2021 compute "
+        "it, or none, as they propose.",
+        choices=("keep", "zero"),
     )
-    prediction = _choice(
-        "prediction",
-        "Where free points start each step: where their velocity takes them (published), or where the "
-        "bones' blended motions do.",
+    anisotropy = _published("anisotropy", "Whether edges are the softer the more they run along the fibres.")
+    stiffness = _published("stiffness", "Of edge lengths, per iteration.", minimum=0.0, maximum=1.0)
+    shape_stiffness = _published(
+        "shape_stiffness", "Of the angles between triangles, per iteration.", minimum=0.0, maximum=1.0
     )
-    solver = _choice("solver", "The iteration: as it is (published), or accelerated towards the same shape.")
-    tolerance = Parameter(
-        float,
-        default=_DEFAULT.tolerance,
+    volume_stiffness = _published(
+        "volume_stiffness", "Of the muscle's volume, per iteration.", minimum=0.0, maximum=1.0
+    )
+    dt = _published("dt", "Time of a step.", above=0.0, units="s")
+    velocity_kept = _published(
+        "velocity_kept",
+        "Part of its velocity that a point keeps from step to step.",
         minimum=0.0,
-        units="mm",
-        only_with=("solver", "anderson"),
-        doc="Stop where the converged shape is at most this far (root mean square): known where the taut "
-        "fibres draw the points; all iterations are made elsewhere, and with 0.",
+        maximum=1.0,
     )
-    projection_order = _choice(
-        "projection_order",
-        "Order of projections: edges many at once and the volume last, or one by one as printed (published): "
-        "the volume before angles and bones, which keeps it less well, and angles without a sign.",
+    external_force = _published(
+        "external_force", "Force per mass on all free points.", length=3, units="mm/s^2"
     )
     measure_penetration = Parameter(
         bool,
@@ -183,6 +139,17 @@ class DeformerSettings:
     )
 
 
-def solver_parameters(settings: Mapping[str, Any]) -> SolverParameters:
-    """Return those of the parameters of PBDDeformer that are the solver's."""
-    return SolverParameters(**{name: settings[name] for name in SolverParameters.__dataclass_fields__})
+def algorithm_2_parameters(settings: Mapping[str, Any]) -> Parameters:
+    """Return those of the parameters of PBDDeformer that are Algorithm 2's."""
+    return Parameters(**{name: settings[name] for name in Parameters.__dataclass_fields__})
+
+
+def check_together(settings: Mapping[str, Any]) -> None:
+    """Raise a ValueError where values of the parameters do not go together."""
+    if settings["collision"] == "voxel" and settings["quality"] != PUBLISHED:
+        raise InputError(
+            "PBDDeformer",
+            f"collision is 'voxel', which goes with quality '{PUBLISHED}' only, but quality is "
+            f"{settings['quality']!r}",
+            "use collision 'sdf' or 'off'",
+        )

@@ -1,0 +1,212 @@
+"""One bone: its field against exact and analytic distances, and against itself."""
+
+import threading
+
+import igl
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from shapes import ball, box, distance_to_box, ring, sphere, union
+
+from vtkmuscle.core.bones.bone import CELLS_PER_DIAGONAL, Bone, bone_axes, bone_of, depth_in
+from vtkmuscle.core.bones.lookup import FIELD_ERROR
+from vtkmuscle.core.mesh.solids import FAR
+from vtkmuscle.core.motion.rigid import apply_transform
+
+SHAPES = {
+    "ball": ball(),
+    "box": box(high=(9.0, 7.0, 5.0)),
+    "ring": ring(),
+    "two shells": union(ball(), box((5.0, -2.0, -2.0), (15.0, 2.0, 2.0))),
+    "hollow": union(ball(), (ball(radius=6.0)[0], ball(radius=6.0)[1][:, ::-1])),
+    "two apart": union(ball(radius=3.0), ball(radius=3.0, centre=(9.0, 0.0, 0.0))),
+}
+
+
+def around(shape, rng, count=2000, margin=4.0):
+    return rng.uniform(shape[0].min(axis=0) - margin, shape[0].max(axis=0) + margin, (count, 3))
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_field_is_within_its_bound_of_the_exact_distance(shape, rng):
+    bone = Bone(*SHAPES[shape], cell=0.7)
+    points = around(SHAPES[shape], rng)
+    distance, outward = bone.field(points)
+    exact, away = bone.exact(points)
+    assert np.abs(distance - exact).max() <= FIELD_ERROR * bone.cell
+    assert np.percentile(np.abs(distance - exact), 95) < 0.2 * bone.cell
+    np.testing.assert_allclose(np.linalg.norm(outward, axis=1), 1.0, atol=1e-9)
+    assert np.median((outward * away).sum(axis=1)) > 0.99
+
+
+@pytest.mark.parametrize("shape", ["ball", "box", "ring", "two shells"])
+def test_signs_agree_with_winding_numbers(shape, rng):
+    bone = Bone(*SHAPES[shape], cell=0.4)
+    points = around(SHAPES[shape], rng)
+    inside = igl.winding_number(*SHAPES[shape], points) > 0.5
+    distance = igl.point_mesh_squared_distance(points, *SHAPES[shape])[0] ** 0.5
+    clear = distance > 0.2 * bone.cell
+    np.testing.assert_array_equal(bone.field(points)[0][clear] < 0, inside[clear])
+    np.testing.assert_array_equal(bone.exact(points)[0][clear] < 0, inside[clear])
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), parts=st.integers(1, 9))
+def test_what_was_asked_before_changes_no_digit(seed, parts):
+    rng = np.random.default_rng(seed)
+    shape = SHAPES["two shells"]
+    points = around(shape, rng, 300)
+    distance, outward = Bone(*shape).field(points)
+    bone, order = Bone(*shape), rng.permutation(len(points))
+    for part in np.array_split(order, parts):
+        bone.field(points[part], within=float(rng.choice([0.5, np.inf])))
+        bone.depth(points[part])
+    again, once_more = bone.field(points)
+    np.testing.assert_array_equal(again, distance)
+    np.testing.assert_array_equal(once_more, outward)
+
+
+def test_threads_that_ask_one_bone_get_what_one_alone_gets(rng):
+    shape = SHAPES["two shells"]
+    points = around(shape, rng, 4000)
+    bone, found = Bone(*shape), {}
+
+    def ask(number):
+        found[number] = [
+            bone.field(part) for part in np.array_split(points[::-1] if number % 2 else points, 40)
+        ]
+
+    threads = [threading.Thread(target=ask, args=(number,)) for number in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    alone = Bone(*shape).field(points)
+    for number, parts in found.items():
+        for which in range(2):
+            together = np.concatenate([part[which] for part in parts])
+            np.testing.assert_array_equal(together[::-1] if number % 2 else together, alone[which])
+
+
+def test_only_blocks_that_are_asked_for_are_filled(rng):
+    bone = Bone(*sphere(50.0))
+    assert bone.nbytes == 0
+    near = np.array([50.0, 0.0, 0.0]) + rng.uniform(-1.0, 1.0, (200, 3))
+    bone.field(near)
+    few = bone.nbytes
+    bone.field(near)
+    assert bone.nbytes == few
+    bone.field(50.0 * (near - near.mean(axis=0)))
+    assert bone.nbytes > 10 * few
+
+
+def test_the_field_of_a_ball_is_as_near_as_its_curvature_says(rng):
+    """Midway between nodes it is off by cell^2 / 8 times the sum of the curvatures, 2 / R."""
+    radius, cell = 20.0, 2.0
+    bone = Bone(*sphere(radius, 20000), cell=cell)
+    away = rng.normal(size=(3000, 3))
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    heights = rng.uniform(-1.0, 3.0, 3000)
+    distance, outward = bone.field((radius + heights)[:, None] * away)
+    assert np.abs(distance - heights).max() < cell**2 / (4.0 * (radius - 1.0)) + 0.005  # of the facets
+    assert np.degrees(np.arccos((outward * away).sum(axis=1).min())) < 3.0
+
+
+def test_flat_faces_of_a_box_are_exact(rng):
+    bone = Bone(*box(high=(12.0, 9.0, 7.0)), cell=0.7)
+    points = np.column_stack([rng.uniform(4, 8, 500), rng.uniform(4, 5, 500), rng.uniform(6.0, 9.0, 500)])
+    distance, outward = bone.field(points)
+    np.testing.assert_allclose(distance, points[:, 2] - 7.0, atol=1e-9)
+    np.testing.assert_allclose(outward, np.tile([0.0, 0.0, 1.0], (500, 1)), atol=1e-9)
+
+
+def test_normals_have_no_jumps_between_cells_and_blocks():
+    bone = Bone(*sphere(10.0), cell=0.5)
+    angle = np.linspace(0.0, np.pi, 20_001)
+    way = 10.3 * np.column_stack([np.cos(angle), 0.6 * np.sin(angle), 0.8 * np.sin(angle)])
+    distance, outward = bone.field(way)
+    turns = np.linalg.norm(np.diff(outward, axis=0), axis=1)
+    assert turns.max() < 10.0 * turns.mean()
+    assert np.abs(np.diff(distance)).max() < np.linalg.norm(np.diff(way, axis=0), axis=1).max()
+
+
+def test_points_that_matter_to_nobody_are_far_and_cost_nothing():
+    bone = Bone(*sphere(10.0))
+    distance, outward = bone.field(
+        [[0.0, 0.0, 500.0], [0.0, 0.0, 11.0], [np.nan, 0, 0], [1e300, 0, 0]], within=5.0
+    )
+    np.testing.assert_array_equal(distance[[0, 2, 3]], FAR)
+    assert distance[1] == pytest.approx(1.0, abs=0.02)
+    np.testing.assert_array_equal(outward[[0, 2, 3]], 0.0)
+
+
+def test_a_rigid_motion_of_everything_changes_no_distance(rng):
+    shape = union(box(high=(30.0, 12.0, 8.0)), ball(radius=9.0))
+    points = around(shape, rng, 500)
+    motion = np.eye(4)
+    motion[:3, :3], motion[:3, 3] = Rotation.random(random_state=4).as_matrix(), [3e3, -900.0, 50.0]
+    here, outward = Bone(*shape).field(points)
+    there, turned = Bone(apply_transform(motion, shape[0]), shape[1]).field(apply_transform(motion, points))
+    np.testing.assert_allclose(there, here, atol=1e-7)
+    np.testing.assert_allclose(turned, outward @ motion[:3, :3].T, atol=1e-6)
+
+
+def test_depths_are_exact_whatever_is_known_of_the_field(rng):
+    shape = SHAPES["two shells"]
+    bone, fresh, points = Bone(*shape), Bone(*shape), around(shape, rng, 3000, margin=0.0)
+    expected = np.maximum(-bone.exact(points)[0], 0.0)
+    bone.field(points[::2])
+    np.testing.assert_array_equal(bone.depth(points), fresh.depth(points))
+    np.testing.assert_allclose(bone.depth(points), expected, atol=1e-12)
+    np.testing.assert_array_equal(
+        [bone.depth(point[None])[0] for point in points[:50]], bone.depth(points)[:50]
+    )
+
+
+def test_the_deepest_of_moved_bones_counts(rng):
+    low, high = np.array([0.0, 0, 0]), np.array([9.0, 7.0, 5.0])
+    shift = np.eye(4)
+    shift[:3, 3] = [4.0, 0.0, 0.0]
+    points = rng.uniform(-2, 14, (2000, 3))
+    bone = bone_of(*box(low, high))
+    depth = depth_in([(bone, np.eye(4)), (bone, shift)], points)
+    each = [-distance_to_box(points, low + by, high + by) for by in (0.0, shift[:3, 3])]
+    np.testing.assert_allclose(depth, np.maximum(np.maximum(*each), 0.0), atol=1e-9)
+
+
+def test_muscles_share_a_bone():
+    points, triangles = ball()
+    one = bone_of(points, triangles)
+    assert bone_of(points.copy(), triangles.copy()) is one
+    assert bone_of(points + 1.0, triangles) is not one
+    low, high = one.box_along_axes
+    assert one.cell == pytest.approx(np.linalg.norm(high - low) / CELLS_PER_DIAGONAL)
+
+
+def test_nothing_is_built_of_a_bone_that_no_point_is_near():
+    bone = Bone(*ball())
+    assert bone.depth(np.array([[0.0, 0.0, 10.5], [30.0, 0.0, 0.0]])).tolist() == [0.0, 0.0]
+    assert "solids" not in vars(bone)
+
+
+@pytest.mark.parametrize("cell", [0.0, -1.0, np.nan, np.inf])
+def test_senseless_cells_are_refused(cell):
+    with pytest.raises(ValueError, match="finite and > 0"):
+        Bone(*ball(), cell=cell)
+
+
+def test_cells_larger_than_the_bone_are_finite(rng):
+    distance, outward = Bone(*box(), cell=30.0).field(rng.uniform(-50, 50, (100, 3)))
+    assert np.isfinite(distance).all()
+    assert np.isfinite(outward).all()
+
+
+def test_axes_go_with_the_bone(rng):
+    points = rng.normal(size=(400, 3)) * [1.0, 1.0, 3.0]
+    motion = np.eye(4)
+    motion[:3, :3], motion[:3, 3] = Rotation.random(random_state=1).as_matrix(), [10.0, 2.0, -7.0]
+    np.testing.assert_allclose(
+        bone_axes(apply_transform(motion, points)) @ motion, bone_axes(points), atol=1e-9
+    )

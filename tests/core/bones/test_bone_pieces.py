@@ -1,0 +1,102 @@
+"""Bones of several closed pieces, wherever these lie."""
+
+import time
+
+import numpy as np
+import pytest
+from shapes import ball, box, distance_to_box, sphere, union
+
+from vtkmuscle.core.bones.bone import Bone
+from vtkmuscle.core.mesh.closed_shells import closed_shells
+
+PLATE = (0.0, 0.0, 0.0), (20.0, 20.0, 0.6)
+FAR_PLATE = (100.0, 0.0, 0.0), (120.0, 20.0, 0.6)
+
+
+def samples(rng, low, high, count=2000):
+    return rng.uniform(low, high, (count, 3))
+
+
+@pytest.mark.parametrize("far_first", [True, False], ids=["before", "after"])
+def test_a_piece_far_away_changes_nothing(rng, far_first):
+    pieces = [box(*FAR_PLATE), box(*PLATE)] if far_first else [box(*PLATE), box(*FAR_PLATE)]
+    bone = Bone(*union(*pieces), cell=1.0)
+    points = samples(rng, (-2.0, -2.0, -2.0), (22.0, 22.0, 3.0))
+    exact = distance_to_box(points, *PLATE)
+    np.testing.assert_allclose(bone.exact(points)[0], exact, atol=1e-9)
+    np.testing.assert_allclose(bone.field(points)[0], exact, atol=0.87)
+
+
+def test_nested_and_inside_out_pieces_are_one_solid(rng):
+    outer, inner, hollow = ball(radius=10.0), ball(radius=3.0), ball(radius=2.0)
+    shape = union(outer, (inner[0] + 4.0, inner[1]), (hollow[0] - 3.0, hollow[1][:, ::-1]))
+    points = samples(rng, -11.0, 11.0)
+    alone = Bone(*outer).exact(points)[0]
+    np.testing.assert_allclose(Bone(*shape).exact(points)[0], alone, atol=1e-9)
+
+
+def test_overlapping_pieces_have_the_inside_of_all(rng):
+    centres = rng.uniform(-8.0, 8.0, (5, 3))
+    balls = [(ball(radius=4.0)[0] + centre, ball(radius=4.0)[1]) for centre in centres]
+    bone = Bone(*union(*balls), cell=0.5)
+    points = samples(rng, -12.0, 12.0)
+    each = np.min([Bone(*one).exact(points)[0] for one in balls], axis=0)
+    np.testing.assert_allclose(bone.exact(points)[0], each, atol=1e-9)
+    clear = np.abs(each) > 0.44
+    np.testing.assert_array_equal(bone.field(points)[0][clear] < 0, each[clear] < 0)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e4, 1e6])
+def test_a_bone_far_from_the_origin_is_measured_as_one_near_it(rng, offset):
+    points, triangles = sphere(10.0, 500)
+    at = samples(rng, -13.0, 13.0, 500)
+    here, there = Bone(points, triangles), Bone(points + offset, triangles)
+    np.testing.assert_allclose(there.exact(at + offset)[0], here.exact(at)[0], atol=1e-8)
+    np.testing.assert_allclose(there.field(at + offset)[0], here.field(at)[0], atol=1e-4)
+
+
+def specks(rng, count, spread):
+    """Return small tetrahedra, scattered."""
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    places = rng.uniform(-spread, spread, (count, 1, 3))
+    return (corners + places).reshape(-1, 3), (faces + 4 * np.arange(count)[:, None, None]).reshape(-1, 3)
+
+
+def test_a_thousand_specks_around_a_bone_take_seconds(rng):
+    Bone(*union(ball(), specks(rng, 5, 20.0)), cell=1.0).field(np.zeros((1, 3)))  # compiled
+    shape = union(sphere(100.0), specks(rng, 1000, 150.0))
+    began = time.process_time()
+    bone = Bone(*shape, cell=1.0)
+    middles = shape[0][shape[1][-4000:]].mean(axis=1)
+    distance = bone.field(middles)[0]
+    assert time.process_time() - began < 15.0
+    assert (distance < 0.87).all()  # on it but for what the field may be off
+
+
+@pytest.mark.parametrize("turned", [False, True], ids=["as they are", "mixed"])
+def test_thousands_of_loose_pieces_are_told_apart_in_seconds(rng, turned):
+    points, triangles = specks(rng, 8000, 150.0)
+    if turned:
+        triangles[::4] = triangles[::4, ::-1]
+    began = time.process_time()
+    surface = closed_shells(points, triangles)
+    assert time.process_time() - began < 8.0
+    assert len(surface.shells) == 8000
+    assert all(surface.solid)
+
+
+def test_pieces_of_every_kind_at_once_raise_nothing(rng):
+    sheet = np.array([[0.0, 0, 0], [10, 0, 0], [10, 10, 0]]), np.array([[0, 1, 2]])
+    kinds = [
+        box(*PLATE),
+        box(*FAR_PLATE),
+        (sheet[0] + 30.0, sheet[1]),
+        specks(rng, 20, 60.0),
+        ball(radius=30.0),
+    ]
+    bone = Bone(*union(*kinds), cell=1.0)
+    points = samples(rng, -60.0, 130.0, 500)
+    distance, outward = bone.field(points)
+    assert np.isfinite(outward).all()
+    assert np.abs(distance - bone.exact(points)[0]).max() < 0.87

@@ -1,0 +1,272 @@
+"""Exact distances from closed surfaces, and what is inside of them."""
+
+from __future__ import annotations
+
+import igl
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from vtkmodules.vtkCommonComputationalGeometry import vtkParametricTorus
+from vtkmodules.vtkFiltersCore import vtkCleanPolyData, vtkTriangleFilter
+from vtkmodules.vtkFiltersSources import (
+    vtkConeSource,
+    vtkCubeSource,
+    vtkParametricFunctionSource,
+    vtkSphereSource,
+)
+
+from vtkmuscle.core.mesh.solids import solids_of
+from vtkmuscle.core.mesh.surface import point_components, signed_volume, unique_edges
+from vtkmuscle.data.arrays import checked_surface
+
+
+def mesh_of(source):
+    """Return points and triangles of a source, with equal points made one."""
+    clean, triangles = vtkCleanPolyData(), vtkTriangleFilter()
+    clean.SetInputConnection(source.GetOutputPort())
+    triangles.SetInputConnection(clean.GetOutputPort())
+    triangles.Update()
+    return checked_surface(triangles.GetOutput(), "test")
+
+
+def ball(*, radius=10.0, centre=(0.0, 0.0, 0.0)):
+    source = vtkSphereSource()
+    source.SetRadius(radius)
+    source.SetCenter(centre)
+    source.SetThetaResolution(40)
+    source.SetPhiResolution(30)
+    return mesh_of(source)
+
+
+def cube(side=20.0):
+    source = vtkCubeSource()
+    source.SetXLength(side)
+    source.SetYLength(side)
+    source.SetZLength(side)
+    return mesh_of(source)
+
+
+def needle():
+    source = vtkConeSource()
+    source.SetHeight(50.0)
+    source.SetRadius(0.5)
+    source.SetResolution(60)
+    return mesh_of(source)
+
+
+def torus():
+    function, source = vtkParametricTorus(), vtkParametricFunctionSource()
+    function.SetRingRadius(10.0)
+    function.SetCrossSectionRadius(3.0)
+    source.SetParametricFunction(function)
+    clean = vtkCleanPolyData()
+    clean.SetInputConnection(source.GetOutputPort())
+    clean.SetTolerance(1e-5)
+    points, triangles = mesh_of(clean)
+    return points, triangles if signed_volume(points, triangles) > 0 else triangles[:, ::-1]
+
+
+SHAPES = {"ball": ball(), "cube": cube(), "needle": needle(), "torus": torus()}
+
+
+def together(*meshes):
+    starts = np.cumsum([0] + [len(points) for points, _ in meshes])
+    return (
+        np.vstack([points for points, _ in meshes]),
+        np.vstack([triangles + start for (_, triangles), start in zip(meshes, starts, strict=False)]),
+    )
+
+
+def near_points(points, triangles, *, n=2000, seed=1):
+    """Return points at 1e-5 to 10 mm from faces, edges and corners."""
+    rng = np.random.default_rng(seed)
+    weights = rng.dirichlet([1, 1, 1], n)
+    weights[: n // 4] = [1, 0, 0]
+    weights[n // 4 : n // 2, 2] = 0
+    weights /= weights.sum(axis=1, keepdims=True)
+    on_surface = np.einsum("ij,ijk->ik", weights, points[rng.choice(triangles, n)])
+    directions = rng.normal(size=(n, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return on_surface + directions * 10 ** rng.uniform(-5, 1, (n, 1))
+
+
+@pytest.mark.parametrize("inside_out", [False, True])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_distances_agree_with_libigl(shape, inside_out):
+    points, triangles = SHAPES[shape]
+    positions = near_points(points, triangles)
+    expected = igl.signed_distance(positions, points, triangles)[0]
+    solids = solids_of(points, triangles[:, ::-1] if inside_out else triangles)
+    np.testing.assert_allclose(solids.distances(positions), expected, atol=1e-9)
+    distance, outward = solids.exact(positions)
+    np.testing.assert_allclose(distance, expected, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(outward, axis=1), 1.0, atol=1e-9)
+    nearest = positions - distance[:, None] * outward
+    np.testing.assert_allclose(solids.distances(nearest), 0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_points_are_inside_where_their_winding_number_says_so(shape):
+    points, triangles = SHAPES[shape]
+    positions = near_points(points, triangles)
+    solids = solids_of(points, triangles)
+    depth, distance = solids.depth(positions), np.abs(solids.distances(positions))
+    inside = igl.winding_number(points, triangles, positions) > 0.5
+    clear = distance > 1e-6
+    np.testing.assert_array_equal((depth > 0)[clear], inside[clear])
+    np.testing.assert_array_equal(depth[inside & clear], distance[inside & clear])
+    np.testing.assert_array_equal(solids.inside(positions), depth > 0)
+    assert 0.1 < inside.mean() < 0.9
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_points_that_come_in_runs_have_the_same_distances(shape):
+    points, triangles = SHAPES[shape]
+    positions = near_points(points, triangles, n=600)
+    solids = solids_of(points, triangles)
+    alone = solids.distances(positions)
+    for run in (600, 50, 7):
+        np.testing.assert_allclose(solids.distances(positions, run=run), alone, atol=1e-9)
+    # A run does not depend on those before it, to the last digit.
+    together_with_others = solids.distances(np.vstack([positions[::-1], positions]), run=50)
+    np.testing.assert_array_equal(together_with_others[600:], solids.distances(positions, run=50))
+
+
+def test_points_outside_go_to_the_nearest_place_on_the_surface():
+    solids = solids_of(*cube())
+    inside, outside = [1.0, 2.0, 3.0], [14.0, 2.0, -3.0]
+    np.testing.assert_allclose(solids.into([inside, outside]), [inside, [10.0, 2.0, -3.0]], atol=1e-12)
+
+
+def test_where_shells_overlap_the_deepest_counts():
+    a, b = ball(), ball(centre=(12.0, 0.0, 0.0))
+    positions = np.random.default_rng(0).uniform(-12.0, 24.0, (2000, 3)) * [1, 0.6, 0.6]
+    both = solids_of(*together(a, b)).depth(positions)
+    each = [solids_of(*mesh).depth(positions) for mesh in (a, b)]
+    np.testing.assert_allclose(both, np.maximum(*each), atol=1e-12)
+    assert ((each[0] > 0) & (each[1] > 0)).sum() > 20
+    assert both[np.linalg.norm(positions - [6.0, 0, 0], axis=1) < 3].min() > 0
+
+
+def test_a_hollow_counts_as_bone():
+    inner_points, inner = ball(radius=6.0)
+    surface = solids_of(*together(ball(), (inner_points, inner[:, ::-1])))
+    depth = surface.depth([[0.0, 0, 0], [8.0, 0, 0], [12.0, 0, 0]])
+    assert depth[0] == pytest.approx(10.0, abs=0.1)
+    assert depth[1] == pytest.approx(2.0, abs=0.1)
+    assert depth[2] == 0.0
+
+
+def test_a_surface_that_is_inside_out_has_the_same_inside():
+    points, triangles = torus()
+    positions = near_points(points, triangles)
+    np.testing.assert_allclose(
+        solids_of(points, triangles[:, ::-1]).depth(positions),
+        solids_of(points, triangles).depth(positions),
+        atol=1e-12,
+    )
+
+
+def test_triangles_with_points_of_their_own_are_joined():
+    points, triangles = ball()
+    loose = points[triangles].reshape(-1, 3), np.arange(triangles.size).reshape(-1, 3)
+    positions = near_points(points, triangles)
+    np.testing.assert_allclose(
+        solids_of(*loose).depth(positions),
+        solids_of(points, triangles).depth(positions),
+        atol=1e-12,
+    )
+
+
+def test_a_part_with_a_hole_is_closed():
+    points, triangles = together(ball(), ball(centre=(50.0, 0.0, 0.0)))
+    solids = solids_of(points, triangles[1:])
+    assert "1 hole(s)" in solids.remarks[0]
+    np.testing.assert_allclose(solids.depth([[0.0, 0, 0], [50.0, 0, 0]]), 10.0, atol=0.1)
+
+
+def test_a_part_that_encloses_nothing_has_a_distance_on_either_side():
+    sheet = np.array([[0.0, 0, 0], [10, 0, 0], [10, 10, 0], [0, 10, 0]])
+    solids = solids_of(sheet, np.array([[0, 1, 2], [0, 2, 3]]))
+    at = [[5.0, 5.0, 0.7], [5.0, 5.0, -0.7]]
+    assert "enclose no volume" in solids.remarks[-1]
+    distance, outward = solids.exact(at)
+    np.testing.assert_allclose(distance, 0.7)
+    np.testing.assert_allclose(outward, [[0, 0, 1], [0, 0, -1]], atol=1e-12)
+    np.testing.assert_array_equal(solids.depth(at), 0.0)
+
+
+def test_rigid_motion_and_units_carry_over():
+    points, triangles = torus()
+    positions = near_points(points, triangles)
+    turn = Rotation.from_rotvec([1.0, -0.4, 0.2]).as_matrix()
+
+    def moved(values):
+        return 0.001 * (values @ turn.T + [400.0, 3.0, -90.0])
+
+    np.testing.assert_allclose(
+        1000.0 * solids_of(moved(points), triangles).depth(moved(positions)),
+        solids_of(points, triangles).depth(positions),
+        atol=1e-8,
+    )
+
+
+def test_no_points_give_no_distances():
+    solids = solids_of(*cube())
+    none = np.zeros((0, 3))
+    assert solids.distances(none).shape == solids.depth(none).shape == (0,)
+    assert solids.exact(none)[1].shape == (0, 3)
+
+
+@pytest.mark.parametrize("wrong", [[[np.nan, 0.0, 0.0]], [0.0, 0.0, 0.0], [[0.0, 0.0]]])
+def test_points_that_are_not_finite_triples_are_refused(wrong):
+    with pytest.raises(ValueError, match="finite"):
+        solids_of(*cube()).depth(wrong)
+
+
+def test_surfaces_without_triangles_or_with_nan_are_refused():
+    points, triangles = cube()
+    with pytest.raises(ValueError, match="no triangles"):
+        solids_of(points, triangles[:0])
+    with pytest.raises(ValueError, match="not finite"):
+        solids_of(np.where(points > 9.0, np.nan, points), triangles)
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("bone", ["pelvis", "femur_r"])
+def test_real_bones_agree_with_winding_numbers_shell_by_shell(lhdl_hip, bone):
+    points, triangles = read(lhdl_hip / "bones" / f"{bone}.vtp")
+    labels = point_components(len(points), unique_edges(triangles))[triangles[:, 0]]
+    positions = near_points(points, triangles, n=400)
+    expected = np.zeros(len(positions), dtype=bool)
+    for label in np.unique(labels):
+        expected |= igl.winding_number(points, triangles[labels == label], positions) > 0.5
+    surface = solids_of(points, triangles)
+    clear = np.abs(surface.distances(positions)) > 1e-6
+    np.testing.assert_array_equal((surface.depth(positions) > 0)[clear], expected[clear])
+
+
+@pytest.mark.realdata
+def test_the_known_penetrations_of_the_rest_pose_are_found(lhdl_hip):
+    depths = {}
+    for muscle in ("gluteus_maximus", "gluteus_medius", "iliacus", "adductor_brevis"):
+        points, _ = read(lhdl_hip / "muscles" / f"{muscle}.vtp")
+        bones = [lhdl_hip / "bones" / f"{bone}.vtp" for bone in ("pelvis", "femur_r")]
+        each = [solids_of(*read(bone)).depth(points) for bone in bones]
+        depth = np.maximum(*each)
+        depths[muscle] = ((depth > 0).sum(), round(float(depth.max()), 2))
+    assert depths == {
+        "gluteus_maximus": (9, 0.35),
+        "gluteus_medius": (0, 0.0),
+        "iliacus": (0, 0.0),
+        "adductor_brevis": (55, 2.3),
+    }
+
+
+def read(path):
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+
+    reader = vtkXMLPolyDataReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    return checked_surface(reader.GetOutput(), str(path))

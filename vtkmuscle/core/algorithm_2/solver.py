@@ -1,0 +1,185 @@
+"""Algorithm 2 of Kohout and Cervenka 2021: state in, state out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vtkmuscle.core.algorithm_2.anisotropy import edge_stiffness, harmonic_directions
+from vtkmuscle.core.algorithm_2.constraints import project_volume, sweep_angles, sweep_distances
+from vtkmuscle.core.algorithm_2.parameters import Parameters
+from vtkmuscle.core.collision.contact import Barrier, Contact
+from vtkmuscle.core.collision.muscle_contact import MuscleContact, Neighbour
+from vtkmuscle.core.collision.obstacles import Obstacle
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.fixed_muscle import FixedMuscle
+from vtkmuscle.core.mesh.rest_shape import RestShape
+from vtkmuscle.core.motion.rigid import apply_transform, centred
+from vtkmuscle.core.types import Floats
+
+#: What is said of a muscle that is thrown out of all numbers.
+OUT_OF_RANGE = (
+    "",
+    "the muscle left the range of floating point numbers",
+    "use a smaller external_force or dt",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A muscle at one time.
+
+    Attributes
+    ----------
+    surface : (n, 3) array
+        Its points [mm].
+    velocities : (n, 3) array
+        [mm / s].
+    transforms : (b, 4, 4) array
+        Of the bones, rest to now.
+    colliding : int
+        Points that met a bone in the step that led here.
+    positions : (n, 3) array
+        The points about the centre of the muscle at rest, where no digits are lost far from the origin [mm].
+    """
+
+    surface: Floats
+    velocities: Floats
+    transforms: Floats
+    colliding: int
+    positions: Floats
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes [bytes]."""
+        return sum(array.nbytes for array in (self.surface, self.velocities, self.transforms, self.positions))
+
+
+class Algorithm2:
+    """Deforms a muscle with the bones it is fixed to, as printed: :meth:`step` is Algorithm 2.
+
+    The solver holds what does not change; :meth:`step` takes a state and gives the next, so that states can
+    be kept and gone back to.
+
+    Parameters
+    ----------
+    muscle : FixedMuscle
+        The muscle. Its fibres, or the harmonic function between its ends where it has none, say which edges
+        are soft.
+    parameters : Parameters
+        Settings.
+    obstacles : sequence of Obstacle, optional
+        Bones that free points are kept out of.
+
+    Attributes
+    ----------
+    shape : RestShape
+        Its surface at rest.
+
+    Raises
+    ------
+    ValueError
+        If the surface is open or encloses no volume, or if no fibre has a length.
+    """
+
+    def __init__(
+        self, muscle: FixedMuscle, parameters: Parameters, obstacles: Sequence[Obstacle] = ()
+    ) -> None:
+        self.parameters = parameters
+        points, fixed_to, topology = muscle.points, muscle.fixed_to, muscle.topology()
+        directions = None
+        if parameters.anisotropy:
+            directions = muscle.directions(topology)
+            if directions is None:
+                directions = harmonic_directions(points, topology, fixed_to)
+        self.shape = shape = RestShape(points, topology, directions)
+        self.centre: Floats = (points.min(axis=0) + points.max(axis=0)) / 2.0
+        self.rest: Floats = points - self.centre
+        self._free = free = fixed_to < 0
+        self._fixed = [(int(bone), np.flatnonzero(fixed_to == bone)) for bone in np.unique(fixed_to[~free])]
+        push = parameters.bone_push == "transform"
+        self._barrier = Barrier(obstacles, self.rest, self.centre, free, bone_push=push)
+
+        self._mass = mass = free.astype(np.float64)
+        edges, quads = topology.edges, topology.quads
+        stiffness = np.full(len(edges), parameters.stiffness)
+        if directions is not None:
+            stiffness *= edge_stiffness(points, edges, directions)
+        used = (mass[edges] > 0).any(axis=1)
+        self._distances = np.ascontiguousarray(edges[used]), shape.lengths[used], stiffness[used]
+        self._volume = topology.triangles, shape.volume, parameters.volume_stiffness, np.empty_like(self.rest)
+        used = shape.angle_defined & (mass[quads] > 0).any(axis=1)
+        angles = np.abs(shape.angles[used])
+        self._angles = np.ascontiguousarray(quads[used]), angles, parameters.shape_stiffness
+
+    def at_rest(self, n_bones: int) -> State:
+        """Return the muscle at rest, with all of n bones in their rest pose."""
+        still, transforms = np.zeros_like(self.rest), np.broadcast_to(np.eye(4), (n_bones, 4, 4))
+        return State(self.rest + self.centre, still, transforms, 0, self.rest)
+
+    def step(
+        self,
+        state: State,
+        transforms: Floats,
+        *,
+        neighbours: Sequence[Neighbour] = (),
+        progress: Callable[[float], None] | None = None,
+    ) -> State:
+        """Return the state after the bones have moved on.
+
+        Parameters
+        ----------
+        state : State
+            Where the muscle was; not changed.
+        transforms : (b, 4, 4) array
+            Where the bones are now, rest to now.
+        neighbours : sequence of Neighbour, optional
+            Other muscles where they are now, to keep the free points out of.
+        progress : callable, optional
+            Called after each iteration with the part of the step that is done; may raise, to stop.
+
+        Returns
+        -------
+        State
+            Where the muscle is now.
+
+        Raises
+        ------
+        ValueError
+            If a position left the range of floating point numbers.
+        """
+        settings, free = self.parameters, self._free
+        x, v, dt = state.positions, state.velocities, settings.dt
+        now, before = centred(transforms, self.centre), centred(state.transforms, self.centre)
+        muscles = MuscleContact(neighbours, free, self.centre) if neighbours else None
+        contact = Contact(self._barrier, now, before, x, muscles)
+        collided = np.zeros(len(x), dtype=np.bool_)
+        with np.errstate(over="ignore", invalid="ignore"):  # refused below, in our words
+            # Lines 6 to 15: fixed points go with their bones, free ones where their velocity takes them.
+            force = np.asarray(settings.external_force, dtype=np.float64)
+            p = x + dt * (settings.velocity_kept * (v + dt * force))
+            for bone, fixed in self._fixed:
+                p[fixed] = apply_transform(now[bone], self.rest[fixed])
+            _check_finite(p)
+            # Lines 16 to 31: the constraints, and the bones.
+            for iteration in range(settings.iterations):
+                sweep_distances(p, self._mass, *self._distances)
+                project_volume(p, self._mass, *self._volume)
+                sweep_angles(p, self._mass, *self._angles)
+                collided |= contact.keep_out(p)
+                _check_finite(p)
+                if progress is not None:
+                    progress((iteration + 1) / settings.iterations)
+            # Lines 32 to 37: the velocities.
+            v = (p - x) / dt
+        _check_finite(v)
+        if settings.contact_velocity == "zero":
+            v[collided] = 0.0
+        return State(p + self.centre, v, np.array(transforms), int(collided.sum()), p)
+
+
+def _check_finite(array: Floats) -> None:
+    if not np.isfinite(array).all():
+        raise InputError(*OUT_OF_RANGE)

@@ -1,0 +1,346 @@
+"""One bone: its exact surface, and its signed distance as a field that is filled where it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import cached_property
+from threading import Lock
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from vtkmuscle.core.bones.lookup import (
+    EMPTY,
+    FIELD_ERROR,
+    MOST,
+    NODES,
+    SIDE,
+    Field,
+    distance2_from_box,
+    distance_at,
+    least_distance_at,
+    normal_at,
+    put_into_table,
+)
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.jit import array_kernel
+from vtkmuscle.core.mesh.sampling import uneven_weights
+from vtkmuscle.core.mesh.shared import shared
+from vtkmuscle.core.mesh.solids import FAR, Solids, solids_of
+from vtkmuscle.core.motion.rigid import apply_transform, inverse, transform_point
+from vtkmuscle.core.space_order import space_order
+from vtkmuscle.core.types import Bools, Floats, Ints
+
+#: Cells of the field along the diagonal of a bone's box along its axes: 1.3 mm on a pelvis, 1.5 on a femur.
+CELLS_PER_DIAGONAL = 300.0
+
+#: By how much the weights of a bone's points differ, where these decide which way its axes point.
+UNEVENNESS = 1e-3
+
+#: Blocks that are noted as lacking at a time, at most.
+_LACKING = 1024
+
+#: The nodes of a block, (125, 3), and an order in which each is near those before it.
+_LATTICE = np.stack(np.meshgrid(*[np.arange(NODES)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+_ORDER = space_order(_LATTICE.astype(np.float64))
+
+
+class Bone:
+    """A bone in its rest pose.
+
+    Distances are asked for in two ways. :meth:`exact` measures them against the triangles: a microsecond or
+    two for each point. :meth:`field` looks them up, in a few hundredths of that, between the nodes of a
+    lattice along the bone's own axes, whose blocks are measured when a look-up first comes to them. The value
+    at a node depends on the bone alone, to the last digit: never on what was asked before. Nothing is built
+    of a bone that nobody comes near, and several threads may ask one bone.
+
+    Parameters
+    ----------
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions at rest [mm]; point ids. Not changed afterwards.
+    cell : float, optional
+        Distance of neighbouring nodes [mm], > 0; the bone's diagonal / :data:`CELLS_PER_DIAGONAL` by default.
+
+    Attributes
+    ----------
+    box : tuple of (3,) arrays
+        Lowest and highest corner of the bone's box at rest [mm].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from vtkmuscle.core.bones.bone import Bone
+    >>> corners = np.array([[x, y, z] for x in (0, 9) for y in (0, 9) for z in (0, 9.0)])
+    >>> faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    >>> bone = Bone(corners, np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))]))
+    >>> distance, outward = bone.field([[4.0, 5.0, 11.0], [4.0, 5.0, 8.5]])
+    >>> distance.round(9).tolist(), np.abs(outward).round(9).tolist()
+    ([2.0, -0.5], [[0.0, 0.0, 1.0], [0.0, 0.0, 1.0]])
+    """
+
+    def __init__(self, points: Floats, triangles: Ints, *, cell: float | None = None) -> None:
+        if cell is not None and not (np.isfinite(cell) and cell > 0.0):
+            raise InputError("", f"the cell of a bone's field must be finite and > 0, got {cell:g} mm")
+        self.points, self.triangles = points, triangles
+        self.box: tuple[Floats, Floats] = points.min(axis=0), points.max(axis=0)
+        self._cell = cell
+        self._known: Field | None = None
+        self._places: dict[int, int] = {}
+        self._lock = Lock()
+
+    @cached_property
+    def solids(self) -> Solids:
+        """The exact surface: the bone's parts, closed where they are not."""
+        return solids_of(self.points, self.triangles)
+
+    @cached_property
+    def axes(self) -> Floats:
+        """From the scene at rest to the axes along which the field is laid, (4, 4)."""
+        return bone_axes(self.points)
+
+    @cached_property
+    def box_along_axes(self) -> tuple[Floats, Floats]:
+        """Lowest and highest corner of the bone's box along its axes [mm]."""
+        along = apply_transform(self.axes, self.points)
+        return along.min(axis=0), along.max(axis=0)
+
+    @property
+    def cell(self) -> float:
+        """Distance of neighbouring nodes of the field [mm]."""
+        if self._cell is not None:
+            return self._cell
+        low, high = self.box_along_axes
+        return float(np.linalg.norm(high - low)) / CELLS_PER_DIAGONAL
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the field so far [bytes]."""
+        known = self._known
+        return 0 if known is None else known.keys.nbytes + known.places.nbytes + known.values.nbytes
+
+    def exact(self, points: ArrayLike) -> tuple[Floats, Floats]:
+        """Return the distances of points from the triangles, and the directions in which they grow.
+
+        Parameters
+        ----------
+        points : (n, 3) array
+            At rest [mm].
+
+        Returns
+        -------
+        distance : (n,) array
+            Negative inside [mm].
+        outward : (n, 3) array
+            Unit vectors: the nearest place is the point less its distance in this direction.
+        """
+        return self.solids.exact(points)
+
+    def depth(self, points: Floats) -> Floats:
+        """Return how deep points (n, 3), at rest, are inside the exact surface, (n,), 0 outside [mm]."""
+        depth = np.zeros(len(points))
+        near = np.flatnonzero(((points >= self.box[0]) & (points <= self.box[1])).all(axis=1))
+        if len(near) > NODES**3:  # fewer are measured in less time than a block of the overview
+            outside = np.zeros(len(near), dtype=np.bool_)
+            while True:
+                field = self.look_up()
+                _find_outside(field, self.axes, points[near], outside)
+                if not self.fill(field):
+                    break
+            near = near[~outside]
+        if len(near):
+            depth[near] = self.solids.depth(points[near])
+        return depth
+
+    def field(self, points: ArrayLike, *, within: float = np.inf) -> tuple[Floats, Floats]:
+        """Return the trilinear distances of points in the field, and the directions in which they grow.
+
+        Parameters
+        ----------
+        points : (n, 3) array
+            At rest [mm].
+        within : float, optional
+            Distance that matters [mm]: of points that are surely farther away none is looked up.
+
+        Returns
+        -------
+        distance : (n,) array
+            Negative inside [mm]; :data:`~vtkmuscle.core.mesh.solids.FAR` for points that are not looked up,
+            or not finite. Within sqrt(3) / 2 of a cell of the exact distance; between nodes by a smooth
+            surface of radius R about cell^2 / (4 R).
+        outward : (n, 3) array
+            Unit vectors, continuous, by differences over a cell; 0 where there is no distance, and where it
+            grows in no direction.
+        """
+        positions = np.ascontiguousarray(points, dtype=np.float64)
+        distance, outward = np.empty(len(positions)), np.empty((len(positions), 3))
+        lacks = np.ones(len(positions), dtype=np.bool_)
+        while True:
+            field = self.look_up()
+            _look_up(field, self.axes, positions, float(within), lacks, distance, outward)
+            if not self.fill(field):
+                return distance, outward
+
+    def look_up(self) -> Field:
+        """Return what is known of the field now, for kernels; give it to :meth:`fill` afterwards."""
+        known = self._known
+        if known is None:
+            with self._lock:
+                known = self._known = self._known or self._nothing()
+        return known._replace(lacking=np.zeros(2 + _LACKING, dtype=np.int64))
+
+    def fill(self, field: Field) -> bool:
+        """Fill the blocks that were lacking in a field; return whether there were any.
+
+        Where it returns True, what was looked up is void: take the field as it is now, and do it again.
+        """
+        if field.lacking[0] == 0:
+            return False
+        noted = np.unique(field.lacking[2 : 2 + field.lacking[1]])
+        values = self._measured(noted)
+        with self._lock:
+            known = self._known
+            assert known is not None  # the field came from it
+            new = np.array([key not in self._places for key in noted.tolist()])
+            first, last = len(self._places), len(self._places) + int(new.sum())
+            room, keys, places = known.values, known.keys.copy(), known.places.copy()
+            if last > len(room):
+                room = np.empty((2 * last, NODES**3))
+                room[:first] = known.values[:first]
+            room[first:last] = values[new]
+            self._places.update(zip(noted[new].tolist(), range(first, last), strict=True))
+            if 2 * last > len(keys):
+                keys, places = _empty_table(4 * last)
+                put_into_table(keys, places, np.array(list(self._places)), 0)
+            else:
+                put_into_table(keys, places, noted[new], first)
+            # Others still look at the old tables, which do not lead to what is new.
+            self._known = known._replace(keys=keys, places=places, values=room)
+        return True
+
+    def _nothing(self) -> Field:
+        low, high = self.box_along_axes
+        values = np.empty((0, NODES**3))
+        return Field(
+            *_empty_table(1), values, low, high, self.cell, 1.0 / self.cell, np.zeros(2, dtype=np.int64)
+        )
+
+    def _measured(self, keys: Ints) -> Floats:
+        """Return the exact distances at the nodes of blocks, (k, 125)."""
+        span = 2 * MOST
+        numbers = np.column_stack([keys // span**2 % span, keys // span % span, keys % span]) - MOST
+        nodes: Ints = SIDE * numbers[:, None] + _LATTICE[_ORDER]
+        cells: Floats = np.where(keys < span**3, self.cell, SIDE * self.cell)
+        along: Floats = (cells[:, None, None] * nodes).reshape(-1, 3)
+        at_rest = apply_transform(inverse(self.axes), along)
+        values = np.empty((len(keys), NODES**3))
+        values[:, _ORDER] = self.solids.distances(at_rest, run=NODES**3).reshape(len(keys), -1)
+        return values
+
+
+#: The bone of a surface, one for all who hold it.
+bone_of = shared(Bone)
+
+
+def depth_in(bones: Iterable[tuple[Bone, Floats]], points: Floats) -> Floats:
+    """Return how deep points are in the deepest of several bones, against their triangles.
+
+    Parameters
+    ----------
+    bones : iterable of (Bone, (4, 4) array)
+        With their transforms, rest to now.
+    points : (n, 3) array
+        In the scene, now [mm].
+
+    Returns
+    -------
+    (n,) array
+        0 outside [mm].
+    """
+    depth = np.zeros(len(points))
+    for bone, transform in bones:
+        np.maximum(depth, bone.depth(apply_transform(inverse(transform), points)), out=depth)
+    return depth
+
+
+def bone_axes(points: Floats) -> Floats:
+    """Return the rigid transform from the scene to a bone's principal axes.
+
+    A grid along the axes of the scene would make the result depend on how the scene is turned; along the
+    bone's own it has also fewer cells around it. Where the principal axes are not determined (a bone that is
+    round), the order of its points decides: they are weighted a little unevenly.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        The bone at rest [mm].
+
+    Returns
+    -------
+    (4, 4) array
+        Rigid; the bone's centre goes to the origin.
+    """
+    centre = points.mean(axis=0)
+    arms = points - centre
+    weights = 1.0 + UNEVENNESS * uneven_weights(len(points))
+    axes = np.linalg.eigh((arms * weights[:, None]).T @ arms)[1].T
+    # An eigenvector's sign is anybody's guess; the order of the points decides here, too.
+    axes[(weights - weights.mean()) @ (arms @ axes.T) < 0.0] *= -1.0
+    axes[2] = np.cross(axes[0], axes[1])  # a rotation, not a reflection
+    transform = np.eye(4)
+    transform[:3, :3] = axes
+    transform[:3, 3] = -axes @ centre
+    return transform
+
+
+def _empty_table(least: int) -> tuple[Ints, np.ndarray[tuple[int], np.dtype[np.int32]]]:
+    """Return the keys and places of a hash table with room for as many keys, at least."""
+    size = 1 << max(int(least - 1).bit_length(), 6)
+    return np.full(size, EMPTY, dtype=np.int64), np.zeros(size, dtype=np.int32)
+
+
+@array_kernel
+def _look_up(
+    field: Field,
+    axes: Floats,
+    points: Floats,
+    within: float,
+    lacks: Bools,
+    distance: Floats,
+    outward: Floats,
+) -> None:
+    """Do what :meth:`Bone.field` says.
+
+    lacks : (n,), changed in place: which points are not done, for their blocks were not known.
+    """
+    at, normal = np.empty(3), np.empty(3)
+    for i in range(len(points)):
+        if not lacks[i]:
+            continue
+        before = field.lacking[0]
+        transform_point(axes, points, i, at)
+        distance[i] = FAR
+        normal[0], normal[1], normal[2] = 0.0, 0.0, 0.0
+        near = not distance2_from_box(field, at) > within * within
+        if near and within < np.inf:
+            near = least_distance_at(field, at[0], at[1], at[2]) <= within
+        if near:
+            distance[i] = distance_at(field, at[0], at[1], at[2])
+            if distance[i] < FAR:
+                normal_at(field, at, normal)
+        for k in range(3):
+            outward[i, k] = axes[0, k] * normal[0] + axes[1, k] * normal[1] + axes[2, k] * normal[2]
+        lacks[i] = field.lacking[0] > before
+
+
+@array_kernel
+def _find_outside(field: Field, axes: Floats, points: Floats, outside: Bools) -> None:
+    """Write which points are outside by the overview, or by what is known of the field."""
+    at = np.empty(3)
+    for i in range(len(points)):
+        transform_point(axes, points, i, at)
+        before, noted = field.lacking[0], field.lacking[1]
+        outside[i] = least_distance_at(field, at[0], at[1], at[2]) > 0.0
+        if not outside[i] and field.lacking[0] == before:
+            distance = distance_at(field, at[0], at[1], at[2])
+            outside[i] = FIELD_ERROR * field.cell < distance < FAR
+            field.lacking[0], field.lacking[1] = before, noted  # it need not be filled for that

@@ -1,0 +1,248 @@
+"""Signed distances from a bone and their directions, between the nodes of the blocks that are known."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from vtkmuscle.core.jit import kernel, lane
+from vtkmuscle.core.mesh.solids import FAR
+from vtkmuscle.core.types import Floats, Ints, Table
+
+#: Cells along an edge of a block; blocks are what is computed at a time.
+SIDE = 4
+#: Nodes along an edge of a block: neighbours share those of a face.
+NODES = SIDE + 1
+
+#: Blocks are counted from minus this to this along each axis, so that three of these numbers are one key.
+MOST = 2**19
+
+#: In a table of keys, that there is none.
+EMPTY = -1
+
+#: By how much a trilinear value may be off, at most [cells]: no distance grows faster than the way, and the
+#: mean way from a point of a cell to the nodes, by their weights, is at most that from the cell's middle.
+FIELD_ERROR = 3.0**0.5 / 2.0
+
+#: A direction shorter than this part of its due length 1 is that of a ridge: look farther.
+_FLAT = 0.2
+
+#: Fibonacci hashing: 2^64 divided by the golden ratio, as a signed number (Knuth 1998, *Sorting and
+#: searching*, 6.4).
+_GOLDEN = -7046029254386353131
+
+Integer: TypeAlias = int | np.int64
+
+
+class Field(NamedTuple):
+    """What of a bone's field is known at a time, for kernels.
+
+    A look-up that comes to a block which is not known reads as :data:`FAR`, and notes the block in
+    ``lacking``: so whoever finds that grown does the same again, once the bone has filled them.
+
+    Beside the field there is an overview, four times as coarse, which tells what is far from the bone.
+
+    Attributes
+    ----------
+    keys, places : (c,) int64 array, (c,) int32 array
+        Hash table of the blocks: their keys, and which of the values are theirs; c is a power of 2.
+    values : (n, 125) array
+        Signed distances at the nodes of each block, 5 along each axis in C order [mm].
+    low, high : (3,) arrays
+        Corners of the bone's box along its axes [mm].
+    cell, per_mm : float
+        Distance of neighbouring nodes [mm], one of which is at the origin of the axes; how many there are in
+        a millimetre.
+    lacking : (2 + m,) int64 array
+        How many look-ups came to blocks that are not known, how many blocks are noted, and their keys.
+    """
+
+    keys: Ints
+    places: Table
+    values: Floats
+    low: Floats
+    high: Floats
+    cell: float
+    per_mm: float
+    lacking: Ints
+
+
+@lane
+def key_of(i: Integer, j: Integer, k: Integer, level: int) -> Integer:
+    """Return the key of the block with a number along each axis, each from -MOST to MOST - 1.
+
+    level : 0 for a block of the field, 1 for one of the overview, whose cells are as large as those blocks.
+    """
+    return ((level * (2 * MOST) + i + MOST) * (2 * MOST) + j + MOST) * (2 * MOST) + k + MOST
+
+
+@lane
+def _slot_of(keys: Ints, key: Integer) -> Integer:
+    """Return the slot of a hash table that a key is in, or would be in."""
+    slot = (np.int64(key) * np.int64(_GOLDEN) >> 32) & (len(keys) - 1)
+    while keys[slot] != key and keys[slot] != EMPTY:
+        slot = (slot + 1) & (len(keys) - 1)
+    return slot
+
+
+@kernel
+def put_into_table(keys: Ints, places: Table, more: Ints, first: int) -> None:
+    """Add keys, which are not there yet, to a hash table that has room; their places count from the first."""
+    for number in range(len(more)):
+        slot = _slot_of(keys, more[number])
+        keys[slot], places[slot] = more[number], first + number
+
+
+@lane
+def _block_at(field: Field, i: Integer, j: Integer, k: Integer, level: int) -> Integer:
+    """Return which of the values are those of a block; -1, and a note, where it is not known."""
+    key = key_of(i, j, k, level)
+    slot = _slot_of(field.keys, key)
+    if field.keys[slot] != EMPTY:
+        place: np.int64 = np.int64(field.places[slot])
+        return place
+    lacking = field.lacking
+    lacking[0] += 1
+    noted = lacking[1]
+    if 2 + noted < len(lacking) and (noted == 0 or lacking[1 + noted] != key):
+        lacking[2 + noted] = key
+        lacking[1] = noted + 1
+    return -1
+
+
+@lane
+def distance_at(field: Field, x: float, y: float, z: float) -> float:
+    """Return the trilinear distance at a position along a bone's axes [mm].
+
+    :data:`~vtkmuscle.core.mesh.solids.FAR` where the block is not known, and beyond the blocks that can be
+    counted.
+    """
+    return _trilinear(field, x * field.per_mm, y * field.per_mm, z * field.per_mm, 0)
+
+
+@lane
+def least_distance_at(field: Field, x: float, y: float, z: float) -> float:
+    """Return what the distance at a position is not less than, by the overview; where it is FAR, as there."""
+    scale = field.per_mm / SIDE
+    distance = _trilinear(field, x * scale, y * scale, z * scale, 1)
+    return distance - FIELD_ERROR * SIDE * field.cell if distance < FAR else FAR
+
+
+@lane
+def _trilinear(field: Field, u: float, v: float, w: float, level: int) -> float:
+    """Return the distance at a position in cells of a level."""
+    if not max(abs(u), abs(v), abs(w)) < SIDE * (MOST - 1):
+        return FAR
+    i, j, k = np.int64(np.floor(u)), np.int64(np.floor(v)), np.int64(np.floor(w))
+    block = _block_at(field, i // SIDE, j // SIDE, k // SIDE, level)
+    if block < 0:
+        return FAR
+    u, v, w = u - i, v - j, w - k
+    values, node = field.values[block], ((i % SIDE) * NODES + j % SIDE) * NODES + k % SIDE
+    c00 = values[node] + w * (values[node + 1] - values[node])
+    node += NODES
+    c01 = values[node] + w * (values[node + 1] - values[node])
+    node += NODES * SIDE
+    c10 = values[node] + w * (values[node + 1] - values[node])
+    node += NODES
+    c11 = values[node] + w * (values[node + 1] - values[node])
+    c0, c1 = c00 + v * (c01 - c00), c10 + v * (c11 - c10)
+    distance: float = c0 + u * (c1 - c0)
+    return distance
+
+
+@kernel
+def normal_at(field: Field, at: Floats, out: Floats) -> bool:
+    """Write the unit direction in which the distance grows at a position (3,); False, and 0, without one.
+
+    By central differences over a cell: unlike the gradient of the trilinear value, which jumps from cell to
+    cell, they are continuous, so that a point which slides along a bone does not jump.
+    On a ridge, halfway through a bone, where the gradient vanishes, differences to one cell onward are taken
+    (onward only, so that they differ from each other on a plane of symmetry).
+    """
+    x, y, z, cell = at[0], at[1], at[2], field.cell
+    dx, dy, dz = _slope_at(field, x, y, z)
+    length = np.sqrt(dx * dx + dy * dy + dz * dz)
+    if not length > _FLAT * cell:
+        here = distance_at(field, x, y, z)
+        dx = distance_at(field, x + cell, y, z) - here
+        dy = distance_at(field, x, y + cell, z) - here
+        dz = distance_at(field, x, y, z + cell) - here
+        length = np.sqrt(dx * dx + dy * dy + dz * dz)
+        if not length > 1e-6 * cell:
+            out[0], out[1], out[2] = 0.0, 0.0, 0.0
+            return False
+    scale = 1.0 / length
+    out[0], out[1], out[2] = scale * dx, scale * dy, scale * dz
+    return True
+
+
+@lane
+def _slope_at(field: Field, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Return by how much the trilinear distance grows over a cell, half of it before and half after."""
+    u, v, w, h = x * field.per_mm, y * field.per_mm, z * field.per_mm, 0.5 * field.cell
+    if not max(abs(u), abs(v), abs(w)) < SIDE * (MOST - 1):
+        return 0.0, 0.0, 0.0
+    i, j, k = np.int64(np.floor(u - 0.5)), np.int64(np.floor(v - 0.5)), np.int64(np.floor(w - 0.5))
+    if max(i % SIDE, j % SIDE, k % SIDE) < SIDE - 1:
+        block = _block_at(field, i // SIDE, j // SIDE, k // SIDE, 0)
+        if block < 0:
+            return 0.0, 0.0, 0.0
+        node = ((i % SIDE) * NODES + j % SIDE) * NODES + k % SIDE
+        return _slope_within(field.values[block], node, u - i, v - j, w - k)
+    return (
+        distance_at(field, x + h, y, z) - distance_at(field, x - h, y, z),
+        distance_at(field, x, y + h, z) - distance_at(field, x, y - h, z),
+        distance_at(field, x, y, z + h) - distance_at(field, x, y, z - h),
+    )
+
+
+@lane
+def _slope_within(values: Floats, node: Integer, u: float, v: float, w: float) -> tuple[float, float, float]:
+    """Return the same where all is in one block, at u, v, w in [0.5, 1.5) from a node.
+
+    The 27 nodes from there on are those of all six places that are compared.
+    """
+    x0, y0, z0 = _over_plane(values, node, v, w)
+    x1, y1, z1 = _over_plane(values, node + NODES * NODES, v, w)
+    x2, y2, z2 = _over_plane(values, node + 2 * NODES * NODES, v, w)
+    return _growth(x0, x1, x2, u), _value(y0, y1, y2, u), _value(z0, z1, z2, u)
+
+
+@lane
+def _over_plane(values: Floats, node: Integer, v: float, w: float) -> tuple[float, float, float]:
+    """Return the value at v, w between 3 x 3 nodes of a plane, and its growth along v and w."""
+    p, q, r = values[node], values[node + 1], values[node + 2]
+    here0, onward0 = _value(p, q, r, w), _growth(p, q, r, w)
+    p, q, r = values[node + NODES], values[node + NODES + 1], values[node + NODES + 2]
+    here1, onward1 = _value(p, q, r, w), _growth(p, q, r, w)
+    p, q, r = values[node + 2 * NODES], values[node + 2 * NODES + 1], values[node + 2 * NODES + 2]
+    here2, onward2 = _value(p, q, r, w), _growth(p, q, r, w)
+    return (
+        _value(here0, here1, here2, v),
+        _growth(here0, here1, here2, v),
+        _value(onward0, onward1, onward2, v),
+    )
+
+
+@lane
+def _value(p: float, q: float, r: float, t: float) -> float:
+    """Return what lies between three nodes at t, in [0.5, 1.5)."""
+    return q + max(1.0 - t, 0.0) * (p - q) + max(t - 1.0, 0.0) * (r - q)
+
+
+@lane
+def _growth(p: float, q: float, r: float, t: float) -> float:
+    """Return how much that grows from half a cell before t to half a cell after."""
+    return (1.5 - t) * (q - p) + (t - 0.5) * (r - q)
+
+
+@kernel
+def distance2_from_box(field: Field, at: Floats) -> float:
+    """Return the squared distance of a position (3,) from the bone's box [mm^2]."""
+    total = 0.0
+    for k in range(3):
+        outside = max(field.low[k] - at[k], at[k] - field.high[k], 0.0)
+        total += outside * outside
+    return total

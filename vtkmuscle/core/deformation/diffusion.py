@@ -1,0 +1,128 @@
+"""Diffusion of vectors over a surface: what smooths a displacement."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.jit import reduction
+from vtkmuscle.core.mesh.harmonic import cotangent_laplacian
+from vtkmuscle.core.types import Bools, Floats, Ints
+
+_Numbers = NDArray[np.int32]
+
+#: Time that a plain explicit step takes, in units: one that leaves nothing of the shortest wave.
+PLAIN = 0.5
+
+
+class Diffusion:
+    """The heat equation dv/dt = Laplacian v on a surface at rest, for vectors at its points.
+
+    Each point goes towards the mean of its neighbours by the cotangent weights
+    (:func:`~vtkmuscle.core.mesh.harmonic.cotangent_laplacian`), which leave a field alone that is linear over
+    a flat part of the mesh, however irregular its triangles are.
+
+    Parameters
+    ----------
+    points : (n, 3) array
+        Positions at rest [mm].
+    triangles : (m, 3) int array
+        Point ids.
+
+    Attributes
+    ----------
+    time_unit : float
+        In which the times of :meth:`spread` are: the median over the points of their area over the sum of
+        their weights, a quarter of a squared edge length where triangles are equilateral [mm^2].
+    """
+
+    def __init__(self, points: Floats, triangles: Ints) -> None:
+        laplacian = cotangent_laplacian(points, triangles)
+        degrees = laplacian.diagonal()
+        laplacian.setdiag(0.0)
+        laplacian.eliminate_zeros()
+        self._begins = laplacian.indptr.astype(np.int32)
+        self._neighbours = laplacian.indices.astype(np.int32)
+        total = np.where(degrees > 0.0, degrees, 1.0)
+        self._rows = np.repeat(np.arange(len(points)), np.diff(self._begins))
+        self._weights: Floats = -laplacian.data / total[self._rows]
+        self._totals: Floats = np.bincount(self._rows, self._weights, len(points)).astype(np.float64)
+        corners = points[triangles]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        thirds = np.repeat(np.linalg.norm(normals, axis=1) / 6.0, 3)
+        areas = np.bincount(triangles.reshape(-1), thirds, len(points))
+        self.time_unit = float(np.median((areas / total)[degrees > 0.0]))
+        self._memory = np.empty((3, len(points), 3))
+
+    def spread(self, vectors: Floats, time: float, inside: Bools, *, insulated: bool = False) -> None:
+        """Let vectors (n, 3) diffuse, in place, at the points inside (n,); the others keep theirs.
+
+        By a Runge-Kutta-Legendre scheme of the first order, whose number of stages grows with the root of the
+        time, and which makes no new extremes: Meyer, Balsara, Aslam 2014, *A stabilized Runge-Kutta-Legendre
+        method for explicit super-time-stepping of parabolic and mixed equations*,
+        doi:10.1016/j.jcp.2013.08.021, section 2.
+
+        Parameters
+        ----------
+        vectors : (n, 3) array
+            Changed in place.
+        time : float
+            In units of :attr:`time_unit`, >= 0.
+        inside : (n,) bool array
+            Points whose vectors change.
+        insulated : bool, optional
+            Whether the others have no part in that, so that the points inside keep what they have together.
+        """
+        weights, totals = self._weights, self._totals
+        if insulated:
+            weights = weights * inside[self._neighbours]
+            totals = np.bincount(self._rows, weights, len(vectors)).astype(np.float64)
+        rows = self._begins, self._neighbours, weights, totals, inside
+        self._memory[:] = vectors
+        now, after, before = self._memory
+        # The scheme leaves a part of the shortest waves, of which this takes most.
+        first = min(PLAIN, time)
+        _relax(now, now, now, 1.0, 0.0, first, *rows, after)
+        now, after = after, now
+        if time > first:
+            # A plain step may be as long as one unit: all eigenvalues are within 0 and 2.
+            stages = math.ceil((math.sqrt(1.0 + 8.0 * (time - first)) - 1.0) / 2.0)
+            step = 2.0 * (time - first) / (stages * (stages + 1))
+            _relax(now, now, now, 1.0, 0.0, step, *rows, after)
+            before, now, after = now, after, before
+            for stage in range(2, stages + 1):
+                part = (2.0 * stage - 1.0) / stage
+                _relax(now, now, before, part, 1.0 - part, part * step, *rows, after)
+                before, now, after = now, after, before
+        vectors[:] = now
+
+
+@reduction
+def _relax(
+    v: Floats,
+    one: Floats,
+    other: Floats,
+    a: float,
+    b: float,
+    step: float,
+    begins: _Numbers,
+    neighbours: _Numbers,
+    weights: Floats,
+    totals: Floats,
+    inside: Bools,
+    result: Floats,
+) -> None:
+    """Write a one + b other + step (weighted sum of v's neighbours - total of the weights v) inside."""
+    for i in range(len(v)):
+        if inside[i]:
+            x, y, z = -totals[i] * v[i, 0], -totals[i] * v[i, 1], -totals[i] * v[i, 2]
+            for k in range(begins[i], begins[i + 1]):
+                j, w = neighbours[k], weights[k]
+                x += w * v[j, 0]
+                y += w * v[j, 1]
+                z += w * v[j, 2]
+            result[i, 0] = a * one[i, 0] + b * other[i, 0] + step * x
+            result[i, 1] = a * one[i, 1] + b * other[i, 1] + step * y
+            result[i, 2] = a * one[i, 2] + b * other[i, 2] + step * z

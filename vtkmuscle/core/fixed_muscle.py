@@ -1,0 +1,95 @@
+"""A muscle at rest as it is given: its surface, what is fixed of it, and its fibres."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtkmuscle.core.mesh.segments import fibre_directions_at
+from vtkmuscle.core.mesh.surface import check_volume, signed_volume
+from vtkmuscle.core.mesh.topology import MeshTopology, mesh_topology
+from vtkmuscle.core.morphing.superficial import directions_over_muscle, seen_fibres
+from vtkmuscle.core.paths.via_rings import ViaRing
+from vtkmuscle.core.types import Floats, Ints
+
+#: Points (n, 3) of polylines, one after the other [mm], and the first point of each, and n, (k + 1,).
+Lines = tuple[Floats, Ints]
+
+
+@dataclass(frozen=True, eq=False)
+class FixedMuscle:
+    """A muscle at rest, its fixed points and its fibres.
+
+    Attributes
+    ----------
+    points : (n, 3) array
+        Its surface [mm].
+    triangles : (m, 3) int array
+        Point ids, outward oriented, a closed surface.
+    fixed_to : (n,) int array
+        Index of the bone each point is fixed to, -1 for free points.
+    fibres : Lines or None
+        Fibres within it.
+    superficial : Lines or None
+        Fibres that somebody has seen on the surface.
+    rings : tuple of (int, ViaRing)
+        Via rings that the fibres pass through, each with its bone.
+    """
+
+    points: Floats
+    triangles: Ints
+    fixed_to: Ints
+    fibres: Lines | None = None
+    superficial: Lines | None = None
+    rings: tuple[tuple[int, ViaRing], ...] = ()
+
+    def same_as(self, other: FixedMuscle | None) -> bool:
+        """Return whether another muscle has the same content."""
+        if other is None or [bone for bone, _ in self.rings] != [bone for bone, _ in other.rings]:
+            return False
+        mine, theirs = self._arrays(), other._arrays()
+        return mine.keys() == theirs.keys() and all(
+            np.array_equal(array, theirs[name]) for name, array in mine.items()
+        )
+
+    def _arrays(self) -> Mapping[str, NDArray[Any]]:
+        arrays: dict[str, NDArray[Any]] = {
+            "points": self.points,
+            "triangles": self.triangles,
+            "fixed_to": self.fixed_to,
+        }
+        several: list[tuple[str, tuple[NDArray[Any], ...]]] = [
+            ("fibres", self.fibres or ()),
+            ("superficial", self.superficial or ()),
+            *((f"ring {number}", ring) for number, (_, ring) in enumerate(self.rings)),
+        ]
+        for name, parts in several:
+            arrays.update({f"{name}, {number}": part for number, part in enumerate(parts)})
+        return arrays
+
+    def topology(self) -> MeshTopology:
+        """Return the edges of its surface.
+
+        Raises
+        ------
+        ValueError
+            If the surface encloses no volume.
+        """
+        check_volume(self.points, signed_volume(self.points, self.triangles))
+        return mesh_topology(len(self.points), self.triangles)
+
+    def directions(self, topology: MeshTopology) -> Floats | None:
+        """Return the unit direction of the fibres at each edge (k, 3): those seen on the surface go first.
+
+        None where it has no fibres.
+        """
+        if self.superficial is not None:
+            on_surface = seen_fibres(*self.superficial, self.points)
+            return directions_over_muscle(self.points, topology, self.fixed_to, on_surface)
+        if self.fibres is not None:
+            return fibre_directions_at(self.points[topology.edges].mean(axis=1), *self.fibres)
+        return None
