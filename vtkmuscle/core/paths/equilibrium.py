@@ -63,19 +63,21 @@ def add_springs(x: Floats, held: Floats, pull: Floats, gradient: Floats, blocks:
 
 @kernel
 def add_neighbours(
-    x: Floats, neighbours: Neighbours, gradient: Floats, blocks: Floats, directions: Floats
+    x: Floats, neighbours: Neighbours, widths: Floats, gradient: Floats, blocks: Floats, directions: Floats
 ) -> None:
     """Add the springs between neighbours, and write their directions (m, 3).
 
-    E = sum c (|x_i - x_j| - d)^2 / 2. Arrays of points are (f n, ...) here. Of a spring's second derivatives
-    those along it count.
+    E = sum c (|x_i - x_j| - w d)^2 / 2, with w the mean of the paths' ``widths`` (f,). Arrays of points are
+    (f n, ...) here. Of a spring's second derivatives those along it count.
     """
+    n = len(x) // len(widths)
     for e in range(len(neighbours.pairs)):
         i, j = neighbours.pairs[e, 0], neighbours.pairs[e, 1]
         u, v, w = x[i, 0] - x[j, 0], x[i, 1] - x[j, 1], x[i, 2] - x[j, 2]
         length = math.sqrt(u * u + v * v + w * w)
         c = neighbours.stiffness[e]
-        force = c * (length - neighbours.distances[e])
+        width = 0.5 * (widths[i // n] + widths[j // n])
+        force = c * (length - width * neighbours.distances[e])
         if length > 0.0:
             u, v, w = u / length, v / length, w / length
         directions[e, 0], directions[e, 1], directions[e, 2] = u, v, w
