@@ -9,10 +9,11 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.types import Floats, Ints
 
-#: Young's modulus of muscle across its fibres, as a part of the tension per area along them: 22 kPa (rabbit
-#: extensor digitorum longus; Morrow et al. 2010, doi:10.1016/j.jmbbm.2009.03.004) of 225 kPa, the specific
-#: tension of human muscle.
-MODULUS = 0.1
+#: Young's modulus of muscle across its fibres, as a part of the tension per area along them. Of passive muscle
+#: it is 0.1: 22 kPa (rabbit extensor digitorum longus; Morrow et al. 2010, doi:10.1016/j.jmbbm.2009.03.004) of
+#: 225 kPa, the specific tension of human muscle. Muscle under tension is stiffer, up to about as stiff as it is
+#: tense; this is the mean of 0.1 and 1, as ratios. What half and double change is in the documentation.
+MODULUS = 0.3
 
 #: Neighbours of a path in a section: those that a point of an even pattern has.
 NEIGHBOURS = 6
@@ -44,7 +45,8 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     """Return which points of fibres (f, n, 3) lie beside each other, as far along, and how they are held.
 
     A pair strained by e has the energy m (L e)^2 / 2 per length of path, of a path of length L whose tension
-    is 1 per length: m is :data:`MODULUS`. How many paths there are, or points on each, does not matter.
+    is 1 per length: m is :data:`MODULUS`. As paths shorten by l the distances that they keep grow by
+    l^(-1/2): the muscle keeps its volume. How many paths there are, or points on each, does not matter.
     """
     f, n, _ = fibres.shape
     found = []

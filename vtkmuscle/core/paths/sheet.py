@@ -58,6 +58,9 @@ LARGEST_MOVE = 4.0
 #: began with, but no more often than that.
 _RISE, _SHORTENED = 0.5, 8
 
+#: Bounds of a path's stretch, beyond which none is sensible (a muscle works between about 0.5 and 1.6).
+LEAST_STRETCH, GREATEST_STRETCH = 0.25, 4.0
+
 #: How far a bone is moved to see how its push changes, in thicknesses of the muscle.
 SMALL_MOVE = 1e-4
 
@@ -108,8 +111,8 @@ class MusclePaths:
     A path begins as a fibre of the muscle at rest. It is a chain of springs without length or stiffness
     across, the ends of which go with their bones: it takes the shortest way, evenly spread, that the rest
     leaves it. It keeps away from the bones by what of the muscle lies between it and them at rest; paths
-    beside each other keep their distance (:mod:`~vtkmuscle.core.paths.neighbours`); tissue holds what bow it
-    has at rest, and holds it aside over the bones that it comes from
+    beside each other keep their distance, and the muscle so its volume
+    (:mod:`~vtkmuscle.core.paths.neighbours`); tissue holds what bow it has at rest, and holds it aside over the bones that it comes from
     (:mod:`~vtkmuscle.core.paths.surroundings`); it passes through via rings. All of this is one energy, of
     which the paths are a minimum, followed from pose to pose. Both ends are treated alike.
 
@@ -158,7 +161,7 @@ class MusclePaths:
         if not (segments.sum(axis=1) > 0.0).all():
             raise ValueError(f"fibre {int(segments.sum(axis=1).argmin())} has no length")
         self.thickness = 2.0 * half_thickness(surface, triangles)
-        self._segment = float(segments.mean())
+        self._lengths, self._segment = segments.sum(axis=1), float(segments.mean())
         self._rings = tuple(rings)
         self._numbers = np.array(list(bones), dtype=np.int64)
         self._around = surroundings_of(
@@ -178,6 +181,12 @@ class MusclePaths:
         outside_of(rings_at(self._rings, still, np.zeros(3), nothing), self.fibres, outside)
         self._outside = outside
         self.rest: PathState = self._settle(self.fibres, still)
+
+    def widths(self, points: Floats) -> Floats:
+        """Return how much wider than at rest paths (f, n, 3) are that keep their volume, (f,)."""
+        lengths = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
+        stretch: Floats = (lengths / self._lengths).clip(LEAST_STRETCH, GREATEST_STRETCH)
+        return 1.0 / np.sqrt(stretch)
 
     def directions_at(self, points: Floats) -> Floats:
         """Return the unit directions (p, 3) of the fibres at rest, where points (p, 3) are."""
@@ -313,9 +322,9 @@ class _Pose:
         """Compute the gradient of the energy at x (f, n, 3), and its stiffness."""
         gradient, blocks = self.gradient, self._blocks
         add_springs(x, self._held, self._pull, gradient, blocks)
-        flat = x.reshape(-1, 3)
+        flat, widths = x.reshape(-1, 3), self._paths.widths(x)
         add_neighbours(
-            flat, self._neighbours, gradient.reshape(-1, 3), blocks.reshape(-1, 6), self._directions
+            flat, self._neighbours, widths, gradient.reshape(-1, 3), blocks.reshape(-1, 6), self._directions
         )
         gaps, normals = self._contacts.at(x, self._moved)
         rounding = self._contacts.rounding

@@ -25,9 +25,6 @@ BESIDE, WINDOW = 12, (1.0, 4.0, 6.0, 4.0, 1.0)
 #: How much of a turn comes from the bones: it decides where paths do not, as all of them are on a line.
 FROM_BONES = 0.02
 
-#: Bounds of the stretch, beyond which none is sensible (a muscle works between about 0.5 and 1.6).
-LEAST_STRETCH, GREATEST_STRETCH = 0.25, 4.0
-
 #: Distances below this part of the muscle's thickness are the same.
 LEAST_APART = 1e-3
 
@@ -137,7 +134,7 @@ class Skinning:
         """Return the muscle as its paths take it along in a pose."""
         paths = self._paths
         f, n, _ = state.points.shape
-        stretch = (state.lengths / paths.rest.lengths).clip(LEAST_STRETCH, GREATEST_STRETCH)
+        stretch = (paths.widths(paths.rest.points) / paths.widths(state.points)) ** 2
         part = np.linspace(0.0, 1.0, n)[None, :, None, None]
         first, last = (state.transforms[b][:, None, :3, :3] for b in (paths.start_bones, paths.end_bones))
         turns = np.ascontiguousarray((1.0 - part) * first + part * last)

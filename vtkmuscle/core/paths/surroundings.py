@@ -11,7 +11,6 @@ import numpy as np
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.paths.bundles import bundle_of
-from vtkmuscle.core.paths.neighbours import MODULUS
 from vtkmuscle.core.paths.tissue import directions_along, smoothed_along, tissue_between
 from vtkmuscle.core.types import Floats, Ints
 
@@ -22,6 +21,10 @@ THICKNESS_SMOOTHING, ASIDE_SMOOTHING = 1.0 / 32.0, math.sqrt(2.0) / 32.0
 #: A bone's normal must be this much across a fibre, as a sine, to tell which way is aside; from half more on
 #: it is sure.
 LEAST_ACROSS = 0.3
+
+#: Modulus by which tissue resists being sheared aside, as a part of the muscle's tension per area: that of
+#: passive muscle across its fibres (:data:`vtkmuscle.core.paths.neighbours.MODULUS`).
+MODULUS = 0.1
 
 #: The layer of tissue between a path and a bone that it is held aside over is at least so thick, in
 #: thicknesses of the muscle: its stiffness would be infinite where a fibre touches.
@@ -73,8 +76,7 @@ def surroundings_of(
       force changes by what it is at rest as the path goes aside by a thickness.
 
     A path also shears the tissue between it and the bones that it comes from when it goes aside over them:
-    a layer as thick as the distance d, of the stiffness m (L / d)^2 as between neighbours
-    (:data:`~vtkmuscle.core.paths.neighbours.MODULUS`). Each bone's part of that falls along the fibre, from
+    a layer as thick as the distance d, of the stiffness m (L / d)^2, with m of :data:`MODULUS`. Each bone's part of that falls along the fibre, from
     all at its end to none at the other.
 
     Parameters
