@@ -110,11 +110,11 @@ class MusclePaths:
 
     A path begins as a fibre of the muscle at rest. It is a chain of springs without length or stiffness
     across, the ends of which go with their bones: it takes the shortest way, evenly spread, that the rest
-    leaves it. It keeps away from the bones by what of the muscle lies between it and them at rest; paths
+    leaves it. It keeps away from the bones by what of the muscle lies between it and them at rest. Paths
     beside each other keep their distance, and the muscle so its volume
-    (:mod:`~vtkmuscle.core.paths.neighbours`); tissue holds what bow it has at rest, and holds it aside over the bones that it comes from
-    (:mod:`~vtkmuscle.core.paths.surroundings`); it passes through via rings. All of this is one energy, of
-    which the paths are a minimum, followed from pose to pose. Both ends are treated alike.
+    (:mod:`~vtkmuscle.core.paths.neighbours`). Tissue holds what bow a path has at rest, and holds it aside
+    over the bones that it comes from (:mod:`~vtkmuscle.core.paths.surroundings`). It passes through via
+    rings. The paths are in equilibrium, followed from pose to pose. Both ends are treated alike.
 
     Parameters
     ----------

@@ -76,8 +76,8 @@ def surroundings_of(
       force changes by what it is at rest as the path goes aside by a thickness.
 
     A path also shears the tissue between it and the bones that it comes from when it goes aside over them:
-    a layer as thick as the distance d, of the stiffness m (L / d)^2, with m of :data:`MODULUS`. Each bone's part of that falls along the fibre, from
-    all at its end to none at the other.
+    a layer as thick as the distance d, of the stiffness m (L / d)^2, with m of :data:`MODULUS`. Each bone's
+    part of that falls along the fibre, from all at its end to none at the other.
 
     Parameters
     ----------
