@@ -32,13 +32,12 @@ PUBLISHED_FIBRES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
             "angle_step": 5.0,
             "refine": False,
             "method": "plane",
-            "mapping": "mean-value",
             "continuity": 0.0,
             "end_rule": "closest",
             "smoothing_weight": 4.0,
             "spreading": 0.0,
         },
-        "kohout2014": {"method": "harmonic", "mapping": "mean-value", "spreading": 0.0},
+        "kohout2014": {"method": "harmonic", "spreading": 0.0},
     }
 )
 

@@ -317,6 +317,11 @@ def cornered_loop(loop: Floats, target: Floats, width: float, depth: float) -> F
     return _points_at(loop, lengths, ascending)
 
 
+def rolled_loop(loop: Floats, target: Floats) -> Floats:
+    """Return a loop (n, k) that starts at its vertex nearest to a point (k,), as in the paper."""
+    return np.roll(loop, -int(((loop - target) ** 2).sum(axis=1).argmin()), axis=0)
+
+
 @array_kernel
 def split_chain(lengths: Floats, width: float, depth: float) -> tuple[Ints, float]:
     """Split a chain of vertices into four parts, one for each side of the rectangle, at the least error.
