@@ -67,6 +67,10 @@ def _file_or_files(value: Any, handler: Callable[[Any], Any]) -> Any:
     return {ALONE: value}
 
 
+def _several(value: Any) -> Any:
+    return [value] if isinstance(value, str) else value
+
+
 def _list_or_estimate(value: Any, handler: Callable[[Any], Any]) -> Any:
     if value == ESTIMATE:
         return Estimate()
@@ -87,6 +91,11 @@ def _or_estimates(schema: Any) -> None:
     table = {"type": "object", "properties": {ESTIMATE: names}, "required": [ESTIMATE]}
     areas = {key: schema.pop(key) for key in ("type", "items")}
     schema["anyOf"] = [{"const": ESTIMATE}, {**table, "additionalProperties": False}, areas]
+
+
+def _or_text(schema: Any) -> None:
+    several = {key: schema.pop(key) for key in ("type", "items", "minItems")}
+    schema["anyOf"] = [{"type": "string", "minLength": 1}, several]
 
 
 def _or(**other: Any) -> Callable[[Any], None]:
@@ -248,6 +257,25 @@ class Estimate(list[Area]):
         self.bones = bones
 
 
+class Aponeuroses(Table):
+    """What a muscle's fibres end on, on its surface or within it, in place of the attachment areas."""
+
+    proximal: Annotated[list[Text], BeforeValidator(_several)] = Field(
+        min_length=1,
+        examples=["FILE.vtp"],
+        description="Where fibres begin: a file, or a list of them, each with the landmarks of a ring on the "
+        "muscle's surface, in order, in any format of landmarks; or with a surface of triangles within the "
+        "muscle, as the central aponeurosis of a bipennate one (.vtp, .vtk, .stl, .obj, .ply).",
+        json_schema_extra=_or_text,
+    )
+    distal: Annotated[list[Text], BeforeValidator(_several)] = Field(
+        min_length=1,
+        examples=["FILE.vtp"],
+        description="Where fibres end, likewise.",
+        json_schema_extra=_or_text,
+    )
+
+
 class MuscleTable(Table):
     """A muscle."""
 
@@ -260,6 +288,11 @@ class MuscleTable(Table):
         "where there are no landmarks: areas where the muscle touches the bones; or { estimate = "
         "['hip_bone', 'shank'] }, likewise, with the bones of the origin and of the insertion.",
         json_schema_extra=_or_estimates,
+    )
+    aponeuroses: Aponeuroses | None = Field(
+        None,
+        description="What its fibres end on: { proximal = 'FILE', distal = 'FILE' }. They move with the "
+        "muscle. Without it fibres go from attachment area to attachment area.",
     )
     fibres: Fibres | None = Field(
         None,
