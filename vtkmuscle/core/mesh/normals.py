@@ -68,7 +68,7 @@ def smooth_normals(points: Floats, triangles: Ints, faces: Ints, places: Floats)
         beside, axis=1
     )
     beside[turned] = 0.0
-    sums = np.column_stack([np.bincount(corner, x, len(counts)) for x in beside.T])
+    sums: Floats = np.column_stack([np.bincount(corner, x, len(counts)) for x in beside.T])
     at_corners = unit_vectors(sums).reshape(-1, 3, 3)
     between: Floats = (_shares(points[corners], places, own)[:, :, None] * at_corners).sum(axis=1)
     return unit_vectors(between)
