@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import pyvista as pv
@@ -14,6 +16,7 @@ from vtkmuscle.data.arrays import (
     set_field_array,
     surface_from,
 )
+from vtkmuscle.data.attachments import attachments_from, attachments_of
 from vtkmuscle.filters import FibreMetrics, FibreSource
 from vtkmuscle.io import read_aponeurosis, read_polydata, read_surface
 from vtkmuscle.phantoms import fibre_block, spindle_over_hinge
@@ -87,7 +90,7 @@ def test_a_muscle_is_filled_by_the_way_that_suits_it(block):
     by_sections = FibreSource(n_fibres=30)(muscle, areas)
     assert field_string(by_sections, "Course") == "sections"
     assert field_array(by_sections, "FilledShare") < 0.5
-    template = decompose(muscle, areas, n_fibres=30, template="parallel").update().output
+    template = decompose(muscle, areas, n_fibres=30, method="harmonic").update().output
     assert np.array_equal(points_of(by_sections), points_of(template))
 
 
@@ -190,3 +193,16 @@ def test_fibres_between_the_aponeuroses_of_a_gastrocnemius_are_as_long_as_measur
     measured = np.median(polyline_lengths(tracts.points, tracts.offsets))
     assert np.median(lengths_of(fibres)) == pytest.approx(measured, rel=0.08)
     assert not cell_array(fibres, "Bent", "fibres").any()
+
+
+def test_sections_are_planes_where_the_areas_overlap(block):
+    muscle, attachments = block
+    corner = sides(muscle)
+    origin, insertion = attachments_of(attachments, "test")
+    joined = [
+        replace(origin, landmarks=corner + ring(0.0, 0.0, 60.0)),
+        replace(insertion, landmarks=corner + ring(0.0, 50.0, 120.0)),
+    ]
+    for areas, method in ((attachments, "harmonic"), (attachments_from(joined), "plane")):
+        fibres = FibreSource(n_fibres=10, course="sections")(muscle, areas)
+        assert field_string(fibres, "MorphMethod") == method

@@ -44,7 +44,8 @@ class FibreSource(Filter):
     neighbours end beside each other. Where a straight line would leave the muscle it is bent inside.
 
     By sections fibres go through the muscle from section to section: the parallel template through
-    TemplateFitter, SliceMorpher, FibreTrimmer and FibreSmoother with their defaults. They fill muscles that
+    TemplateFitter, SliceMorpher, FibreTrimmer and FibreSmoother. Sections are isolines, which follow a muscle
+    however it is bent and end at its areas, or planes where the areas overlap. Such fibres fill muscles that
     are thicker than the areas that they are attached by.
 
     ``course="auto"`` takes straight fibres where these fill more than 60 % of the muscle's volume (their
@@ -185,11 +186,20 @@ class FibreSource(Filter):
             raise InputError("FibreSource", "no attachments are connected", "connect them, or aponeuroses")
         template = FibreTemplateSource(n_fibres=self.n_fibres, resolution=self.resolution)()
         fitted = TemplateFitter()(template, muscle, attachments, superficial)
-        morphed = SliceMorpher()(fitted, muscle, attachments, superficial)
+        method = "harmonic" if _apart(muscle, attachments) else "plane"
+        morphed = SliceMorpher(method=method)(fitted, muscle, attachments, superficial)
         trimmed = FibreTrimmer()(morphed, muscle, attachments)
         result: vtkPolyData = FibreSmoother()(trimmed, muscle, attachments)
         set_field_array(result, "Course", "sections")
         return result
+
+
+def _apart(muscle: vtkPolyData, attachments: vtkMultiBlockDataSet) -> bool:
+    """Return whether the origin and the insertion are apart, so that isolines run between them."""
+    geometry = muscle_geometry(muscle, "FibreSource: muscle")
+    areas = end_areas(attachments, "FibreSource: attachments")
+    origin, insertion = (geometry.attached(areas, role, "FibreSource: attachments") for role in ROLES)
+    return not len(np.intersect1d(origin, insertion))
 
 
 def _ends(
