@@ -35,12 +35,12 @@ SAMPLES = 512
 
 
 def attached_surface(areas: Sequence[AttachmentArea], geometry: MuscleGeometry, where: str) -> EndSurface:
-    """Return what the areas of one role cover of a muscle, or span within it.
+    """Return what the areas of one role, one or more, cover of a muscle, or span within it.
 
     Raises
     ------
     ValueError
-        If there is no area, or the landmarks of one cannot be on this muscle.
+        If the landmarks of one cannot be on this muscle.
     """
     shapes = [Aponeurosis(SIDES[0], area.landmarks) if area.closed else area for area in areas]
     return _together(shapes, geometry, where)
@@ -111,8 +111,6 @@ def check_sides(
 def _together(
     shapes: Sequence[Aponeurosis | AttachmentArea], geometry: MuscleGeometry, where: str
 ) -> EndSurface:
-    if not shapes:
-        raise InputError(where, "there is no area that fibres could end on", "add its landmarks")
     patches: list[Ints] = []
     points, triangles, first = [geometry.points], [geometry.triangles], len(geometry.points)
     for number, shape in enumerate(shapes):

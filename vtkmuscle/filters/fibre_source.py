@@ -219,6 +219,10 @@ def _ends(
         return surfaces
     if attachments is None:
         raise InputError("FibreSource", "no attachments are connected", "connect them, or aponeuroses")
+    for role, mine in zip(ROLES, by_role, strict=True):
+        if not mine:
+            problem = f"there is no area with the role {role!r}"
+            raise InputError("FibreSource: attachments", problem, "add its landmarks, or connect aponeuroses")
     origin, insertion = (
         attached_surface(mine, geometry, f"FibreSource: attachments: {role} area")
         for role, mine in zip(ROLES, by_role, strict=True)
