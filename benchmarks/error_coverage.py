@@ -23,15 +23,14 @@ import numpy as np
 from how_right import N_FIBRES, Known, Table, known_phantoms
 from numpy.typing import NDArray
 
-from vtkmuscle import RigidMotion, Scene, phantoms
+from vtkmuscle import Scene, phantoms
 from vtkmuscle.core.accuracy.estimate import Estimate, root_of_squares
-from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.template.kinds import KINDS
 
 Floats = NDArray[np.float64]
 
 #: Causes that every run states, without further solves.
-ALWAYS = ("solve", "segments", "fibres", "regression", "facets")
+ALWAYS = ("solve", "segments", "fibres", "slopes", "facets")
 #: What arithmetic leaves of an exact answer [mm, mm^2].
 ROUNDING = 1e-6
 #: Phantoms whose known length is not from attachment to attachment, but to the edge of one.
@@ -63,21 +62,16 @@ class Compared:
 def compared(case: Known, *, every: int = 1, **asked: Any) -> Iterator[Compared]:
     """Run a phantom along its way, and yield its quantities; ``asked`` goes to ``Scene.run``."""
     chosen = slice(None, None, every)
-    places, answers, way = case.places[chosen], case.answers[chosen], case.motion
-    unit = "mm" if case.quantity == "length" else "deg"
-    motion = RigidMotion(
-        np.arange(float(len(places))),
-        {bone: table[chosen] for bone, table in way.transforms.items()},
-        way.centre,
-        {"place": Coordinate(places, unit)},
-    )
+    places, answers = case.places[chosen], case.answers[chosen]
+    way = case.motion.part(np.arange(len(case.places))[chosen])
+    motion = replace(way, times=np.arange(float(len(places))))
     whole = Scene.from_phantom(case.phantom, n_fibres=N_FIBRES)
     result = replace(whole, motion=motion).run(figures=False, **asked)
     ((_, errors),) = result.errors.items()
     if case.quantity == "length":
         yield Compared(case.name, "length", errors["length"], answers)
         return
-    yield Compared(case.name, "moment arm", errors["moment_arm_place"], answers)
+    yield Compared(case.name, "moment arm", errors["moment_arm_way"], answers)
     length: Any = case.phantom.known.get("length")
     if "coordinates" not in case.phantom.known and case.phantom.name not in ELSEWHERE:
         lengths = np.array([length(float(place)) for place in places])
@@ -94,7 +88,7 @@ def compared_block(kind: str, **asked: Any) -> Iterator[Compared]:
         length = np.mean([length(r, s) for r in places for s in places])
     ((_, errors),) = result.errors.items()
     name, volume = f"{kind} block", float(np.asarray(phantom.known["volume"]))
-    yield Compared(name, "length", errors["length"], np.array([length]))
+    yield Compared(name, "fibre length", errors["fibre_length"], np.array([length]))
     yield Compared(name, "area", errors["pcsa"], np.array([volume / length]))
 
 

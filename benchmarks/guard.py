@@ -1,9 +1,8 @@
 """Guard against regressions: ``python benchmarks/guard.py [--update]``, against ``guard.json`` beside it.
 
 ``counts`` do not depend on the machine: what a run does how often (``work_counts.py``), how much the kernels
-of a decomposition and of a transport are given (``fibre_counts.py``), and, for a cold start, how many
-instructions numba writes for the kernels of a first run. The last two may grow by a tenth, so may triangles
-drawn, bytes by a quarter, and what a run does not at all. The tests hold them to the committed ones.
+of a decomposition and of a transport are given (``fibre_counts.py``). The latter may grow by a tenth, so may
+triangles drawn, bytes by a quarter, and what a run does not at all. The tests hold them to those committed.
 
 ``ratios`` are times of processor over that of a calibration kernel that this project will not change, taken
 in turns with it: medians of the turns. On two processors with six processes at work, eight runs differed from
@@ -17,14 +16,12 @@ import argparse
 import json
 import math
 import platform
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -42,14 +39,6 @@ from vtkmuscle.pipelines import decompose
 HERE = Path(__file__).resolve().parent
 COMMITTED = HERE / "guard.json"
 MARGIN, TURNS = 1.25, 9
-#: The count that depends on the version of numba.
-COMPILED = "instructions compiled"
-
-
-def instructions_compiled() -> int:
-    """Return how many instructions numba writes for all kernels of a first run; LLVM does not see them."""
-    command = [sys.executable, HERE / "compile_times.py", "--count"]
-    return int(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 
 
 def figures() -> dict[str, Callable[[], object]]:
@@ -114,10 +103,8 @@ def regressions(now: Mapping[str, Any], before: Mapping[str, Any], margin: float
             worse.append(f"{name}: {ratio:g} calibrations, was {old:g} ({ratio / old:.2f} times)")
     for name, count in now.get("counts", {}).items():
         old = before.get("counts", {}).get(name)
-        if name == COMPILED and now.get("numba") != before.get("numba"):
-            continue  # another version writes other instructions
         slack = 1.25 if name.startswith("bytes") else 1.0
-        if name in (COMPILED, "triangles drawn") or name.endswith(OF_FIBRES):
+        if name == "triangles drawn" or name.endswith(OF_FIBRES):
             slack = 1.1
         if old is not None and count > slack * old:
             worse.append(f"{name}: {count}, was {old}")
@@ -134,9 +121,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asked = parser.parse_args(arguments)
     result = {
         "machine": f"{platform.machine()}, Python {platform.python_version()}",
-        "numba": numba.__version__,
         "ratios": ratios(),
-        "counts": {**counts(), **fibre_work(), COMPILED: instructions_compiled()},
+        "counts": {**counts(), **fibre_work()},
     }
     text = json.dumps(result, indent=2) + "\n"
     print(text)

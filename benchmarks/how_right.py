@@ -6,8 +6,9 @@
     python benchmarks/how_right.py --hip FOLDER --rst docs/validation/how_right_tables
     python benchmarks/how_right.py --knee FOLDER --rst docs/validation/how_right_tables
 
-Each figure is given twice: of the taut paths alone (TautFibres) and of the fibres that PBDDeformer and
-FibreTransport carry, both with their defaults. ``--hip`` names a folder of the LHDL hip, with ``scene.toml``,
+Each figure is given twice: of the muscle's *paths*, bone to bone, whose moment arms are levers, and of the
+*fibres* that PBDDeformer and FibreTransport carry, whose moment arms are -dl/dq; both with their defaults.
+``--hip`` names a folder of the LHDL hip, with ``scene.toml``,
 ``motions`` and ``reference``, ``--knee`` one of a knee with a hinge in its ``scene.toml``. The page
 docs/validation/how_right.rst says what is measured.
 """
@@ -19,26 +20,27 @@ import csv
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from vtkmuscle import RigidMotion, Scene, phantoms
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.moment_arms.derivatives import moment_arms, quartic_moment_arms
-from vtkmuscle.data.arrays import Polylines, polylines_of
+from vtkmuscle.core.moment_arms.derivatives import quartic_moment_arms
+from vtkmuscle.core.moment_arms.of_joints import joint_arms, slopes_by
+from vtkmuscle.core.motion.coordinates import Coordinate
+from vtkmuscle.data.arrays import polylines_of
+from vtkmuscle.data.paths import paths_of, wrenches_over_time
 from vtkmuscle.io import curves_for, read_literature
 from vtkmuscle.phantoms import Phantom
-from vtkmuscle.pipelines import MusclePipeline, pull_taut
+from vtkmuscle.pipelines import MusclePipeline
 
 Floats = NDArray[np.float64]
 
-#: The two ways that lengths are had, as the tables call them.
-MODELS = ("paths", "muscle")
+#: What lengths and moment arms are of, as the tables call it.
+OF = ("paths", "fibres")
 
 #: Fibres that each phantom gets, and settings of them that follow sharp bends better than the defaults do.
 N_FIBRES = 30
@@ -84,31 +86,51 @@ class Table:
             csv.writer(file, lineterminator="\n").writerows([self.header, *self.rows])
 
 
-def fibres_of_both(
-    muscle: Any,
-    bones: Any,
-    attachments: Any,
-    motion: RigidMotion,
-    **fibre_settings: Any,
-) -> dict[str, list[Polylines]]:
-    """Return a muscle's fibres in each frame, by each of the models."""
-    volume = MusclePipeline(muscle, bones, motion, attachments, fixing={}, fibres=fibre_settings)
-    paths = pull_taut(volume.fixed, bones, motion, volume.fibres, attachments, fixing=None)
-    return {
-        model: [polylines_of(chain.update(time=time).output, model) for time in motion.times]
-        for model, chain in zip(MODELS, (paths, volume.transport), strict=True)
-    }
+@dataclass
+class Measured:
+    """Lengths and moment arms of a muscle in each frame.
+
+    Attributes
+    ----------
+    lengths : dict of str to (f, k) array
+        Of the paths and of the fibres [mm].
+    wrenches : dict of str to (f, k, 6) array
+        Of the paths, by bone.
+    motion : RigidMotion
+        With one coordinate.
+    """
+
+    lengths: dict[str, Floats]
+    wrenches: dict[str, Floats]
+    motion: RigidMotion
+
+    @property
+    def arms(self) -> dict[str, Floats]:
+        """Of the paths their levers, of the fibres -dl/dq by differences, in the frames of the sweep [mm]."""
+        (name,) = self.motion.coordinates
+        (levers,) = joint_arms(self.lengths["paths"], self.wrenches, self.motion)[0].values()
+        slopes = slopes_by(self.motion, name, (name,), self.lengths["fibres"])
+        return {"paths": levers.arms, "fibres": slopes[levers.frames]}
 
 
-def lengths_of(frames: Sequence[Polylines]) -> Floats:
-    """Return the lengths of fibres, (frames, fibres) [mm]."""
-    return np.array([polyline_lengths(lines.points, lines.offsets) for lines in frames])
-
-
-def lengths_of_both(*scene: Any, **fibre_settings: Any) -> dict[str, Floats]:
-    """Return the lengths of a muscle's fibres (frames, fibres) [mm], by each of the models."""
-    found = fibres_of_both(*scene, **fibre_settings)
-    return {model: lengths_of(frames) for model, frames in found.items()}
+def measured(
+    muscle: Any, bones: Any, attachments: Any, motion: RigidMotion, **fibre_settings: Any
+) -> Measured:
+    """Return what is measured of a muscle's paths and fibres over a motion."""
+    chain = MusclePipeline(muscle, bones, motion, attachments, fixing={}, fibres=fibre_settings).transport
+    assert chain is not None  # it has fibres
+    lengths: dict[str, list[Floats]] = {of: [] for of in OF}
+    wrenches = []
+    for time in motion.times:
+        fibres = chain.update(time=float(time)).output
+        lines, paths = polylines_of(fibres, "fibres"), paths_of(fibres, "fibres")
+        assert paths is not None  # the deformer follows them
+        lengths["fibres"].append(polyline_lengths(lines.points, lines.offsets))
+        lengths["paths"].append(paths.lengths)
+        wrenches.append(paths.wrenches)
+    return Measured(
+        {of: np.array(rows) for of, rows in lengths.items()}, wrenches_over_time(wrenches), motion
+    )
 
 
 # ---------------------------------------------------------------------- phantoms
@@ -142,16 +164,16 @@ class Known:
 
     @property
     def motion(self) -> RigidMotion:
-        """The phantom's, along the way."""
+        """The phantom's, along the way, which is its coordinate."""
         poses = [self.phantom.motion.at(time) for time in self.times]
         transforms = {bone: np.array([pose[bone] for pose in poses]) for bone in poses[0]}
-        return RigidMotion(np.arange(float(len(poses))), transforms, self.phantom.motion.centre)
+        way = Coordinate(self.places, "deg" if self.quantity == "moment arm" else "mm")
+        return RigidMotion(np.arange(float(len(poses))), transforms, self.phantom.motion.centre, {"way": way})
 
-    def measured(self, lengths: Floats) -> Floats:
-        """Return the mean over the fibres, (k,), of what the answers are."""
-        if self.quantity == "length":
-            return lengths.mean(axis=1)
-        return moment_arms(lengths, np.radians(self.places)).arms[:, :, 0].mean(axis=1)
+    def means(self, found: Measured) -> dict[str, Floats]:
+        """Return the means over paths and over fibres, (k,) each, of what the answers are."""
+        given = found.lengths if self.quantity == "length" else found.arms
+        return {of: values.mean(axis=1) for of, values in given.items()}
 
 
 def _by_angle(name: str, phantom: Phantom, angles: Floats) -> Known:
@@ -195,18 +217,17 @@ def known_phantoms() -> Iterator[Known]:
 
 def phantom_tables(**fibre_settings: Any) -> tuple[Table, Table]:
     """Return known against measured answers at a handful of poses, and the errors over all poses."""
-    at = Table("phantoms", ("phantom", "at", "known [mm]", "paths [mm]", "muscle [mm]"), [])
+    at = Table("phantoms", ("phantom", "at", "known [mm]", *(f"{of} [mm]" for of in OF)), [])
     header = ("phantom", "poses", "known", "known [mm]")
-    errors = [f"{model}: {which} error [mm]" for model in MODELS for which in ("mean", "largest")]
+    errors = [f"{of}: {which} error [mm]" for of in OF for which in ("mean", "largest")]
     worst = Table("errors", (*header, *errors), [])
     for case in known_phantoms():
         print(f"{case.name} ...", file=sys.stderr, flush=True)
         ((name, muscle),) = case.phantom.muscles.items()
         areas = case.phantom.attachments[name]
-        both = lengths_of_both(
-            muscle, case.phantom.bones, areas, case.motion, n_fibres=N_FIBRES, **fibre_settings
-        )
-        known, ours = case.answers, [case.measured(both[model]) for model in MODELS]
+        given = muscle, case.phantom.bones, areas, case.motion
+        found = case.means(measured(*given, n_fibres=N_FIBRES, **fibre_settings))
+        known, ours = case.answers, [found[of] for of in OF]
         for frame in np.linspace(0, len(known) - 1, HANDFUL).round().astype(int):
             values = (known[frame], *(own[frame] for own in ours))
             at.rows.append((case.name, f"{case.places[frame]:g}", *(f"{value:.1f}" for value in values)))
@@ -224,28 +245,32 @@ def hip_table(folder: Path) -> Table:
     """Return how the moment arms of two muscles of a real hip compare with a published envelope."""
     scene = Scene.load(folder / "scene.toml")
     curves = read_literature(folder / "reference" / "literature_moment_arms_iliacus_gluteus_maximus.csv")
-    header = ("muscle", "coordinate", "model", "mean [mm]", "literature [mm]", "covered", "precision", "IoU")
+    header = ("muscle", "coordinate", "of", "mean [mm]", "literature [mm]", "covered", "precision", "IoU")
     table = Table("hip", header, [])
     for name in MUSCLES:
         muscle, areas = scene.muscles[name], scene.attachments_data(name)
         for coordinate, (sweep, span) in SWEEPS.items():
             print(f"{name}, {coordinate} ...", file=sys.stderr, flush=True)
-            motion, angles, first = _swept(folder / "motions", sweep, f"{coordinate}_r", span, scene)
+            motion, first = _swept(folder / "motions", sweep, f"{coordinate}_r", span, scene)
             settings = muscle.fibres or {}
-            both = lengths_of_both(muscle.surface, scene.bones_data(), areas, motion, **settings)
+            found = measured(muscle.surface, scene.bones_data(), areas, motion, **settings)
+            angles = motion.coordinates[f"{coordinate}_r"].values[first:]
             known = curves_for(curves, muscle=name, coordinate=coordinate)
             sides = [curve for curve in known if curve.source == ENVELOPE]
             grid, low, high = _envelope(sides, span)
-            samples = {model: (lengths[first:], angles) for model, lengths in both.items()}
+            levers = found.arms["paths"][-len(angles) :]
+            arms = {"paths": np.array([np.interp(grid, angles, one) for one in levers.T]).T}
+            samples = {"fibres": (found.lengths["fibres"][first:], angles)}
             published = folder / "reference" / LINEAR_BLEND.format(name, coordinate)
             if published.is_file():
                 samples["linear blend 2020"] = _published(published, span)
-            for model, (lengths, at) in samples.items():
-                arms, _ = quartic_moment_arms(lengths, np.radians(at), at=np.radians(grid))
-                parts = overlap(arms.min(axis=1), arms.max(axis=1), low, high)
-                told = (f"{arms.mean():.1f}", f"{(low + high).mean() / 2.0:.1f}")
+            for of, (lengths, at) in samples.items():
+                arms[of], _ = quartic_moment_arms(lengths, np.radians(at), at=np.radians(grid))
+            for of, ours in arms.items():
+                parts = overlap(ours.min(axis=1), ours.max(axis=1), low, high)
+                told = (f"{ours.mean():.1f}", f"{(low + high).mean() / 2.0:.1f}")
                 shares = (f"{100 * part:.0f} %" for part in parts)
-                table.rows.append((name, coordinate, model, *told, *shares))
+                table.rows.append((name, coordinate, of, *told, *shares))
     return table
 
 
@@ -274,19 +299,17 @@ def _published(path: Path, span: tuple[float, float]) -> tuple[Floats, Floats]:
 
 def _swept(
     folder: Path, sweep: str, coordinate: str, span: tuple[float, float], scene: Scene
-) -> tuple[RigidMotion, Floats, int]:
-    """Return a motion from rest by the neutral pose to the start of a sweep and along it.
-
-    Also the sweep's angles [degrees], and its first frame.
-    """
+) -> tuple[RigidMotion, int]:
+    """Return a motion from rest by the neutral pose to a sweep and along it, and the first frame of that."""
     to_neutral = _poses(folder / "rest_to_neutral.csv", coordinate)
     along = [row for row in _poses(folder / f"{sweep}.csv", coordinate) if span[0] <= row[0] <= span[1]]
     neutral = int(np.argmin([abs(angle) for angle, _ in along]))
     lead = [*to_neutral[:-1], *along[neutral:0:-1]]
-    transforms = np.array([transform for _, transform in [*lead, *along]])
+    angles, transforms = (np.array(column) for column in zip(*lead, *along, strict=True))
     (bone,) = scene.motion.transforms
-    motion = RigidMotion(np.arange(float(len(transforms))), {bone: transforms}, scene.motion.centre)
-    return motion, np.array([angle for angle, _ in along]), len(lead)
+    times, centre = np.arange(float(len(transforms))), scene.motion.centre
+    motion = RigidMotion(times, {bone: transforms}, centre, {coordinate: Coordinate(angles)})
+    return motion, len(lead)
 
 
 def _poses(path: Path, coordinate: str) -> list[tuple[float, Floats]]:
@@ -300,38 +323,26 @@ def _poses(path: Path, coordinate: str) -> list[tuple[float, Floats]]:
 
 
 def knee_table(folder: Path) -> Table:
-    """Return moment arms of the muscles over a hinge, by lengths and by levers, means over the fibres."""
+    """Return moment arms of the muscles over a hinge: levers of paths, and -dl/dq of paths and of fibres."""
     scene = Scene.load(folder / "scene.toml")
     angles, motion = scene.motion.times, scene.motion
-    (moves,) = motion.transforms.values()
-    turn = Rotation.from_matrix(moves[-1, :3, :3]).as_rotvec()
-    axis, centre = turn / np.linalg.norm(turn), motion.centre
     shown = np.linspace(0, len(angles) - 1, HANDFUL).round().astype(int)
-    header = ("muscle", "model", *(f"at {angles[frame]:g}" for frame in shown), "largest difference [mm]")
+    header = ("muscle", "what", *(f"at {angles[frame]:g}" for frame in shown), "largest difference [mm]")
     table = Table("knee", header, [])
     for name, muscle in scene.muscles.items():
         print(f"{name} ...", file=sys.stderr, flush=True)
-        given = muscle.surface, scene.bones_data(), scene.attachments_data(name), motion
-        for model, frames in fibres_of_both(*given, **(muscle.fibres or {})).items():
-            arms = -np.gradient(lengths_of(frames), np.radians(angles), axis=0).mean(axis=1)
-            levers = np.array([_levers(lines, centre, axis).mean() for lines in frames])
-            both = (f"{arms[frame]:.1f} / {levers[frame]:.1f}" for frame in shown)
-            table.rows.append((name, model, *both, f"{np.abs(arms - levers).max():.1f}"))
+        areas = scene.attachments_data(name)
+        found = measured(muscle.surface, scene.bones_data(), areas, motion, **(muscle.fibres or {}))
+        slopes = -np.gradient(found.lengths["paths"], np.radians(angles), axis=0, edge_order=2)
+        levers = found.arms["paths"].mean(axis=1)
+        for what, arms in (
+            ("paths, levers", levers),
+            ("paths, -dl/dq", slopes.mean(axis=1)),
+            ("fibres, -dl/dq", found.arms["fibres"].mean(axis=1)),
+        ):
+            off = f"{np.abs(arms - levers).max():.1f}"
+            table.rows.append((name, what, *(f"{arms[frame]:.1f}" for frame in shown), off))
     return table
-
-
-def _levers(lines: Polylines, centre: Floats, axis: Floats) -> Floats:
-    """Return the levers of fibres' pulls where they pass nearest to an axis, (fibres,) [mm]."""
-    levers = []
-    for begin, end in pairwise(lines.offsets):
-        points = lines.points[begin:end]
-        across = points - centre
-        across -= (across @ axis)[:, None] * axis
-        near = int(np.linalg.norm(across, axis=1).argmin())
-        along = points[min(near + 1, len(points) - 1)] - points[max(near - 1, 0)]
-        # The end on the moving bone is the last: it is pulled towards the first.
-        levers.append(-np.cross(across[near], along / np.linalg.norm(along)) @ axis)
-    return np.array(levers)
 
 
 def main() -> None:

@@ -59,7 +59,7 @@ def drawing() -> dict[str, int]:
     """Return what the figures and the page of a run of a small scene with fine bones take.
 
     Windows, pictures in them, triangles and thousands of pixels rendered for these; bones made coarser, and
-    regressions of moment arms.
+    how often moment arms are taken.
     """
     phantom = phantoms.spindle_over_hinge()
     bones = {name: _refined(bone) for name, bone in blocks_of(phantom.bones)}
@@ -69,7 +69,7 @@ def drawing() -> dict[str, int]:
         watched = (
             ("bones made coarser", drawn_bones, "clustered"),
             ("windows opened", Studio, "__init__"),
-            ("regressions of moment arms", result, "joint_arms"),
+            ("moment arms of muscles", result, "joint_arms"),
         )
         for what, owner, name in watched:
             stack.enter_context(patch.object(owner, name, _counting(getattr(owner, name), what, found)))

@@ -19,7 +19,7 @@ coarse = RigidMotion(
 scene = Scene("hip", whole.bones, {"gluteus_medius": whole.muscles["gluteus_medius"]}, coarse)
 result = scene.run()
 
-lengths = result.lengths["gluteus_medius"]
+lengths = result.fibre_lengths["gluteus_medius"]
 for i in (0, 6, 12):
     print(f"{result.times[i]:2.0f} degrees: mean fibre length {lengths[i].mean():.1f} mm")
 

@@ -2,12 +2,10 @@
 A known moment arm
 ==================
 
-A strap lies on a cylinder that turns and winds it up. The moment arm of a fibre in the middle of the strap
+A strap lies on a cylinder that turns and winds it up. The moment arm of a path in the middle of the strap
 is the radius of the cylinder and half the thickness of the strap, at every angle, and negative: the strap
-lengthens as the angle grows. That of the muscle is measured here by :meth:`Result.moment_arms`, -dl/dq of
-the fibre lengths. Its mean is about a millimetre too large, 3 %: the taut fibres, which the muscle follows,
-are within 0.3 mm by themselves, but edges, volume and bones have their say in the shape as well.
-:doc:`/validation/how_right` has the same for other phantoms, some of which are farther off.
+lengthens as the angle grows. :meth:`Result.moment_arms` has the levers of all paths of the muscle, whose mean
+is within 0.3 mm. :doc:`/validation/how_right` has the same for other phantoms, some of which are farther off.
 """
 
 import matplotlib.pyplot as plt
@@ -30,10 +28,10 @@ axes.fill_between(
     color="darkred",
     alpha=0.2,
     linewidth=0,
-    label="measured, all fibres",
+    label="measured, all paths",
 )
 axes.plot(measured.values, measured.mean, color="darkred", label="measured, mean")
 axes.axhline(known, color="black", linestyle="--", label="known")
-axes.set(xlabel=result.time_label, ylabel="moment arm, -dl/dq [mm]", ylim=(1.5 * known, 0.0))
+axes.set(xlabel=result.time_label, ylabel="moment arm [mm]", ylim=(1.5 * known, 0.0))
 axes.legend(frameon=False)
 plt.show()

@@ -7,6 +7,7 @@ import numpy as np
 
 from vtkmuscle import phantoms
 from vtkmuscle.core.collision.obstacles import bone_axes
+from vtkmuscle.core.motion.twists import twist_about
 from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.taut.paths import POINTS, TautPaths
 from vtkmuscle.core.taut.via_rings import via_ring
@@ -146,19 +147,9 @@ def swept(paths, poses, start=None):
     return states
 
 
-def levers(paths, state, moving, centre, axis):
+def levers(state, moving, centre, axis):
     """Return how much each string turns some bones about an axis, at a tension of 1, (f,) [mm].
-
-    Its end pulls along its last segment; where a bone pushes it aside, it presses on that.
 
     moving : numbers of the bones;  centre, axis : (3,), axis of the positive coordinate, unit.
     """
-    steps = np.diff(state.points, axis=1)
-    along = steps / np.linalg.norm(steps, axis=2, keepdims=True)
-    force = np.zeros_like(state.points)
-    force[:, 1:-1] = along[:, 1:] - along[:, :-1]
-    pushed = [number for number, bone in enumerate(paths._numbers) if bone in moving]
-    force[:, 1:-1] *= state.pushed[pushed].any(axis=0)[:, 1:-1, None]
-    for end, bones, pull in ((0, paths.start_bones, along[:, 0]), (-1, paths.end_bones, -along[:, -1])):
-        force[:, end] = np.where(np.isin(bones, moving)[:, None], pull, 0.0)
-    return (np.cross(state.points - centre, force) @ np.asarray(axis)).sum(axis=1)
+    return state.wrenches[:, moving].sum(axis=1) @ twist_about(centre, axis)

@@ -40,6 +40,7 @@ def test_both_formats_hold_the_same(runs):
     assert sorted(path.name for path in (runs / "vtkhdf").iterdir()) == [
         "architecture.csv",
         "bones.vtkhdf",
+        "fibre_lengths.csv",
         "finished",
         "lengths.csv",
         "report.html",

@@ -95,7 +95,7 @@ def test_nothing_old_stands_beside_new_results(scene, tmp_path):
     found = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
     assert found == {
         *("notes.txt", "old/mine.txt", "report.json", "report.html", "lengths.csv"),
-        *("architecture.csv", "spindle_fibres.csv"),
+        *("fibre_lengths.csv", "architecture.csv", "spindle_fibres.csv"),
         *("spindle.vtkhdf", "spindle_fibres.vtkhdf", "bones.vtkhdf"),
         *(
             f"finished/{name}"

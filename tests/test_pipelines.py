@@ -171,7 +171,7 @@ def test_the_pipeline_of_a_scene_has_the_scenes_settings(scene):
     pipeline = muscle_pipeline(scene, "spindle")
     assert pipeline.deformer.iterations == scene.solver["iterations"]
     run = scene.run(frames="0:3", figures=False)
-    np.testing.assert_array_equal(lengths(pipeline.metrics, run.times[2]), run.lengths["spindle"][2])
+    np.testing.assert_array_equal(lengths(pipeline.metrics, run.times[2]), run.fibre_lengths["spindle"][2])
 
 
 @pytest.mark.filterwarnings("ignore:SliceMorpher. the muscle is bent too much")

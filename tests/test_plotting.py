@@ -83,6 +83,7 @@ class FakeResult:
 
     def __post_init__(self):
         self.lengths = {"with_fibres": np.array([[90.0, 90.0]]) * (1.0 + np.arange(4)[:, None] / 100.0)}
+        self.fibre_lengths = self.lengths
         rows = [{"time": t, "volume_ratio": 1.001} for t in self.times]
         self.report = {"model": "volume", "muscles": {name: {"frames": rows} for name in self.muscle_names}}
         self.frames = list(range(len(self.times)))
@@ -226,7 +227,8 @@ def test_the_same_frame_twice_gives_the_same_panel_twice(renders):
 def test_all_figures_of_a_run_are_written(renders, tmp_path):
     theme = pv.global_theme.to_dict()
     written = write_figures(tmp_path / "figures", FakeResult())
-    names = {"rest_pose", "with_fibres_frames", "with_fibres_lengths", "bare_frames", "volume"}
+    of_fibres = {f"with_fibres_{name}" for name in ("frames", "lengths", "fibre_lengths")}
+    names = {"rest_pose", "bare_frames", "volume", *of_fibres}
     assert {path.stem for path in written} == names
     assert set(written) == set((tmp_path / "figures").iterdir())
     for path in written:

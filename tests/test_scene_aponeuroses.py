@@ -11,7 +11,7 @@ from vtkmuscle import Scene
 from vtkmuscle.data.aponeuroses import Aponeurosis, aponeuroses_data
 from vtkmuscle.data.arrays import cell_array, points_of, polylines_of
 from vtkmuscle.filters import FibreSource
-from vtkmuscle.phantoms import fibre_block
+from vtkmuscle.phantoms import fibre_block, spindle_over_hinge
 from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.run import muscle_pipeline
 from vtkmuscle.scene import SceneError
@@ -46,7 +46,9 @@ def test_oblique_fibres_between_plates_that_shift_have_their_known_lengths(kind)
         fibres = pipeline.metrics.update(time=time).output
         known = np.hypot(width, LENGTH / 2 - time)
         lengths = cell_array(fibres, "Length", "fibres")
-        assert lengths.mean() == pytest.approx(known, rel=0.01)
+        # A tendon within the muscle is carried by the surface, and so is shortened with it.
+        within = 0.01 if kind == "pennate" or time == 0.0 else 0.05
+        assert lengths.mean() == pytest.approx(known, rel=within)
         ways = np.diff(polylines_of(fibres, "fibres").points.reshape(40, -1, 3)[:, [0, -1]], axis=1)[:, 0]
         angles = np.degrees(np.arctan2(np.abs(ways[:, 0]), np.abs(ways[:, 2])))
         assert angles.mean() == pytest.approx(np.degrees(np.arctan2(width, LENGTH / 2 - time)), abs=1.0)
@@ -118,3 +120,17 @@ def test_paths_alone_carry_no_aponeuroses():
             model="paths",
             fibres={},
         )
+
+
+def test_a_run_has_lengths_of_paths_beside_those_of_fibres():
+    scene = Scene.from_phantom(spindle_over_hinge(), n_fibres=12)
+    z, half = np.linspace(-20.0, 40.0, 7), 6.0
+    sheets = []
+    for side, y in (("proximal", -16.0), ("distal", -48.0)):
+        left, right = (np.column_stack([np.full(7, x), np.full(7, y), z]) for x in (-half, half))
+        sheets.append(Aponeurosis(side, np.vstack([left, right[::-1]])))
+    muscle = replace(scene.muscles["spindle"], aponeuroses=tuple(sheets))
+    result = replace(scene, muscles={"spindle": muscle}).run(frames="0:2")
+    assert result.lengths["spindle"].mean() == pytest.approx(140.0, rel=0.02)
+    across = result.fibre_lengths["spindle"]
+    assert 20.0 < across.min() < across.max() < 45.0

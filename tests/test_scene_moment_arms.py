@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from tiny_scene import HINGE, TOML, write_tiny_scene
 
-from vtkmuscle import Scene, SceneError, hinge
-from vtkmuscle.core.moment_arms.derivatives import moment_arms
+from vtkmuscle import Result, Scene, SceneError, hinge
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.plotting import can_render, plot_moment_arms
@@ -59,11 +58,14 @@ def table(path):
         return list(csv.DictReader(lines))
 
 
-def test_moment_arms_are_the_slopes_of_the_lengths(result):
+def test_moment_arms_are_levers_and_the_slopes_of_the_lengths(result):
     found = result.moment_arms()["spindle"]["knee"]
     lengths, angles = result.lengths["spindle"], np.radians(result.times)
-    np.testing.assert_allclose(found.arms, moment_arms(lengths, angles).arms[..., 0], atol=1e-9)
-    np.testing.assert_allclose(found.mean, moment_arms(lengths.mean(axis=1), angles).arms[:, 0, 0], atol=1.0)
+    np.testing.assert_allclose(found.slopes, -np.gradient(lengths, angles, axis=0, edge_order=2), atol=1e-9)
+    # Differences of 2.5 degrees of arms that change by less than a millimetre in each.
+    np.testing.assert_allclose(found.mean, found.mean_slope, atol=0.2)
+    twist = result.motion.coordinates["knee"].twists["lower"][0]
+    np.testing.assert_allclose(found.arms[3], result.paths("spindle", frame=3).wrenches["lower"] @ twist)
     # It goes round the joint at a distance of some 15 mm; by the whole change of length as well.
     whole = -(lengths[-1] - lengths[0]).mean() / angles[-1]
     assert found.mean.mean() == pytest.approx(whole, rel=0.1)
@@ -98,12 +100,14 @@ def test_tables_and_report_hold_them(result, out):
         frame, fibre = result.times.index(float(row["value"])), int(row["fibre"])
         assert (row["muscle"], row["coordinate"], row["unit"]) == ("spindle", "knee", "deg")
         assert float(row["moment_arm_mm"]) == pytest.approx(found.arms[frame, fibre], rel=1e-9)
-        assert float(row["error_mm"]) == pytest.approx(found.errors[frame, fibre], rel=1e-9, abs=1e-12)
+        assert float(row["slope_mm"]) == pytest.approx(found.slopes[frame, fibre], rel=1e-9, abs=1e-12)
         assert float(row["quartic_mm"]) == pytest.approx(found.quartic[frame, fibre], rel=1e-9)
+    total = result.errors["spindle"]["moment_arm_knee"].total
     summary = table(out / "moment_arms_summary.csv")
     assert [float(row["value"]) for row in summary] == result.times
     for frame, row in enumerate(summary):
         assert float(row["mean_mm"]) == pytest.approx(found.mean[frame])
+        assert float(row["mean_err_mm"]) == pytest.approx(total[frame])
         assert float(row["min_mm"]) == pytest.approx(found.arms[frame].min())
         assert float(row["max_mm"]) == pytest.approx(found.arms[frame].max())
     report = json.loads((out / "report.json").read_text())
@@ -142,10 +146,35 @@ def test_without_a_coordinate_nothing_is_written_and_what_was_there_goes(scene, 
         plain.moment_arms()
 
 
-def test_too_few_frames_are_told_in_the_report(scene, tmp_path):
-    few = scene.run(tmp_path, frames="0:3", figures=False)
-    assert "3 different value(s), but 4 are needed" in few.report["moment_arms"]["reason"]
+def test_a_single_frame_has_moment_arms_where_the_joint_is_known(scene, result, tmp_path):
+    one = scene.run(tmp_path, frames="3:4", figures=False)
+    found = one.moment_arms()["spindle"]["knee"]
+    np.testing.assert_allclose(found.arms, result.moment_arms()["spindle"]["knee"].arms[3:4], atol=1e-9)
+    (row,) = table(tmp_path / "moment_arms_summary.csv")
+    assert row["slope_mean_mm"] == row["quartic_mean_mm"] == ""
+    again = Result.load(tmp_path).moment_arms()["spindle"]["knee"]
+    np.testing.assert_array_equal(again.arms, found.arms)
+
+
+def test_a_single_frame_of_a_table_is_told_in_the_report(scene, tmp_path):
+    knee = replace(scene.motion.coordinates["knee"], twists=None)
+    plain = replace(scene, motion=replace(scene.motion, coordinates={"knee": knee}))
+    few = plain.run(tmp_path, frames="0:1", figures=False)
+    assert "no coordinate of the motion changes" in few.report["moment_arms"]["reason"]
     assert not (tmp_path / "moment_arms.csv").exists()
+
+
+def test_figure_table_and_page_have_one_error(result):
+    """All that is known of it, with 95 % confidence: the difference from -dl/dq is a part of it."""
+    error = result.errors["spindle"]["moment_arm_knee"]
+    found = result.moment_arms()["spindle"]["knee"]
+    np.testing.assert_allclose(error.parts["slopes"], 2 / np.sqrt(3) * np.abs(found.mean - found.mean_slope))
+    figure = plot_moment_arms({"knee": found}, errors={"knee": error.total})
+    (band,) = (one for one in figure.axes[0].collections if "error" in one.get_label())
+    low, high = band.get_paths()[0].get_extents().intervaly
+    assert low == pytest.approx((found.mean - error.total).min())
+    assert high == pytest.approx((found.mean + error.total).max())
+    np.testing.assert_array_equal(result.moment_arms().summary()["mean_err_mm"], error.total)
 
 
 def test_a_saved_scene_has_the_same_coordinates_and_literature(scene, tmp_path):

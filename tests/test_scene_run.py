@@ -164,11 +164,11 @@ def test_muscles_move_with_their_bones_and_keep_their_volume(result):
     )
 
 
-def test_lengths_are_those_of_the_fibres(result):
+def test_lengths_of_fibres_are_theirs(result):
     for i in range(FRAMES):
         lines = polylines_of(result.fibres("spindle", frame=i), "fibres")
         np.testing.assert_allclose(
-            result.lengths["spindle"][i], polyline_lengths(lines.points, lines.offsets)
+            result.fibre_lengths["spindle"][i], polyline_lengths(lines.points, lines.offsets)
         )
 
 
@@ -263,6 +263,7 @@ def test_everything_is_written_and_nothing_else(result, out):
     assert files(out) == sorted(
         [
             "lengths.csv",
+            "fibre_lengths.csv",
             "architecture.csv",
             "spindle_fibres.csv",
             "report.json",
@@ -301,7 +302,7 @@ def test_the_tables_hold_the_result(result, out):
     with (out / "lengths.csv").open(newline="") as lines:
         rows = list(csv.DictReader(lines))
     assert len(rows) == 6 * FRAMES
-    assert list(rows[0]) == ["muscle", "fibre", "time", "length_mm", "length_err_mm"]
+    assert list(rows[0]) == ["muscle", "fibre", "frame", "time", "length_mm", "length_err_mm"]
     for row in rows:
         frame = result.times.index(float(row["time"]))
         assert float(row["length_mm"]) == result.lengths[row["muscle"]][frame, int(row["fibre"])]
@@ -310,15 +311,16 @@ def test_the_tables_hold_the_result(result, out):
     assert len(measured) == 6 * FRAMES
     for row in measured:
         frame, fibre = result.times.index(float(row["time"])), int(row["fibre"])
-        assert float(row["length_mm"]) == pytest.approx(result.lengths["spindle"][frame, fibre], rel=1e-9)
-        rest = result.lengths["spindle"][0, fibre]
+        known = result.fibre_lengths["spindle"]
+        assert float(row["length_mm"]) == pytest.approx(known[frame, fibre], rel=1e-9)
+        rest = known[0, fibre]
         assert float(row["strain"]) == pytest.approx(float(row["length_mm"]) / rest - 1, abs=1e-3)
         assert 0 <= float(row["pennation_origin_deg"]) <= 90
         assert 0 <= float(row["curvature_mean_per_mm"]) <= float(row["curvature_max_per_mm"]) < 0.2
         assert 0 <= float(row["penetration_mm"]) < 5
     report = json.loads((out / "report.json").read_text())
     for row in report["muscles"]["spindle"]["fibre_measures"]:
-        lengths = result.lengths["spindle"][row["frame"]]
+        lengths = result.fibre_lengths["spindle"][row["frame"]]
         found = [row["length_mm"][word] for word in ("mean", "sd", "min", "max")]
         assert found == pytest.approx([lengths.mean(), lengths.std(), lengths.min(), lengths.max()])
     assert len(report["muscles"]["spindle"]["fibre_measures"]) == FRAMES

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Self
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
 from vtkmuscle.accuracy import SOLVED, ErrorStudy
-from vtkmuscle.core.compile_ahead import compile_ahead
 from vtkmuscle.core.mesh.shared import held
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import blocks_of
@@ -242,7 +241,6 @@ class Scene(SceneData):
         KeyboardInterrupt
             On Ctrl-C; all finished frames are written, and the report says what they are.
         """
-        compile_ahead()
         if out is not None and not str(out):
             raise ValueError("out is empty; give the name of a folder")
         kinds = () if errors is False else SOLVED if errors is True else tuple(errors)

@@ -35,9 +35,9 @@ class Spread:
     Attributes
     ----------
     lengths : (f,) array
-        Of the mean length of the fibres in each frame [mm].
+        Of the mean length of the paths in each frame [mm].
     moment_arms : dict of str to (m,) array
-        By coordinate, of the fibres' mean moment arm at each value [mm].
+        By coordinate, of the paths' mean moment arm at each value [mm].
     values : dict of str to (m,) array
         The values of each coordinate, in its unit.
     """
@@ -183,6 +183,7 @@ def _spreads(scene: Scene, cause: str, amount: float, samples: int, seed: int) -
             values[name],
         )
         for name in scene.muscles
+        if lengths[name]  # a muscle on one bone has no paths
     }
 
 
@@ -202,7 +203,8 @@ def _moved(motion: RigidMotion, angle: float, distance: float, rng: np.random.Ge
     moved = {
         bone: np.array([tilt @ pose @ back for pose in table]) for bone, table in motion.transforms.items()
     }
-    return replace(motion, transforms=moved)
+    coordinates = {name: one.carried(tilt) for name, one in motion.coordinates.items()}
+    return replace(motion, transforms=moved, coordinates=coordinates)
 
 
 def _waved(surface: vtkPolyData, deviation: float, rng: np.random.Generator) -> vtkPolyData:

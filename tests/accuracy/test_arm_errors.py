@@ -1,4 +1,4 @@
-"""Errors of moment arms where other lengths have arms in other frames."""
+"""Errors of moment arms: what others of them say, and what other lengths say by their slopes."""
 
 from dataclasses import replace
 
@@ -7,34 +7,48 @@ import pytest
 
 from vtkmuscle.accuracy.causes import Cause
 from vtkmuscle.accuracy.estimates import arm_estimates
-from vtkmuscle.core.moment_arms.of_joints import joint_arms
-from vtkmuscle.core.motion.coordinates import Coordinate
-from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 
-ANGLES = np.linspace(0.0, 60.0, 25)
+ANGLES = np.radians(np.linspace(0.0, 60.0, 25))
 ARM, OFF = 30.0, 2.0
 
 
+def arms(arm, slope=None):
+    """Return moment arms of two paths, and slopes that may differ from them."""
+    both = np.full((len(ANGLES), 2), arm)
+    slopes = both if slope is None else np.full_like(both, slope)
+    frames = np.arange(len(ANGLES))
+    return {"knee": JointArms("knee", "deg", "flexion", frames, ANGLES, both, slopes, None, None)}
+
+
 def lengths(arm):
-    smooth = 200.0 - arm * np.radians(ANGLES)
+    smooth = 200.0 - arm * ANGLES
     return np.column_stack([smooth, smooth + 5.0])
 
 
-def arms(values):
-    """Return moment arms; of the longer lever those of some frames are missing, as by several coordinates."""
-    turns = np.array([rotation_about((0, 0, 0), (1, 0, 0), angle) for angle in ANGLES])
-    coordinates = {"knee": Coordinate(ANGLES, "deg", "flexion")}
-    found = joint_arms(values, RigidMotion(ANGLES, {"shank": turns}, coordinates=coordinates))[0]["knee"]
-    if np.ptp(values[:, 0]) > ARM * np.radians(60.0) + 1e-6:
-        kept = np.r_[1:10, 14:24]
-        fields = ("frames", "values", "arms", "errors", "mean", "mean_error")
-        found = replace(found, **{name: getattr(found, name)[kept] for name in fields})
-    return {"knee": found}
+def slopes(name, of):
+    assert name == "knee"
+    return -np.gradient(of, ANGLES, axis=0)
 
 
-@pytest.mark.parametrize(("own", "other"), [(ARM, ARM + OFF), (ARM + OFF, ARM)])
-def test_arms_in_other_frames_leave_an_error_in_all_of_ours(own, other):
-    found = arm_estimates(lengths(own), [Cause("solve", [lengths(other)])], arms)
-    known = arms(lengths(own))["knee"]
-    np.testing.assert_allclose(found["moment_arm_knee"].parts["solve"], np.full(len(known.mean), OFF))
-    np.testing.assert_allclose(found["fibre_moment_arm_knee"].parts["solve"], np.full(known.arms.shape, OFF))
+@pytest.mark.parametrize(
+    "cause",
+    [Cause("solve", [lengths(ARM + OFF)]), Cause("solve", [lengths(ARM + OFF)], arms=[arms(ARM + OFF)])],
+    ids=["lengths", "arms"],
+)
+def test_other_lengths_or_arms_leave_an_error_in_every_frame(cause):
+    found = arm_estimates(arms(ARM), [cause], slopes)
+    np.testing.assert_allclose(found["moment_arm_knee"].parts["solve"], np.full(len(ANGLES), OFF))
+    np.testing.assert_allclose(found["each_moment_arm_knee"].parts["solve"], np.full((len(ANGLES), 2), OFF))
+
+
+def test_what_lever_and_slope_differ_by_bounds_the_error():
+    found = arm_estimates(arms(ARM, ARM - OFF), [], slopes)
+    np.testing.assert_allclose(found["moment_arm_knee"].parts["slopes"], 2.0 / np.sqrt(3.0) * OFF)
+
+
+def test_a_slope_that_is_not_known_adds_nothing():
+    (known,) = arms(ARM).values()
+    known = {"knee": replace(known, slopes=np.full_like(known.arms, np.nan))}
+    found = arm_estimates(known, [Cause("solve", [lengths(ARM + OFF)])], slopes)
+    assert all(not part.any() for part in found["moment_arm_knee"].parts.values())

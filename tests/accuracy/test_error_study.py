@@ -40,19 +40,23 @@ def plain(scene):
 def test_every_run_states_what_takes_no_further_solve(plain):
     errors = plain.report["muscles"]["spindle"]["errors"]
     of_rest = {"volume", "pcsa", "pcsa_without_tendon", "fascicle_length"}
-    assert errors.keys() == {"length", "moment_arm_distal_angle", *of_rest}
+    assert errors.keys() == {"length", "fibre_length", "moment_arm_distal_angle", *of_rest}
     assert errors["fascicle_length"]["parts"].keys() == {"segments", "fibres", "tendon"}
-    assert errors["length"]["parts"].keys() == {"solve", "segments", "fibres"}
+    assert errors["fibre_length"]["parts"].keys() == {"solve", "segments", "fibres"}
+    assert errors["length"]["parts"].keys() == {"segments", "fibres"}
     assert errors["volume"]["parts"].keys() == {"facets", "solve"}
-    assert errors["moment_arm_distal_angle"]["parts"].keys() == {"solve", "segments", "fibres", "regression"}
+    assert errors["moment_arm_distal_angle"]["parts"].keys() == {"segments", "fibres", "slopes"}
     assert plain.report["muscles"]["spindle"]["errors_not_known"] == dict.fromkeys(KINDS, "not asked for")
 
 
 def test_what_is_asked_for_is_added_and_the_results_stay(result, plain):
     np.testing.assert_array_equal(result.lengths["spindle"], plain.lengths["spindle"])
-    parts = result.report["muscles"]["spindle"]["errors"]["length"]["parts"]
-    assert parts.keys() == {"solve", "fibres", *KINDS}  # finer slices tell of segments too
-    assert all(part > 0.0 for part in parts.values())
+    errors = result.report["muscles"]["spindle"]["errors"]
+    of_fibres, of_paths = (errors[name]["parts"] for name in ("fibre_length", "length"))
+    assert of_fibres.keys() == {"solve", "fibres", *KINDS}  # finer slices tell of segments too
+    assert of_paths.keys() == {"segments", "fibres", *KINDS} - {"pruning"}
+    assert all(part > 0.0 for parts in (of_fibres, of_paths) for part in parts.values())
+    assert errors["moment_arm_distal_angle"]["parts"].keys() == {*of_paths, "slopes"}
     assert result.report["muscles"]["spindle"]["errors_not_known"] == {}
 
 
@@ -69,33 +73,41 @@ def test_every_quantity_of_the_report_adds_up(result):
 
 def test_the_model_is_what_the_paths_alone_differ_by(scene, result):
     paths = replace(scene, model="paths").run(figures=False)
-    apart = np.abs(paths.lengths["spindle"].mean(axis=1) - result.lengths["spindle"].mean(axis=1))
+    mine, theirs = (one.fibre_lengths["spindle"].mean(axis=1) for one in (result, paths))
+    found = result.errors["spindle"]["fibre_length"].parts["model"]
+    np.testing.assert_allclose(found, 2.0 / np.sqrt(3.0) * np.abs(mine - theirs))
+    off = mine - result.lengths["spindle"].mean(axis=1)
     found = result.errors["spindle"]["length"].parts["model"]
-    np.testing.assert_allclose(found, 2.0 / np.sqrt(3.0) * apart)
-    arms, others = (one.moment_arms()["spindle"]["distal_angle"].mean for one in (result, paths))
+    np.testing.assert_allclose(found, 2.0 / np.sqrt(3.0) * np.abs(off))
+    slopes = np.gradient(off, np.radians(result.times), edge_order=2)
     found = result.errors["spindle"]["moment_arm_distal_angle"].parts["model"]
-    np.testing.assert_allclose(found, 2.0 / np.sqrt(3.0) * np.abs(arms - others))
+    np.testing.assert_allclose(found, 2.0 / np.sqrt(3.0) * np.abs(slopes))
 
 
 def test_finer_fibres_are_solved_again_fibre_by_fibre(scene, result):
     muscle = scene.muscles["spindle"]
     finer = replace(muscle, fibres={**muscle.fibres, "resolution": 16, "slice_tolerance": 0.0})
-    lengths = replace(scene, muscles={"spindle": finer}).run(figures=False).lengths["spindle"]
-    np.testing.assert_allclose(
-        result.errors["spindle"]["fibre_length"].parts["slices"],
-        convergence_error(result.lengths["spindle"], lengths, order=2.0),
-    )
+    other = replace(scene, muscles={"spindle": finer}).run(figures=False)
+    for quantity, mine, theirs in (
+        ("each_length", result.lengths, other.lengths),
+        ("each_fibre_length", result.fibre_lengths, other.fibre_lengths),
+    ):
+        np.testing.assert_allclose(
+            result.errors["spindle"][quantity].parts["slices"],
+            convergence_error(mine["spindle"], theirs["spindle"], order=2.0),
+        )
 
 
 def test_tables_have_the_errors(result, out):
-    rows = list(csv.DictReader((out / "lengths.csv").read_text().splitlines()))
-    found = np.array([float(row["length_err_mm"]) for row in rows]).reshape(8, -1).T
-    np.testing.assert_allclose(found, result.errors["spindle"]["fibre_length"].total, rtol=1e-5)
+    for file, quantity in (("lengths.csv", "each_length"), ("fibre_lengths.csv", "each_fibre_length")):
+        rows = list(csv.DictReader((out / file).read_text().splitlines()))
+        found = np.array([float(row["length_err_mm"]) for row in rows]).reshape(8, -1).T
+        np.testing.assert_array_equal(found, result.errors["spindle"][quantity].total)
     rows = list(csv.DictReader((out / "moment_arms_summary.csv").read_text().splitlines()))
     found = [float(row["mean_err_mm"]) for row in rows]
     np.testing.assert_allclose(found, result.errors["spindle"]["moment_arm_distal_angle"].total)
     table = result.moment_arms().table().where(fibre=3)["moment_arm_err_mm"]
-    total = result.errors["spindle"]["fibre_moment_arm_distal_angle"].total
+    total = result.errors["spindle"]["each_moment_arm_distal_angle"].total
     np.testing.assert_allclose(table, total[:, 3])
     written = json.loads((out / "report.json").read_text())["muscles"]["spindle"]["errors"]
     assert written["length"]["total"] == result.errors["spindle"]["length"].report()["total"]

@@ -1,5 +1,6 @@
 """Compiled kernels are kept for as long as nothing that they are made from changes."""
 
+import ctypes
 import importlib
 import os
 import re
@@ -7,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import warnings
+from operator import attrgetter
 from pathlib import Path
 
 import numba
@@ -14,7 +16,12 @@ import pytest
 
 import vtkmuscle
 from vtkmuscle.core import cache_folder, kernel_cache
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.kernel_cache import kernel_folder, source_key
+
+posix = pytest.mark.skipif(os.name != "posix", reason="modes say who can write to a file on POSIX alone")
+#: The user that owns nothing.
+NOBODY = 65534
 
 CONSTANT = "LENGTH = 2.0\n"
 MIDDLE = """
@@ -45,6 +52,7 @@ def kernels(tmp_path, monkeypatch):
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")
     monkeypatch.setenv("VTKMUSCLE_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(cache_folder, "_unusable", set())
+    kernel_cache._numba_is_known.cache_clear()
     return tmp_path / "cache" / "kernels"
 
 
@@ -62,17 +70,33 @@ def toy(tmp_path):
 def loaded(monkeypatch):
     """Return what loads the kernel of a toy package anew."""
 
-    def load(folder):
+    def load(folder, *arguments):
         for name in [name for name in sys.modules if name.partition(".")[0] == "toy"]:
             del sys.modules[name]
         with monkeypatch.context() as patch:
             patch.syspath_prepend(str(folder.parent))
             patch.setattr(sys, "dont_write_bytecode", True)
-            return importlib.import_module("toy.kernels").length
+            length = importlib.import_module("toy.kernels").length
+        if arguments:
+            length(*arguments)
+        return length
 
     yield load
     for name in [name for name in sys.modules if name.partition(".")[0] == "toy"]:
         del sys.modules[name]
+
+
+def files_of(kernels):
+    """Return the files of the toy's kernel, and of the one that it calls."""
+    (first,) = kernels.rglob("length-*.kernel")
+    (second,) = kernels.rglob("longer-*.kernel")
+    return first, second
+
+
+def without_privileges():
+    """Give up that the administrator reads every file: Linux' CAP_DAC_OVERRIDE and CAP_DAC_READ_SEARCH."""
+    for capability in (1, 2):
+        ctypes.CDLL(None).prctl(24, capability)  # PR_CAPBSET_DROP
 
 
 def hits(kernel):
@@ -84,7 +108,7 @@ def test_what_was_compiled_is_found_again(kernels, toy, loaded):
     assert first is not again
     assert (first(3.0), again(3.0)) == (6.0, 6.0)
     assert (hits(first), hits(again)) == (0, 1)
-    assert [path.suffix for path in kernels.rglob("*.nbi")] == [".nbi"]
+    assert sorted(path.name.partition("-")[0] for path in kernels.glob("*/*")) == ["length", "longer"]
 
 
 def test_a_constant_of_a_file_behind_another_takes_effect(kernels, toy, loaded):
@@ -119,7 +143,7 @@ def test_without_a_cache_nothing_is_kept(kernels, toy, loaded, monkeypatch):
     monkeypatch.setenv("VTKMUSCLE_CACHE", "")
     assert loaded(toy)(3.0) == 6.0
     assert not kernels.parent.exists()
-    assert not list(toy.rglob("*.nbi"))
+    assert not list(toy.rglob("*.kernel"))
 
 
 def test_a_folder_that_cannot_be_written_to_is_told_of_once(kernels, toy, loaded, tmp_path, monkeypatch):
@@ -137,18 +161,21 @@ def test_numbas_own_variable_counts_more(kernels, toy, loaded, tmp_path, monkeyp
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "numba"))
     assert kernel_folder() == tmp_path / "numba"
     loaded(toy)(3.0)
-    assert list((tmp_path / "numba").rglob("*.nbi"))
+    assert list((tmp_path / "numba").rglob("*.kernel"))
     assert not kernels.exists()
 
 
 def test_the_versions_used_last_are_kept(kernels, toy, loaded, monkeypatch):
+    def age_of(path):
+        return path.stat().st_mtime
+
     monkeypatch.setattr(kernel_cache, "VERSIONS", 2)
     for number in range(4):
         (toy / "constants.py").write_text(f"LENGTH = {number}.0\n", encoding="utf-8")
         assert loaded(toy)(1.0) == number
-        for age, folder in enumerate(sorted(kernels.iterdir(), key=lambda path: path.stat().st_mtime)):
+        for age, folder in enumerate(sorted(kernels.glob("toy.kernels-*"), key=age_of)):
             os.utime(folder, (age, age))
-    assert len(list(kernels.iterdir())) == 2
+    assert len(list(kernels.glob("toy.kernels-*"))) == 2
     assert hits(loaded(toy)) == 0
     kept = loaded(toy)
     assert kept(1.0) == 3.0
@@ -174,6 +201,132 @@ def test_processes_that_compile_at_once_find_what_each_made(kernels, toy, loaded
     kernel = loaded(toy)
     assert (kernel(3.0), kernel(3), kernel(True)) == (6.0, 6.0, 2.0)
     assert hits(kernel) == 3
+
+
+@pytest.mark.parametrize("damage", ["empty", "cut short", "a bit flipped", "of another kernel"])
+def test_a_damaged_file_is_compiled_anew_and_found_whole_again(kernels, toy, loaded, damage):
+    loaded(toy, 3.0)
+    file, other = files_of(kernels)
+    whole = file.read_bytes()
+    damaged = {
+        "empty": b"",
+        "cut short": whole[:-1],
+        "a bit flipped": whole[:-9] + bytes([whole[-9] ^ 1]) + whole[-8:],
+        "of another kernel": other.read_bytes(),
+    }
+    file.write_bytes(damaged[damage])
+    mended, again = loaded(toy), loaded(toy)
+    assert (mended(3.0), again(3.0)) == (6.0, 6.0)
+    assert (hits(mended), hits(again)) == (0, 1)
+    assert file.stat().st_size == len(whole)
+
+
+def test_a_damaged_file_that_cannot_be_removed_does_no_harm(kernels, toy, loaded, monkeypatch):
+    loaded(toy, 3.0)
+    file, _ = files_of(kernels)
+    file.write_bytes(b"")
+
+    def refuse(*_, **__):
+        raise PermissionError(13, "only to be read")
+
+    monkeypatch.setattr(Path, "unlink", refuse)
+    monkeypatch.setattr(os, "replace", refuse)
+    with pytest.warns(UserWarning, match="only to be read"):
+        assert loaded(toy)(3.0) == 6.0
+
+
+@posix
+@pytest.mark.parametrize("which", ["all kernels", "one module", "one file"])
+@pytest.mark.parametrize("fault", ["group", "all", "owner"])
+def test_nothing_is_read_that_others_could_have_written(kernels, toy, loaded, which, fault, monkeypatch):
+    loaded(toy, 3.0)
+    file, _ = files_of(kernels)
+    path = {"all kernels": kernels, "one module": file.parent, "one file": file}[which]
+    if fault != "owner":
+        path.chmod(path.stat().st_mode | {"group": 0o020, "all": 0o002}[fault])
+    elif os.geteuid() == 0:
+        os.chown(path, NOBODY, -1)
+    elif which == "all kernels":  # who cannot give a folder away is somebody else to all of it
+        monkeypatch.setattr(os, "geteuid", lambda: NOBODY)
+    else:
+        pytest.skip("only root gives one file away")
+    doubted = loaded(toy)
+    if which == "one file":  # which is replaced by one of our own
+        assert doubted(3.0) == 6.0
+        assert hits(loaded(toy, 3.0)) == 1
+    else:
+        with pytest.warns(UserWarning, match=r"(another user|other users can write).*set VTKMUSCLE_CACHE"):
+            assert doubted(3.0) == 6.0
+    assert hits(doubted) == 0
+
+
+@posix
+def test_what_is_kept_is_used_whatever_mode_files_are_made_with(kernels, toy, loaded):
+    before = os.umask(0o000)
+    try:
+        loaded(toy)(3.0)
+    finally:
+        os.umask(before)
+    assert hits(loaded(toy, 3.0)) == 1
+
+
+@posix
+def test_a_home_that_cannot_be_searched_stops_nothing(kernels, toy, tmp_path):
+    """As in a container that another user's home was made for."""
+    home = tmp_path / "home"
+    home.mkdir(0o000)
+    if os.geteuid() == 0:
+        os.chown(home, NOBODY, -1)
+    code = """
+import os, warnings
+try:
+    os.stat(os.path.expanduser("~/.cache"))
+except PermissionError:
+    pass
+else:
+    raise SystemExit("searched")
+from toy.kernels import length
+with warnings.catch_warnings(record=True) as told:
+    print(length(3.0))
+print(*(one.message for one in told))
+"""
+    unset = ("VTKMUSCLE_CACHE", "XDG_CACHE_HOME")
+    environment = {name: value for name, value in os.environ.items() if name not in unset}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**environment, "HOME": str(home), "PYTHONPATH": str(toy.parent), "NUMBA_CACHE_DIR": ""},
+        preexec_fn=without_privileges,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.stderr.strip() == "searched":
+        pytest.skip("this system lets its administrator search every folder")
+    assert done.stdout.startswith("6.0\ncompiled kernels cannot be kept in "), done.stderr
+    assert done.returncode == 0
+
+
+@pytest.mark.parametrize("name", kernel_cache._OF_NUMBA)
+def test_a_numba_that_lets_go_of_nothing_compiles_anew_each_time(kernels, toy, loaded, monkeypatch, name):
+    owner, _, attribute = name.rpartition(".")
+    monkeypatch.delattr(attrgetter(owner)(numba), attribute)
+    with pytest.warns(UserWarning, match=f"cannot be kept with numba {numba.__version__}.*{attribute}"):
+        first = loaded(toy)
+    again = loaded(toy)
+    assert (first(3.0), again(3.0), hits(again)) == (6.0, 6.0, 0)
+    assert not kernels.exists()
+
+
+def test_a_kernel_within_a_function_is_compiled_for_what_it_is_made_from(kernels):
+    def times(factor):
+        @kernel
+        def product(x):
+            return factor * x
+
+        return product
+
+    assert (times(2.0)(3.0), times(5.0)(3.0)) == (6.0, 15.0)
+    assert not kernels.exists()
 
 
 def test_the_key_of_every_kernel_knows_the_files_behind_it_and_no_others(tmp_path):

@@ -114,6 +114,15 @@ def fibres():
     return _lines(starts, (0.0, 0.0, -140.0))
 
 
+def taut_fibres():
+    """Return the fibres as paths that pull the bone of their insertion upwards."""
+    data = fibres()
+    count = data.GetNumberOfCells()
+    set_cell_array(data, "PathLength", np.full(count, 140.0))
+    set_cell_array(data, "PathWrench_lower", np.tile([0.0, 0.0, 1.0, -32.0, 0.0, 0.0], (count, 1)))
+    return data
+
+
 def fibres_over_time():
     """Return fibres that have their lengths over the motion with them: a hinge with an arm of 20 to 25 mm."""
     data = fibres()
@@ -165,6 +174,7 @@ EXAMPLES = {
     "SliceMorpher.template": fitted_template,
     "fibres": fibres,
     "rest_fibres": fibres,
+    "paths": taut_fibres,
     "MomentArms.fibres": fibres_over_time,
     "superficial": superficial_fibres,
     "aponeuroses": aponeuroses,

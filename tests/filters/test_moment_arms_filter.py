@@ -184,3 +184,61 @@ def test_a_history_does_as_well_as_time_steps():
         cell_array(MomentArms()(data), "MomentArm", ""),
         cell_array(arms_of(Fibres(ANGLES)).update(time=ANGLES[-1]).output, "MomentArm", ""),
     )
+
+
+# ---------------------------------------------------------------------------- fibres with paths
+
+
+class Paths(Fibres):
+    """The straight fibres, as paths that pull at the bone of their ends."""
+
+    def __init__(self, times):
+        super().__init__(times, self.lines_at)
+
+    @staticmethod
+    def lines_at(angle):
+        data = lines_at(angle)
+        points = np.array(data.GetPoints().GetData()).reshape(-1, 2, 3)
+        pull = points[:, 0] - points[:, 1]
+        set_cell_array(data, "PathLength", np.linalg.norm(pull, axis=1))
+        pull /= np.linalg.norm(pull, axis=1)[:, None]
+        set_cell_array(data, "PathWrench_b", np.hstack([pull, np.cross(points[:, 1], pull)]))
+        return data
+
+
+KNEE = hinge("b", (0, 0, 0), (1, 0, 0), ANGLES, coordinate="knee")
+
+
+def test_of_paths_they_are_levers_in_the_one_pose_that_is_asked_for():
+    source = Paths(ANGLES)
+    for time in (0.0, 20.0, 22.5, 90.0):
+        source.asked.clear()
+        result = arms_of(source, motion=KNEE).update(time=time).output
+        np.testing.assert_allclose(cell_array(result, "MomentArm", ""), known_arms(time), atol=1e-9)
+        assert set(source.asked) <= {time}, "no other pose is needed"
+        assert not result.GetCellData().HasArray("MomentArmError")
+        assert field_array(result, "CoordinateValue")[0] == pytest.approx(time)
+
+
+def test_of_paths_a_table_tells_the_axis_and_a_way_from_rest_has_none():
+    knee = KNEE.coordinates["knee"]
+    values = np.concatenate([[30.0], knee.values])
+    lead = rotation_about((0, 0, 0), (0, 0, 1), 25.0)
+    motion = RigidMotion(
+        np.arange(20.0),
+        {"b": np.concatenate([[lead], KNEE.transforms["b"]])},
+        None,
+        {"knee": Coordinate(values)},
+    )
+    found = arms_of(Paths(ANGLES), motion=motion)
+    assert not found.update(time=0.0).output.GetCellData().HasArray("MomentArm")
+    source = Paths(range(20))
+    source.lines = lambda time: Paths.lines_at(5.0 * (time - 1.0))
+    result = arms_of(source, motion=motion).update(time=4.0).output
+    np.testing.assert_allclose(cell_array(result, "MomentArm", ""), known_arms(15.0), atol=1e-9)
+
+
+def test_paths_without_a_motion_are_taken_by_their_lengths_over_time():
+    result = arms_of(Paths(ANGLES)).update(time=20.0).output
+    assert result.GetCellData().HasArray("MomentArmError")
+    np.testing.assert_allclose(cell_array(result, "MomentArm", ""), known_arms(20.0), atol=0.1)

@@ -89,7 +89,7 @@ def test_it_says_what_was_found(run_folder, page):
 def test_of_many_muscles_a_line_is_shown_and_the_numbers_on_demand(run_folder, monkeypatch):
     def summaries(page):
         cards = re.findall(r'<article class="verdict.*?</article>', page, flags=re.DOTALL)
-        return [re.findall(r"<summary>(mean fibre length [^<]*)</summary>", card) for card in cards]
+        return [re.findall(r"<summary>(mean length, bone to bone [^<]*)</summary>", card) for card in cards]
 
     _, result = run_folder
     assert summaries(page_of(result, CHECKS)) == [[], []]

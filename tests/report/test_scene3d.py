@@ -36,7 +36,7 @@ def test_muscles_and_fibres_are_where_the_result_has_them(run_folder, packed):
             shown = moving_of(data, one["fibres"]["points"])[place]
             np.testing.assert_allclose(shown, fibres, atol=one["fibres"]["points"]["step"])
         lengths = array_of(data, one["fibres"]["length"]).reshape(len(result.frames), -1)
-        np.testing.assert_allclose(lengths, result.lengths[one["name"]], rtol=1e-6)
+        np.testing.assert_allclose(lengths, result.fibre_lengths[one["name"]], rtol=1e-6)
 
 
 def test_bones_move_as_the_result_says(run_folder, packed):

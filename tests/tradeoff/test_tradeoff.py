@@ -93,12 +93,12 @@ def test_a_study_measures_the_scene_that_a_run_runs(scene, tmp_path, monkeypatch
         for name in whole.muscles:
             frames = row.figures["muscles"][name]["frames"]
             lengths = [frame["length_mm"] for frame in frames]
-            np.testing.assert_array_equal(lengths, run.lengths[name].mean(axis=1))
+            np.testing.assert_array_equal(lengths, run.fibre_lengths[name].mean(axis=1))
     alone = replace(whole, muscles={"spindle": scene.muscles["spindle"]}).run(figures=False)
-    assert np.abs(alone.lengths["spindle"] - run.lengths["spindle"]).max() > 0.01
+    assert np.abs(alone.fibre_lengths["spindle"] - run.fibre_lengths["spindle"]).max() > 0.01
     # A muscle that may meet others meets them, whichever are asked for.
     only = tried(whole, settings[0], [0, 1, 2], ["beside"])["beside"]
-    np.testing.assert_array_equal(only.lengths, run.lengths["beside"])
+    np.testing.assert_array_equal(only.lengths, run.fibre_lengths["beside"])
 
 
 def test_a_muscle_that_fails_has_no_figures(scene, monkeypatch):

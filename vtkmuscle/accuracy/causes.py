@@ -1,4 +1,4 @@
-"""Causes of errors of lengths, and of what is made of these: other lengths, and what a difference says."""
+"""Causes of errors of lengths and moment arms: others of them, and what a difference says."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from vtkmuscle.core.accuracy.convergence import convergence_error
 from vtkmuscle.core.accuracy.estimate import expanded_of_bounds, expanded_of_samples
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 
 #: What further solves tell of, by the names that a run is asked for them.
@@ -52,14 +53,17 @@ class Cause:
     name : str
         A key of :data:`RULES`.
     lengths : sequence of (f, k) arrays
-        Of the fibres in each frame [mm].
+        Of the paths, or of the fibres, in each frame [mm].
     rest : sequence of (k,) arrays
         Of the fibres at rest [mm]; none where the cause has no part in them.
+    arms : sequence of dict of str to JointArms
+        Of the paths by coordinate, where these are known; else what lengths say of them.
     """
 
     name: str
     lengths: Sequence[Floats]
     rest: Sequence[Floats] = ()
+    arms: Sequence[Mapping[str, JointArms]] = ()
 
     def part(self, of: Callable[[Floats], Floats], value: Floats, lengths: Sequence[Floats]) -> Floats:
         """Return the part of the error of a quantity that is made of lengths.

@@ -21,24 +21,25 @@ from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, polylines_of, triangles_of
+from vtkmuscle.data.paths import paths_of
 from vtkmuscle.run.track import MuscleTrack
 
-#: From lengths (f, k) of fibres in all frames to moment arms by each coordinate.
-Arms = Callable[[Floats], Mapping[str, JointArms]]
+#: By a coordinate, from lengths (f, k) of paths to -dl/dq (m, k).
+Slopes = Callable[[str, Floats], Floats]
 
 #: A triangle's chords are off a smooth surface by the square of their length.
 FACET_ORDER = 2.0
 
 
-def causes_known_of_a_run(track: MuscleTrack, millimetres: float) -> list[Cause]:
-    """Return the causes whose part in lengths is known without a further solve.
+def causes_of_fibres(track: MuscleTrack, millimetres: float) -> list[Cause]:
+    """Return the causes whose part in the lengths of fibres is known without a further solve.
 
     ``solve``: the estimated distance to the end of the solve, root mean square over the surface. One
     component of a displacement that may have any direction is 1 / sqrt(3) of it, which is taken as the
     standard deviation of all points of a fibre together, in the directions that change its length.
     ``segments``: chords for arcs. ``millimetres`` is the length of the scene's unit.
     """
-    lengths = np.array(track.lengths)
+    lengths = np.array(track.fibre_lengths)
     lines = [polylines_of(frame, "fibres") for frame in track.fibres]
     assert track.rest_fibres is not None  # there are frames of them
     rested = polylines_of(track.rest_fibres, "fibres")
@@ -54,58 +55,62 @@ def causes_known_of_a_run(track: MuscleTrack, millimetres: float) -> list[Cause]
     return causes
 
 
-def length_estimates(lengths: Floats, causes: Sequence[Cause]) -> dict[str, Estimate]:
-    """Return ``length``, of the fibres' mean per frame (f,), and ``fibre_length`` (f, k) [mm]."""
+def causes_of_paths(track: MuscleTrack, millimetres: float) -> list[Cause]:
+    """Return the causes whose part in the lengths of paths is known without a further solve: ``segments``."""
+    chords = []
+    for frame in track.fibres:
+        paths = paths_of(frame, "fibres")
+        assert paths is not None  # there are lengths of them
+        k, n, _ = paths.points.shape
+        chords.append(segment_errors(paths.points.reshape(-1, 3), n * np.arange(k + 1)))
+    return [Cause("segments", [np.array(track.lengths) + np.array(chords) * millimetres])]
+
+
+def length_estimates(name: str, lengths: Floats, causes: Sequence[Cause]) -> dict[str, Estimate]:
+    """Return NAME, of the mean length per frame (f,), and ``each_NAME`` (f, k), of lengths (f, k) [mm]."""
     mean = lengths.mean(axis=1)
     parts = {cause.name: cause.part(_mean_of_last, mean, cause.lengths) for cause in causes}
-    of_fibres = {cause.name: cause.part(_itself, lengths, cause.lengths) for cause in causes}
+    of_each = {cause.name: cause.part(_itself, lengths, cause.lengths) for cause in causes}
     return {
-        "length": Estimate(mean, "mm", parts | _of_number(lengths.T)),
-        "fibre_length": Estimate(lengths, "mm", of_fibres),
+        name: Estimate(mean, "mm", parts | _of_number(lengths.T)),
+        f"each_{name}": Estimate(lengths, "mm", of_each),
     }
 
 
-def arm_estimates(lengths: Floats, causes: Sequence[Cause], arms: Arms) -> dict[str, Estimate]:
-    """Return ``moment_arm_NAME`` (m,) by each coordinate, and ``fibre_moment_arm_NAME`` (m, k) [mm].
+def arm_estimates(
+    known: Mapping[str, JointArms], causes: Sequence[Cause], slopes: Slopes
+) -> dict[str, Estimate]:
+    """Return ``moment_arm_NAME`` (m,) by each coordinate, and ``each_moment_arm_NAME`` (m, k) [mm].
+
+    ``slopes``: what the lever of a pull and -dl/dq of its path differ by, taken as bounds of the error; where
+    poses do not tell -dl/dq it adds nothing.
 
     Parameters
     ----------
-    lengths : (f, k) array
-        In all frames of the motion [mm].
+    known : dict of str to JointArms
+        The moment arms.
     causes : sequence of Cause
-        With lengths in all of them.
-    arms : callable
-        From lengths to moment arms.
+        Where one has no moment arms, its lengths say by their slopes how much others they would be.
+    slopes : callable
+        From lengths (f, k) to -dl/dq (m, k), NaN where it is not known, by a coordinate.
     """
-    known = arms(lengths)
-    others = {cause.name: [arms(other) for other in cause.lengths] for cause in causes}
     estimates: dict[str, Estimate] = {}
     for name, found in known.items():
-        parts: dict[str, Floats] = {"regression": COVERAGE_FACTOR * found.mean_error}
-        of_fibres: dict[str, Floats] = {"regression": COVERAGE_FACTOR * found.errors}
+        off = np.nan_to_num(found.arms - found.slopes)
+        of_mean: dict[str, Floats] = {"slopes": expanded_of_bounds(off.mean(axis=1))}
+        of_each: dict[str, Floats] = {"slopes": expanded_of_bounds(off)}
         for cause in causes:
-            if any(name not in other for other in others[cause.name]):
-                continue
-            means = [_in_frames(found, one[name], one[name].mean) for one in others[cause.name]]
-            parts[cause.name] = cause.part(_itself, found.mean, means)
-            every = [_in_frames(found, one[name], one[name].arms) for one in others[cause.name]]
-            of_fibres[cause.name] = cause.part(_itself, found.arms, every)
-        estimates[f"moment_arm_{name}"] = Estimate(found.mean, "mm", parts | _of_number(found.arms.T))
-        estimates[f"fibre_moment_arm_{name}"] = Estimate(found.arms, "mm", of_fibres)
+            if cause.arms:
+                others = [one[name].arms for one in cause.arms]
+            else:
+                change = (slopes(name, one) - found.slopes for one in cause.lengths)
+                others = [found.arms + np.nan_to_num(one) for one in change]
+            means = [one.mean(axis=1) for one in others]
+            of_mean[cause.name] = cause.part(_itself, found.mean, means)
+            of_each[cause.name] = cause.part(_itself, found.arms, others)
+        estimates[f"moment_arm_{name}"] = Estimate(found.mean, "mm", of_mean | _of_number(found.arms.T))
+        estimates[f"each_moment_arm_{name}"] = Estimate(found.arms, "mm", of_each)
     return estimates
-
-
-def _in_frames(known: JointArms, other: JointArms, values: Floats) -> Floats:
-    """Return what there is of other arms (m, ...) in the frames of those that are known.
-
-    By several coordinates there are arms where the windows of the regression hold enough frames, and how wide
-    these are follows the lengths. In frames that only the known arms have the others are interpolated.
-    """
-    if np.array_equal(known.frames, other.frames):
-        return values
-    columns = values.reshape(len(values), -1).T
-    found = [np.interp(known.frames, other.frames, column) for column in columns]
-    return np.stack(found, axis=-1).reshape(len(known.frames), *values.shape[1:])
 
 
 def volume_estimate(track: MuscleTrack, millimetres: float) -> Estimate:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 
 import numpy as np
@@ -13,7 +13,8 @@ from vtkmuscle.accuracy.causes import KINDS, Cause
 from vtkmuscle.accuracy.estimates import (
     architecture_estimates,
     arm_estimates,
-    causes_known_of_a_run,
+    causes_of_fibres,
+    causes_of_paths,
     length_estimates,
     rest_estimate,
     volume_estimate,
@@ -24,11 +25,12 @@ from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
-from vtkmuscle.core.moment_arms.of_joints import joint_arms
+from vtkmuscle.core.moment_arms.of_joints import joint_arms, known_coordinates, slopes_by
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import polylines_of
+from vtkmuscle.data.paths import wrenches_over_time
 from vtkmuscle.run.memory import check_memory
 from vtkmuscle.run.track import MuscleTrack
 from vtkmuscle.scene.data import SceneData
@@ -147,45 +149,89 @@ class ErrorStudy:
         """
         track.report["errors"] = {}
         estimates = {"volume": volume_estimate(track, self.scene.millimetres)}
-        if track.lengths and track.rest_fibres is not None:
-            causes = self._causes(name, track)
-            lengths = np.array(track.lengths)
-            estimates |= length_estimates(lengths, causes)
+        if track.fibre_lengths and track.rest_fibres is not None:
+            causes = self._causes_of_fibres(name, track)
+            lengths = np.array(track.fibre_lengths)
+            estimates |= length_estimates("fibre_length", lengths, causes)
             rested = polylines_of(track.rest_fibres, "fibres")
             rest = polyline_lengths(rested.points, rested.offsets) * self.scene.millimetres
             at_rest = rest_estimate(rest, causes)
             estimates |= architecture_estimates(track.report["architecture"], estimates["volume"], at_rest)
-            if len(lengths) == len(motion.times) and "moment_arms" in track.report:
-                estimates |= arm_estimates(lengths, causes, self._arms(name, motion))
+        if track.lengths:
+            causes = self._causes_of_paths(name, track, motion)
+            lengths = np.array(track.lengths)
+            estimates |= length_estimates("length", lengths, causes)
+            if "moment_arms" in track.report:
+                known = self._arms(name, motion, lengths, wrenches_over_time(track.wrenches))
+                estimates |= arm_estimates(known, causes, self._slopes(name, motion, known))
         track.report["errors"] = {
-            quantity: one.report() for quantity, one in estimates.items() if not quantity.startswith("fibre_")
+            quantity: one.report() for quantity, one in estimates.items() if not quantity.startswith("each_")
         }
         track.report["errors_not_known"] = self._not_known(name)
         return estimates
 
-    def _causes(self, name: str, track: MuscleTrack) -> list[Cause]:
-        """Return all causes that are known, their lengths in the frames that the muscle has."""
-        count, scene = len(track.lengths), self.scene
-        causes = causes_known_of_a_run(track, scene.millimetres)
-        for kind in self.kinds:
-            found = self._found.get((name, kind), [])
-            if found and (name, kind) not in self._failed:
-                causes.append(
-                    Cause(kind, [one.lengths[:count] for one in found], [one.rest for one in found])
-                )
+    def _causes_of_fibres(self, name: str, track: MuscleTrack) -> list[Cause]:
+        """Return all causes that are known, their lengths of fibres in the frames that the muscle has."""
+        count, scene = len(track.fibre_lengths), self.scene
+        causes = causes_of_fibres(track, scene.millimetres)
+        causes += [
+            Cause(kind, [one.fibre_lengths[:count] for one in found], [one.rest for one in found])
+            for kind, found in self._solved_kinds(name)
+        ]
         if "pruning" in self.kinds and track.points:
             assert track.rest is not None
             assert track.rest_fibres is not None
             tolerance = track.report["parameters"]["fibres"]["weight_tolerance"]
             lost = lengths_lost(track.rest_fibres, track.rest, track.points, tolerance) * scene.millimetres
-            causes.append(Cause("pruning", [np.array(track.lengths) + lost]))
+            causes.append(Cause("pruning", [np.array(track.fibre_lengths) + lost]))
         if any(cause.name == "slices" for cause in causes):  # which has twice the segments
             causes = [cause for cause in causes if cause.name != "segments"]
         return causes
 
-    def _arms(self, name: str, motion: RigidMotion) -> Callable[[Floats], dict[str, JointArms]]:
+    def _causes_of_paths(self, name: str, track: MuscleTrack, motion: RigidMotion) -> list[Cause]:
+        """Return all causes that are known, their lengths and moment arms of paths.
+
+        Of the kind ``"model"`` these are the lengths of the fibres in the muscle.
+        """
+        count, scene = len(track.lengths), self.scene
+        causes = causes_of_paths(track, scene.millimetres)
+        for kind, found in self._solved_kinds(name):
+            if kind == "model":
+                deformed = [one.fibre_lengths[:count] for one in found]
+                mine = [np.array(track.fibre_lengths)]
+                causes.append(Cause(kind, deformed if scene.model == "paths" else mine))
+            else:
+                arms = []
+                if "moment_arms" in track.report:
+                    arms = [self._arms(name, motion, one.lengths, one.wrenches) for one in found]
+                causes.append(Cause(kind, [one.lengths[:count] for one in found], arms=arms))
+        return causes
+
+    def _solved_kinds(self, name: str) -> Iterator[tuple[str, list[Solved]]]:
+        """Give the kinds that were solved for a muscle, and what came out."""
+        for kind in self.kinds:
+            found = self._found.get((name, kind), [])
+            if found and (name, kind) not in self._failed:
+                yield kind, found
+
+    def _arms(
+        self, name: str, motion: RigidMotion, lengths: Floats, wrenches: Mapping[str, Floats]
+    ) -> dict[str, JointArms]:
         crossed = self.scene.muscles[name].crosses
-        return lambda lengths: joint_arms(lengths, motion, crossed=crossed)[0]
+        millimetres = self.scene.millimetres
+        return joint_arms(lengths, wrenches, motion, crossed=crossed, millimetres=millimetres)[0]
+
+    def _slopes(
+        self, name: str, motion: RigidMotion, known: Mapping[str, JointArms]
+    ) -> Callable[[str, Floats], Floats]:
+        """Return what gives -dl/dq by a coordinate, where its moment arms are known."""
+        crossed = self.scene.muscles[name].crosses
+
+        def slopes(coordinate: str, lengths: Floats) -> Floats:
+            among = known_coordinates(motion, crossed)
+            return slopes_by(motion, coordinate, among, lengths)[known[coordinate].frames]
+
+        return slopes
 
     def _not_known(self, name: str) -> dict[str, str]:
         """Return the causes whose part is not known, and why."""

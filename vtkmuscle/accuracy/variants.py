@@ -13,27 +13,33 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.mesh.halving import halved
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import cell_array, points_of, polylines_of, surface_from, triangles_of
+from vtkmuscle.data.arrays import points_of, polylines_of, surface_from, triangles_of
 from vtkmuscle.data.attachments import VIA
+from vtkmuscle.data.paths import wrenches_over_time
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.run.pipeline import muscle_pipeline
+from vtkmuscle.run.track import MuscleTrack
 from vtkmuscle.scene.data import Muscle, SceneData
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Lengths of the fibres of a variant.
+    """Lengths of a variant.
 
     Attributes
     ----------
-    lengths : (f, k) array
-        In each kept frame [mm].
+    lengths, fibre_lengths : (f, k) arrays
+        Of the paths and of the fibres in each kept frame [mm].
+    wrenches : dict of str to (f, k, 6) array
+        Of the paths, by bone.
     rest : (k,) array
-        At rest [mm].
+        Of the fibres at rest [mm].
     """
 
     lengths: Floats
+    fibre_lengths: Floats
+    wrenches: dict[str, Floats]
     rest: Floats
 
 
@@ -109,7 +115,7 @@ def solved(
     bones: Mapping[str, vtkPolyData],
     stop: threading.Event,
 ) -> Solved:
-    """Return the lengths of a muscle's fibres in some frames, and nothing else.
+    """Return the lengths of a muscle's paths and fibres in some frames, and nothing else.
 
     Parameters
     ----------
@@ -131,7 +137,7 @@ def solved(
     """
     pipeline = muscle_pipeline(scene, name, bones)
     assert pipeline.metrics is not None  # variants are made of muscles with fibres
-    lengths = []
+    track = MuscleTrack()
     for number in range(numbers[-1] + 1) if pipeline.deformer is not None else numbers:
         if stop.is_set():
             raise AbortedError(f"errors of {name} were stopped")
@@ -140,9 +146,12 @@ def solved(
             pipeline.deformer.update(time=time)
         if number in numbers:
             found = pipeline.metrics.update(time=time).output
-            lengths.append(np.array(cell_array(found, "Length", f"muscles.{name}: fibres")))
+            track.keep(found, scene.millimetres)
+            track.fibres.clear()
     rest = polylines_of(pipeline.fibres.update().output, "fibres")
     return Solved(
-        np.array(lengths) * scene.millimetres,
+        np.array(track.lengths),
+        np.array(track.fibre_lengths),
+        wrenches_over_time(track.wrenches),
         polyline_lengths(rest.points, rest.offsets) * scene.millimetres,
     )

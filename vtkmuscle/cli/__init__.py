@@ -82,9 +82,6 @@ def run(
     Without --out it writes to NAME_out, in the folder you are in; with --muscle to NAME_MUSCLE_out.
     """
     with one_clear_error(None):
-        from vtkmuscle.core.compile_ahead import compile_ahead
-
-        compile_ahead()
         from vtkmuscle.scenes import Scene
 
         loaded = Scene.load(scene)
@@ -106,9 +103,6 @@ def demo(
     """
     folder = out or Path("vtkmuscle_demo")
     with one_clear_error(folder):
-        from vtkmuscle.core.compile_ahead import compile_ahead
-
-        compile_ahead()
         from vtkmuscle import phantoms
         from vtkmuscle.run.unchanged import save_unless_changed
         from vtkmuscle.scenes import Scene

@@ -64,7 +64,8 @@ def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
                 say(options.quiet, f"  {reason}")
     say(options.quiet, f"{result.report['seconds']['total']:.1f} s. Results are in {out}:")
     files = ", ".join(f"{name}.{options.series}" for name in ("NAME", "NAME_fibres", "bones"))
-    tables = "lengths.csv, " + ("moment_arms.csv, " if (out / "moment_arms.csv").is_file() else "")
+    tables = "lengths.csv, fibre_lengths.csv, "
+    tables += "moment_arms.csv, " if (out / "moment_arms.csv").is_file() else ""
     say(options.quiet, f"  report.json, {tables}figures/, and {files} for ParaView")
     if options.report:
         say(

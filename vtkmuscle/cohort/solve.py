@@ -22,6 +22,7 @@ from vtkmuscle.run.keys import code_digest, digest_of, muscle_keys
 from vtkmuscle.run.reach import bones_with_reach
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.scenes import frame_numbers, run_scene
+from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.reading import read_fields
 from vtkmuscle.scene.sense import check_sense
 from vtkmuscle.scenes import Scene
@@ -205,14 +206,25 @@ def _measured(result: Result, name: str, groups: int) -> tuple[dict[str, NDArray
         return arrays, {"fibres": [], "coordinates": []}
     labels = group_fibres(lengths, groups)
     present = range(int(labels.max()) + 1)
-    grouped = np.column_stack([lengths[:, labels == group].mean(axis=1) for group in present])
-    arrays["lengths"] = grouped
+    grouped, of_fibres = (
+        np.column_stack([one[:, labels == group].mean(axis=1) for group in present])
+        for one in (lengths, result.fibre_lengths[name])
+    )
+    arrays["lengths"], arrays["fibre_lengths"] = grouped, of_fibres
+    wrenches = {
+        bone: np.stack([one[:, labels == group].mean(axis=1) for group in present], axis=1)
+        for bone, one in result.wrenches(name).items()
+    }
     facts: dict[str, Any] = {"fibres": [int((labels == group).sum()) for group in present]}
     arms: dict[str, Any] = {}
     if result.motion.coordinates and count == len(result.frames):
         try:
             arms, refused = joint_arms(
-                grouped, result.motion.part(result.frames), crossed=result.crosses.get(name)
+                grouped,
+                wrenches,
+                result.motion.part(result.frames),
+                crossed=result.crosses.get(name),
+                millimetres=MILLIMETRES[result.units],
             )
             facts["refused"] = dict(refused)
         except InputError as error:
@@ -223,7 +235,7 @@ def _measured(result: Result, name: str, groups: int) -> tuple[dict[str, NDArray
             f"rows{number}": np.asarray(one.frames, dtype=np.int64),
             f"values{number}": one.values,
             f"arms{number}": one.arms,
-            f"errors{number}": one.errors,
+            f"slopes{number}": one.slopes,
         }
     return arrays, facts
 

@@ -28,8 +28,9 @@ COLUMNS = {
     "frame": int,
     "time": float,
     "length_mm": float,
+    "fibre_length_mm": float,
     "moment_arm_mm": float,
-    "moment_arm_error_mm": float,
+    "slope_mm": float,
     "verdict": str,
     "flags": str,
     "message": str,
@@ -56,17 +57,19 @@ def rows_of(task: Task, part: Part) -> Iterator[dict[str, Any]]:
         yield row
         return
     lengths, frames, times = (arrays[name].tolist() for name in ("lengths", "frames", "times"))
+    of_fibres = arrays["fibre_lengths"].tolist()
     for group, fibres in enumerate(facts["fibres"]):
         of_group = row | {"fibre_group": group, "fibres": fibres}
         if not facts["coordinates"]:
-            for frame, time, one in zip(frames, times, lengths, strict=True):
-                yield of_group | {"frame": frame, "time": time, "length_mm": one[group]}
+            for frame, time, one, other in zip(frames, times, lengths, of_fibres, strict=True):
+                found = {"length_mm": one[group], "fibre_length_mm": other[group]}
+                yield of_group | {"frame": frame, "time": time, **found}
         for number, (coordinate, unit, _) in enumerate(facts["coordinates"]):
-            at, values, arms, errors = (
-                arrays[f"{name}{number}"] for name in ("rows", "values", "arms", "errors")
+            at, values, arms, slopes = (
+                arrays[f"{name}{number}"] for name in ("rows", "values", "arms", "slopes")
             )
-            for i, value, arm, error in zip(
-                at.tolist(), values.tolist(), arms[:, group].tolist(), errors[:, group].tolist(), strict=True
+            for i, value, arm, slope in zip(
+                at.tolist(), values.tolist(), arms[:, group].tolist(), slopes[:, group].tolist(), strict=True
             ):
                 yield of_group | {
                     "coordinate": coordinate,
@@ -75,8 +78,9 @@ def rows_of(task: Task, part: Part) -> Iterator[dict[str, Any]]:
                     "frame": frames[i],
                     "time": times[i],
                     "length_mm": lengths[i][group],
+                    "fibre_length_mm": of_fibres[i][group],
                     "moment_arm_mm": arm,
-                    "moment_arm_error_mm": error,
+                    "slope_mm": slope,
                 }
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import stat
 import warnings
 from pathlib import Path
 
@@ -36,6 +38,27 @@ def cache_folder() -> Path | None:
         return (Path(base) if base else Path.home() / ".cache") / "vtkmuscle"
     except RuntimeError:  # there is no home
         return None
+
+
+def check_nobody_else_writes(found: os.stat_result) -> None:
+    """Raise an error unless a file or folder is this user's or the system's, and no other user may change it.
+
+    Parameters
+    ----------
+    found : os.stat_result
+        What the system knows of it.
+
+    Raises
+    ------
+    PermissionError
+        If another user could have put something there. Not on Windows, where a mode does not say.
+    """
+    if os.name != "posix":
+        return
+    if found.st_uid not in (os.geteuid(), 0):
+        raise PermissionError(errno.EPERM, "it belongs to another user")
+    if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        raise PermissionError(errno.EPERM, "other users can write to it")
 
 
 _unusable: set[tuple[Path, str]] = set()

@@ -4,27 +4,43 @@ Numba looks at the file of a function alone. But a constant or an inlined functi
 part of the machine code too. So kernels are kept in a folder that is named after the content of their file
 and of all files of the package that it imports, directly or not: with any change they are compiled anew,
 and copies of the package that are the same, wherever they lie, share what is compiled.
+
+What is read is executed. So a file begins with a checksum, and one that is damaged is removed and made anew;
+and nothing is read that another user could have written.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import pickle
 import re
 import shutil
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+import sys
+import uuid
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core.caching import FunctionCache
 
-from vtkmuscle.core.cache_folder import cache_folder, warn_of_folder
+from vtkmuscle.core.cache_folder import cache_folder, check_nobody_else_writes, warn_of_folder
 
 #: So many versions of a file's kernels are kept, those used last: of several copies of the package.
 VERSIONS = 8
+
+#: What is used of numba's that its documentation does not promise; where it is missing nothing is kept.
+_OF_NUMBA = (
+    "core.codegen.CPUCodegen.magic_tuple",
+    "core.compiler.CompileResult._rebuild",
+    "core.compiler.CompileResult._reduce",
+    "core.dispatcher.Dispatcher.enable_caching",
+    "core.serialize.dumps",
+)
 
 #: What a file imports; names in brackets may be modules.
 _IMPORT = re.compile(r"^[ \t]*(?:from|import)[ \t]+([\w.]+)(?:[ \t]+import[ \t]+(\([^)]*\)|[^\n]*))?", re.M)
@@ -42,69 +58,136 @@ def kernel_folder() -> Path | None:
     return None if folder is None else folder / "kernels"
 
 
-def kernel_cache(function: Callable[..., object]) -> Any:
-    """Return where numba is to keep what it compiles of a function.
+def keep_kernel(compiled: Any) -> None:
+    """Have numba keep what it compiles of a function, where there is a folder for it.
+
+    Nothing is kept of a function within a function, or of one that is in no file.
 
     Parameters
     ----------
-    function : callable
-        A kernel of a module in a file.
+    compiled : callable
+        What :func:`numba.njit` returns.
 
-    Returns
-    -------
-    numba.core.caching.FunctionCache or None
-        None where nothing is to be kept, or the module has no source file.
+    Warns
+    -----
+    UserWarning
+        Once, if this version of numba does not let go of what it compiles.
     """
-    folder, file = kernel_folder(), Path(function.__code__.co_filename)
-    if folder is None or not file.is_file():
-        return None
-    return KernelCache(function)
+    function, folder = getattr(compiled, "py_func", None), kernel_folder()
+    if function is None or folder is None or "<locals>" in function.__qualname__:
+        return
+    file = Path(function.__code__.co_filename)
+    if file.is_file() and _numba_is_known():
+        compiled._cache = KernelCache(function, file, folder)  # as Dispatcher.enable_caching does
 
 
-class Locator:
-    """Tells numba where the machine code of a function is kept, and what it is made from.
+@cache
+def _numba_is_known() -> bool:
+    try:
+        for name in _OF_NUMBA:
+            attrgetter(name)(numba)
+    except AttributeError as error:
+        warnings.warn(
+            f"compiled kernels cannot be kept with numba {numba.__version__} ({error}), so they are compiled "
+            "anew each time, which takes minutes; install an older one",
+            stacklevel=4,
+        )
+        return False
+    return True
+
+
+class KernelCache:
+    """What numba asks for the machine code of a kernel, and gives it to: a file for each signature.
 
     Parameters
     ----------
     function : callable
         The kernel.
-    file : str
+    file : Path
         Where it is defined.
+    folder : Path
+        Of all kernels.
     """
 
-    def __init__(self, function: Callable[..., object], file: str) -> None:
-        parent = kernel_folder()
-        assert parent is not None
-        self._line = function.__code__.co_firstlineno
+    def __init__(self, function: Callable[..., object], file: Path, folder: Path) -> None:
         self._module = function.__module__
-        self._py_file = file  # for numba's warnings
-        self._key = source_key(self._module, Path(file))
-        self._folder = parent / f"{self._module}-{self._key}"
+        self._name = f"{function.__qualname__}-{function.__code__.co_firstlineno}"
+        self._folder = folder / f"{self._module}-{source_key(self._module, file)}"
         with suppress(OSError):  # not there yet, or only to be read
             os.utime(self._folder)
 
-    @classmethod
-    def from_function(cls, function: Callable[..., object], file: str) -> Locator:
-        """Return the locator of a function."""
-        return cls(function, file)
-
-    def get_cache_path(self) -> str:
-        """Return the folder for this version of the function's module."""
+    @property
+    def cache_path(self) -> str:
+        """The folder for this version of the kernel's module."""
         return str(self._folder)
 
-    def get_source_stamp(self) -> str:
-        """Return the key of the sources."""
-        return self._key
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        """Return what is kept for a signature, None where there is nothing, or nothing that can be used."""
+        target.refresh()
+        body = self._read(self._file(signature, target.codegen()))
+        if body is None:
+            return None
+        return numba.core.compiler.CompileResult._rebuild(target, *pickle.loads(body))
 
-    def get_disambiguator(self) -> str:
-        """Return what tells functions of the same name apart."""
-        return str(self._line)
+    def save_overload(self, signature: Any, compiled: Any) -> None:
+        """Keep what was compiled for a signature; warn where that is not possible."""
+        if compiled.library.has_dynamic_globals:  # addresses of this process
+            return
+        body = numba.core.serialize.dumps(compiled._reduce())
+        try:
+            self._write(self._file(signature, compiled.library.codegen), body)
+        except OSError as error:
+            warn_of_folder(
+                self._folder.parent, error, "compiled kernels", "compiled anew each time, which takes minutes"
+            )
 
-    def ensure_cache_path(self) -> None:
+    def flush(self) -> None:
+        """Keep what there is: it goes with its sources."""
+
+    def _file(self, signature: Any, codegen: Any) -> Path:
+        made_for = signature, codegen.magic_tuple(), numba.__version__, sys.implementation.cache_tag
+        digest = hashlib.sha256(repr(made_for).encode()).hexdigest()[:16]
+        return self._folder / f"{self._name}-{digest}.kernel"
+
+    def _check_folders(self) -> None:
+        for folder in (self._folder.parent, self._folder):
+            check_nobody_else_writes(folder.stat())
+
+    def _read(self, path: Path) -> bytes | None:
+        """Return what a file holds after its checksum, None where it does not or is not to be trusted."""
+        try:
+            self._check_folders()
+            with open(path, "rb") as file:
+                check_nobody_else_writes(os.fstat(file.fileno()))
+                content = file.read()
+        except OSError:
+            return None
+        body = content[hashlib.sha256().digest_size :]
+        if content == _checksum(path, body) + body:
+            return body
+        with suppress(OSError):  # a folder that can only be read
+            path.unlink()
+        return None
+
+    def _write(self, path: Path, body: bytes) -> None:
+        """Write a file beside its place and move it there: processes that do so at once do no harm."""
+        self._make_folder()
+        self._check_folders()
+        part = path.with_suffix(f".{uuid.uuid4().hex}.part")
+        try:
+            with open(part, "xb", opener=_only_ours) as file:
+                file.write(_checksum(path, body) + body)
+            os.replace(part, path)
+        except OSError:
+            part.unlink(missing_ok=True)
+            raise
+
+    def _make_folder(self) -> None:
         """Make the folder, and remove those of the module's versions that were used longest ago."""
         if self._folder.is_dir():
             return
-        self._folder.mkdir(parents=True, exist_ok=True)
+        self._folder.parent.mkdir(0o755, parents=True, exist_ok=True)
+        self._folder.mkdir(0o755, exist_ok=True)
         versions = []
         for path in self._folder.parent.glob(f"{self._module}-*"):
             with suppress(OSError):  # another process has removed it
@@ -113,55 +196,13 @@ class Locator:
             shutil.rmtree(path, ignore_errors=True)
 
 
-class _Placed(FunctionCache._impl_class):
-    """What numba keeps of a compiled function, at the place that the locator says."""
-
-    _locator_classes = (Locator,)
-
-
-class KernelCache(FunctionCache):
-    """Numba's cache of a function; processes that compile it at once do not get in each other's way.
-
-    The two files that numba writes are one whole under a lock: otherwise of two processes that compile a
-    function for other arguments one could find the other's machine code under its own name.
-    """
-
-    _impl_class = _Placed
-
-    def load_overload(self, signature: Any, target: Any) -> Any:
-        """Return what is kept for a signature, None where there is nothing that can be read."""
-        try:
-            return super().load_overload(signature, target)
-        except OSError:
-            return None
-
-    def save_overload(self, signature: Any, compiled: Any) -> None:
-        """Keep what was compiled for a signature; warn where that is not possible."""
-        try:
-            self._impl.locator.ensure_cache_path()
-            with _locked(Path(self.cache_path)):
-                super().save_overload(signature, compiled)
-        except OSError as error:
-            warn_of_folder(
-                Path(self.cache_path).parent,
-                error,
-                "compiled kernels",
-                "compiled anew each time, which takes minutes",
-            )
+def _checksum(path: Path, body: bytes) -> bytes:
+    """Return the checksum of a file's content and name: one in another's place is as bad as a damaged one."""
+    return hashlib.sha256(f"{path.parent.name}/{path.name} ".encode() + body).digest()
 
 
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Wait for the lock of a folder; the system lets go of it where the process is killed."""
-    if os.name != "posix":
-        yield
-        return
-    import fcntl  # noqa: PLC0415 -- Windows has none
-
-    with open(folder / ".lock", "ab") as file:
-        with suppress(OSError):  # a file system without locks
-            fcntl.flock(file, fcntl.LOCK_EX)
-        yield
+def _only_ours(path: str, flags: int) -> int:
+    return os.open(path, flags, 0o644)
 
 
 def source_key(module: str, file: Path) -> str:

@@ -21,6 +21,8 @@ from vtkmuscle.data.muscle_geometry import MuscleGeometry
 BULGE = 2.0
 #: A ring of which more than this part is deeper in the muscle than a mean edge is long does not lie on it.
 DEEP = 0.05
+#: Places at which that is looked at on the way from one landmark to the next.
+PLACES = 8
 #: An aponeurosis is no farther from its muscle than this part of the muscle's extent.
 FARTHEST = 0.05
 #: Part of a muscle's surface beyond which an aponeurosis covers the muscle: the two sides of a sheet have
@@ -133,7 +135,11 @@ def _within(shape: Aponeurosis | AttachmentArea, geometry: MuscleGeometry) -> tu
     if not shape.is_ring:
         return shape.points, shape.triangles
     disc = discs_over([shape.points])
-    inside = (geometry.distance.depth(shape.points) > geometry.mean_edge).mean() > DEEP
+    share = np.linspace(0.0, 1.0, PLACES, endpoint=False)[:, None, None]
+    around = (1.0 - share) * shape.points + share * np.roll(
+        shape.points, -1, axis=0
+    )
+    inside = (geometry.distance.depth(around.reshape(-1, 3)) > geometry.mean_edge).mean() > DEEP
     patch = EndSurface(geometry.points, geometry.triangles, geometry.patch(_as_area(shape))).samples.area
     flat = float(np.linalg.norm(triangle_normals(*disc), axis=1).sum()) / 2.0
     return disc if inside or patch > BULGE * flat > 0.0 else None

@@ -18,7 +18,6 @@ from vtkmuscle.core.motion.muscle_paths import FunctionPath
 from vtkmuscle.core.motion.slide_units import slides_in_metres
 from vtkmuscle.core.motion.tree import KinematicTree
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.export.enriching import enriched
 from vtkmuscle.export.mujoco import mjcf_of
 from vtkmuscle.export.opensim import MuscleOut, osim_of
@@ -50,9 +49,9 @@ class ExportedMuscle:
     fibres : tuple of int
         Those that it stands for.
     group_error : float
-        RMS of their lengths' changes against the group's mean [mm].
+        RMS of the changes of their paths' lengths against the group's mean [mm].
     fit_error, largest_fit_error : float
-        Of the path against the mean (functions) or the fibre that stands for the group (points) [mm]; for
+        Of the path against the mean (functions) or the path that stands for the group (points) [mm]; for
         points the change of length counts.
     held_back_error : float or None
         Of a function, at poses by which its order was chosen [mm].
@@ -295,18 +294,13 @@ def export_muscles(
 def _lines(
     result: Result, name: str, joints: SceneJoints, values: Mapping[str, Floats], metres: float
 ) -> Floats:
-    """Return the fibres' points (f, n, p, 3) in the frame of the tree's root [m]."""
+    """Return the points of the paths (f, n, p, 3) in the frame of the tree's root [m]."""
     tree: KinematicTree = joints.tree
     rest, now = tree.poses({}), tree.poses(values)
     hold = rest[joints.fixed] @ inverses(now[joints.fixed])
     to_root = inverses(hold) @ rest[joints.frame]
     frames = []
     for position, frame in enumerate(result.frames):
-        fibres = result.fibres(name, frame=frame)
-        lines = polylines_of(fibres, name)
-        sizes = np.diff(lines.offsets).tolist()
-        if len(set(sizes)) != 1:
-            raise InputError("", f"the fibres of {name!r} differ in their numbers of points")
-        moved = lines.points @ to_root[position, :3, :3].T + to_root[position, :3, 3]
-        frames.append(metres * moved.reshape(len(sizes), sizes[0], 3))
+        points = result.paths(name, frame=frame).points
+        frames.append(metres * (points @ to_root[position, :3, :3].T + to_root[position, :3, 3]))
     return np.array(frames)

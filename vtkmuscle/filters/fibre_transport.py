@@ -32,6 +32,7 @@ from vtkmuscle.data.arrays import (
     with_polylines,
 )
 from vtkmuscle.data.muscle_geometry import muscle_geometry
+from vtkmuscle.data.paths import add_paths
 from vtkmuscle.data.pipeline_times import times_of
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
@@ -154,7 +155,8 @@ class FibreTransport(Filter):
     ------
     ValueError
         If there are no fibres, if a muscle is no triangle mesh or the rest muscle is not closed, if a
-        coordinate is not finite, or if the deformed muscle has not as many points as the muscle at rest.
+        coordinate is not finite, if the deformed muscle has not as many points as the muscle at rest, or if
+        ``paths`` are not one for each fibre.
 
     References
     ----------
@@ -192,11 +194,18 @@ class FibreTransport(Filter):
     rest_fibres = InputPort(vtkPolyData, doc="Polylines in the muscle at rest.")
     rest_muscle = InputPort(vtkPolyData, doc="The muscle at rest, closed, triangles.")
     deformed_muscle = InputPort(vtkPolyData, doc="The same points as the muscle at rest, moved.")
+    paths = InputPort(
+        vtkPolyData,
+        optional=True,
+        doc="The same fibres pulled taut, as by TautFibres: the paths, where the deformed muscle has none.",
+    )
     output = OutputPort(
         vtkPolyData,
         doc="The moved polylines, with the arrays of the rest fibres and the cell array ``RestLength`` "
         "(n_fibres,) [mm], and the field arrays ``PointsOutside``, the number of rest fibre points that are "
-        "outside of the muscle, and ``WeightError`` [mm].",
+        "outside of the muscle, and ``WeightError`` [mm]. With the arrays of the muscle's paths, where the "
+        "deformed muscle or the taut fibres have them: ``PathLength``, ``PathPoints`` and "
+        "``PathWrench_BONE`` (:mod:`vtkmuscle.data.paths`).",
     )
 
     _rest: _Rest | None = None
@@ -206,7 +215,11 @@ class FibreTransport(Filter):
         return times_of(inputs_information[2]) or None
 
     def execute(
-        self, rest_fibres: vtkPolyData, rest_muscle: vtkPolyData, deformed_muscle: vtkPolyData
+        self,
+        rest_fibres: vtkPolyData,
+        rest_muscle: vtkPolyData,
+        deformed_muscle: vtkPolyData,
+        paths: vtkPolyData | None,
     ) -> vtkPolyData:
         """Return the fibres in the deformed muscle."""
         lines = polylines_of(rest_fibres, "FibreTransport: rest_fibres")
@@ -231,6 +244,7 @@ class FibreTransport(Filter):
         set_cell_array(result, "RestLength", polyline_lengths(lines.points, lines.offsets))
         set_field_array(result, "PointsOutside", int((rest.gap > rest.slack).sum()))
         set_field_array(result, "WeightError", rest.error)
+        add_paths(result, deformed_muscle, paths, "FibreTransport: paths")
         return result
 
     def _carried(self, muscle: vtkPolyData, count: int) -> tuple[Floats, Floats] | None:

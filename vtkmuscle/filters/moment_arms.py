@@ -1,7 +1,8 @@
-"""MomentArms: how much fibres shorten as a joint turns."""
+"""MomentArms: the levers of paths about a joint, or how much fibres shorten as it turns."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,12 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.moment_arms.derivatives import moment_arms
-from vtkmuscle.core.moment_arms.of_joints import checked_coordinates, coordinate_samples
+from vtkmuscle.core.moment_arms.levers import levers, twists_by
+from vtkmuscle.core.moment_arms.of_joints import checked_coordinates, known_coordinates
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS, Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.motion.sweeps import frames_of_sweep
+from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.data.arrays import (
     cell_array,
     field_array,
@@ -22,6 +25,7 @@ from vtkmuscle.data.arrays import (
     set_field_array,
     with_polylines,
 )
+from vtkmuscle.data.paths import paths_of
 from vtkmuscle.data.pipeline_times import times_of
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
@@ -33,26 +37,32 @@ LENGTHS, TIMES = "Lengths", "Times"
 
 
 class MomentArms(Filter):
-    """Add the moment arms of fibres about a joint, -dl/dq, from their lengths at all time steps.
+    """Add moment arms of a muscle's paths about a joint; of other fibres those by their lengths over time.
 
-    A fibre that shortens as the coordinate q grows has a positive moment arm. The slope of its length is
-    taken by local regression in a window that is chosen against the noise of the lengths
-    (:func:`vtkmuscle.core.moment_arms.derivatives.moment_arms`), and has a standard error. The fibres are
-    asked for at every time step that is announced; what was measured is kept until something upstream
-    changes. Fibres that announce no time steps must have their history with them: the cell array ``Lengths``
-    and the field array ``Times``.
+    Where the fibres have paths with them (``PathWrench_BONE``: the output of TautFibres, or of FibreTransport
+    behind PBDDeformer) and there is a ``motion``, a moment arm is the lever of the path's pull about the axis
+    of the coordinate (:mod:`vtkmuscle.core.moment_arms.levers`). That takes the one pose alone, also where
+    several coordinates change at once, as long as the joint is known or poses differ in the one coordinate
+    only.
 
-    The coordinate is one of the ``motion``, or where none is given the pipeline's time. Of a motion with one
-    coordinate those frames count in which the bones' rotation depends on it alone, and not a way from rest
-    to the sweep's start. By several coordinates a moment arm is that with the others held; it is determined
-    where the poses about separate them.
+    Of other fibres it is the slope -dl/dq of their lengths, by local regression in a window that is chosen
+    against the noise of the lengths (:func:`vtkmuscle.core.moment_arms.derivatives.moment_arms`), with its
+    standard error. They are asked for at every time step that is announced; what was measured is kept until
+    something upstream changes. Fibres that announce no time steps must have their history with them: the cell
+    array ``Lengths`` and the field array ``Times``. Of a motion with one coordinate those frames count in
+    which the bones' rotation depends on it alone, and not a way from rest to the sweep's start; by several a
+    moment arm is determined where the poses about separate them.
+
+    A fibre that shortens as the coordinate q grows has a positive moment arm. The coordinate is one of the
+    ``motion``, or where none is given the pipeline's time.
 
     Raises
     ------
     ValueError
         If there are no fibres or a point is not finite, if there are neither time steps nor a history, if the
-        number of fibres changes with time, if the motion has no such coordinate, if it has too few different
-        values (4 for one coordinate), or if several coordinates only change together.
+        number of fibres changes with time, or if the motion has no such coordinate; of fibres without paths
+        also if it has too few different values (4 for one coordinate), or if several coordinates only change
+        together.
 
     References
     ----------
@@ -61,16 +71,15 @@ class MomentArms(Filter):
 
     Examples
     --------
-    >>> from vtkmuscle.filters import BoneMotion, LinearBlendFibres, MomentArms
+    >>> from vtkmuscle.filters import MomentArms
     >>> from vtkmuscle.phantoms import spindle_over_hinge
-    >>> from vtkmuscle.pipelines import decompose
+    >>> from vtkmuscle.pipelines import decompose, pull_taut
     >>> phantom = spindle_over_hinge()
-    >>> rest = decompose(phantom.muscles["spindle"], phantom.attachments["spindle"], n_fibres=8)
-    >>> bones = BoneMotion(bones=phantom.bones, motion=phantom.motion)
-    >>> blend = LinearBlendFibres(rest_fibres=rest, bones=bones)
-    >>> found = MomentArms(fibres=blend, motion=phantom.motion).apply(time=20.0)
-    >>> found["MomentArm"].shape, bool((found["MomentArmError"] < 0.5).all())
-    ((8,), True)
+    >>> muscle, areas = phantom.muscles["spindle"], phantom.attachments["spindle"]
+    >>> rest = decompose(muscle, areas, n_fibres=8)
+    >>> taut = pull_taut(muscle, phantom.bones, phantom.motion, rest, areas)
+    >>> MomentArms(fibres=taut, motion=phantom.motion).apply(time=20.0)["MomentArm"].shape
+    (8,)
     """
 
     motion: Parameter[RigidMotion | None] = Parameter(
@@ -93,7 +102,8 @@ class MomentArms(Filter):
     )
     output = OutputPort(
         vtkPolyData,
-        doc="The fibres with the cell arrays ``MomentArm`` and ``MomentArmError`` (standard error) [mm], and "
+        doc="The fibres with the cell arrays ``MomentArm`` [mm] and, where it is a slope, ``MomentArmError`` "
+        "(its standard error) [mm], and "
         "the field arrays ``Coordinate`` (its name) and ``CoordinateValue`` (in its unit); by several "
         "coordinates each of these arrays has _NAME after its own. In a pose in which a moment arm is not "
         "determined, such as one before the sweep, its arrays are not there.",
@@ -105,7 +115,7 @@ class MomentArms(Filter):
         super().__init__(**parameters)
 
     def RequestUpdateExtent(self, request: Any, inInfo: Any, outInfo: Any) -> int:
-        """Note the time steps; the fibres at the other ones are asked for in :meth:`execute`."""
+        """Note the time steps; :meth:`execute` asks for fibres at the other ones where it needs them."""
         self._steps = times_of(inInfo[0].GetInformationObject(0))
         self.request_time = requested_time(outInfo.GetInformationObject(0))
         return 1
@@ -113,6 +123,8 @@ class MomentArms(Filter):
     def execute(self, fibres: vtkPolyData) -> vtkPolyData:
         """Return the fibres at the time asked for, with their moment arms."""
         lines = polylines_of(fibres, "MomentArms: fibres")
+        if self.motion is not None and paths_of(fibres, "MomentArms: fibres") is not None:
+            return self._of_paths(fibres, self.motion)
         if fibres.GetCellData().HasArray(LENGTHS):
             times, lengths = _history(fibres, len(lines.offsets) - 1)
         elif self._steps:
@@ -154,12 +166,54 @@ class MomentArms(Filter):
             self._measured = state_of_inputs(self, (0,)), np.array(rows)
         return self._measured[1]
 
+    def _of_paths(self, fibres: vtkPolyData, motion: RigidMotion) -> vtkPolyData:
+        """Return fibres with the levers of their paths."""
+        now = float(motion.times[-1]) if self.request_time is None else self.request_time
+        if self._steps:
+            again = input_at(self, 0, now)
+            fibres = fibres if again is None else again
+        paths = paths_of(fibres, "MomentArms: fibres")
+        assert paths is not None  # it had some at another time
+        with placed("MomentArms"):
+            checked_coordinates(motion, [self.coordinate] if self.coordinate else ())
+            names = known_coordinates(motion)
+        result: vtkPolyData = with_polylines(fibres, polylines_of(fibres, "MomentArms: fibres"))
+        wrenches = {bone: one[None] for bone, one in paths.wrenches.items()}
+        for name in names:
+            if self.coordinate not in (None, name):
+                continue
+            frames, twists = twists_by(motion, name, names)
+            if not _is_known(now, motion.times, frames):
+                continue
+            at = {bone: _interpolated(now, motion.times[frames], one) for bone, one in twists.items()}
+            arms = levers(wrenches, at)[0] if wrenches else np.zeros(len(paths.lengths))
+            value = float(np.interp(now, motion.times, motion.coordinates[name].values))
+            self._add(result, name, names, value, arms)
+        return result
+
+    def _add(
+        self,
+        result: vtkPolyData,
+        name: str,
+        names: Sequence[str],
+        value: float,
+        arms: Floats,
+        errors: Floats | None = None,
+    ) -> None:
+        """Add what is known by a coordinate, one of several."""
+        suffix = f"_{name}" if len(names) > 1 and self.coordinate is None else ""
+        set_cell_array(result, f"MomentArm{suffix}", arms)
+        if errors is not None:
+            set_cell_array(result, f"MomentArmError{suffix}", errors)
+        set_field_array(result, f"Coordinate{suffix}", name)
+        set_field_array(result, f"CoordinateValue{suffix}", value)
+
     def _add_arms(self, result: vtkPolyData, times: Floats, lengths: Floats, now: float) -> None:
         motion = self.motion or RigidMotion(times, {}, None, {"time": Coordinate(times, self.unit)})
         one_only = self.coordinate if self.motion is not None else None
         with placed("MomentArms"):
             checked_coordinates(motion, [one_only] if one_only else ())
-            names, samples, counts = coordinate_samples(motion)
+            names, samples, counts = _coordinate_samples(motion)
             # Frames count where they and those about them do.
             counted = counts.astype(np.float64)[:, None]
             used = _interpolated(times, motion.times, counted)[:, 0] == 1.0
@@ -168,14 +222,41 @@ class MomentArms(Filter):
             among = _interpolated(times, motion.times, samples)[used]
             found = moment_arms(lengths[used], among, at=place if known else None)
         for number, name in enumerate(names):
-            if not (known and found.determined[0, number]) or one_only not in (None, name):
-                continue
-            suffix = f"_{name}" if len(names) > 1 and one_only is None else ""
-            set_cell_array(result, f"MomentArm{suffix}", np.array(found.arms[0, :, number]))
-            set_cell_array(result, f"MomentArmError{suffix}", np.array(found.errors[0, :, number]))
-            set_field_array(result, f"Coordinate{suffix}", name)
-            value = float(place[0, number]) / motion.coordinates[name].factor
-            set_field_array(result, f"CoordinateValue{suffix}", value)
+            if known and found.determined[0, number] and one_only in (None, name):
+                value = float(place[0, number]) / motion.coordinates[name].factor
+                self._add(
+                    result,
+                    name,
+                    names,
+                    value,
+                    np.array(found.arms[0, :, number]),
+                    np.array(found.errors[0, :, number]),
+                )
+
+
+def _coordinate_samples(motion: RigidMotion) -> tuple[tuple[str, ...], Floats, Bools]:
+    """Return the d coordinates that change, their natural values (k, d), and which of the frames (k,) count.
+
+    Of one coordinate those of its sweep, of several all.
+    """
+    known = motion.coordinates
+    found = tuple(name for name in known_coordinates(motion) if known[name].changes)
+    if not found:
+        raise InputError(
+            "",
+            "no coordinate of the motion changes, so no slope by it is known",
+            "use more frames of the motion",
+        )
+    samples = np.column_stack([known[name].natural for name in found])
+    used = frames_of_sweep(motion, found[0]) if len(found) == 1 else np.ones(len(samples), dtype=np.bool_)
+    return found, samples, used
+
+
+def _is_known(now: float, times: Floats, frames: Ints) -> bool:
+    """Return whether what is known in some frames is so at a time: in those on either side of it."""
+    upper = int(np.clip(np.searchsorted(times, now), 0, len(times) - 1))
+    lower = upper if times[upper] <= now or upper == 0 else upper - 1
+    return bool(np.isin([lower, upper], frames).all())
 
 
 def _interpolated(times: Floats | float, known: Floats, samples: Floats) -> Floats:

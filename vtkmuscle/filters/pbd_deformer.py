@@ -29,6 +29,7 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.data.attachments import rings_by_bone
 from vtkmuscle.data.moving_bones import RestBones, transforms_of
+from vtkmuscle.data.paths import path_arrays
 from vtkmuscle.data.superficial import checked_superficial
 from vtkmuscle.filters.base.history import HistoryFilter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
@@ -164,7 +165,10 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         "and ``PenetratingPoints``, how many. With ``anisotropy`` 'taut' also the point array ``Carried`` "
         "(3), where the taut fibres carry each point before edges, volume and bones are heeded [mm], and the "
         "field arrays ``FibrePoints`` (p, 3), where they carry the points of ``fibres`` [mm], and "
-        "``UnsettledFibres``, how many fibres did not come to rest.",
+        "``UnsettledFibres``, how many fibres did not come to rest; and of the taut fibres, where each "
+        "stands for one of ``fibres``, ``PathLength`` (k,) [mm], ``PathPoints`` (k, 3 n) [mm] and "
+        "``PathWrench_BONE`` (k, 6), force [1] and moment about the origin [mm] that one of unit tension "
+        "exerts on each bone.",
     )
 
     moving = ("bones", "neighbours")
@@ -207,7 +211,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         first = self.path[0]
         if self._frames.done(self.path) and self._rest_from != first:
             self._take_rest(bones_of(self.data_at("bones", bones, first), "PBDDeformer: bones"))
-        return self._result(muscle, self.frame((bones, neighbours), self._advance))
+        return self._result(muscle, self.frame((bones, neighbours), self._advance), names)
 
     def _prepare(
         self,
@@ -307,7 +311,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
 
     # ---------------------------------------------------------------- the result
 
-    def _result(self, muscle: vtkPolyData, frame: _Frame) -> vtkPolyData:
+    def _result(self, muscle: vtkPolyData, frame: _Frame, bones: list[str]) -> vtkPolyData:
         shape = self._known_model.shape(frame.state)
         result: vtkPolyData = with_points(muscle, shape.points)
         set_point_array(result, "Displacement", shape.displacement)
@@ -317,8 +321,11 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         if shape.carried is not None and frame.state.guided is not None:
             set_point_array(result, "Carried", shape.carried)
             set_field_array(result, "UnsettledFibres", frame.state.guided.state.unsettled)
-        if shape.fibre_points is not None:
+        if shape.fibre_points is not None and frame.state.guided is not None:
             set_field_array(result, "FibrePoints", shape.fibre_points)
+            paths = frame.state.guided.state
+            for name, values in path_arrays(paths.points, paths.wrenches, bones).items():
+                set_field_array(result, name, values)
         return result
 
     def _convergence(self, frame: _Frame, shape: MuscleShape) -> dict[str, float]:

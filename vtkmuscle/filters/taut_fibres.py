@@ -22,6 +22,7 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.data.attachments import rings_by_bone
 from vtkmuscle.data.moving_bones import RestBones, transforms_of
+from vtkmuscle.data.paths import PATH_POINTS, path_arrays
 from vtkmuscle.filters.base.history import HistoryFilter
 from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
@@ -117,8 +118,10 @@ class TautFibres(HistoryFilter[TautState]):
         vtkPolyData,
         doc="The strings, with the cell and field arrays of the rest fibres and the cell arrays ``Length``, "
         "``TautLength`` (the same) and ``RestLength`` (pulled taut at rest) [mm], ``Ratio`` (of the two), "
-        "``Contact`` (points that a bone pushes), and the field array ``UnsettledFibres``, how many did not "
-        "come to rest.",
+        "``Contact`` (points that a bone pushes), ``PathLength`` (the length again, as that of the paths) "
+        "and "
+        "``PathWrench_BONE`` (6), force [1] and moment about the origin [mm] that a string of unit tension "
+        "exerts on each bone, and the field array ``UnsettledFibres``, how many did not come to rest.",
     )
 
     moving = ("bones",)
@@ -154,7 +157,7 @@ class TautFibres(HistoryFilter[TautState]):
             self.report_part(1.0)
             return pose
 
-        return self._result(rest_fibres, paths, self.frame((bones,), advance))
+        return self._result(rest_fibres, paths, self.frame((bones,), advance), names)
 
     def _is_new(
         self,
@@ -201,13 +204,18 @@ class TautFibres(HistoryFilter[TautState]):
                 hold=self.hold,
             )
 
-    def _result(self, rest_fibres: vtkPolyData, paths: TautPaths, state: TautState) -> vtkPolyData:
+    def _result(
+        self, rest_fibres: vtkPolyData, paths: TautPaths, state: TautState, bones: list[str]
+    ) -> vtkPolyData:
         count, n, _ = state.points.shape
         result: vtkPolyData = with_polylines(
             rest_fibres, Polylines(state.points.reshape(-1, 3), n * np.arange(count + 1))
         )
         lengths, rest = state.lengths, paths.rest.lengths
+        found = path_arrays(state.points, state.wrenches, bones)
+        del found[PATH_POINTS]  # the lines themselves
         for name, values in (
+            *found.items(),
             ("Length", lengths),
             ("TautLength", lengths),
             ("RestLength", rest),

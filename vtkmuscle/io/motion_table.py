@@ -122,7 +122,10 @@ def read_motion_table(
         transforms.append(transform)
         for name in kinds:
             values[name].append(finite_number(given[name], name, path, where))
-    found = {name: Coordinate(np.array(values[name]), **kinds[name]) for name in kinds}
+    found = {
+        name: Coordinate(np.array(values[name]), kinds[name].get("unit", "deg"), kinds[name]["positive"])
+        for name in kinds
+    }
     if coordinates is None:
         found = {name: one for name, one in found.items() if not _counts_rows(one.values)}
     return RigidMotion(

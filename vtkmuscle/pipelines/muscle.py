@@ -75,7 +75,8 @@ class MusclePipeline:
     deformer : PBDDeformer or None
         The muscle in motion; None with the model ``"paths"``.
     taut : TautFibres or None
-        The fibres in motion with the model ``"paths"``, else None.
+        The paths: the fibres in motion with the model ``"paths"``; with ``"volume"`` where the deformer
+        follows none (``anisotropy`` is not ``"taut"``). None without fibres.
     transport : FibreTransport or None
         The fibres in motion with the model ``"volume"``; None without fibres.
     metrics : FibreMetrics or None
@@ -140,15 +141,7 @@ class MusclePipeline:
         self.taut: TautFibres | None = None
         self.transport: FibreTransport | None = None
         self.metrics: FibreMetrics | None = None
-        if model == "paths":
-            self.taut = TautFibres(
-                rest_fibres=self.paths,
-                rest_muscle=self.fixed,
-                bones=self.moving,
-                attachments=attachments,
-                **(solver or {}),
-            )
-        else:
+        if model == "volume":
             self.deformer = PBDDeformer(
                 muscle=self.fixed,
                 bones=self.moving,
@@ -159,11 +152,22 @@ class MusclePipeline:
                 **(solver or {}),
             )
         if self.fibres is not None:
+            if self.deformer is None or self.deformer.anisotropy != "taut":
+                self.taut = TautFibres(
+                    rest_fibres=self.paths,
+                    rest_muscle=self.fixed,
+                    bones=self.moving,
+                    attachments=attachments,
+                    **((solver or {}) if self.deformer is None else {}),
+                )
             if self.deformer is not None:
                 self.transport = FibreTransport(
                     rest_fibres=self.fibres,
                     rest_muscle=self.fixed,
                     deformed_muscle=self.deformer,
+                    paths=self.taut,
+                    # What the deformer says of its taut fibres is of the paths.
+                    method="carried" if self.fibres is self.paths else "mean-value",
                     **carrying,
                 )
             moved = self.taut if self.transport is None else self.transport

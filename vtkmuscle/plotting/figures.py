@@ -145,18 +145,21 @@ def plot_lengths(
     times: ArrayLike,
     lengths: ArrayLike,
     *,
+    of: str = "path",
     title: str = "",
     time_label: str = "time",
     units: str = "mm",
 ) -> Figure:
-    """Return the lengths of the fibres of a muscle over time: a thin line each, and their mean.
+    """Return the lengths of the paths or fibres of a muscle over time: a thin line each, and their mean.
 
     Parameters
     ----------
     times : (k,) array_like
         Pipeline times.
-    lengths : (k, n_fibres) array_like
-        Fibre lengths.
+    lengths : (k, n) array_like
+        Lengths of n paths or fibres.
+    of : str, optional
+        Whose they are, ``"path"`` or ``"fibre"``.
     title, time_label, units : str, optional
         What to write on the figure.
 
@@ -166,7 +169,7 @@ def plot_lengths(
         To be saved by ``savefig``.
     """
     values = np.asarray(lengths, dtype=np.float64)
-    figure, axes = curves(title, time_label, f"fibre length [{units}]")
+    figure, axes = curves(title, time_label, f"{of} length [{units}]")
     marker = "o" if len(values) == 1 else ""
     if marker:
         axes.plot(times, values, color=MUSCLE_RED, alpha=0.25, linewidth=0.7, marker=marker, markersize=3)
@@ -174,7 +177,7 @@ def plot_lengths(
         paths = np.stack([np.broadcast_to(np.asarray(times)[:, None], values.shape), values], axis=2)
         lines = LineCollection(list(paths.swapaxes(0, 1)), colors=MUSCLE_RED, alpha=0.25, linewidths=0.7)
         axes.add_collection(lines)
-    axes.plot([], [], color=MUSCLE_RED, alpha=0.5, linewidth=0.7, label=f"{values.shape[1]} fibres")
+    axes.plot([], [], color=MUSCLE_RED, alpha=0.5, linewidth=0.7, label=f"{values.shape[1]} {of}s")
     axes.plot(times, values.mean(axis=1), color="black", linewidth=2.2, marker=marker, label="mean")
     axes.legend(frameon=False)
     return figure

@@ -1,4 +1,4 @@
-"""Figures of moment arms: the band of the fibres, the mean, a quartic, and what is published."""
+"""Figures of moment arms: the band of the paths, the mean, a quartic, and what is published."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from vtkmuscle.core.moment_arms.by_coordinate import BAND, JointArms
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
+from vtkmuscle.core.types import Floats
 from vtkmuscle.io.literature import LOWER, UPPER, LiteratureCurve, curves_for
 from vtkmuscle.plotting.colours import MUSCLE_RED, PALETTE
 from vtkmuscle.plotting.sheets import DOTS_PER_INCH
@@ -21,6 +22,7 @@ from vtkmuscle.plotting.sheets import DOTS_PER_INCH
 def plot_moment_arms(
     arms: Mapping[str, JointArms],
     *,
+    errors: Mapping[str, Floats] | None = None,
     literature: Sequence[LiteratureCurve] = (),
     title: str = "",
 ) -> Figure:
@@ -30,6 +32,9 @@ def plot_moment_arms(
     ----------
     arms : mapping of str to JointArms
         Per coordinate, at least one.
+    errors : mapping of str to (m,) array, optional
+        Per coordinate what is known of the error of the mean in all, with 95 % confidence, as
+        ``result.errors[NAME]["moment_arm_COORDINATE"].total``.
     literature : sequence of LiteratureCurve, optional
         Published ones of the muscle; those of a coordinate of this name are drawn.
     title : str, optional
@@ -46,14 +51,14 @@ def plot_moment_arms(
         figure.suptitle(title)
     for number, (name, found) in enumerate(arms.items()):
         axes = figure.add_axes((number / len(arms), 0.12, 1.0 / len(arms), 0.79))
-        _draw(axes, found)
+        _draw(axes, found, None if errors is None else errors.get(name))
         unit = ANGLES.get(found.unit)
         if unit is not None:
             _draw_literature(axes, curves_for(literature, coordinate=name), math.pi / 180.0 / unit)
         axes.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
         axes.spines[["top", "right"]].set_visible(False)
         axes.set_xlabel(f"{name.replace('_', ' ')} [{found.unit}], positive: {found.positive or 'upwards'}")
-        axes.set_ylabel("moment arm, -dl/dq [mm]" if unit is not None else "moment arm, -dl/dq [1]")
+        axes.set_ylabel("moment arm [mm]" if unit is not None else "moment arm [1]")
         legend = axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
         # The legend stands beside the curves, and they have what it leaves of the panel.
         width = legend.get_window_extent().width / figure.bbox.width * len(arms)
@@ -63,22 +68,23 @@ def plot_moment_arms(
     return figure
 
 
-def _draw(axes: Axes, found: JointArms) -> None:
+def _draw(axes: Axes, found: JointArms, errors: Floats | None) -> None:
     # A sweep up and down has values twice: curves are drawn by ascending value.
     order = np.argsort(found.values, kind="stable")
-    values, mean, error = found.values[order], found.mean[order], BAND * found.mean_error[order]
+    values, mean = found.values[order], found.mean[order]
     low, high = found.arms.min(axis=1)[order], found.arms.max(axis=1)[order]
-    fibres = found.arms.shape[1]
-    axes.fill_between(values, low, high, color=MUSCLE_RED, alpha=0.18, linewidth=0, label=f"{fibres} fibres")
-    axes.fill_between(
-        values,
-        mean - error,
-        mean + error,
-        color="black",
-        alpha=0.3,
-        linewidth=0,
-        label="error of the mean (95 %)",
-    )
+    paths = found.arms.shape[1]
+    axes.fill_between(values, low, high, color=MUSCLE_RED, alpha=0.18, linewidth=0, label=f"{paths} paths")
+    if errors is not None:
+        axes.fill_between(
+            values,
+            mean - errors[order],
+            mean + errors[order],
+            color="black",
+            alpha=0.3,
+            linewidth=0,
+            label="error of the mean (95 %)",
+        )
     axes.plot(values, mean, color="black", linewidth=2.0, label="mean")
     if found.quartic is not None:
         quartic = found.quartic.mean(axis=1)[order]

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from vtkmuscle.core.accuracy.estimate import Estimate
-from vtkmuscle.core.moment_arms.by_coordinate import BAND, JointArms
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.literature import LOWER, UPPER, LiteratureCurve, curves_for
@@ -142,12 +142,13 @@ def _muscle(result: RunResult, number: int, arms: Mapping[str, JointArms], pack:
         )
         for coordinate, one in arms.items()
     }
-    lengths = result.lengths.get(name)
+    lengths, fibres = result.lengths.get(name), result.fibre_lengths.get(name)
     return {
         "name": name,
         "label": label_of(name),
         "colour": colour_of(number),
         "lengths": None if lengths is None else _lengths(lengths, errors.get("length"), pack),
+        "fibreLengths": None if fibres is None else _lengths(fibres, errors.get("fibre_length"), pack),
         "arms": found_arms,
         "checks": checks,
     }
@@ -179,7 +180,7 @@ def _arms(found: JointArms, error: Estimate | None, published: Sequence[Literatu
         "mean": rounded(found.mean[order]),
         "low": rounded(found.arms.min(axis=1)[order]),
         "high": rounded(found.arms.max(axis=1)[order]),
-        "error": rounded((BAND * found.mean_error if error is None else error.total)[order]),
+        "error": None if error is None else rounded(error.total[order]),
         "quartic": quartic,
         "literature": [] if unit is None else _published(published, math.pi / 180.0 / unit),
     }

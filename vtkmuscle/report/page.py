@@ -98,9 +98,10 @@ def _page_of(result: RunResult, limits: Mapping[str, Limit], plotly: Future[str]
         alt=f"The scene in three dimensions: {', '.join(one['label'] for one in muscles)}, "
         f"and the bones {', '.join(bone['name'] for bone in scene['bones'])}.",
         surfaces=report["model"] != "paths",
-        fibres=bool(result.lengths),
-        curves=bool(result.lengths or curves["checks"]),
+        fibres=bool(result.fibre_lengths),
+        curves=bool(result.lengths or result.fibre_lengths or curves["checks"]),
         lengths=bool(result.lengths),
+        fibre_lengths=bool(result.fibre_lengths),
         arms=bool(arms),
         checks=curves["checks"],
         coordinates=curves["coordinates"],
@@ -177,6 +178,10 @@ def _card(result: RunResult, place: int, name: str) -> dict[str, Any]:
     lengths = result.lengths.get(name)
     if lengths is not None and len(lengths):
         mean = lengths.mean(axis=1)
+        facts.append(("mean length, bone to bone", f"{number(mean.min())} to {number(mean.max())} mm"))
+    lengths = result.fibre_lengths.get(name)
+    if lengths is not None and len(lengths):
+        mean = lengths.mean(axis=1)
         facts.append(("mean fibre length", f"{number(mean.min())} to {number(mean.max())} mm"))
     for coordinate, found in (muscle.get("moment_arms") or {}).items():
         words = f"{number(found['mean_mm'])} mm ({number(found['min_mm'])} to {number(found['max_mm'])})"
@@ -232,8 +237,8 @@ def _trust(errors: bool) -> list[str]:
         "The checks say whether a shape is sound: whether it keeps its volume, does not crumple, stays out "
         "of the bones and follows its attachments. They do not say whether it is the shape of this person's "
         "muscle: that depends on the segmentation, the attachments and the motion that were given.",
-        "Moment arms are by local regression of the lengths; their standard error is that of the regression, "
-        "not of the model.",
+        "Lengths and moment arms are those of the muscle's paths, from bone to bone; a moment arm is the "
+        "lever of a path's pull. Strain, pennation and cross-sectional area are those of its fibres.",
     ]
     if not errors:
         words.append("The errors of the single numbers were not determined in this run.")

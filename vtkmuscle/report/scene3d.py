@@ -130,7 +130,7 @@ def _decimated(surface: vtkPolyData, points: Floats, wanted: int) -> tuple[Ints,
 def _fibres(
     result: RunResult, name: str, frames: list[int], shown: list[int], budget: int, pack: Pack
 ) -> dict[str, Any] | None:
-    if name not in result.lengths or not frames:
+    if name not in result.fibre_lengths or not frames:
         return None
     first = polylines_of(result.fibres(name, frame=frames[0]), name)
     count = len(first.offsets) - 1
@@ -148,7 +148,7 @@ def _fibres(
             values = lines.GetCellData().GetArray(array)
             if values is not None:
                 measures[word].append(factor * np.asarray(values)[chosen])
-    lengths = result.lengths[name][shown[: len(frames)]]
+    lengths = result.fibre_lengths[name][shown[: len(frames)]]
     return {
         "points": pack.add_moving(np.array(points)),
         "sizes": pack.add(sizes, "u16"),

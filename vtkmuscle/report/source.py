@@ -26,6 +26,7 @@ class RunResult(Protocol):
     muscle_names: Sequence[str]
     verdicts: Mapping[str, str]
     lengths: Mapping[str, Floats]
+    fibre_lengths: Mapping[str, Floats]
     literature: Mapping[str, Sequence[LiteratureCurve]]
     drawn_bones: DrawnBones
 

@@ -248,7 +248,7 @@ def _moment_arms(muscles: Mapping[str, Any]) -> Sheet:
                     Cell(f"{label_of(coordinate)} [{found['unit']}]"),
                     Cell(f"{number(low)} to {number(high)}"),
                     *(Cell(number(found[key])) for key in ("mean_mm", "min_mm", "max_mm")),
-                    Cell(number(found["error_mean_mm"], 2)),
+                    Cell(number(found["slope_difference_mm"], 2)),
                     Cell(number(found.get("quartic_residual_mean_mm"), 2)),
                 ]
             )
@@ -259,14 +259,15 @@ def _moment_arms(muscles: Mapping[str, Any]) -> Sheet:
         "mean",
         "least",
         "largest",
-        "standard error, mean",
+        "difference from -dl/dq",
         "left by a quartic",
     ]
     return Sheet(
         "Moment arms [mm]",
         head,
         rows,
-        "-dl/dq over all fibres and frames; positive where the muscle drives the coordinate up.",
+        "Levers of the pulls of all paths in all frames; positive where the muscle drives the coordinate up. "
+        "-dl/dq is taken between frames; the difference is a root mean square.",
     )
 
 

@@ -29,7 +29,14 @@ LOCK = ".vtkmuscle.lock"
 PAGE = "report.html"
 
 #: Tables and folders of a run, beside those that are called after muscles.
-_LISTS = ("lengths.csv", "architecture.csv", "moment_arms.csv", "moment_arms_summary.csv", PAGE)
+_LISTS = (
+    "lengths.csv",
+    "fibre_lengths.csv",
+    "architecture.csv",
+    "moment_arms.csv",
+    "moment_arms_summary.csv",
+    PAGE,
+)
 _FILES = ("report.json", *_LISTS, "bones.pvd", "bones.vtkhdf")
 _FOLDERS = ("bones", "figures", "finished")
 _TABLES = ("_fibres.csv",)

@@ -32,8 +32,9 @@ def write_figures(folder: str | Path, result: Result) -> list[Path]:
     Returns
     -------
     list of Path
-        ``rest_pose.png``, per muscle ``NAME_frames.png`` and (where it has fibres) ``NAME_lengths.png``,
-        ``NAME_moment_arms.png`` where the report has some, and ``volume.png``.
+        ``rest_pose.png``, per muscle ``NAME_frames.png`` and (where it has fibres) ``NAME_lengths.png`` of
+        its paths, ``NAME_fibre_lengths.png``, ``NAME_moment_arms.png`` where the report has some, and
+        ``volume.png``.
 
     Raises
     ------
@@ -73,15 +74,19 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
     if not result.finished(name):
         return []
     figures = [FigureOrder(f"{name}_frames", "plot_muscle", _frames(result, name), rendered=True)]
-    if name in result.lengths:
-        lengths = result.lengths[name]
-        given = {
-            "times": result.times[: len(lengths)],
-            "lengths": lengths,
-            "title": _title(result, name),
-            "time_label": result.time_label,
-        }
-        figures.append(FigureOrder(f"{name}_lengths", "plot_lengths", given))
+    for suffix, of, known in (
+        ("lengths", "path", result.lengths),
+        ("fibre_lengths", "fibre", result.fibre_lengths),
+    ):
+        if name in known:
+            given = {
+                "times": result.times[: len(known[name])],
+                "lengths": known[name],
+                "of": of,
+                "title": _title(result, name),
+                "time_label": result.time_label,
+            }
+            figures.append(FigureOrder(f"{name}_{suffix}", "plot_lengths", given))
     return figures
 
 
@@ -125,8 +130,13 @@ def _frames(result: Result, name: str) -> dict[str, object]:
 
 
 def _moment_arms(result: Result, name: str, arms: Mapping[str, JointArms]) -> dict[str, object]:
-    literature = tuple(result.literature.get(name, ()))
-    return {"arms": dict(arms), "literature": literature, "title": _title(result, name)}
+    known = result.errors[name]
+    return {
+        "arms": dict(arms),
+        "errors": {one: known[key].total for one in arms if (key := f"moment_arm_{one}") in known},
+        "literature": tuple(result.literature.get(name, ())),
+        "title": _title(result, name),
+    }
 
 
 def _title(result: Result, name: str) -> str:

@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.data.arrays import cell_array, points_of
+from vtkmuscle.data.arrays import points_of
 from vtkmuscle.io.parts import Part, Parts, file_digest
 from vtkmuscle.io.surfaces import read_polydata
 from vtkmuscle.io.writing import write_polydata
@@ -128,10 +127,8 @@ def read_track(folder: Path, name: str, part: Part, millimetres: float) -> Muscl
     track.points = [points_of(frame) for frame in _frames(folder, name)]
     if part.facts["fibres"]:
         track.rest_fibres = _rest(inside / f"{name}_fibres.vtp")
-        track.fibres = _frames(folder, f"{name}_fibres")
-        where = f"muscles.{name}: fibres"
-        lengths = (np.array(cell_array(fibres, "Length", where)) for fibres in track.fibres)
-        track.lengths = [one * millimetres for one in lengths]
+        for fibres in _frames(folder, f"{name}_fibres"):
+            track.keep(fibres, millimetres)
     if any(len(one) not in (0, count) for one in (track.points, track.fibres)):
         raise InputError(folder, f"it has not all frames of {name!r}", AGAIN)
     return track

@@ -8,6 +8,7 @@ from collections.abc import Collection as Collection_
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle._version import __version__
@@ -21,6 +22,7 @@ from vtkmuscle.io.writing import write_polydata, write_text
 from vtkmuscle.run.architecture import architecture_table
 from vtkmuscle.run.claim import remove_results
 from vtkmuscle.run.finished import STAMPS, finished_muscles, note_errors, note_finished
+from vtkmuscle.run.lengths import length_table
 from vtkmuscle.run.loading import note_scene
 from vtkmuscle.run.poses import merged
 from vtkmuscle.run.report import fibre_table
@@ -41,10 +43,11 @@ class RunFolder:
     """What a run writes, and where.
 
     ``NAME.pvd`` and ``NAME_fibres.pvd`` per muscle with their frames in folders of these names,
-    ``bones.pvd`` with ``bones/``, ``lengths.csv``, ``architecture.csv``, ``NAME_fibres.csv`` with all
-    measures, ``moment_arms.csv`` with ``moment_arms_summary.csv`` where the motion has a coordinate,
-    ``report.json`` and ``figures/``; and ``finished/`` with what :meth:`vtkmuscle.Result.load` and a later
-    run need: a note of each finished muscle with its key, the muscles and bones at rest, and the motion.
+    ``bones.pvd`` with ``bones/``, ``lengths.csv`` of the paths, ``fibre_lengths.csv``, ``architecture.csv``,
+    ``NAME_fibres.csv`` with all measures, ``moment_arms.csv`` with ``moment_arms_summary.csv`` where the
+    motion has a coordinate, ``report.json`` and ``figures/``; and ``finished/`` with what
+    :meth:`vtkmuscle.Result.load` and a later run need: a note of each finished muscle with its key, the
+    muscles and bones at rest, and the motion.
 
     Parameters
     ----------
@@ -157,23 +160,20 @@ class RunFolder:
         self, report: dict[str, Any], scene: SceneData, numbers: range, tracks: dict[str, MuscleTrack]
     ) -> None:
         """Write report.json, tables of lengths, architecture and fibres, as far as there are frames."""
-        lines = ["muscle,fibre,time,length_mm,length_err_mm"]
-        for name, track in tracks.items():
-            times = [float(scene.motion.times[number]) for number in numbers[: len(track.lengths)]]
-            known = track.errors.get("fibre_length")
-            for fibre in range(len(track.lengths[0]) if track.lengths else 0):
-                errors = [""] * len(times) if known is None else [f"{e:.6g}" for e in known.total[:, fibre]]
-                lines += [
-                    f"{name},{fibre},{time!r},{float(lengths[fibre])!r},{error}"
-                    for time, lengths, error in zip(times, track.lengths, errors, strict=True)
-                ]
-        write_text(self.path / "lengths.csv", "\n".join(lines) + "\n")
+        times = [float(scene.motion.times[number]) for number in numbers]
+        errors = {name: track.errors for name, track in tracks.items()}
+        paths = {name: np.array(track.lengths) for name, track in tracks.items() if track.lengths}
+        fibres = {name: np.array(one.fibre_lengths) for name, one in tracks.items() if one.fibre_lengths}
+        for file, lengths, quantity in (
+            ("lengths.csv", paths, "each_length"),
+            ("fibre_lengths.csv", fibres, "each_fibre_length"),
+        ):
+            length_table(lengths, errors, quantity, numbers, times).write(self.path / file)
         if any("architecture" in muscle for muscle in report["muscles"].values()):
             architecture_table(report["muscles"]).write(self.path / "architecture.csv", digits=DIGITS)
         for name, track in tracks.items():
             if track.fibres:
-                times = [float(scene.motion.times[number]) for number in numbers[: len(track.fibres)]]
-                table = fibre_table(track.fibres, times, scene.millimetres)
+                table = fibre_table(track.fibres, times[: len(track.fibres)], scene.millimetres)
                 table.write(self.path / f"{name}_fibres.csv", digits=DIGITS)
         self.write_report(report)
 

@@ -16,6 +16,7 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import with_points
 from vtkmuscle.data.drawn_bones import DrawnBones
+from vtkmuscle.data.paths import Paths, paths_of, wrenches_over_time
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.run.track import MuscleTrack
@@ -51,10 +52,13 @@ class KeptFrames:
         self.lengths: Mapping[str, Floats] = {
             name: np.array(track.lengths) for name, track in tracks.items() if track.lengths
         }
+        self.fibre_lengths: Mapping[str, Floats] = {
+            name: np.array(track.fibre_lengths) for name, track in tracks.items() if track.fibre_lengths
+        }
         self.verdicts: Mapping[str, str] = {
             name: track.report["verdict"]["verdict"] for name, track in tracks.items()
         }
-        for lengths in self.lengths.values():
+        for lengths in (*self.lengths.values(), *self.fibre_lengths.values()):
             lengths.setflags(write=False)  # moment arms by them are found once
         self._known_arms: dict[tuple[str, ...], Any] = {}
         self._tracks = tracks
@@ -74,10 +78,18 @@ class KeptFrames:
     def errors(self) -> dict[str, Mapping[str, Estimate]]:
         """Per muscle the quantities with their errors, see :mod:`vtkmuscle.accuracy.estimates`.
 
-        ``errors["iliacus"]["length"].total`` is that of the mean length in each frame,
+        ``errors["iliacus"]["length"].total`` is that of the paths' mean length in each frame,
+        ``fibre_length`` of the fibres', ``each_length`` and ``each_fibre_length`` of every one;
         ``errors["iliacus"]["moment_arm_hip_flexion_r"].parts["model"]`` a part of that of the moment arm.
         """
         return {name: track.errors for name, track in self._tracks.items()}
+
+    def wrenches(self, name: str) -> dict[str, Floats]:
+        """Return what the paths of a muscle, each at a tension of 1, do to the bones in each finished frame.
+
+        By bone (frames, paths, 6): force [1], and moment about the scene's origin [unit of the scene].
+        """
+        return wrenches_over_time(self._track(name).wrenches)
 
     def finished(self, name: str) -> int:
         """Return how many of the kept frames a muscle has: all, or those before the one that failed."""
@@ -123,6 +135,26 @@ class KeptFrames:
             return None
         self._check_finished(name, i)
         return self._wrap(track.fibres[i])
+
+    def paths(self, name: str, *, frame: int | None = None, time: float | None = None) -> Paths:
+        """Return the paths of a muscle in a kept frame, in the scene's unit.
+
+        Returns
+        -------
+        Paths
+            Their ``lengths`` (k,), ``points`` (k, n, 3), and ``wrenches``: per bone (k, 6) the force [1] and
+            the moment about the origin that each exerts on it at a tension of 1.
+
+        Raises
+        ------
+        ValueError
+            If there is no such muscle or kept frame, or the muscle has no paths.
+        """
+        i, track = self._position(frame, time), self._track(name)
+        found = paths_of(self.fibres(name, frame=self.frames[i]), name) if track.lengths else None
+        if found is None:
+            raise InputError("", f"{name!r} has no paths", "give it fibres, and areas on two bones")
+        return found
 
     def bones(self, *, frame: int | None = None, time: float | None = None) -> Any:
         """Return the bones in a kept frame, a block each, with the field array ``Transform``."""
@@ -170,12 +202,6 @@ class KeptFrames:
                 f"{name!r} failed before frame {self.frames[i]}, so that it is not there",
                 f"it has {self.finished(name)} of {len(self.frames)} frames",
             )
-
-
-def length_errors(errors: Mapping[str, Estimate], lengths: Floats) -> Floats:
-    """Return the errors of fibre lengths (f, k), NaN where they are not known [mm]."""
-    known = errors.get("fibre_length")
-    return np.full(lengths.shape, np.nan) if known is None else known.total
 
 
 def _wrapped(data: vtkDataObject) -> Any:

@@ -43,14 +43,19 @@ def note_scene(folder: Path, scene: SceneData) -> None:
     motion = scene.motion
     arrays: dict[str, NDArray[Any]] = {"times": motion.times}
     arrays |= {f"transforms{i}": table for i, table in enumerate(motion.transforms.values())}
-    arrays |= {f"coordinate{i}": one.values for i, one in enumerate(motion.coordinates.values())}
+    for i, one in enumerate(motion.coordinates.values()):
+        arrays[f"coordinate{i}"] = one.values
+        arrays |= {f"twists{i}.{k}": found for k, found in enumerate((one.twists or {}).values())}
     muscles = scene.muscles.items()
     facts = {
         "name": scene.name,
         "bones": list(scene.bones),
         "moving": list(motion.transforms),
         "centre": _plain_centre(motion.centre),
-        "coordinates": {name: [one.unit, one.positive] for name, one in motion.coordinates.items()},
+        "coordinates": {
+            name: [one.unit, one.positive, None if one.twists is None else list(one.twists)]
+            for name, one in motion.coordinates.items()
+        },
         "literature": {name: [_curve(one) for one in muscle.literature] for name, muscle in muscles},
         "crosses": {name: list(one.crosses) for name, one in muscles if one.crosses is not None},
         "files": digests_of(folder, list(bones.values())),
@@ -106,8 +111,13 @@ def _motion(noted: Part) -> RigidMotion:
         {bone: arrays[f"transforms{i}"] for i, bone in enumerate(facts["moving"])},
         {bone: np.array(one) for bone, one in centre.items()} if isinstance(centre, dict) else centre,
         {
-            name: Coordinate(arrays[f"coordinate{i}"], unit, positive)
-            for i, (name, (unit, positive)) in enumerate(facts["coordinates"].items())
+            name: Coordinate(
+                arrays[f"coordinate{i}"],
+                unit,
+                positive,
+                None if bones is None else {bone: arrays[f"twists{i}.{k}"] for k, bone in enumerate(bones)},
+            )
+            for i, (name, (unit, positive, bones)) in enumerate(facts["coordinates"].items())
         },
     )
 

@@ -23,8 +23,8 @@ VARIABLE = "VTKMUSCLE_MOST_MEMORY"
 _TRIANGLE = 6000
 #: Of a point of a fibre in a kept frame, and at rest with its weights [bytes].
 _FIBRE_POINT, _FIBRE_POINT_AT_REST = 150, 2500
-#: Of a fibre in a kept frame, its measures [bytes].
-_FIBRE = 400
+#: Of a fibre in a kept frame, its measures and its path of 33 points with what it does to two bones [bytes].
+_FIBRE = 400 + 33 * 24 + 2 * 48
 #: Of a node of a distance grid, in the making [bytes].
 _NODE = 10
 #: Of a point of a muscle in a kept frame [bytes].

@@ -12,8 +12,9 @@ from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.run.table import Table
 
-#: Columns of the table: a row per muscle, coordinate, fibre and value of the coordinate; ``error_mm`` is the
-#: standard error of the slope, ``moment_arm_err_mm`` all that is known of the error, with 95 % confidence.
+#: Columns of the table: a row per muscle, coordinate, fibre and value of the coordinate. A path has the
+#: number of its fibre. ``slope_mm`` is -dl/dq by differences; ``moment_arm_err_mm`` all that is known of the
+#: error, with 95 % confidence: the one error that tables, figures and the page of a run have.
 COLUMNS = (
     "muscle",
     "coordinate",
@@ -21,7 +22,7 @@ COLUMNS = (
     "fibre",
     "value",
     "moment_arm_mm",
-    "error_mm",
+    "slope_mm",
     "quartic_mm",
     "moment_arm_err_mm",
 )
@@ -32,7 +33,7 @@ SUMMARY = (
     "unit",
     "value",
     "mean_mm",
-    "error_mm",
+    "slope_mean_mm",
     "min_mm",
     "max_mm",
     "quartic_mean_mm",
@@ -50,7 +51,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
     refused : mapping of str to str, optional
         Coordinates by which there are none, and why.
     errors : mapping of str to mapping of str to Estimate, optional
-        Per muscle ``moment_arm_NAME`` of the fibres' mean and ``fibre_moment_arm_NAME``, by coordinates.
+        Per muscle ``moment_arm_NAME`` of the paths' mean and ``each_moment_arm_NAME``, by coordinates.
 
     Attributes
     ----------
@@ -87,7 +88,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
                 low, high = one.values.min(), one.values.max()
                 lines.append(
                     f"  {muscle} by {name}, {low:g} to {high:g} {one.unit}: {one.arms.mean():.1f} "
-                    f"({one.arms.min():.1f} to {one.arms.max():.1f}), {one.arms.shape[1]} fibres"
+                    f"({one.arms.min():.1f} to {one.arms.max():.1f}), {one.arms.shape[1]} paths"
                 )
         return "\n".join(lines if len(lines) > 1 else ["MomentArmTable: empty"])
 
@@ -96,7 +97,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         return Table(COLUMNS, self._rows())
 
     def summary(self) -> Table:
-        """Return per muscle, coordinate and value the mean of the fibres, its error and their range."""
+        """Return per muscle, coordinate and value the mean of the paths, its error and their range."""
         return Table(SUMMARY, self._summary())
 
     def report(self, muscle: str) -> dict[str, Any]:
@@ -109,8 +110,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
                 "mean_mm": float(found.arms.mean()),
                 "min_mm": float(found.arms.min()),
                 "max_mm": float(found.arms.max()),
-                "error_mean_mm": float(found.errors.mean()),
-                "window": found.window,
+                "slope_difference_mm": _root_mean_square(found.arms - found.slopes),
                 "quartic_residual_mean_mm": (
                     None if found.quartic_residuals is None else float(found.quartic_residuals.mean())
                 ),
@@ -121,23 +121,23 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
     def _rows(self) -> Iterator[tuple[Any, ...]]:
         for muscle, found in self._arms.items():
             for name, one in found.items():
-                total = self._totals(muscle, f"fibre_moment_arm_{name}", one.arms)
+                total = self._totals(muscle, f"each_moment_arm_{name}", one.arms)
                 for fibre in range(one.arms.shape[1]):
                     for i, value in enumerate(one.values):
                         quartic = None if one.quartic is None else float(one.quartic[i, fibre])
-                        arm, error = float(one.arms[i, fibre]), float(one.errors[i, fibre])
-                        all_of_it = float(total[i, fibre])
-                        yield muscle, name, one.unit, fibre, float(value), arm, error, quartic, all_of_it
+                        arm, slope = float(one.arms[i, fibre]), float(one.slopes[i, fibre])
+                        error = float(total[i, fibre])
+                        yield muscle, name, one.unit, fibre, float(value), arm, slope, quartic, error
 
     def _summary(self) -> Iterator[tuple[Any, ...]]:
         for muscle, found in self._arms.items():
             for name, one in found.items():
                 total = self._totals(muscle, f"moment_arm_{name}", one.mean)
                 for i, value in enumerate(one.values):
-                    mean, error = float(one.mean[i]), float(one.mean_error[i])
+                    mean, slope = float(one.mean[i]), float(one.mean_slope[i])
                     low, high = float(one.arms[i].min()), float(one.arms[i].max())
                     quartic = None if one.quartic is None else float(one.quartic[i].mean())
-                    row = muscle, name, one.unit, float(value), mean, error, low, high, quartic
+                    row = muscle, name, one.unit, float(value), mean, slope, low, high, quartic
                     yield *row, float(total[i])
 
     def _totals(self, muscle: str, quantity: str, like: Floats) -> Floats:
@@ -146,3 +146,9 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
         if known is None or known.total.shape != like.shape:
             return np.full(like.shape, np.nan)
         return known.total
+
+
+def _root_mean_square(values: Floats) -> float | None:
+    """Return that of the values that are known, None where none is."""
+    known = values[~np.isnan(values)]
+    return float(np.sqrt((known**2).mean())) if len(known) else None

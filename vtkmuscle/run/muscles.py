@@ -17,7 +17,6 @@ from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
-    cell_array,
     field_array,
     point_array,
     points_of,
@@ -244,9 +243,7 @@ class MuscleRun:
         if deformed is not None:
             self.track.points.append(points_of(deformed))
         if fibres is not None:
-            lengths = cell_array(fibres, "Length", f"muscles.{self.name}: fibres")
-            self.track.lengths.append(np.array(lengths) * self.scene.millimetres)
-            self.track.fibres.append(fibres)
+            self.track.keep(fibres, self.scene.millimetres)
             measures = measures_of_fibres(fibres, self.scene.millimetres)
             self.track.report["fibre_measures"].append({"frame": number, "time": now, **measures})
         self.track.report["frames"].append(row)
@@ -260,11 +257,14 @@ class MuscleRun:
         lengths = rest_lengths = slackness = None
         slides: list[tuple[float, str] | None] = []
         motion = self.scene.motion.part(numbers[: len(rows)]) if rows else None
-        if track.lengths and track.rest_fibres is not None:
+        if track.fibre_lengths and track.rest_fibres is not None:
             lines = polylines_of(track.rest_fibres, "fibres")
-            lengths, rest_lengths = np.array(track.lengths), polyline_lengths(lines.points, lines.offsets)
+            lengths, rest_lengths = (
+                np.array(track.fibre_lengths),
+                polyline_lengths(lines.points, lines.offsets),
+            )
             rest_lengths = rest_lengths * millimetres
-            slackness = slackness_of(track.fibres, track.lengths, track.rest_fibres, millimetres)
+            slackness = slackness_of(track.fibres, track.fibre_lengths, track.rest_fibres, millimetres)
             slides = self._slides(lengths, motion, measure)
         track.report["verdict"] = judge(
             rows,

@@ -23,15 +23,16 @@ FIBRE_TOLERANCE = 0.5
 
 #: What is said of errors in a report.
 ERROR_DEFINITIONS = {
-    "errors": "of the mean length of the fibres, their mean moment arm by each coordinate, volume, "
+    "errors": "of the mean length of the paths (length) and of the fibres (fibre_length), the paths' mean "
+    "moment arm by each coordinate, volume, "
     "physiological cross-sectional area with and without tendon, and fascicle length: the value, mean over "
     "the frames; parts, what each cause adds, and total, the root of the sum of their squares, each as the "
     "root mean square over the frames. All are half widths of intervals of about 95 % confidence. Causes "
     "that are not there are not known: errors_not_known says why",
     "errors.solve": "distance to the end of the solve; of a volume, by how much it is not kept",
-    "errors.segments": "fibres of straight segments for curved ones; part of slices where these are known",
+    "errors.segments": "straight segments for curved paths and fibres; part of slices where these are known",
     "errors.fibres": "number of fibres that a mean is taken of",
-    "errors.regression": "standard error of the slope that a moment arm is",
+    "errors.slopes": "what the lever of a path's pull and -dl/dq of its length differ by",
     "errors.facets": "flat triangles for a round surface",
     "errors.tendon": "what counts as tendon",
     "errors.model": "difference between the muscle's fibres and the taut paths alone",
@@ -97,11 +98,11 @@ DEFINITIONS = {
     "fibres, of length, strain (length / length at rest - 1), pennation (angle to the surface), tortuosity "
     "(length / distance of the ends), curvature (mean and largest along a fibre) and penetration (of a "
     "fibre's deepest point into the exact surface of a bone; where a bone is closed)",
-    "moment_arms": "by each coordinate of the motion, -dl/dq of the fibres' lengths by local regression, "
-    "positive where the muscle drives the coordinate up: mean, least and largest over fibres and frames, "
-    "mean standard error, how many values a window of the regression holds, and the root mean square of what "
-    "a quartic leaves of the lengths; positive: the coordinate's positive direction; reason, refused: why "
-    "there are none, by any or by some coordinates",
+    "moment_arms": "by each coordinate of the motion the levers of the paths' pulls about its axis, positive "
+    "where the muscle drives the coordinate up: mean, least and largest over paths and frames; "
+    "slope_difference_mm, root mean square of what they and -dl/dq of the paths' lengths, by differences "
+    "between frames, differ by; and the root mean square of what a quartic leaves of the lengths; positive: "
+    "the coordinate's positive direction; reason, refused: why there are none, by any or by some coordinates",
     "seconds": "wall-clock time per stage; muscles run side by side",
     **architecture.DEFINITIONS,
     "taken_over": "muscles that an earlier run into the folder had finished, with the same inputs and "

@@ -14,12 +14,14 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import smoothed_curve
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.moment_arms.of_joints import joint_arms
-from vtkmuscle.run.frames import KeptFrames, length_errors
+from vtkmuscle.run.frames import KeptFrames
+from vtkmuscle.run.lengths import length_table
 from vtkmuscle.run.limits import CHECKS
 from vtkmuscle.run.loading import read_result
 from vtkmuscle.run.moment_arms import MomentArmTable
 from vtkmuscle.run.table import Table
 from vtkmuscle.run.verdict import VERDICTS
+from vtkmuscle.scene.data import MILLIMETRES
 
 Floats = NDArray[np.float64]
 
@@ -66,7 +68,10 @@ class Result(KeptFrames):
     verdicts : dict of str to str
         Of each muscle ``"ok"``, ``"look"`` or ``"failed"``; ``report["muscles"][NAME]["verdict"]`` says why.
     lengths : dict of str to (frames, fibres) array
-        Fibre lengths [mm] of the muscles that have fibres, a row per finished frame.
+        Of the paths of the muscles that have fibres [mm]: musculotendon lengths, bone to bone; a row per
+        finished frame. A path has the number of its fibre.
+    fibre_lengths : dict of str to (frames, fibres) array
+        Of the fibres themselves, likewise.
 
     Examples
     --------
@@ -135,7 +140,7 @@ class Result(KeptFrames):
         return f"Result({self.name!r}: {len(self.times)} frames of {muscles})"
 
     def smoothed_lengths(self, *, passes: int = 5) -> dict[str, Floats]:
-        """Return the fibre lengths without their noise over the frames.
+        """Return the lengths of the paths without their noise over the frames.
 
         Parameters
         ----------
@@ -151,25 +156,24 @@ class Result(KeptFrames):
         return {name: smoothed_curve(lengths, passes=passes) for name, lengths in self.lengths.items()}
 
     def moment_arms(self, *coordinates: str) -> MomentArmTable:
-        """Return the moment arms of all fibres, -dl/dq, over the kept frames.
+        """Return the moment arms of all paths in the kept frames: the levers of their pulls.
 
         Parameters
         ----------
         *coordinates : str
-            Names of coordinates of the motion; default: all that change.
+            Names of coordinates of the motion; default: all that change, or whose joint is known.
 
         Returns
         -------
         MomentArmTable
-            Per muscle and coordinate arms, standard errors and a quartic fit [mm], see
-            :class:`~vtkmuscle.core.moment_arms.by_coordinate.JointArms`; ``table()`` and ``write`` give a
-            table.
+            Per muscle and coordinate arms, -dl/dq beside them and a quartic fit [mm], see
+            :class:`~vtkmuscle.core.moment_arms.by_coordinate.JointArms`; ``table()`` gives a table.
 
         Raises
         ------
         ValueError
-            If no muscle has fibres, the motion has no such coordinate or none that changes, or the frames
-            have too few different values of it.
+            If no muscle has fibres, the motion has no such coordinate or none that changes, or the
+            coordinates change together only, and their joints are not known.
         """
         if not self.lengths:
             raise InputError(
@@ -194,11 +198,19 @@ class Result(KeptFrames):
             crossed = self.crosses.get(name)
             among = coordinates or tuple(motion.coordinates)
             if crossed is not None and not any(
-                one in among and motion.coordinates[one].changes for one in crossed
+                one in among and (motion.coordinates[one].changes or motion.coordinates[one].twists)
+                for one in crossed
             ):
-                continue  # it crosses none that moves
+                continue  # it crosses none by which there are arms
             try:
-                arms[name], without = joint_arms(lengths, motion, coordinates or None, crossed=crossed)
+                arms[name], without = joint_arms(
+                    lengths,
+                    self.wrenches(name),
+                    motion,
+                    coordinates or None,
+                    crossed=crossed,
+                    millimetres=MILLIMETRES[self.units],
+                )
             except InputError as error:  # of this muscle alone, where others cross other coordinates
                 problems.append(error)
                 without = dict.fromkeys(crossed or among, str(error))
@@ -208,18 +220,12 @@ class Result(KeptFrames):
         return arms, refused
 
     def length_table(self) -> Table:
-        """Return the fibre lengths, a row per muscle, fibre and frame: as lengths.csv, and the frame."""
-        return Table(
-            ("muscle", "fibre", "frame", "time", "length_mm", "length_err_mm"),
-            (
-                (name, fibre, frame, time, length, error)
-                for name, lengths in self.lengths.items()
-                for fibre, (curve, errors) in enumerate(
-                    zip(lengths.T, length_errors(self.errors[name], lengths).T, strict=True)
-                )
-                for frame, time, length, error in zip(self.frames, self.times, curve, errors, strict=False)
-            ),
-        )
+        """Return the lengths of the paths, a row per muscle, fibre and frame, as lengths.csv."""
+        return length_table(self.lengths, self.errors, "each_length", self.frames, self.times)
+
+    def fibre_length_table(self) -> Table:
+        """Return the lengths of the fibres, a row per muscle, fibre and frame, as fibre_lengths.csv."""
+        return length_table(self.fibre_lengths, self.errors, "each_fibre_length", self.frames, self.times)
 
     def frame_table(self) -> Table:
         """Return the figures of the report, a row per muscle and frame; NaN where a muscle has none.
@@ -235,7 +241,7 @@ class Result(KeptFrames):
         return Table(tuple(known), ([row.get(key) for key in known] for row in rows))
 
     def to_frame(self) -> Any:
-        """Return the fibre lengths for pandas, a row per muscle, fibre and frame, as ``length_table()``.
+        """Return the lengths of the paths for pandas, as ``length_table()`` has them.
 
         Raises
         ------

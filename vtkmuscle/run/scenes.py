@@ -151,9 +151,9 @@ def run_scene(
         result = result_of(tracks)
         report["seconds"] = {"muscles": time.perf_counter() - began}
         arms = _moment_arms(result, report)
+        arms = _with_errors(arms, errors, result, tracks, report)
         if drawing is not None:
             drawing.others(result)
-        arms = _with_errors(arms, errors, result, tracks, report)
     except BaseException as error:
         report["stopped_by"] = f"{type(error).__name__}: {error}".rstrip(": ")
         if folder is not None:

@@ -71,7 +71,7 @@ class Table(Mapping[str, NDArray[Any]]):
             kept &= np.isclose(column, value, rtol=1e-9, atol=1e-9) if floats else column == value
         return type(self)(tuple(self), zip(*(column[kept] for column in self._columns.values()), strict=True))
 
-    def write(self, path: str | PathLike[str], *, digits: int = 17) -> Path:
+    def write(self, path: str | PathLike[str], *, digits: int | None = None) -> Path:
         """Write the table as comma-separated values, NaN as nothing, and return the file.
 
         Parameters
@@ -79,7 +79,7 @@ class Table(Mapping[str, NDArray[Any]]):
         path : path
             Replaced where it exists.
         digits : int, optional
-            Of numbers that are not whole; 17 keep every bit.
+            Of numbers that are not whole; None for as many as keep every bit.
         """
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
@@ -105,10 +105,10 @@ class Table(Mapping[str, NDArray[Any]]):
         return pandas.DataFrame(self._columns)
 
 
-def _cells(column: NDArray[Any], digits: int) -> Iterable[Any]:
+def _cells(column: NDArray[Any], digits: int | None) -> Iterable[Any]:
     """Return what is written of a column."""
     values: list[Any] = column.tolist()
     if column.dtype.kind != "f":
         return values
-    written = map(f"%.{digits}g".__mod__, values)
+    written = map(repr if digits is None else f"%.{digits}g".__mod__, values)
     return ("" if text == "nan" else text for text in written) if np.isnan(column).any() else written

@@ -6,10 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.types import Floats
+from vtkmuscle.data.arrays import cell_array
+from vtkmuscle.data.paths import paths_of
 
 
 @dataclass(eq=False)
@@ -27,7 +30,12 @@ class MuscleTrack:
     fibres : list of vtkPolyData
         Fibres per finished frame, empty for a muscle without fibres.
     lengths : list of (k,) array
-        Fibre lengths per finished frame [mm].
+        Of the paths per finished frame [mm]: musculotendon lengths. None of a muscle whose fibres have no
+        paths, as it is on one bone.
+    wrenches : list of dict of str to (k, 6) array
+        Of the paths per finished frame, by bone, see :mod:`vtkmuscle.data.paths`.
+    fibre_lengths : list of (k,) array
+        Of the fibres per finished frame [mm].
     report : dict
         What is known of the muscle, JSON-able.
     failure : (int, float, Exception) or None
@@ -41,6 +49,17 @@ class MuscleTrack:
     points: list[Floats] = field(default_factory=list)
     fibres: list[vtkPolyData] = field(default_factory=list)
     lengths: list[Floats] = field(default_factory=list)
+    wrenches: list[dict[str, Floats]] = field(default_factory=list)
+    fibre_lengths: list[Floats] = field(default_factory=list)
     report: dict[str, Any] = field(default_factory=dict)
     failure: tuple[int, float, Exception] | None = None
     errors: Mapping[str, Estimate] = field(default_factory=dict)
+
+    def keep(self, fibres: vtkPolyData, millimetres: float) -> None:
+        """Keep the fibres of a frame, their lengths and those of their paths."""
+        self.fibres.append(fibres)
+        self.fibre_lengths.append(np.array(cell_array(fibres, "Length", "fibres")) * millimetres)
+        paths = paths_of(fibres, "fibres")
+        if paths is not None:
+            self.lengths.append(paths.lengths * millimetres)
+            self.wrenches.append(paths.wrenches)

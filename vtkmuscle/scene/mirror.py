@@ -44,7 +44,7 @@ def mirrored_surface(surface: vtkPolyData, signs: Floats) -> vtkPolyData:
 
 
 def mirrored_motion(motion: RigidMotion, signs: Floats) -> RigidMotion:
-    """Return the motion of mirrored bones; its coordinates stay."""
+    """Return the motion of mirrored bones; the values of its coordinates stay."""
     both = np.append(signs, 1.0)
     centre = motion.centre
     if isinstance(centre, Mapping):
@@ -52,7 +52,8 @@ def mirrored_motion(motion: RigidMotion, signs: Floats) -> RigidMotion:
     elif centre is not None:
         centre = centre * signs
     transforms = {bone: both[:, None] * table * both for bone, table in motion.transforms.items()}
-    return RigidMotion(motion.times, transforms, centre, motion.coordinates)
+    coordinates = {name: one.carried(np.diag(both)) for name, one in motion.coordinates.items()}
+    return RigidMotion(motion.times, transforms, centre, coordinates)
 
 
 def _muscle(muscle: Muscle, signs: Floats) -> Muscle:

@@ -92,7 +92,7 @@ def tried(
         if len(rows) < len(result.times):
             trials[name] = None
             continue
-        lengths = result.lengths.get(name, np.empty((len(rows), 0)))
+        lengths = result.fibre_lengths.get(name, np.empty((len(rows), 0)))
         trials[name] = Trial(
             np.array([points_of(result.muscle(name, time=result.times[i])) for i in kept])
             * scene.millimetres,

@@ -5,9 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vtkmuscle.core.moment_arms import local_regression
 from vtkmuscle.core.moment_arms.derivatives import moment_arms, quartic_moment_arms
-from vtkmuscle.core.recent import Recent
 from vtkmuscle.phantoms.cylinder_wrap import RADIUS, THICKNESS, strap_length
 
 #: Of a normal distribution, 90 per cent is within so many standard deviations.
@@ -190,24 +188,6 @@ def test_coordinates_that_only_change_together_are_refused():
     along = np.linspace(0.0, 1.0, 30)
     with pytest.raises(ValueError, match="change only together"):
         moment_arms(90.0 + along, np.column_stack([along, 2.0 * along]))
-
-
-def test_other_lengths_over_the_same_motion_take_the_same_regression(monkeypatch):
-    """Nothing is solved for them, and they come out as they would alone; another motion has its own."""
-    made = []
-    solve = local_regression._solved
-    monkeypatch.setattr(local_regression, "_solved", lambda *given: made.append(1) or solve(*given))
-    q = np.linspace(0.0, 1.5, 31) + 1e-3 * np.pi
-    moment_arms(wrapped(q)[0], q)
-    count = len(made)
-    again = moment_arms(lifting_off(q)[0], q)
-    assert 0 < count < 1000
-    assert len(made) - count <= len(q) + 1, "the windows were tried before; one other may be chosen"
-    monkeypatch.setattr(local_regression, "_recent", Recent(1))
-    np.testing.assert_array_equal(moment_arms(lifting_off(q)[0], q).arms, again.arms)
-    made.clear()
-    moment_arms(wrapped(1.01 * q)[0], 1.01 * q)
-    assert len(made) > len(q)
 
 
 def test_a_quartic_is_found_for_each_fibre_alone(rng):

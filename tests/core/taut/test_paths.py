@@ -64,7 +64,7 @@ def check_work(paths, poses, moving, centre, axis, each=1.0):
     """Assert that -dl/dq is the lever of the pull, on the mean and of each fibre, and return -dl/dq."""
     states = swept(paths, poses)
     slopes = mean_slopes(lengths(states))
-    arms = mean_levers(np.array([levers(paths, state, moving, centre, axis) for state in states]))
+    arms = mean_levers(np.array([levers(state, moving, centre, axis) for state in states]))
     assert np.abs((slopes - arms).mean(axis=1)).max() < 1.0
     assert np.abs(slopes - arms).max() < each
     assert sum(state.unsettled for state in states) <= 0.03 * lengths(states).size

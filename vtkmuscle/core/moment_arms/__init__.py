@@ -1,6 +1,6 @@
-"""Moment arms from lengths of fibres over a motion.
+"""Moment arms: levers of paths in every pose, and slopes of lengths over a motion.
 
-Open :mod:`~vtkmuscle.core.moment_arms.derivatives` for one coordinate,
-:mod:`~vtkmuscle.core.moment_arms.of_joints` for a motion with several. The slopes are those of
-:mod:`~vtkmuscle.core.moment_arms.local_regression`.
+Open :mod:`~vtkmuscle.core.moment_arms.levers` for what a moment arm is, and
+:mod:`~vtkmuscle.core.moment_arms.of_joints` for those of a motion. Of fibres that have lengths and no path,
+:mod:`~vtkmuscle.core.moment_arms.derivatives` takes slopes by local regression.
 """

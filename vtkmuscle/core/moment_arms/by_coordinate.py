@@ -6,34 +6,31 @@ from dataclasses import dataclass
 
 from vtkmuscle.core.types import Floats, Ints
 
-#: Half width of the band about the mean, in standard errors: 95 per cent of a normal distribution.
-BAND = 1.96
-
 
 @dataclass(frozen=True, eq=False)
 class JointArms:
-    """Moment arms of the fibres of a muscle by one coordinate, -dl/dq.
+    """Moment arms of the paths of a muscle by one coordinate: the levers of their pulls.
 
     Attributes
     ----------
     coordinate, unit, positive : str
         Its name, the unit of its values, and what its positive direction is.
     frames : (m,) int array
-        Numbers of the frames in which they are determined, counted in the motion that was given.
+        Numbers of the frames in which they are known, counted in the motion that was given.
     values : (m,) array
         Of the coordinate in these frames, in its unit.
-    arms, errors : (m, k) arrays
-        Per fibre, and the standard error; positive where the fibre's pull drives the coordinate up. In the
-        unit of the lengths by an angle, per millimetre by a translation.
-    mean, mean_error : (m,) arrays
-        Of the mean length of the fibres.
+    arms : (m, k) array
+        Per path; positive where its pull drives the coordinate up. In the unit of the lengths by an angle,
+        per millimetre by a translation.
+    slopes : (m, k) array
+        -dl/dq of the paths' lengths, by differences between the frames that differ in this coordinate alone;
+        NaN where there are none. They are the arms, but for what a parabola between frames misses and what
+        is not right with the paths: that they are not at rest, or jump.
     quartic : (m, k) array or None
-        Of a polynomial of degree 4 fitted to each fibre's lengths; None where other coordinates change too,
+        Of a polynomial of degree 4 fitted to each path's lengths; None where other coordinates change too,
         or there are too few values.
     quartic_residuals : (k,) array or None
         Root mean square of what it leaves of the lengths.
-    window : int
-        How many different values a window of the regression holds.
     """
 
     coordinate: str
@@ -42,9 +39,18 @@ class JointArms:
     frames: Ints
     values: Floats
     arms: Floats
-    errors: Floats
-    mean: Floats
-    mean_error: Floats
+    slopes: Floats
     quartic: Floats | None
     quartic_residuals: Floats | None
-    window: int
+
+    @property
+    def mean(self) -> Floats:
+        """Of all paths, (m,)."""
+        mean: Floats = self.arms.mean(axis=1)
+        return mean
+
+    @property
+    def mean_slope(self) -> Floats:
+        """Of all paths, (m,); NaN where it is not known."""
+        mean: Floats = self.slopes.mean(axis=1)
+        return mean

@@ -8,7 +8,6 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.recent import Recent
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Samples that differ by less than this part of the range of each coordinate are at one place.
@@ -23,11 +22,6 @@ MOST_TO_CHOOSE = 200
 LEAST_SPREAD = 0.1
 #: Singular values below this part of the largest count as 0.
 RANK_TOLERANCE = 1e-9
-#: Rows of the regression with no more numbers than this are kept for the next curves over the same samples.
-_MOST_KEPT = 500_000
-
-#: Those of two dozen windows, which are more than there are for one motion.
-_recent = Recent(24)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,18 +174,7 @@ class _Window:
         return curves - fit @ curves, float(((np.eye(len(fit)) - fit) ** 2).sum())
 
     def rows(self, at: Floats) -> tuple[Floats, Bools]:
-        """Return rows (m, 1 + d, f) from curves to values and slopes, and which are determined.
-
-        They do not depend on the curves: those of other fibres, muscles and solves over the same motion take
-        the same ones.
-        """
-        if len(at) * (1 + at.shape[1]) * len(self.samples) > _MOST_KEPT:
-            return self._made_rows(at)
-        key = self.size, self.degree, self.samples.shape, self.samples.tobytes(), at.tobytes()
-        found: tuple[Floats, Bools] = _recent(key, lambda: self._made_rows(at))
-        return found
-
-    def _made_rows(self, at: Floats) -> tuple[Floats, Bools]:
+        """Return rows (m, 1 + d, f) from curves to values and slopes, and which are determined."""
         n, dimension = self.samples.shape
         rows = np.zeros((len(at), 1 + dimension, n))
         determined = np.ones((len(at), dimension), dtype=np.bool_)
@@ -205,8 +188,6 @@ class _Window:
             if dimension > 1:
                 determined[number] = own[1:] & _spreads_apart(u, weights[near])
                 rows[number, 1:][~determined[number]] = 0.0
-        for found in (rows, determined):
-            found.setflags(write=False)
         return rows, determined
 
     def _weights(self, place: Floats) -> tuple[float, Floats]:

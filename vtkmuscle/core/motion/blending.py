@@ -15,6 +15,9 @@ from vtkmuscle.core.types import Floats
 #: Least norm that a blended quaternion is divided by.
 EPSILON = float(np.finfo(np.float64).eps)
 
+#: Below this angle [rad] the series of a screw's slide is exact to rounding: its next term is angle^2 / 720.
+_SMALL = 1e-4
+
 
 def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats:
     """Return points moved by rigid motions that are blended by weights, point by point.
@@ -122,14 +125,46 @@ def screw_between(start: Floats, end: Floats, fraction: float) -> Floats:
     """
     if fraction >= 1.0:
         return end
-    motion = end @ inverse(start)
-    turn = Rotation.from_matrix(motion[:3, :3]).as_rotvec()
+    slide, turn = np.split(screws((end @ inverse(start))[None])[0], 2)
     part = np.eye(4)
     part[:3, :3] = Rotation.from_rotvec(fraction * turn).as_matrix()
-    slide = np.linalg.solve(_left_jacobian(turn), motion[:3, 3])
     part[:3, 3] = fraction * _left_jacobian(fraction * turn) @ slide
     result: Floats = part @ start
     return result
+
+
+def screws(motions: Floats) -> Floats:
+    """Return the twists that, kept up for a unit of time, are rigid motions.
+
+    The logarithm of SE(3) (Murray, Li, Sastry 1994, *A Mathematical Introduction to Robotic Manipulation*,
+    2.36): a turn about an axis and a slide along it.
+
+    Parameters
+    ----------
+    motions : (n, 4, 4) array
+        Rigid transforms that turn by less than 180 degrees.
+
+    Returns
+    -------
+    (n, 6) array
+        Velocity of what is at the origin [unit of the translations], and angular velocity [rad].
+
+    Examples
+    --------
+    >>> from vtkmuscle.core.motion.rigid import rotation_about
+    >>> from vtkmuscle.core.motion.blending import screws
+    >>> screws(rotation_about((0, 10, 0), (1, 0, 0), 90.0)[None]).round(3)
+    array([[  0.   ,   0.   , -15.708,   1.571,   0.   ,   0.   ]])
+    """
+    turns = Rotation.from_matrix(motions[:, :3, :3].copy()).as_rotvec()
+    shifts = motions[:, :3, 3]
+    angles = np.linalg.norm(turns, axis=1)
+    safe = np.maximum(angles, _SMALL)
+    # (1 - angle / 2 cot(angle / 2)) / angle^2, of the inverse of the left Jacobian of SO(3).
+    second = np.where(angles > _SMALL, (1.0 - 0.5 * safe / np.tan(0.5 * safe)) / safe**2, 1.0 / 12.0)
+    across = np.cross(turns, shifts)
+    slides = shifts - 0.5 * across + second[:, None] * np.cross(turns, across)
+    return np.hstack([slides, turns])
 
 
 def _left_jacobian(turn: Floats) -> Floats:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.motion.twists import carried_twists
+from vtkmuscle.core.types import Floats, Ints
 
 #: Units of angles, and how many radians they are.
 ANGLES = {"deg": math.pi / 180.0, "rad": 1.0}
@@ -28,11 +31,15 @@ class Coordinate:
         ``"deg"`` or ``"rad"`` for an angle, ``"mm"``, ``"cm"`` or ``"m"`` for a translation.
     positive : str, optional
         What its positive direction is, in words: ``"flexion"``, ``"right-handed about (1, 0, 0)"``.
+    twists : mapping of str to (k, 6) array, optional
+        How it moves each bone in each pose, where the joint is known: velocity at the origin and angular
+        velocity, per radian or millimetre of the coordinate. A bone that is not there does not move with it.
+        None: it is taken from the differences between poses.
 
     Raises
     ------
     ValueError
-        If a value is not finite or there is no such unit.
+        If a value is not finite, twists are not one per value, or there is no such unit.
 
     Examples
     --------
@@ -44,6 +51,7 @@ class Coordinate:
     values: Floats
     unit: str = "deg"
     positive: str = ""
+    twists: Mapping[str, Floats] | None = None
 
     def __post_init__(self) -> None:
         values = np.array(self.values, dtype=np.float64)
@@ -52,6 +60,13 @@ class Coordinate:
         if self.unit not in (*ANGLES, *TRANSLATIONS):
             known = ", ".join(map(repr, (*ANGLES, *TRANSLATIONS)))
             raise InputError("", f"the unit of a coordinate is {self.unit!r}, but must be one of {known}")
+        for bone, found in (self.twists or {}).items():
+            if np.shape(found) != (len(values), 6) or not np.isfinite(found).all():
+                raise InputError(
+                    "",
+                    f"the twists of {bone!r} are of shape {np.shape(found)}, but must be finite numbers of "
+                    f"shape {(len(values), 6)}",
+                )
         values.setflags(write=False)
         object.__setattr__(self, "values", values)
 
@@ -70,3 +85,16 @@ class Coordinate:
     def changes(self) -> bool:
         """Whether it has more than one value, up to rounding."""
         return bool(np.ptp(self.values) > 1e-9 * max(1.0, float(np.abs(self.values).max())))
+
+    def part(self, frames: Ints) -> Self:
+        """Return the coordinate in some of its poses only, given by their numbers."""
+        twists = None if self.twists is None else {bone: one[frames] for bone, one in self.twists.items()}
+        return replace(self, values=self.values[frames], twists=twists)
+
+    def carried(self, transform: Floats) -> Self:
+        """Return the coordinate after all of space went by an isometry (4, 4), mirrors included."""
+        if self.twists is None:
+            return self
+        return replace(
+            self, twists={bone: carried_twists(one, transform) for bone, one in self.twists.items()}
+        )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.motion.coordinates import Coordinate
+from vtkmuscle.core.motion.twists import twist_about
 from vtkmuscle.core.types import Floats
 
 #: Largest departure of R^T R from the identity that still counts as rigid: tables with 6 digits pass.
@@ -167,7 +168,7 @@ class RigidMotion:
             self.times[kept],
             {bone: table[kept] for bone, table in self.transforms.items()},
             self.centre,
-            {name: replace(one, values=one.values[kept]) for name, one in self.coordinates.items()},
+            {name: one.part(kept) for name, one in self.coordinates.items()},
         )
 
     @staticmethod
@@ -225,7 +226,8 @@ def hinge(
         raise InputError("", "the angles of a hinge must follow each other by less than 180 degrees")
     table = np.array([rotation_about(centre, axis, angle) for angle in times])
     direction = ", ".join(f"{component:g}" for component in np.asarray(axis, dtype=np.float64))
-    angle = Coordinate(times, "deg", f"right-handed about ({direction})")
+    twists = np.tile(twist_about(centre, axis), (len(times), 1))
+    angle = Coordinate(times, "deg", f"right-handed about ({direction})", {bone: twists})
     return RigidMotion(
         times, {bone: table}, np.asarray(centre, dtype=np.float64), {coordinate or f"{bone}_angle": angle}
     )

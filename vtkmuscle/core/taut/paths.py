@@ -21,6 +21,13 @@ from vtkmuscle.core.taut.string_arrays import Fields, Memory, Tissue
 from vtkmuscle.core.taut.strings import pull_taut
 from vtkmuscle.core.taut.tissue import directions_along, smoothed_along, tissue_between
 from vtkmuscle.core.taut.via_rings import ViaRing, in_ring_plane, is_inside, moved_ring, nearest_on_polygon
+from vtkmuscle.core.taut.wrenches import (
+    give_ends,
+    give_to_ring,
+    near_bones,
+    path_wrenches,
+    shares_of_bones,
+)
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Points of a string. Strings of 17 points round a cylinder of 30 mm have moment arms 1 % less than those of
@@ -72,6 +79,9 @@ class TautState:
         Segment of the fibre at rest that each point is nearest to, seen from each bone.
     pushed : (b, f, n) bool array
         Which points each bone pushes.
+    wrenches : (f, b, 6) array
+        Force [1] and moment about the origin [mm] that each string, of unit tension, exerts on each bone that
+        has a transform.
     unsettled : int
         Strings that did not come to rest.
     """
@@ -80,6 +90,7 @@ class TautState:
     transforms: Floats
     place: Ints
     pushed: Bools
+    wrenches: Floats
     unsettled: int = 0
 
     @property
@@ -91,7 +102,8 @@ class TautState:
     @property
     def nbytes(self) -> int:
         """Memory that it takes [bytes]."""
-        return self.points.nbytes + self.transforms.nbytes + self.place.nbytes + self.pushed.nbytes
+        arrays = self.points, self.transforms, self.place, self.pushed, self.wrenches
+        return sum(one.nbytes for one in arrays)
 
 
 class TautPaths:
@@ -172,7 +184,9 @@ class TautPaths:
         last = max([*self._numbers, int(start_bones.max()), int(end_bones.max()), *of_rings])
         still = np.zeros((last + 1, 4, 4)) + np.eye(4)
         start = np.broadcast_to(np.minimum(np.arange(n), n - 2), (len(bones), f, n))
-        at_rest = TautState(self.fibres, still, start, np.zeros((len(bones), f, n), dtype=np.bool_))
+        self._near = near_bones(distances)
+        none = np.zeros((len(bones), f, n), dtype=np.bool_)
+        at_rest = TautState(self.fibres, still, start, none, np.zeros((f, last + 1, 6)))
         self._bedding = no_bedding(len(bones), self.fibres)
         self.rest: TautState = self._pulled(at_rest, still)
         self.width = 4.0 * half
@@ -226,7 +240,8 @@ class TautPaths:
         moves = _moves(known, transforms)
         if np.ptp(moves, axis=0).max() <= TOGETHER:
             points = self._with_bones(before.points, moves)
-            return replace(before, points=points, transforms=transforms)
+            wrenches = self._wrenches(points, before.pushed, transforms)
+            return replace(before, points=points, transforms=transforms, wrenches=wrenches)
         steps = math.ceil(self._carried(known, transforms) / (LARGEST_STEP * self._segment))
         state = before
         for number in range(1, steps):
@@ -298,7 +313,18 @@ class TautPaths:
                 memory.place[:, unfinished] = start.place[:, unfinished]
                 memory.pushed[:, unfinished] = start.pushed[:, unfinished]
         unsettled = int((done > ITERATIONS).sum())
-        return TautState(x + middle, transforms, memory.place, memory.pushed, unsettled)
+        x += middle
+        wrenches = self._wrenches(x, memory.pushed, transforms)
+        return TautState(x, transforms, memory.place, memory.pushed, wrenches, unsettled)
+
+    def _wrenches(self, points: Floats, pushed: Bools, transforms: Floats) -> Floats:
+        """Return what the strings do to the bones, (f, b, 6)."""
+        shares = np.zeros((len(transforms), *points.shape[:2]))
+        shares[self._numbers] = shares_of_bones(self._near, pushed)
+        for bone, ring in self._rings:
+            give_to_ring(shares, points, bone, moved_ring(ring, transforms[bone]))
+        give_ends(shares, self.start_bones, self.end_bones)
+        return path_wrenches(points, shares)
 
     def _rings_at(self, transforms: Floats, middle: Floats) -> Rings:
         """Return the via rings where their bones are, about a point."""

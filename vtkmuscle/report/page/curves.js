@@ -11,33 +11,33 @@ const CONFIG = {
 function makeCurves(data, block, choose) {
   const known = Object.fromEntries(data.muscles.map((muscle) => [muscle.name, muscle]));
   const state = { muscle: "", coordinate: data.coordinates[0]?.name, check: (data.checks.find((one) => !one.flat) ?? data.checks[0])?.key, at: 0 };
-  const charts = ["lengths", "arms", "checks"].map((id) => document.getElementById(id)).filter(Boolean);
+  const charts = ["lengths", "fibre-lengths", "arms", "checks"].map((id) => document.getElementById(id)).filter(Boolean);
   for (const chart of charts) chart.drawn = Promise.resolve();
 
   function chosen() {
     return state.muscle ? [known[state.muscle]] : data.muscles;
   }
 
-  function lengths() {
+  function lengths(id, key, what, label) {
     const single = Boolean(state.muscle);
     const traces = chosen().flatMap((muscle) => {
-      if (!muscle.lengths) return [];
-      const { mean, low, high, lower, upper, error } = muscle.lengths;
+      if (!muscle[key]) return [];
+      const { mean, low, high, lower, upper, error } = muscle[key];
       const times = data.times.slice(0, mean.length);
-      const bands = [band(times, low, high, muscle.colour, single ? 0.16 : 0.1, `${muscle.label}: all fibres`, single)];
+      const bands = [band(times, low, high, muscle.colour, single ? 0.16 : 0.1, `${muscle.label}: all ${what}`, single)];
       if (single) {
-        bands.push(band(times, lower, upper, muscle.colour, 0.28, "middle half of the fibres", true));
-        bands.push(...fibres(muscle, times));
+        bands.push(band(times, lower, upper, muscle.colour, 0.28, `middle half of the ${what}`, true));
+        bands.push(...each(muscle, muscle[key], times, what));
       }
       if (error && single) bands.push(errorBand(times, mean, error));
-      return [...bands.flat(), line(times, mean, muscle, single ? "mean of the fibres" : muscle.label)];
+      return [...bands.flat(), line(times, mean, muscle, single ? `mean of the ${what}` : muscle.label)];
     });
-    paint("lengths", traces, data.timeLabel, "fibre length [mm]");
+    paint(id, traces, data.timeLabel, label);
   }
 
-  function fibres(muscle, times) {
-    const values = arrayOf(block, muscle.lengths.fibres);
-    const { drawn } = muscle.lengths;
+  function each(muscle, found, times, what) {
+    const values = arrayOf(block, found.fibres);
+    const { drawn } = found;
     const x = [], y = [];
     for (let k = 0; k < drawn; k++) {
       for (let i = 0; i < times.length; i++) {
@@ -48,7 +48,7 @@ function makeCurves(data, block, choose) {
       y.push(null);
     }
     const style = { color: muscle.colour, width: 0.6 };
-    return [{ x, y, mode: "lines", line: style, opacity: 0.45, name: `${drawn} single fibres`, hoverinfo: "skip", visible: "legendonly" }];
+    return [{ x, y, mode: "lines", line: style, opacity: 0.45, name: `${drawn} single ${what}`, hoverinfo: "skip", visible: "legendonly" }];
   }
 
   function arms() {
@@ -59,19 +59,19 @@ function makeCurves(data, block, choose) {
       const found = muscle.arms?.[state.coordinate];
       if (!found) return [];
       const { values, mean, low, high, error, quartic } = found;
-      const parts = [band(values, low, high, muscle.colour, single ? 0.16 : 0.1, `${muscle.label}: all fibres`, single)];
+      const parts = [band(values, low, high, muscle.colour, single ? 0.16 : 0.1, `${muscle.label}: all paths`, single)];
       if (single) {
-        parts.push(errorBand(values, mean, error));
+        if (error) parts.push(errorBand(values, mean, error));
         if (quartic) {
           const style = { color: "#2a2a2e", width: 1.2, dash: "dash" };
           parts.push({ x: values, y: quartic, mode: "lines", line: style, name: "quartic fit", hoverinfo: "skip" });
         }
         parts.push(...(found.literature || []).flatMap(published));
       }
-      return [...parts.flat(), line(values, mean, muscle, single ? "mean of the fibres" : muscle.label)];
+      return [...parts.flat(), line(values, mean, muscle, single ? "mean of the paths" : muscle.label)];
     });
     const positive = coordinate.positive ? `<br><sup>positive: ${coordinate.positive}</sup>` : "";
-    paint("arms", traces, `${coordinate.label} [${coordinate.unit}]${positive}`, `moment arm, −dl/dq [${coordinate.of}]`);
+    paint("arms", traces, `${coordinate.label} [${coordinate.unit}]${positive}`, `moment arm [${coordinate.of}]`);
   }
 
   function published(curve) {
@@ -147,7 +147,8 @@ function makeCurves(data, block, choose) {
   }
 
   function all() {
-    lengths();
+    lengths("lengths", "lengths", "paths", "length, bone to bone [mm]");
+    lengths("fibre-lengths", "fibreLengths", "fibres", "fibre length [mm]");
     arms();
     checks();
     return Promise.all(charts.map((chart) => chart.drawn));

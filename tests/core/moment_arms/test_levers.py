@@ -1,0 +1,239 @@
+"""Levers of pulls: known in every pose, whatever the motion is, and the slopes of the lengths."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vtkmuscle.core.moment_arms.differences import differences_by
+from vtkmuscle.core.moment_arms.levers import levers, twists_by
+from vtkmuscle.core.moment_arms.of_joints import joint_arms
+from vtkmuscle.core.motion.coordinates import Coordinate
+from vtkmuscle.core.motion.functions import IDENTITY
+from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, hinge, rotation_about
+from vtkmuscle.core.motion.tree import Joint, JointAxis, JointCoordinate, KinematicTree
+from vtkmuscle.core.motion.tree_motion import grid_of, motion_of_tree
+from vtkmuscle.core.taut.wrenches import path_wrenches
+
+CENTRE, AXIS = np.array([5.0, -20.0, 300.0]), np.array([1.0, 0.0, 0.0])
+#: Where straight paths leave the bone that stays, and the one that moves, at rest [mm].
+STARTS = CENTRE + np.array([[0.0, -80.0, 30.0], [5.0, -80.0, 40.0]])
+ENDS = CENTRE + np.array([[0.0, 40.0, 20.0], [5.0, 50.0, 10.0]])
+STEP = 5.0
+ANGLES = np.arange(0.0, 91.0, STEP)
+
+
+def straight(motion, bone="shank"):
+    """Return lengths (f, k) of straight paths to a bone that moves, their wrenches on it and their levers."""
+    ends = np.array([apply_transform(one, ENDS) for one in motion.transforms[bone]])
+    points = np.stack([np.broadcast_to(STARTS, ends.shape), ends], axis=2)
+    held = np.zeros((1, len(STARTS), 2))
+    held[0, :, 1] = 1.0
+    wrenches = np.array([path_wrenches(one, held)[:, 0] for one in points])
+    return np.linalg.norm(ends - STARTS, axis=2), {bone: wrenches}, ends
+
+
+def lever_about(ends, centre, axis):
+    """Return the lever of the pull of straight paths, in closed form."""
+    pull = (STARTS - ends) / np.linalg.norm(STARTS - ends, axis=-1, keepdims=True)
+    return np.cross(ends - centre, pull) @ axis
+
+
+def as_table(motion):
+    """Return the same motion, as of a table: it is not known what its coordinates are."""
+    return replace(
+        motion, coordinates={n: replace(one, twists=None) for n, one in motion.coordinates.items()}
+    )
+
+
+# ----------------------------------------------------------------------------- one joint
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_hinge_has_the_lever_of_a_straight_pull_in_every_pose(known):
+    motion = hinge("shank", CENTRE, AXIS, ANGLES, coordinate="knee")
+    motion = motion if known else as_table(motion)
+    lengths, wrenches, ends = straight(motion)
+    arms, refused = joint_arms(lengths, wrenches, motion)
+    assert not refused
+    np.testing.assert_array_equal(arms["knee"].frames, np.arange(len(ANGLES)))
+    np.testing.assert_allclose(arms["knee"].arms, lever_about(ends, CENTRE, AXIS), atol=1e-9)
+    np.testing.assert_allclose(arms["knee"].mean, lever_about(ends, CENTRE, AXIS).mean(axis=1), atol=1e-9)
+
+
+def test_slopes_of_lengths_are_the_levers():
+    """Central differences err by h^2 / 6 of the third derivative, at either end by h^2 / 3."""
+    motion = hinge("shank", CENTRE, AXIS, ANGLES)
+    lengths, wrenches, _ = straight(motion)
+    (found,) = joint_arms(lengths, wrenches, motion)[0].values()
+    step = np.radians(STEP)
+    third = np.abs(np.diff(lengths, 3, axis=0)).max() / step**3
+    off = np.abs(found.arms - found.slopes)
+    assert off[1:-1].max() < 1.1 * third * step**2 / 6.0
+    assert off.max() < 1.5 * third * step**2 / 3.0
+    assert off[1:-1].max() > 1e-3  # they are two ways, not one
+
+
+def test_a_single_pose_has_levers_where_the_joint_is_known():
+    motion = hinge("shank", CENTRE, AXIS, [30.0], coordinate="knee")
+    lengths, wrenches, ends = straight(motion)
+    found = joint_arms(lengths, wrenches, motion)[0]["knee"]
+    np.testing.assert_allclose(found.arms, lever_about(ends, CENTRE, AXIS), atol=1e-12)
+    assert np.isnan(found.slopes).all()
+    with pytest.raises(ValueError, match="no coordinate of the motion changes"):
+        joint_arms(lengths, wrenches, as_table(motion))
+
+
+def test_a_slide_has_the_part_of_the_pull_along_it():
+    shifts = np.linspace(0.0, 20.0, 6)
+    table = np.tile(np.eye(4), (6, 1, 1))
+    table[:, 2, 3] = -shifts
+    motion = RigidMotion(shifts, {"shank": table}, None, {"pull": Coordinate(shifts / 10.0, "cm")})
+    lengths, wrenches, ends = straight(motion)
+    pull = (STARTS - ends) / np.linalg.norm(STARTS - ends, axis=2, keepdims=True)
+    np.testing.assert_allclose(joint_arms(lengths, wrenches, motion)[0]["pull"].arms, -pull[..., 2])
+
+
+def test_the_way_from_rest_to_a_sweep_has_no_levers():
+    lead = np.array([rotation_about(CENTRE, [0.0, 0.0, 1.0], angle) for angle in (30.0, 20.0, 10.0)])
+    sweep = hinge("shank", CENTRE, AXIS, ANGLES)
+    table = np.concatenate([lead, sweep.transforms["shank"]])
+    values = np.concatenate([[10.0, 6.0, 3.0], ANGLES])
+    motion = RigidMotion(np.arange(len(table)), {"shank": table}, CENTRE, {"knee": Coordinate(values)})
+    lengths, wrenches, ends = straight(motion)
+    found = joint_arms(lengths, wrenches, motion)[0]["knee"]
+    np.testing.assert_array_equal(found.frames, np.arange(3, len(table)))
+    np.testing.assert_allclose(found.arms, lever_about(ends[3:], CENTRE, AXIS), atol=1e-9)
+
+
+# --------------------------------------------------------------------- several coordinates
+
+#: Flexion about x, then abduction about the y axis that goes with it.
+TREE = KinematicTree(
+    "ground",
+    [
+        Joint(
+            "hip",
+            "ground",
+            "shank",
+            [JointAxis(AXIS, IDENTITY, "flexion"), JointAxis(np.eye(3)[1], IDENTITY, "abduction")],
+        )
+    ],
+    [JointCoordinate("flexion"), JointCoordinate("abduction")],
+)
+
+
+def of_ball(flexion, abduction):
+    values = {"flexion": np.radians(flexion), "abduction": np.radians(abduction)}
+    return motion_of_tree(TREE, values, times=np.arange(float(len(flexion))), bodies={"shank": "shank"})
+
+
+def known_of_ball(motion, ends):
+    turned = [rotation_about((0, 0, 0), AXIS, angle) for angle in motion.coordinates["flexion"].values]
+    axes = {"flexion": np.tile(AXIS, (len(ends), 1)), "abduction": np.array(turned)[:, :3, 1]}
+    return {
+        name: np.array([lever_about(one, np.zeros(3), axis) for one, axis in zip(ends, of, strict=True)])
+        for name, of in axes.items()
+    }
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_grid_of_7_by_19_poses_has_levers_by_both_coordinates_in_all_of_them(known):
+    """From the poses alone screws between neighbours err as central differences of a turning axis do."""
+    grid = grid_of({"flexion": np.linspace(0.0, 60.0, 7), "abduction": np.linspace(-30.0, 60.0, 19)})
+    motion = of_ball(**grid)
+    motion = motion if known else as_table(motion)
+    lengths, wrenches, ends = straight(motion)
+    arms, refused = joint_arms(lengths, wrenches, motion)
+    assert not refused
+    for name, right in known_of_ball(motion, ends).items():
+        np.testing.assert_array_equal(arms[name].frames, np.arange(7 * 19))
+        # Both axes stay where they are while their own coordinate changes: so screws are exact as well.
+        np.testing.assert_allclose(arms[name].arms, right, atol=1e-5)
+        assert np.isfinite(arms[name].slopes).all()
+
+
+def test_coordinates_that_change_together_have_levers_only_where_the_joint_is_known():
+    q = np.linspace(0.0, 40.0, 9)
+    motion = of_ball(q, 0.5 * q)
+    lengths, wrenches, ends = straight(motion)
+    arms, _ = joint_arms(lengths, wrenches, motion)
+    for name, right in known_of_ball(motion, ends).items():
+        np.testing.assert_allclose(arms[name].arms, right, atol=1e-5)
+        assert np.isnan(arms[name].slopes).all()
+    with pytest.raises(ValueError, match="change only together"):
+        joint_arms(lengths, wrenches, as_table(motion))
+
+
+def test_a_coordinate_that_never_changes_alone_is_refused_and_the_other_is_not():
+    # Flexion alone, then both together.
+    flexion = np.concatenate([np.arange(0.0, 31.0, 5.0), np.arange(35.0, 56.0, 5.0)])
+    abduction = np.concatenate([np.zeros(7), np.arange(5.0, 26.0, 5.0)])
+    motion = as_table(of_ball(flexion, abduction))
+    lengths, wrenches, ends = straight(motion)
+    arms, refused = joint_arms(lengths, wrenches, motion)
+    assert "it changes only together with flexion" in refused["abduction"]
+    np.testing.assert_array_equal(arms["flexion"].frames, np.arange(7))
+    np.testing.assert_allclose(arms["flexion"].arms, known_of_ball(motion, ends)["flexion"][:7], atol=1e-9)
+
+
+def test_a_bone_that_a_coordinate_does_not_move_adds_nothing():
+    pull = np.ones((3, 2, 6))
+    assert not levers({"thigh": pull}, {"shank": np.ones((3, 6))}).any()
+
+
+# ------------------------------------------------------------------------------ invariance
+
+
+@given(
+    st.tuples(*[st.floats(-200.0, 200.0)] * 3),
+    st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda axis: np.linalg.norm(axis) > 0.1),
+    st.floats(-170.0, 170.0),
+    st.booleans(),
+)
+def test_levers_do_not_depend_on_where_the_scene_is_nor_on_its_side(shift, axis, angle, mirrored):
+    motion = hinge("shank", CENTRE, AXIS, [20.0], coordinate="knee")
+    lengths, wrenches, _ = straight(motion)
+    known = joint_arms(lengths, wrenches, motion)[0]["knee"].arms
+    carried = rotation_about(shift, axis, angle)
+    carried[:3, :3] *= [-1.0, 1.0, 1.0] if mirrored else 1.0
+    force, moment = np.split(wrenches["shank"], 2, axis=-1)
+    side = -1.0 if mirrored else 1.0
+    force = force @ carried[:3, :3].T
+    moment = side * moment @ carried[:3, :3].T + np.cross(carried[:3, 3], force)
+    twists = motion.coordinates["knee"].carried(carried).twists
+    found = levers({"shank": np.concatenate([force, moment], axis=-1)}, twists)
+    np.testing.assert_allclose(found, known, atol=1e-8)
+
+
+# ------------------------------------------------------------------------------ differences
+
+
+@given(st.lists(st.floats(-50.0, 50.0), min_size=3, max_size=12, unique=True), st.floats(-3.0, 3.0))
+def test_differences_of_a_parabola_are_its_slopes(values, bend):
+    values = np.sort(values)
+    if np.diff(values).min() < 1e-2:
+        return
+    motion = RigidMotion(np.arange(len(values)), {}, None, {"q": Coordinate(values, "rad")})
+    near = differences_by(motion, "q")
+    assert len(near.frames) == len(values)
+    slopes = near.slopes(bend * values**2 + 3.0 * values)
+    np.testing.assert_allclose(slopes, 2.0 * bend * values + 3.0, atol=1e-6 * (1.0 + np.abs(values).max()))
+
+
+def test_a_sweep_that_comes_back_is_taken_from_the_poses_next_to_each():
+    values = np.concatenate([np.arange(0.0, 5.0), np.arange(3.0, -1.0, -1.0)])
+    motion = RigidMotion(np.arange(9.0), {}, None, {"q": Coordinate(values, "rad")})
+    near = differences_by(motion, "q")
+    assert near.beside[2].tolist() == [1, 3]
+    assert near.beside[6].tolist() == [7, 5]
+
+
+def test_of_two_poses_there_is_a_line():
+    motion = hinge("shank", CENTRE, AXIS, [0.0, 90.0])
+    (name,) = motion.coordinates
+    frames, twists = twists_by(as_table(motion), name)
+    assert frames.tolist() == [0, 1]
+    np.testing.assert_allclose(twists["shank"], motion.coordinates[name].twists["shank"], atol=1e-12)
