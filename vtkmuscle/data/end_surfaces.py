@@ -136,9 +136,7 @@ def _within(shape: Aponeurosis | AttachmentArea, geometry: MuscleGeometry) -> tu
         return shape.points, shape.triangles
     disc = discs_over([shape.points])
     share = np.linspace(0.0, 1.0, PLACES, endpoint=False)[:, None, None]
-    around = (1.0 - share) * shape.points + share * np.roll(
-        shape.points, -1, axis=0
-    )
+    around = (1.0 - share) * shape.points + share * np.roll(shape.points, -1, axis=0)
     inside = (geometry.distance.depth(around.reshape(-1, 3)) > geometry.mean_edge).mean() > DEEP
     patch = EndSurface(geometry.points, geometry.triangles, geometry.patch(_as_area(shape))).samples.area
     flat = float(np.linalg.norm(triangle_normals(*disc), axis=1).sum()) / 2.0

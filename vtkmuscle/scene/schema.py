@@ -67,10 +67,6 @@ def _file_or_files(value: Any, handler: Callable[[Any], Any]) -> Any:
     return {ALONE: value}
 
 
-def _several(value: Any) -> Any:
-    return [value] if isinstance(value, str) else value
-
-
 def _list_or_estimate(value: Any, handler: Callable[[Any], Any]) -> Any:
     if value == ESTIMATE:
         return Estimate()
@@ -257,22 +253,21 @@ class Estimate(list[Area]):
         self.bones = bones
 
 
+_Texts = Annotated[list[Text], BeforeValidator(lambda one: [one] if isinstance(one, str) else one)]
+
+
 class Aponeuroses(Table):
     """What a muscle's fibres end on, on its surface or within it, in place of the attachment areas."""
 
-    proximal: Annotated[list[Text], BeforeValidator(_several)] = Field(
+    proximal: _Texts = Field(
         min_length=1,
         examples=["FILE.vtp"],
-        description="Where fibres begin: a file, or a list of them, each with the landmarks of a ring on the "
-        "muscle's surface, in order, in any format of landmarks; or with a surface of triangles within the "
-        "muscle, as the central aponeurosis of a bipennate one (.vtp, .vtk, .stl, .obj, .ply).",
+        description="Where fibres begin: a file or several, with landmarks of a ring on the muscle, in order; "
+        "or with a surface of triangles within it (.vtp, .vtk, .stl, .obj, .ply).",
         json_schema_extra=_or_text,
     )
-    distal: Annotated[list[Text], BeforeValidator(_several)] = Field(
-        min_length=1,
-        examples=["FILE.vtp"],
-        description="Where fibres end, likewise.",
-        json_schema_extra=_or_text,
+    distal: _Texts = Field(
+        min_length=1, examples=["FILE.vtp"], description="Where they end.", json_schema_extra=_or_text
     )
 
 
@@ -291,8 +286,7 @@ class MuscleTable(Table):
     )
     aponeuroses: Aponeuroses | None = Field(
         None,
-        description="What its fibres end on: { proximal = 'FILE', distal = 'FILE' }. They move with the "
-        "muscle. Without it fibres go from attachment area to attachment area.",
+        description="What fibres end on instead of areas: { proximal = 'FILE', distal = 'FILE' }.",
     )
     fibres: Fibres | None = Field(
         None,
