@@ -262,8 +262,8 @@ class Aponeuroses(Table):
     proximal: _Texts = Field(
         min_length=1,
         examples=["FILE.vtp"],
-        description="Where fibres begin: a file or several, with landmarks of a ring on the muscle, in order; "
-        "or with a surface of triangles within it (.vtp, .vtk, .stl, .obj, .ply).",
+        description="Where fibres begin: a file or several, with landmarks of a ring on the muscle, in "
+        "order; or with a surface of triangles within it (.vtp, .vtk, .stl, .obj, .ply).",
         json_schema_extra=_or_text,
     )
     distal: _Texts = Field(
