@@ -70,12 +70,8 @@ def real_muscles(n_fibres: int, resolution: int) -> None:
         field = np.array(with_field.GetPointData().GetArray("HarmonicField"))
         origin, insertion = np.flatnonzero(field == 0), np.flatnonzero(field == 1)
         morphers = {
-            "plane, mean-value": lambda: SliceMorpher(method="plane", mapping="mean-value")(fitted, surface),
-            "plane, bijective": lambda: SliceMorpher(method="plane")(fitted, surface),
-            "harmonic, mean-value": lambda: SliceMorpher(method="harmonic", mapping="mean-value")(
-                fitted, with_field
-            ),
-            "harmonic, bijective": lambda: SliceMorpher(method="harmonic")(fitted, with_field),
+            "plane": lambda: SliceMorpher(method="plane")(fitted, surface),
+            "harmonic": lambda: SliceMorpher(method="harmonic")(fitted, with_field),
         }
         fibres = {label: run() for label, run in morphers.items()}
         times = interleaved(
@@ -85,7 +81,7 @@ def real_muscles(n_fibres: int, resolution: int) -> None:
                 "fit, auto": lambda: TemplateFitter()(template, surface, areas),
                 "field of given areas": lambda: attachment_field(points, triangles, origin, insertion),
                 **morphers,
-                "smooth": lambda: FibreSmoother()(fibres["plane, bijective"]),
+                "smooth": lambda: FibreSmoother()(fibres["plane"]),
             },
             rounds=ROUNDS,
         )
@@ -100,11 +96,9 @@ def real_muscles(n_fibres: int, resolution: int) -> None:
                 f"split error {float(field_array(morphed, 'SplitError')[0]):.4f}"
             )
         base = times["template"] + times["fit, one axis"] + times["smooth"]
-        again = times["harmonic, bijective"]
+        again = times["harmonic"]
         print(
-            f"  template to smoothed fibres: plane, mean-value {base + times['plane, mean-value']:.1f} "
-            f"(bound "
-            f"{BOUND[n_fibres]}), plane, bijective {base + times['plane, bijective']:.1f}, harmonic "
+            f"  to smoothed fibres: plane {base + times['plane']:.1f} (bound {BOUND[n_fibres]}), harmonic "
             f"{base + times['field of given areas'] + again:.1f} (bound 60), again on a deformed mesh "
             f"{again:.1f} "
             "(bound 25)"
@@ -116,15 +110,14 @@ def four_muscles() -> None:
     scene = Scene.load(data_folder() / "scene.toml")
     muscles = [(muscle.surface, attachments_from(muscle.attachments)) for muscle in scene.muscles.values()]
 
-    def job(mapping: str) -> None:
+    def job() -> None:
         for surface, areas in muscles:
             template = FibreTemplateSource(n_fibres=50, resolution=14)()
             fitted = TemplateFitter(axis="attachments")(template, surface, areas)
-            FibreSmoother()(SliceMorpher(method="plane", mapping=mapping)(fitted, surface))
+            FibreSmoother()(SliceMorpher(method="plane")(fitted, surface))
 
-    times = interleaved({m: lambda m=m: job(m) for m in ("mean-value", "bijective")}, rounds=ROUNDS)
     print(
-        "four muscles x 50 x 14 [ms]: " + ", ".join(f"{m} {t:.1f}" for m, t in times.items()) + " (bound 25)"
+        f"four muscles x 50 x 14 [ms]: {interleaved({'plane': job}, rounds=ROUNDS)['plane']:.1f} (bound 25)"
     )
 
 
@@ -176,7 +169,7 @@ def growth(largest: int) -> None:
         fitted = template * (high - low) + low
         field = attachment_field(points, triangles, origin, insertion)
         shape = (fitted, box, closed_surface(points, triangles))
-        slicing = Slicing(slice_tolerance=0.1, continuity=0.2, mapping="bijective")
+        slicing = Slicing(slice_tolerance=0.1, continuity=0.2)
         times = interleaved(
             {
                 "planes": lambda s=shape: morph_by_planes(*s, slicing),

@@ -46,6 +46,12 @@ def lhdl_hip():
 
 
 @pytest.fixture(scope="session")
+def dti_gastrocnemius():
+    """Folder of a gastrocnemius with fibres that were measured."""
+    return data_folder("dti_gastrocnemius", "tracts.vtp", "the muscle with measured fibres is")
+
+
+@pytest.fixture(scope="session")
 def opensim_data():
     """Folder of OpenSim's own models and a walk."""
     return data_folder("opensim", "arm26.osim", "OpenSim's models are")

@@ -10,7 +10,7 @@ from vtkmuscle import Scene
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.data.arrays import blocks_of, cell_array, multiblock_from, points_of
 from vtkmuscle.data.attachments import attachments_from
-from vtkmuscle.filters import FibreMetrics, FibreTransport
+from vtkmuscle.filters import FibreMetrics, FibreSmoother, FibreSource, FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.pipelines import FIBRE_SETTINGS, WEIGHT_TOLERANCE, MusclePipeline, decompose, deform, pull_taut
 from vtkmuscle.run import muscle_pipeline
@@ -32,14 +32,22 @@ def attachments(scene):
 
 
 def test_the_settings_of_fibres_are_all_parameters_of_the_chain(muscle, attachments):
-    chain = [decompose(muscle, attachments)]
+    chain = [decompose(muscle, attachments, template="parallel")]
     while chain[-1].GetNumberOfInputPorts():
         chain.append(chain[-1].GetInputAlgorithm(0, 0))
     declared = {(type(f), name) for f in chain for name in f.parameter_declarations}
+    declared.add((FibreSource, "course"))
     assert set(FIBRE_SETTINGS.values()) == declared
     assert all(word == name for word, (_, name) in FIBRE_SETTINGS.items())
     with pytest.raises(TypeError, match="decompose has no setting 'n_fibre'; did you mean 'n_fibres'"):
         decompose(muscle, attachments, n_fibre=3)
+
+
+def test_settings_of_sections_do_not_go_with_straight_fibres(muscle, attachments):
+    assert isinstance(decompose(muscle, attachments, n_fibres=5, course="straight"), FibreSource)
+    assert isinstance(decompose(muscle, attachments, template="fan", course="sections"), FibreSmoother)
+    with pytest.raises(ValueError, match="template is a setting of fibres that follow a muscle's sections"):
+        decompose(muscle, attachments, template="fan", course="straight")
 
 
 def test_fibres_fill_the_muscle(muscle, attachments):

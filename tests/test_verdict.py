@@ -70,8 +70,13 @@ def lengths(at=None, change=0.0):
     return found
 
 
+#: Fibres at rest that are well.
+AT_REST = {"crossing_share": 0.1, "hooked_share": 0.0, "turning_p95_deg": 150.0, "bare_share": 0.02}
+
+
 def verdict(table=None, **given):
     fibres = {"lengths": lengths(), "rest_lengths": lengths()[0], "slackness": np.ones((FRAMES, 10))}
+    fibres["at_rest"] = AT_REST
     return judge(table or rows(), **{**fibres, "motion": MOTION, "n_edges": 1000, **given})
 
 
@@ -142,11 +147,32 @@ def test_fibres_that_hang_loose_are_told_and_where_it_is_not_known_that_is_told(
         assert found["verdict"] == expected
         assert [(r.check, r.frame) for r in reasons_of(found)] == ([] if expected == "ok" else [("slack", 7)])
     assert verdict(slackness=None)["not_checked"] == {"slack": "the fibres have no array TautLength"}
-    bare = verdict(lengths=None, rest_lengths=None)
+    bare = verdict(lengths=None, rest_lengths=None, at_rest=None)
     assert bare["verdict"] == "ok"
     assert bare["not_checked"] == dict.fromkeys(
-        ("long fibres", "short fibres", "jumps", "slid off", "slack"), "it has no fibres"
+        (
+            *("long fibres", "short fibres", "jumps", "slid off"),
+            *("crossed fibres", "hooked fibres", "winding fibres", "bare", "slack"),
+        ),
+        "it has no fibres",
     )
+
+
+@pytest.mark.parametrize(
+    ("check", "key", "look", "failed"),
+    [
+        ("crossed fibres", "crossing_share", 0.4, 0.9),
+        ("hooked fibres", "hooked_share", 0.1, 0.6),
+        ("winding fibres", "turning_p95_deg", 300.0, 600.0),
+        ("bare", "bare_share", 0.6, 0.95),
+    ],
+)
+def test_fibres_that_lie_badly_at_rest_are_not_ok(check, key, look, failed):
+    for value, expected in ((look, "look"), (failed, "failed")):
+        found = verdict(at_rest={**AT_REST, key: value})
+        (reason,) = reasons_of(found)
+        assert (found["verdict"], reason.check, reason.frame) == (expected, check, 0)
+        assert "at rest" in reason.says
 
 
 def test_what_has_no_figure_is_not_judged_and_told():

@@ -4,6 +4,7 @@ import numpy as np
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform
+from vtkmuscle.data.aponeuroses import Aponeurosis, aponeuroses_data
 from vtkmuscle.data.arrays import (
     Polylines,
     blocks_of,
@@ -132,6 +133,16 @@ def fibres_over_time():
     return data
 
 
+def aponeuroses():
+    """Return two strips along the spindle, on its near and its far side."""
+    z, half = np.linspace(-20.0, 40.0, 7), 6.0
+    strips = []
+    for side, y in (("proximal", 1.0), ("distal", -1.0)):
+        edges = [np.column_stack([np.full(7, x), np.full(7, 16.0 * y - 32.0), z]) for x in (-half, half)]
+        strips.append(Aponeurosis(side, np.vstack([edges[0], edges[1][::-1]])))
+    return aponeuroses_data(strips)
+
+
 def superficial_fibres():
     """Return three lines beside the spindle's middle that wind a little."""
     along = np.linspace(-0.2, 0.2, 5)
@@ -166,6 +177,7 @@ EXAMPLES = {
     "paths": taut_fibres,
     "MomentArms.fibres": fibres_over_time,
     "superficial": superficial_fibres,
+    "aponeuroses": aponeuroses,
 }
 
 #: What changes with the pipeline's time.

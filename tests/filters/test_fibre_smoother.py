@@ -124,7 +124,7 @@ def test_attachments_without_the_muscle_are_refused():
 )
 def test_neighbours_by_their_parameters_stay_neighbours_in_every_slice_as_fibres_are_spread(phantom):
     ((name, muscle),) = phantom.muscles.items()
-    chain = decompose(muscle, phantom.attachments[name], phantom.superficial.get(name), resolution=15)
+    chain = decompose(muscle, phantom.attachments[name], phantom.superficial.get(name), template="parallel")
     fibres = chain.update().output
     lines = polylines_of(fibres, "test").points.reshape(100, 16, 3)
     places = np.column_stack([cell_array(fibres, word, "test") for word in ("r", "s")])

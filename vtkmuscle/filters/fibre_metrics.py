@@ -11,7 +11,6 @@ from vtkmuscle.core.bones.bone import Bone, bone_of, depth_in
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import (
     angles_to,
-    angles_to_triangles,
     centroid_path,
     have_area,
     line_of_action,
@@ -22,6 +21,7 @@ from vtkmuscle.core.fibres.measures import (
 )
 from vtkmuscle.core.mesh.bent import BentSurface, bent_surface
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.normals import smooth_normals
 from vtkmuscle.core.mesh.polylines import end_directions
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
@@ -51,12 +51,14 @@ PATH_POINTS = 21
 class FibreMetrics(Filter):
     """Measure fibres: length, strain, tortuosity, pennation, and on request curvature and architecture.
 
-    Only what the inputs allow is measured: strain where the fibres carry ``RestLength`` (FibreTransport
-    adds it), pennation where there is a muscle, penetration where there are bones. A pennation angle is the
-    one between a fibre's end segment and the surface of the muscle there, that is 90 degrees less the angle
-    to the normal of the triangle nearest to the fibre's end: 0 for a fibre that runs along the surface, 90
-    for one at right angles to it. For a fibre that ends on an aponeurosis that is its angle to the
-    aponeurosis; where that is within the muscle, as in a bipennate one, it is known from the attachments.
+    Only what the inputs allow is measured: strain where the fibres carry ``RestLength`` (FibreTransport adds
+    it), pennation where there is a muscle, penetration where there are bones. A pennation angle is the one
+    between a fibre's end segment and the surface of the muscle there, that is 90 degrees less the angle to
+    the normal at the fibre's end: 0 for a fibre that runs along the surface, 90 for one at right angles to
+    it. For a fibre that ends on an aponeurosis that is its angle to the aponeurosis. The normal is continuous
+    over the surface but for creases of more than 60 degrees, so that it does not depend on which triangle an
+    end on an edge is counted to. Where the aponeurosis is within the muscle, as in a bipennate one, it is
+    known from the attachments.
 
     :func:`vtkmuscle.io.write_fibre_table` writes what was measured as a table, and
     :func:`vtkmuscle.io.fibre_summary` gives mean, standard deviation and range.
@@ -164,14 +166,15 @@ class FibreMetrics(Filter):
         # Of the frame before, where there is one: the muscle has bent, and is the same.
         self._bent = bent_surface(points, triangles, None if self._bent is None else self._bent.tree)
         ends = np.vstack([lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1]])
-        nearest = triangles[self._bent.tree.nearest(ends)[0]]
-        if not have_area(points, nearest).all():
-            proper = triangles[have_area(points, triangles)]
-            if not len(proper):
+        faces, places, _ = self._bent.tree.nearest(ends)
+        if not have_area(points, triangles[faces]).all():
+            triangles = triangles[have_area(points, triangles)]
+            if not len(triangles):
                 raise InputError("FibreMetrics: muscle", "no triangle has an area, and so a direction")
-            nearest = proper[triangle_tree(points, proper).nearest(ends)[0]]
+            faces, places, _ = triangle_tree(points, triangles).nearest(ends)
         runs = np.vstack(end_directions(lines.points, lines.offsets))
-        angles = angles_to_triangles(runs, points, nearest)
+        sines = np.abs((runs * smooth_normals(points, triangles, faces, places)).sum(axis=1))
+        angles = np.degrees(np.arcsin(np.minimum(sines, 1.0)))
         return angles[: len(lines)], angles[len(lines) :]
 
     def _penetration(self, lines: Polylines, bones: vtkMultiBlockDataSet) -> Floats:

@@ -11,7 +11,6 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.morphing.isolines import morph_by_isolines
 from vtkmuscle.core.morphing.planes import morph_by_planes
-from vtkmuscle.core.morphing.section_maps import MAPPINGS
 from vtkmuscle.core.morphing.slices import Box, Morph, Slicing
 from vtkmuscle.core.morphing.twist import Found, Twisting
 from vtkmuscle.core.recent import Recent
@@ -62,17 +61,15 @@ class SliceMorpher(Filter):
     attachments or the function and the template's areas are its bottom and its top. Which one it took is in
     ``MorphMethod``. Where planes were used on such a muscle there is a warning.
 
-    ``mapping="bijective"`` inverts a harmonic map of the section onto the rectangle, which is one to one and
-    never leaves a flat section. Narrow parts of a section get next to none of the rectangle, and so next to
-    no fibres; :class:`FibreSmoother` with the muscle connected fills them. ``mapping="mean-value"`` is the
-    papers': a fibre point's mean value coordinates in the rectangle, applied to the contour; they may leave a
-    concave section. Points that do are counted, with a warning. Isolines are not flat:
-    between them the surface may be on either side of a fibre point; these points are counted too, and
-    :class:`FibreSmoother` with the muscle connected puts them in.
+    A fibre point goes where its mean value coordinates in the rectangle, applied to the contour, put it. That
+    may be outside of a concave section, and isolines are not flat: between them the surface may be on either
+    side of a fibre point. These points are counted, and :class:`FibreTrimmer` and :class:`FibreSmoother` put
+    them in. Narrow parts of a section get next to no fibres; :class:`FibreSmoother` with the muscle connected
+    fills them.
 
     The contour's point that goes with the rectangle's first corner is, in the paper, the vertex nearest to it
     in each slice. By default it is chosen for all slices together, so that neighbouring contours are not
-    twisted against each other; ``continuity=0`` is the paper's rule.
+    twisted against each other, and is a vertex that is added there; ``continuity=0`` is the paper's rule.
 
     Fibres that wind around a muscle have sections turned along their contours on purpose: by ``twist``, the
     insertion against the origin, evenly from one to the other. Where superficial fibres are connected, that
@@ -114,12 +111,6 @@ class SliceMorpher(Filter):
         default="auto",
         choices=("auto", "plane", "harmonic"),
         doc="How the muscle is sliced: by parallel planes, along isolines, or whichever suits it.",
-    )
-    mapping = Parameter(
-        str,
-        default="bijective",
-        choices=MAPPINGS,
-        doc="How a rectangle is mapped to a section of the muscle.",
     )
     slice_tolerance: Parameter[float | None] = Parameter(
         float,
@@ -167,9 +158,8 @@ class SliceMorpher(Filter):
     output = OutputPort(
         vtkPolyData,
         doc="The fibres in the muscle, with the arrays of the template and the field arrays ``MorphMethod`` "
-        "(``plane`` or ``harmonic``), ``PointsOutside`` (by planes: points that the mean value map put "
-        "outside of their section; along isolines: outside of the muscle; FibreSmoother puts these in), "
-        "``SectionsUnmapped`` (sections that cross themselves and got the mean value map), ``SplitError`` "
+        "(``plane`` or ``harmonic``), ``PointsOutside`` (by planes: points that the map put outside of their "
+        "section; along isolines: outside of the muscle), ``SplitError`` "
         "(largest deviation of a section's four parts from the rectangle's sides, as a part of its "
         "perimeter), ``VolumeShare`` (part of the muscle in the branch that the fibres fill), "
         "``SteepShare`` (part of the planes' branch at more than 45 degrees to their axis, also where it is "
@@ -201,7 +191,6 @@ class SliceMorpher(Filter):
         slicing = Slicing(
             slice_tolerance=tolerance,
             continuity=self.continuity,
-            mapping=self.mapping,
             twisting=twisting,
             report_progress=self.report_progress,
             once=geometry.once("sections", lambda: Recent(SETTINGS_KEPT)),
@@ -233,7 +222,6 @@ class SliceMorpher(Filter):
         for name, value in (
             ("MorphMethod", method),
             ("PointsOutside", result.n_outside),
-            ("SectionsUnmapped", result.n_unmapped),
             ("SplitError", result.split_error),
             ("VolumeShare", result.volume_share),
             ("SteepShare", steep_share),
@@ -248,25 +236,13 @@ class SliceMorpher(Filter):
 
 def _warn(result: Morph, method: str) -> None:
     """Warn of what a user should know of the fibres."""
-    remarks = []
     if method == "plane" and not result.suits:
-        remarks.append(
-            f"the muscle is bent too much for parallel planes: their main branch holds "
+        warnings.warn(
+            "SliceMorpher: the muscle is bent too much for parallel planes: their main branch holds "
             f"{100 * result.volume_share:.0f} % of it, and {100 * result.steep_share:.0f} % of its course "
-            "run at more than 45 degrees to the box's axis; use method='harmonic'"
+            "run at more than 45 degrees to the box's axis; use method='harmonic'",
+            stacklevel=2,
         )
-    if result.n_outside and method == "plane":
-        remarks.append(
-            f"the mean value map put {result.n_outside} of {len(result.points)} points outside of their "
-            "section; mapping='bijective' does not"
-        )
-    if result.n_unmapped:
-        remarks.append(
-            f"{result.n_unmapped} section(s) cross themselves and have no one-to-one map: they got the mean "
-            "value map"
-        )
-    if remarks:
-        warnings.warn("SliceMorpher: " + "; ".join(remarks), stacklevel=2)
 
 
 def _warn_of_superficial(found: Found) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from vtkmuscle.io.fibre_table import fibre_summary, muscle_summary, write_fibre_table
-    from vtkmuscle.io.landmarks import read_landmarks, read_named_points
+    from vtkmuscle.io.landmarks import read_aponeurosis, read_landmarks, read_named_points
     from vtkmuscle.io.literature import (
         LITERATURE_COLUMNS,
         LiteratureCurve,
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 #: Names of each module, which is loaded when one of them is asked for: few need all formats.
 _NAMES = {
     "fibre_table": ("fibre_summary", "muscle_summary", "write_fibre_table"),
-    "landmarks": ("read_landmarks", "read_named_points"),
+    "landmarks": ("read_aponeurosis", "read_landmarks", "read_named_points"),
     "literature": (
         *("LITERATURE_COLUMNS", "LiteratureCurve", "curves_for"),
         *("read_literature", "write_literature"),
@@ -64,6 +64,7 @@ __all__ = [
     "landmarks_of",
     "motion_columns",
     "muscle_summary",
+    "read_aponeurosis",
     "read_landmarks",
     "read_literature",
     "read_motion_file",

@@ -1,4 +1,4 @@
-"""Read the landmarks of an attachment."""
+"""Read the landmarks of an attachment, or of an aponeurosis."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import MOST_TEXT, check_is_file
 from vtkmuscle.core.types import Floats
+from vtkmuscle.data.aponeuroses import Aponeurosis, aponeurosis_from, ring_aponeurosis
 from vtkmuscle.data.attachments import landmarks_of
 from vtkmuscle.io.csv_table import csv_rows
 from vtkmuscle.io.nrrd_points import read_nrrd_points
 from vtkmuscle.io.slicer import NamedPoints, markups_of, read_fcsv
-from vtkmuscle.io.surfaces import read_polydata
+from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, read_polydata
 
 
 def read_landmarks(path: str | PathLike[str], *, frame: str = "LPS") -> tuple[Floats, bool]:
@@ -58,6 +59,33 @@ def read_landmarks(path: str | PathLike[str], *, frame: str = "LPS") -> tuple[Fl
         return points, True
     closed = len(points) > 3 and bool(np.array_equal(points[0], points[-1]))
     return (points[:-1] if closed else points), closed
+
+
+def read_aponeurosis(path: str | PathLike[str], side: str, *, frame: str = "LPS") -> Aponeurosis:
+    """Read an aponeurosis: the landmarks of a ring on a muscle, or a surface of triangles within it.
+
+    Parameters
+    ----------
+    path : path
+        A file of landmarks as for :func:`read_landmarks`, or a .vtp, .vtk, .stl, .obj or .ply file with
+        triangles.
+    side : str
+        ``"proximal"`` or ``"distal"``.
+    frame : str, optional
+        As of :func:`read_landmarks`.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the file cannot be read, or holds neither three landmarks or more nor triangles.
+    """
+    path = Path(path)
+    if path.suffix.lower() in SURFACE_SUFFIXES:
+        return aponeurosis_from(read_polydata(path), side, str(path))
+    landmarks, _ = read_landmarks(path, frame=frame)
+    return ring_aponeurosis(landmarks, side, str(path))
 
 
 def read_named_points(path: str | PathLike[str]) -> NamedPoints:

@@ -1,4 +1,4 @@
-"""The chain of filters that fills a muscle with fibres, and its settings."""
+"""The filters that fill a muscle with fibres, and their settings."""
 
 from __future__ import annotations
 
@@ -9,18 +9,20 @@ from typing import Any
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
+from vtkmuscle.filters.fibre_source import FibreSource
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.filters.fibre_trimmer import FibreTrimmer
 from vtkmuscle.filters.slice_morpher import SliceMorpher
 from vtkmuscle.filters.template_fitter import TemplateFitter
 
-#: The filters of :func:`decompose`, in order.
+#: The filters that lead a template through a muscle's sections, in order.
 FIBRE_CHAIN: tuple[type[Filter], ...] = (
     FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer, FibreSmoother,
 )  # fmt: skip
+_ALL: tuple[type[Filter], ...] = (FibreSource, *FIBRE_CHAIN)
 #: The settings of :func:`decompose`, and the parameter of a filter that each one is, by the same name.
 FIBRE_SETTINGS: dict[str, tuple[type[Filter], str]] = {
-    name: (kind, name) for kind in FIBRE_CHAIN for name in kind.parameter_declarations
+    name: (kind, name) for kind in _ALL for name in kind.parameter_declarations
 }
 #: Fibres as published; settings that are given beside a name count more. The planes, maps, ends and smoothing
 #: of Kohout et al. 2012 as printed, with the axis between the centroids; and slices along isolines of a
@@ -32,13 +34,12 @@ PUBLISHED_FIBRES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
             "angle_step": 5.0,
             "refine": False,
             "method": "plane",
-            "mapping": "mean-value",
             "continuity": 0.0,
             "end_rule": "closest",
             "smoothing_weight": 4.0,
             "spreading": 0.0,
         },
-        "kohout2014": {"method": "harmonic", "mapping": "mean-value", "spreading": 0.0},
+        "kohout2014": {"method": "harmonic", "spreading": 0.0},
     }
 )
 
@@ -48,32 +49,37 @@ def decompose(
     attachments: Any,
     superficial: Any = None,
     *,
+    aponeuroses: Any = None,
     published: str | None = None,
     **settings: Any,
-) -> FibreSmoother:
-    """Return the chain of filters that fills a muscle with fibres.
+) -> FibreSource | FibreSmoother:
+    """Return the filters that fill a muscle with fibres.
 
-    The chain is FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer and FibreSmoother; nothing
-    is computed before the last one is asked for its output.
+    That is FibreSource, which takes the way that suits the muscle. Where a setting of the template or of its
+    way through the muscle is given, it is FibreTemplateSource, TemplateFitter, SliceMorpher, FibreTrimmer and
+    FibreSmoother. Nothing is computed before the last one is asked for its output.
 
     Parameters
     ----------
     muscle : vtkPolyData or algorithm
         Closed surface of triangles, in the rest pose.
     attachments : vtkMultiBlockDataSet or algorithm
-        Where it is attached, at least one origin and one insertion.
+        Where it is attached, at least one origin and one insertion; None will do between aponeuroses.
     superficial : vtkPolyData or algorithm, optional
         Fibres that are seen on the muscle's surface, a few polylines: the template is turned and twisted such
         that its fibres follow them.
+    aponeuroses : vtkMultiBlockDataSet or algorithm, optional
+        What fibres end on in place of the attachment areas, see :mod:`vtkmuscle.data.aponeuroses`.
     published : str, optional
         A name of :data:`PUBLISHED_FIBRES`: ``"kohout2012"`` or ``"kohout2014"``, fibres as in those papers.
         They are smoothed without regard to the muscle.
     **settings
-        Parameters of the five filters: ``template``, ``n_fibres``, ``smoothing_passes`` and so on.
+        ``n_fibres``, ``resolution``, and ``course`` of FibreSource; or parameters of the other five filters:
+        ``template``, ``smoothing_passes`` and so on.
 
     Returns
     -------
-    FibreSmoother
+    FibreSource or FibreSmoother
         The end of the chain, which keeps all of it.
 
     Raises
@@ -81,7 +87,7 @@ def decompose(
     TypeError
         For a keyword that is a parameter of none of the filters.
     ValueError
-        If a setting is not allowed; the message says what is.
+        If a setting is not allowed, or does not go with another; the message says what does.
 
     Examples
     --------
@@ -102,11 +108,21 @@ def decompose(
     for name in settings:
         if name not in FIBRE_SETTINGS:
             raise TypeError(f"decompose has no setting {name!r}; {suggestion(name, FIBRE_SETTINGS)}")
+    of_sections = [name for name in settings if name not in FibreSource.parameter_declarations]
+    where = {"muscle": muscle, "attachments": attachments}
+    if not of_sections:
+        return FibreSource(superficial=superficial, aponeuroses=aponeuroses, **where, **settings)
+    course = settings.pop("course", "sections")
+    if aponeuroses is not None or course != "sections":
+        raise ValueError(
+            f"decompose: {of_sections[0]} is a setting of fibres that follow a muscle's sections, but "
+            + (f"course is {course!r}" if aponeuroses is None else "between aponeuroses they are straight")
+            + f"; leave out {', '.join(of_sections)}"
+        )
 
     def own(kind: type[Filter]) -> dict[str, Any]:
         return {name: value for name, value in settings.items() if name in kind.parameter_declarations}
 
-    where = {"muscle": muscle, "attachments": attachments}
     source = FibreTemplateSource(**own(FibreTemplateSource))
     fitted = TemplateFitter(template=source, superficial=superficial, **where, **own(TemplateFitter))
     morphed = SliceMorpher(template=fitted, superficial=superficial, **where, **own(SliceMorpher))

@@ -52,6 +52,9 @@ class MusclePipeline:
         fibres alone taut round the bones.
     fixing : mapping or None, optional
         Parameters of FixedPointDetector; None for a surface that has the point array ``FixedTo`` already.
+    aponeuroses : vtkMultiBlockDataSet or algorithm, optional
+        What the fibres end on, on the muscle or within it: fibres between them are carried by the muscle.
+        What the muscle pulls along still goes from bone to bone.
     fibres : mapping, vtkPolyData, algorithm or None, optional
         Keyword arguments of :func:`decompose` and parameters of FibreTransport (``weight_tolerance``, by
         default :data:`WEIGHT_TOLERANCE`); or fibres at rest that are there already; or None for a
@@ -63,8 +66,10 @@ class MusclePipeline:
     ----------
     fixed : FixedPointDetector, vtkPolyData or algorithm
         The muscle at rest with the point array ``FixedTo``: the surface itself where ``fixing`` is None.
+    paths : vtkPolyData, algorithm or None
+        From bone to bone at rest: what is pulled taut, and carries the muscle.
     fibres : vtkPolyData, algorithm or None
-        Fibres at rest.
+        Fibres at rest: between the aponeuroses where there are some, else the paths.
     moving : BoneMotion
         The bones in motion.
     deformer : PBDDeformer or None
@@ -105,6 +110,7 @@ class MusclePipeline:
         attachments: Any = None,
         *,
         superficial: Any = None,
+        aponeuroses: Any = None,
         neighbours: Mapping[str, Any] | None = None,
         model: str = "volume",
         fixing: Mapping[str, Any] | None = None,
@@ -113,15 +119,23 @@ class MusclePipeline:
     ) -> None:
         if model not in ("volume", "paths"):
             raise ValueError(f"MusclePipeline: model is {model!r}, but must be 'volume' or 'paths'")
+        if model == "paths" and aponeuroses is not None:
+            raise ValueError(
+                "MusclePipeline: aponeuroses move with the muscle, which model='paths' does not deform; "
+                "leave them out, or use model='volume'"
+            )
         self.fixed = surface
         if fixing is not None:
             self.fixed = FixedPointDetector(muscle=surface, bones=bones, attachments=attachments, **fixing)
         carrying = {"weight_tolerance": WEIGHT_TOLERANCE}
-        self.fibres = fibres
+        self.paths = self.fibres = fibres
         if isinstance(fibres, Mapping):
             carrying |= {name: fibres[name] for name in TRANSPORT_SETTINGS if name in fibres}
             shaping = {name: value for name, value in fibres.items() if name not in TRANSPORT_SETTINGS}
-            self.fibres = decompose(self.fixed, attachments, superficial, **shaping)
+            self.paths = self.fibres = decompose(self.fixed, attachments, superficial, **shaping)
+            if aponeuroses is not None:
+                counts = {name: shaping[name] for name in ("n_fibres", "resolution") if name in shaping}
+                self.fibres = decompose(self.fixed, attachments, aponeuroses=aponeuroses, **counts)
         self.moving = BoneMotion(bones=bones, motion=motion)
         self.deformer: PBDDeformer | None = None
         self.taut: TautFibres | None = None
@@ -131,7 +145,7 @@ class MusclePipeline:
             self.deformer = PBDDeformer(
                 muscle=self.fixed,
                 bones=self.moving,
-                fibres=self.fibres,
+                fibres=self.paths,
                 neighbours=neighbours or None,
                 superficial=superficial,
                 attachments=attachments,
@@ -140,7 +154,7 @@ class MusclePipeline:
         if self.fibres is not None:
             if self.deformer is None or self.deformer.anisotropy != "taut":
                 self.taut = TautFibres(
-                    rest_fibres=self.fibres,
+                    rest_fibres=self.paths,
                     rest_muscle=self.fixed,
                     bones=self.moving,
                     attachments=attachments,
@@ -152,6 +166,8 @@ class MusclePipeline:
                     rest_muscle=self.fixed,
                     deformed_muscle=self.deformer,
                     paths=self.taut,
+                    # What the deformer says of its taut fibres is of the paths.
+                    method="carried" if self.fibres is self.paths else "mean-value",
                     **carrying,
                 )
             moved = self.taut if self.transport is None else self.transport

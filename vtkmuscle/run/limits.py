@@ -130,7 +130,40 @@ CHECKS = {
         "attachments; do not use moment arms from there on",
     ),
     # 5 % of a fibre of 100 to 200 mm are 5 to 10 mm that a taut muscle would not have: over 60 degrees a
-    # moment arm that is wrong by 5 to 10 mm.
+    # moment arm that is wrong by 5 to 10 mm. Of muscles whose fibres are well by eye up to a sixth of the
+    # neighbours change sides, where they run together in a tip; of a sheet whose fibres go to the other edge
+    # nine tenths do.
+    "crossed fibres": Check(
+        30.0,
+        60.0,
+        "%",
+        "{} of neighbouring fibres change sides at an end of the muscle, at rest",
+        "check its attachments, or take other fibres (method = 'harmonic', or aponeuroses)",
+    ),
+    "hooked fibres": Check(
+        5.0,
+        50.0,
+        "%",
+        "{} of the fibres have a hook at rest",
+        "check its attachments, or take other fibres (method = 'harmonic', or aponeuroses)",
+    ),
+    # A muscle that winds once round a bone turns by 360 degrees, and none does: the iliacus turns by 195.
+    "winding fibres": Check(
+        270.0,
+        540.0,
+        "deg",
+        "one fibre in twenty turns by {} in all at rest, or more",
+        "check its attachments, or take other fibres (method = 'harmonic', or aponeuroses)",
+    ),
+    # Farther from any fibre than neighbours are from each other in the belly. Fibres that fill their muscle
+    # leave up to a twentieth, in its corners; those between aponeuroses a quarter, beyond these.
+    "bare": Check(
+        50.0,
+        90.0,
+        "%",
+        "{} of its volume have no fibres at rest",
+        "check its attachments; without aponeuroses take course = 'sections'",
+    ),
     "slack": Check(
         1.05,
         1.15,

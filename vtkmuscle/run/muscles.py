@@ -268,6 +268,7 @@ class MuscleRun:
             rest_lengths=rest_lengths,
             slackness=slackness,
             slides=slides,
+            at_rest=None if lengths is None else track.report["fibres"],
             motion=motion,
             n_edges=measure.n_edges,
             size=measure.size,

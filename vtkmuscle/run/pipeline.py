@@ -40,6 +40,7 @@ def muscle_pipeline(
         scene.motion,
         scene.attachments_data(name),
         superficial=muscle.superficial_fibres,
+        aponeuroses=scene.aponeuroses_data(name),
         neighbours=neighbours,
         model=scene.model,
         fixing=scene.fixing_of(name),

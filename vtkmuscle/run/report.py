@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.fibres.arrangement import arrangement
 from vtkmuscle.core.mesh.solids import solids_of
-from vtkmuscle.data.arrays import checked_surface, field_array, points_of
+from vtkmuscle.data.arrays import checked_surface, field_array, points_of, polylines_of
+from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.io.fibre_table import fibre_columns, fibre_summary
 from vtkmuscle.run import architecture
 from vtkmuscle.run.table import Table
@@ -81,6 +83,10 @@ DEFINITIONS = {
     "twist_degrees": "how far sections are turned against each other along their contours, end to end",
     "superficial_angle_degrees": "angle between the superficial fibres given and those of the template "
     "on the surface, root mean square; superficial_angle_straight_degrees: the same without the twist",
+    "crossing_share": "part of neighbouring fibres that change sides near an end, at rest; hooked_share: "
+    "part of the fibres that turn by more than 90 degrees between two segments; turning_p95_deg: sum of the "
+    "turns along a fibre, 95th percentile; bare_share: part of the volume that is farther from any fibre "
+    "than neighbours are from each other in the belly",
     "fibre_measures": "per frame mean, standard deviation (of the population), least and largest over the "
     "fibres, of length, strain (length / length at rest - 1), pennation (angle to the surface), tortuosity "
     "(length / distance of the ends), curvature (mean and largest along a fibre) and penetration (of a "
@@ -137,6 +143,8 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
     points = points_of(fibres)
     outside = np.maximum(solids_of(*checked_surface(muscle, "muscle")).distances(points), 0.0) * millimetres
     inside = int((outside <= FIBRE_TOLERANCE).sum())
+    lines, geometry = polylines_of(fibres, "fibres"), muscle_geometry(muscle, "muscle")
+    found = arrangement(lines.points, lines.offsets, geometry.samples(architecture.SAMPLES))
     twist = {
         name: float(values[0])
         for array, name in TWIST_MEASURES.items()
@@ -148,6 +156,10 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
         "points_inside": inside,
         "points_outside": len(points) - inside,
         "farthest_outside_mm": float(outside.max()),
+        "crossing_share": found.crossing,
+        "hooked_share": found.hooked,
+        "turning_p95_deg": found.turning,
+        "bare_share": found.bare,
         **twist,
     }
 

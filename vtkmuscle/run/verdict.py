@@ -23,6 +23,13 @@ VERDICTS = (OK, LOOK, FAILED)
 TAUT_LENGTH = "TautLength"
 
 #: The checks that need fibres.
+#: ... and what :func:`vtkmuscle.run.report.fibres_at_rest` says of these, to per cent or degrees.
+_AT_REST = {
+    "crossed fibres": ("crossing_share", 100.0),
+    "hooked fibres": ("hooked_share", 100.0),
+    "winding fibres": ("turning_p95_deg", 1.0),
+    "bare": ("bare_share", 100.0),
+}
 _OF_FIBRES = ("long fibres", "short fibres", "jumps", "slid off", "slack", "fibres outside", "fibres in bone")
 
 
@@ -67,6 +74,7 @@ def judge(
     rest_lengths: Floats | None = None,
     slackness: Floats | None = None,
     slides: Sequence[tuple[float, str] | None] = (),
+    at_rest: Mapping[str, Any] | None = None,
     motion: RigidMotion | None = None,
     n_edges: int = 1,
     size: float = FULL_SIZE,
@@ -87,6 +95,8 @@ def judge(
     slides : sequence of (float, str) or None, optional
         Per frame how far a fibre slid aside on a bone [mm], and on which, as
         :func:`~vtkmuscle.run.sliding.slides_of` gives it.
+    at_rest : mapping, optional
+        What :func:`~vtkmuscle.run.report.fibres_at_rest` says of the fibres.
     motion : RigidMotion, optional
         At the times of the rows: where it turns back, lengths may too.
     n_edges : int, optional
@@ -102,7 +112,7 @@ def judge(
         JSON-able: ``verdict``, the worst of its ``reasons``, which are those of :class:`Reason` from the
         worst on, and ``not_checked``, what was not judged and why.
     """
-    values, missing = _series(rows, lengths, rest_lengths, slackness, slides, motion, n_edges)
+    values, missing = _series(rows, lengths, rest_lengths, slackness, slides, at_rest, motion, n_edges)
     reasons = [
         reason
         for name, series in values.items()
@@ -164,6 +174,7 @@ def _series(
     rest_lengths: Floats | None,
     slackness: Floats | None,
     slides: Sequence[tuple[float, str] | None],
+    at_rest: Mapping[str, Any] | None,
     motion: RigidMotion | None,
     n_edges: int,
 ) -> tuple[dict[str, Floats], dict[str, str]]:
@@ -188,7 +199,7 @@ def _series(
     }
     missing = {"penetration": "no bone has an inside", "widespread penetration": "no bone has an inside"}
     if lengths is None or rest_lengths is None or not len(lengths):
-        missing |= dict.fromkeys(_OF_FIBRES, "it has no fibres")
+        missing |= dict.fromkeys((*_OF_FIBRES, *_AT_REST), "it has no fibres")
     else:
         missing["slack"] = f"the fibres have no array {TAUT_LENGTH}"
         ratios = lengths / np.maximum(rest_lengths, 1e-12)
@@ -203,6 +214,9 @@ def _series(
         )
         if slackness is not None:
             values["slack"] = np.percentile(slackness, 90, axis=1)
+    if at_rest is not None:  # the same in all frames: the first is named
+        for name, (key, scale) in _AT_REST.items():
+            values[name] = np.full(len(rows), scale * at_rest[key])
     unknown = [name for name in CHECKS if name not in values or np.isnan(values[name]).all()]
     values = {name: series for name, series in values.items() if name not in unknown}
     return values, {name: missing.get(name, "it was not measured") for name in unknown}

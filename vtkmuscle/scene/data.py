@@ -10,6 +10,7 @@ from typing import Any
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.aponeuroses import Aponeurosis, aponeuroses_data, aponeuroses_of
 from vtkmuscle.data.arrays import multiblock_from
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of
 from vtkmuscle.io.literature import LiteratureCurve
@@ -42,6 +43,8 @@ class Muscle:
         Published moment arms of the muscle, drawn beside those of a run.
     crosses : tuple of str, optional
         Coordinates of the motion that its lengths depend on; None where that is not known, and all may.
+    aponeuroses : sequence of Aponeurosis, or vtkMultiBlockDataSet
+        What its fibres end on, on its surface or within it, in the rest pose; none: the attachment areas.
     hill : mapping of str to float
         Hill's parameters, by the names of :class:`~vtkmuscle.scene.hill.Hill`; exports write them.
     """
@@ -55,11 +58,15 @@ class Muscle:
     literature: tuple[LiteratureCurve, ...] = ()
     crosses: tuple[str, ...] | None = None
     hill: Mapping[str, float] = field(default_factory=dict)
+    aponeuroses: tuple[Aponeurosis, ...] = ()
 
     def __post_init__(self) -> None:
         given: Any = self.attachments
         areas = attachments_of(given, "attachments") if isinstance(given, vtkMultiBlockDataSet) else given
         object.__setattr__(self, "attachments", tuple(areas))
+        given = self.aponeuroses
+        sheets = aponeuroses_of(given, "aponeuroses") if isinstance(given, vtkMultiBlockDataSet) else given
+        object.__setattr__(self, "aponeuroses", tuple(sheets))
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,3 +107,8 @@ class SceneData:
         """Return a muscle's attachments as the data set that filters take, None where it has none."""
         areas = self.muscles[muscle].attachments
         return attachments_from(areas) if areas else None
+
+    def aponeuroses_data(self, muscle: str) -> vtkMultiBlockDataSet | None:
+        """Return a muscle's aponeuroses as the data set that filters take, None where it has none."""
+        sheets = self.muscles[muscle].aponeuroses
+        return aponeuroses_data(sheets) if sheets else None

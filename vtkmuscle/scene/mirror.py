@@ -64,5 +64,9 @@ def _muscle(muscle: Muscle, signs: Floats) -> Muscle:
         attachments=tuple(
             replace(area, landmarks=np.asarray(area.landmarks) * signs) for area in muscle.attachments
         ),
+        aponeuroses=tuple(
+            replace(one, points=one.points * signs, triangles=one.triangles[:, ::-1])
+            for one in muscle.aponeuroses
+        ),
         superficial_fibres=None if lines is None else with_points(lines, points_of(lines) * signs),
     )

@@ -14,11 +14,13 @@ from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.template.template_files import read_template
 from vtkmuscle.core.words import suggestion
+from vtkmuscle.data.aponeuroses import SIDES, Aponeurosis
 from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of
 from vtkmuscle.filters.attachment_estimator import AttachmentEstimator
 from vtkmuscle.io import (
     LiteratureCurve,
     curves_for,
+    read_aponeurosis,
     read_landmarks,
     read_literature,
     read_polydata,
@@ -30,7 +32,7 @@ from vtkmuscle.scene.files import SceneFiles, parsed
 from vtkmuscle.scene.joints import SceneJoints, joints_of
 from vtkmuscle.scene.mirror import mirrored_fields
 from vtkmuscle.scene.motion import motion_from
-from vtkmuscle.scene.schema import Area, Estimate, MuscleTable
+from vtkmuscle.scene.schema import Aponeuroses, Area, Estimate, MuscleTable
 from vtkmuscle.scene.validation import validated
 
 T = TypeVar("T")
@@ -100,6 +102,7 @@ def _muscle(
     key, faults = f"muscles.{name}", Faults()
     surface = superficial = None
     areas: tuple[AttachmentArea, ...] = ()
+    sheets: tuple[Aponeurosis, ...] = ()
     literature: tuple[LiteratureCurve, ...] = ()
     fibres = None if table.fibres is None else table.fibres.given()
     with faults.gathered():
@@ -109,6 +112,8 @@ def _muscle(
             areas = _estimated(f"{key}.attachments", estimate.bones, files, surface, bones, motion)
     if not isinstance(table.attachments, Estimate):
         areas = _areas(f"{key}.attachments", table.attachments, files, faults, frame)
+    if table.aponeuroses is not None:
+        sheets = _aponeuroses(f"{key}.aponeuroses", table.aponeuroses, files, faults, frame)
     if fibres is not None and fibres.get("template_file") is not None:
         with faults.gathered():
             where = f"{key}.fibres.template_file"
@@ -131,6 +136,7 @@ def _muscle(
         superficial,
         literature,
         hill={} if table.hill is None else table.hill.given(),
+        aponeuroses=sheets,
     )
 
 
@@ -163,6 +169,19 @@ def _areas(
             closed = closed or area.role == VIA if area.closed is None else area.closed
             areas.append(AttachmentArea(area.role, area.bone, landmarks, closed, area.estimated))
     return tuple(areas)
+
+
+def _aponeuroses(
+    key: str, table: Aponeuroses, files: SceneFiles, faults: Faults, frame: str
+) -> tuple[Aponeurosis, ...]:
+    sheets = []
+    for side in SIDES:
+        texts = getattr(table, side)
+        for number, text in enumerate(texts):
+            where = f"{key}.{side}" + (f"[{number}]" if len(texts) > 1 else "")
+            with faults.gathered():
+                sheets.append(files.read(where, text, partial(read_aponeurosis, side=side, frame=frame)))
+    return tuple(sheets)
 
 
 def _literature(key: str, muscle: str, text: str, files: SceneFiles) -> tuple[LiteratureCurve, ...]:

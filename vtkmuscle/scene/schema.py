@@ -89,6 +89,11 @@ def _or_estimates(schema: Any) -> None:
     schema["anyOf"] = [{"const": ESTIMATE}, {**table, "additionalProperties": False}, areas]
 
 
+def _or_text(schema: Any) -> None:
+    several = {key: schema.pop(key) for key in ("type", "items", "minItems")}
+    schema["anyOf"] = [{"type": "string", "minLength": 1}, several]
+
+
 def _or(**other: Any) -> Callable[[Any], None]:
     """Return what adds a choice to the JSON schema of a key."""
     return lambda schema: schema["anyOf"].insert(0, other)
@@ -248,6 +253,24 @@ class Estimate(list[Area]):
         self.bones = bones
 
 
+_Texts = Annotated[list[Text], BeforeValidator(lambda one: [one] if isinstance(one, str) else one)]
+
+
+class Aponeuroses(Table):
+    """What a muscle's fibres end on, on its surface or within it, in place of the attachment areas."""
+
+    proximal: _Texts = Field(
+        min_length=1,
+        examples=["FILE.vtp"],
+        description="Where fibres begin: a file or several, with landmarks of a ring on the muscle, in "
+        "order; or with a surface of triangles within it (.vtp, .vtk, .stl, .obj, .ply).",
+        json_schema_extra=_or_text,
+    )
+    distal: _Texts = Field(
+        min_length=1, examples=["FILE.vtp"], description="Where they end.", json_schema_extra=_or_text
+    )
+
+
 class MuscleTable(Table):
     """A muscle."""
 
@@ -260,6 +283,10 @@ class MuscleTable(Table):
         "where there are no landmarks: areas where the muscle touches the bones; or { estimate = "
         "['hip_bone', 'shank'] }, likewise, with the bones of the origin and of the insertion.",
         json_schema_extra=_or_estimates,
+    )
+    aponeuroses: Aponeuroses | None = Field(
+        None,
+        description="What fibres end on instead of areas: { proximal = 'FILE', distal = 'FILE' }.",
     )
     fibres: Fibres | None = Field(
         None,

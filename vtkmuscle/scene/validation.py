@@ -162,6 +162,8 @@ def _disagreements(scene: SceneTable) -> Iterator[_Fault]:
         if scene.model == "paths" and muscle.fibres is None:
             problem = "model is 'paths', which moves fibres, but this muscle has none"
             yield f"muscles.{name}.fibres", problem, "add a table fibres, or use model 'volume'"
+        if muscle.aponeuroses is not None:
+            yield from _of_aponeuroses(f"muscles.{name}.aponeuroses", muscle, scene)
         yield from _of_attachments(f"muscles.{name}.attachments", muscle, scene)
 
 
@@ -194,6 +196,14 @@ def _of_motion(motion: Motion, bones: list[str], *, jointed: bool) -> Iterator[_
     for key, bone in moving.items():
         if bone not in bones:
             yield key, f"there is no bone {shown(bone)}", suggestion(bone, bones)
+
+
+def _of_aponeuroses(key: str, muscle: MuscleTable, scene: SceneTable) -> Iterator[_Fault]:
+    if muscle.fibres is None:
+        yield key, "fibres end on aponeuroses, but this muscle has none", "add a table fibres"
+    if scene.model == "paths":
+        problem = "aponeuroses move with the muscle, which model 'paths' does not deform"
+        yield key, problem, "leave them out, or use model 'volume'"
 
 
 def _of_attachments(key: str, muscle: MuscleTable, scene: SceneTable) -> Iterator[_Fault]:

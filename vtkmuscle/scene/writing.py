@@ -9,6 +9,7 @@ from typing import Any
 import tomli_w
 
 from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.aponeuroses import SIDES, aponeuroses_data
 from vtkmuscle.data.attachments import VIA, attachments_from
 from vtkmuscle.io import write_literature, write_motion_table, write_polydata, write_text
 from vtkmuscle.scene.data import Muscle, SceneData
@@ -24,6 +25,10 @@ def write_scene(scene: SceneData, folder: Path) -> Path:
             write_polydata(folder / f"superficial_fibres/{name}.vtp", muscle.superficial_fibres)
         if muscle.literature:
             write_literature(folder / f"literature/{name}.csv", muscle.literature)
+        if muscle.aponeuroses:
+            sheets = aponeuroses_data(muscle.aponeuroses)
+            for number in range(len(muscle.aponeuroses)):
+                write_polydata(folder / _aponeurosis_file(name, number, muscle), sheets.GetBlock(number))
         areas = attachments_from(muscle.attachments)
         for number in range(len(muscle.attachments)):
             write_polydata(folder / _landmark_file(name, number, muscle), areas.GetBlock(number))
@@ -73,6 +78,16 @@ def _muscle(name: str, muscle: Muscle) -> dict[str, Any]:
             }
             for number, area in enumerate(muscle.attachments)
         ],
+        "aponeuroses": {
+            side: [
+                _aponeurosis_file(name, number, muscle)
+                for number, one in enumerate(muscle.aponeuroses)
+                if one.side == side
+            ]
+            for side in SIDES
+        }
+        if muscle.aponeuroses
+        else None,
         "fibres": muscle.fibres,
         "solver": muscle.solver or None,
         "fixing": muscle.fixing or None,
@@ -105,6 +120,10 @@ def _centre(motion: RigidMotion, alone: str | None) -> Any:
 
 def _landmark_file(name: str, number: int, muscle: Muscle) -> str:
     return f"attachments/{name}_{muscle.attachments[number].role}_{number}.vtp"
+
+
+def _aponeurosis_file(name: str, number: int, muscle: Muscle) -> str:
+    return f"aponeuroses/{name}_{muscle.aponeuroses[number].side}_{number}.vtp"
 
 
 def _motion_file(scene: SceneData, bone: str) -> str:

@@ -16,6 +16,7 @@ from vtkmuscle.core.morphing.correspondence import (
     starting_points,
     subdivided_rectangle,
 )
+from vtkmuscle.core.morphing.section_maps import section_map
 
 Q0 = np.zeros(2)
 
@@ -115,6 +116,14 @@ def test_without_continuity_every_loop_starts_nearest_to_the_corner():
     loop = ellipse(first=20)
     start = cornered_loop(loop, Q0, 3.0, 2.0)[0]
     assert np.linalg.norm(start) == pytest.approx(polygon_distance(loop, Q0), rel=1e-12)
+
+
+def test_as_printed_a_section_starts_at_its_own_vertex_nearest_to_the_corner_and_has_no_other_vertices():
+    loop = ellipse(first=20)
+    section = section_map(loop, Q0, np.array([3.0, 2.0]), as_printed=True)
+    nearest = np.linalg.norm(loop, axis=1).argmin()
+    assert np.array_equal(section.ring, np.roll(loop, -nearest, axis=0))
+    assert np.array_equal(section.rectangle[0], Q0)
 
 
 def polygon_distance(loop, point):

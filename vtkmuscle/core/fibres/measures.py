@@ -105,17 +105,6 @@ def have_area(points: Floats, triangles: Ints) -> Bools:
     return result
 
 
-@array_kernel
-def angles_to_triangles(directions: Floats, points: Floats, triangles: Ints) -> Floats:
-    """Return the angle between each unit vector (k, 3) and its triangle (k, 3), (k,) [degrees, 0 to 90]."""
-    result = np.empty(len(directions))
-    for i in range(len(directions)):
-        x, y, z = _double_area_vector(points, triangles[i])
-        sine = abs(directions[i, 0] * x + directions[i, 1] * y + directions[i, 2] * z)
-        result[i] = np.degrees(np.arcsin(min(sine / np.sqrt(x * x + y * y + z * z), 1.0)))
-    return result
-
-
 def physiological_cross_section(volume: float, lengths: Floats, angles: Floats) -> tuple[float, float]:
     """Return the physiological cross-sectional area, and its part along the line of action [mm^2].
 

@@ -18,7 +18,6 @@ from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.mesh.polylines import distance_between, evenly_spaced, resample_polyline, turn_at
 from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.types import Floats, Ints
@@ -33,8 +32,6 @@ CUTS = (1.0, 0.8, 1.2, 0.6, 1.4, 0.4, 1.7, 0.2, 2.0, 0.0)
 CHECKS = (np.arange(16) + 0.5) / 16.0
 #: Ends nearer to each other than this share of an even spacing meet rather than spread over the area.
 LEAST_SPREAD = 0.1
-#: How much more a new segment counts by which it is longer than it goes ahead.
-TURNING = 2.0
 #: Fibres that share out an area together; the assignment costs the cube of their number.
 BATCH = 256
 
@@ -194,7 +191,7 @@ def _new_ends(
         if there[mine].any():
             taken = np.unique(cKDTree(free).query(ends[mine[there[mine]]])[1])
             free = np.delete(free, taken[: len(free) - len(fibres)], axis=0)
-        places[fibres] = free[assign_places(departures[0, fibres], rays[0, fibres], free)]
+        places[fibres] = free[assign_places(departures[0, fibres], free)]
         levels[fibres] = _least_evil(
             departures[:, fibres], rays[:, fibres], places[fibres], into_muscle, tolerance
         )
@@ -299,27 +296,21 @@ def _cosines(a: Floats, b: Floats) -> Floats:
     return cosines
 
 
-def assign_places(departures: Floats, rays: Floats, places: Floats) -> Ints:
+def assign_places(departures: Floats, places: Floats) -> Ints:
     """Return which place each fibre ends at, no two fibres at the same: the new segments are short in all.
 
     The paper takes the place on the area that is closest to the ray, for each fibre by itself. Where the area
     is beside the rays rather than in front of them, that is the same place on its rim for many fibres, and
-    they meet in a point. So each fibre is given a place of its own, such that the sum of
-
-        |s| + 2 (|s| - s . u)
-
-    is least, s from where the fibre is left to its place, u the unit vector of its ray: a segment counts up
-    to five times where the fibre would have to turn back for it. Where all fibres run alike, the sum of s . u
-    is the same whatever goes where, and the sum of distances is least: two segments that cross would be
-    shorter exchanged, so they do not cross, and neighbours stay neighbours. Where the area runs beside the
-    fibres, the fibre next to it ends on its nearest part.
+    they meet in a point. So each fibre is given a place of its own, such that the sum of the lengths of the
+    new segments is least: two that cross would be shorter exchanged, so they do not cross, and neighbours
+    stay neighbours. Where the area runs beside the fibres, the fibre next to it ends on its nearest part. The
+    way that a fibre goes there does not count: where a section is pinched at an oblique end, all ways go to
+    the same side, and fibres that kept to them changed places from one edge of the muscle to the other.
 
     Parameters
     ----------
     departures : (k, 3) array
         Where the new segments begin [mm].
-    rays : (k, 3) array
-        The way that the fibres go there, of any length.
     places : (j, 3) array
         Positions on the area, j >= k [mm].
 
@@ -328,9 +319,7 @@ def assign_places(departures: Floats, rays: Floats, places: Floats) -> Ints:
     (k,) int array
         Numbers of places, all different.
     """
-    ahead = unit_vectors(rays)
-    along = ahead @ places.T - (ahead * departures).sum(axis=1, keepdims=True)
-    costs = (1.0 + TURNING) * cdist(departures, places) - TURNING * along
+    costs = cdist(departures, places)
     # What all places cost a fibre, or a place all fibres, decides nothing, and takes longer.
     costs -= costs.min(axis=1, keepdims=True)
     if len(departures) == len(places):

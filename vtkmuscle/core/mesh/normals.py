@@ -6,6 +6,10 @@ import numpy as np
 
 from vtkmuscle.core.types import Floats, Ints
 
+#: Triangles that are turned from each other by more than this meet in a crease [degrees]: two faces of a
+#: body.
+CREASE = 60.0
+
 
 def triangle_normals(points: Floats, triangles: Ints) -> Floats:
     """Return (b - a) x (c - a) for each triangle, (m, 3): twice the area long, not normalised."""
@@ -20,6 +24,63 @@ def vertex_normals(points: Floats, triangles: Ints) -> Floats:
     normals = triangle_normals(points, triangles)
     total = [np.bincount(at, np.tile(axis, 3), minlength=len(points)) for axis in normals.T]
     return unit_vectors(np.stack(total, axis=1))
+
+
+def smooth_normals(points: Floats, triangles: Ints, faces: Ints, places: Floats) -> Floats:
+    """Return the normals of a surface at places on it, continuous but for its creases.
+
+    At a corner of a triangle the normal is the mean, by area, of those of the triangles there, without those
+    that are turned from it by more than :data:`CREASE`; within it is linear between the corners (Phong 1975,
+    doi:10.1145/360825.360839). A triangle's own jumps from one to the next, so that rounding decides at a
+    place on an edge.
+
+    Parameters
+    ----------
+    points, triangles : (n, 3) array, (m, 3) int array
+        Positions [mm]; point ids.
+    faces : (k,) int array
+        Which triangle each place is on, one that has an area.
+    places : (k, 3) array
+        Positions [mm].
+
+    Returns
+    -------
+    (k, 3) array
+        Unit vectors.
+    """
+    corners = triangles[faces]
+    member = np.zeros(len(points), dtype=np.bool_)
+    member[corners] = True
+    around = triangles[member[triangles].any(axis=1)]
+    vectors = triangle_normals(points, around)
+    owner = np.argsort(around.reshape(-1), kind="stable")
+    ids = around.reshape(-1)[owner]
+    first, last = (
+        np.searchsorted(ids, corners.reshape(-1)),
+        np.searchsorted(ids, corners.reshape(-1), "right"),
+    )
+    counts = last - first
+    corner = np.repeat(np.arange(len(counts)), counts)
+    within = np.arange(len(corner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    beside = vectors[owner[first[corner] + within] // 3]
+    own = unit_vectors(triangle_normals(points, corners))
+    turned = (beside * own[corner // 3]).sum(axis=1) < np.cos(np.radians(CREASE)) * np.linalg.norm(
+        beside, axis=1
+    )
+    beside[turned] = 0.0
+    sums: Floats = np.column_stack([np.bincount(corner, x, len(counts)) for x in beside.T])
+    at_corners = unit_vectors(sums).reshape(-1, 3, 3)
+    between: Floats = (_shares(points[corners], places, own)[:, :, None] * at_corners).sum(axis=1)
+    return unit_vectors(between)
+
+
+def _shares(corners: Floats, places: Floats, normals: Floats) -> Floats:
+    """Return the barycentric coordinates (k, 3) of places (k, 3) on triangles (k, 3, 3)."""
+    following, last = np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1)
+    across = np.cross(following - places[:, None], last - places[:, None])
+    areas = np.maximum((across * normals[:, None]).sum(axis=2), 0.0)
+    result: Floats = areas / np.maximum(areas.sum(axis=1, keepdims=True), np.finfo(float).tiny)
+    return result
 
 
 def unit_vectors(vectors: Floats) -> Floats:

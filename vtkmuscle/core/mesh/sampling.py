@@ -25,6 +25,8 @@ GOLDEN = 1.324717957244746
 #: How much more some points of a body count than others for its axes: enough to decide between axes that are
 #: as long, and too little to turn others.
 UNEVEN = 0.1
+#: How far positions are moved on along parts in a row: more than rounding, too little to be seen.
+OFF_BOUNDS = 1e-9
 #: Sets of evenly spread positions that are kept of an area.
 MOST_KEPT = 64
 
@@ -265,5 +267,6 @@ def samples_inside(inside: Callable[[Floats], Bools], points: Floats, count: int
 def _shares(sizes: Floats, u: Floats) -> Ints:
     """Return for each u in [0, 1) the number of the part that it falls into, parts as large as given."""
     bounds = np.cumsum(sizes)
-    chosen: Ints = np.searchsorted(bounds, u * bounds[-1], side="right")
+    # A little off, for fractions of a power of two fall on the bounds of equal parts, and rounding decided.
+    chosen: Ints = np.searchsorted(bounds, (u + OFF_BOUNDS) * bounds[-1], side="right")
     return chosen.clip(max=len(sizes) - 1)

@@ -210,10 +210,7 @@ def boundary_centroid(loop: Floats) -> Floats:
 
 @array_kernel
 def sampled_loop(loop: Floats, corner: Floats, count: int) -> Floats:
-    """Return `count` points at equal distances along a loop (n, k), from its point nearest to Q0 on.
-
-    That point need not be a vertex: where neighbouring loops hardly differ their samples hardly do either.
-    """
+    """Return `count` points at equal distances along a loop (n, k), from its point nearest to Q0 on."""
     lengths = loop_lengths(loop)
     first = nearest_place(loop, lengths, corner)
     places = np.empty(count)
@@ -262,8 +259,7 @@ def nearest_place(loop: Floats, lengths: Floats, target: Floats) -> float:
 def refined_loop(loop: Floats, count: int) -> Floats:
     """Return a loop with points added so that no segment is longer than the perimeter / `count`.
 
-    Parts of a loop can be matched to sides only as exactly as its vertices allow. Vertices that only rounding
-    keeps apart become one.
+    Parts are matched to sides as exactly as vertices allow. Those that only rounding keeps apart become one.
     """
     lengths = loop_lengths(loop)
     longest = lengths[-1] / count
@@ -288,9 +284,8 @@ def refined_loop(loop: Floats, count: int) -> Floats:
 def cornered_loop(loop: Floats, target: Floats, width: float, depth: float) -> Floats:
     """Return a loop (n, k) that starts where it is nearest to a point (k,), with vertices for all corners.
 
-    From the start on, vertices are added where the loop has run through as much of its length as the
-    rectangle's sides are of its perimeter. With the next vertices in their place, neighbouring slices would
-    differ by up to half a segment. Vertices right beside these make way for them.
+    Vertices are added at the parts of its length that the rectangle's sides are of its perimeter; those right
+    beside make way. With the next ones instead, neighbouring slices would differ.
     """
     lengths = loop_lengths(loop)
     n, perimeter = len(loop), lengths[-1]
@@ -315,6 +310,11 @@ def cornered_loop(loop: Floats, target: Floats, width: float, depth: float) -> F
     for i in range(count):
         ascending[i] = (first + places[order[i]]) % perimeter
     return _points_at(loop, lengths, ascending)
+
+
+def rolled_loop(loop: Floats, target: Floats) -> Floats:
+    """Return a loop (n, k) from its vertex nearest to a point (k,) on, as in the paper."""
+    return np.roll(loop, -int(((loop - target) ** 2).sum(axis=1).argmin()), axis=0)
 
 
 @array_kernel

@@ -155,9 +155,7 @@ def morph_by_isolines(
     n_outside = int((~points_inside(between, course.tree)).sum())
     for area, ends in zip(course.areas, (at_origin, at_insertion), strict=True):
         result[ends] = area.nearest(result[ends])
-    return Morph(
-        box.positions(result), n_outside, found.n_unmapped, found.split_error, course.share, 0.0, mapped.twist
-    )
+    return Morph(box.positions(result), n_outside, found.split_error, course.share, 0.0, mapped.twist)
 
 
 @dataclass(frozen=True, eq=False)

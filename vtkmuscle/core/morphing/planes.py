@@ -97,7 +97,6 @@ def morph_by_planes(
     return Morph(
         box.positions(result),
         found.n_outside,
-        found.n_unmapped,
         found.split_error,
         course.volume_share,
         course.steep_share,

@@ -7,20 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.morphing.bijective import interpolated, onto_region
 from vtkmuscle.core.morphing.correspondence import (
     N_PLACES,
     cornered_loop,
     loop_lengths,
     refined_loop,
+    rolled_loop,
     split_chain,
     subdivided_rectangle,
 )
 from vtkmuscle.core.morphing.planar_coordinates import mean_value_weights
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import Floats
 
-#: How a rectangle is mapped to a section.
-MAPPINGS = ("mean-value", "bijective")
 #: 1 + cos a below which a point that sees an edge under the angle a counts as close to it.
 LEAST_OPENING = 1e-3
 
@@ -35,30 +33,22 @@ class SectionMap:
         The section's boundary, and the points of the rectangle that go with it [mm].
     split_error : float
         Root of the sum of the four parts' squared errors, as a part of the rectangle's perimeter.
-    images, triangles, values : (p, 2) array, (t, 3) int array, (p, k) array
-        Of a one-to-one map, as of :func:`vtkmuscle.core.morphing.bijective.onto_region`.
     """
 
     ring: Floats
     rectangle: Floats
     split_error: float
-    images: Floats
-    triangles: Ints
-    values: Floats
-
-    @property
-    def one_to_one(self) -> bool:
-        """False for the mean value map."""
-        return len(self.triangles) > 0
 
     def places(self, points: Floats) -> Floats:
-        """Return where points (m, 2) of the rectangle are in the section, (m, k) [mm]."""
-        if self.one_to_one:
-            return interpolated(self.images, self.triangles, self.values, points)
+        """Return where points (m, 2) of the rectangle are in the section, (m, k) [mm].
+
+        f' = sum_i w_i(f) p_i, with w_i the mean value coordinates of f in the subdivided rectangle and p_i
+        the vertices of the section that go with the rectangle's. It may lie outside of a concave section.
+        """
         return mean_value_map(self.rectangle, self.ring, points)
 
 
-def section_map(loop: Floats, target: Floats, sides: Floats, *, mapping: str) -> SectionMap:
+def section_map(loop: Floats, target: Floats, sides: Floats, *, as_printed: bool) -> SectionMap:
     """Return the map of the template's rectangle to a section of the muscle.
 
     Parameters
@@ -70,27 +60,24 @@ def section_map(loop: Floats, target: Floats, sides: Floats, *, mapping: str) ->
         The correspondence starts where the section is nearest to this [mm].
     sides : (2,) array or longer
         Sides of the rectangle [mm].
-    mapping : str
-        One of :data:`MAPPINGS`. ``"mean-value"``: f' = sum_i w_i(f) p_i, with w_i the mean value coordinates
-        of f in the subdivided rectangle and p_i the vertices of the section that correspond to the
-        rectangle's. ``"bijective"``: the inverse of :func:`vtkmuscle.core.morphing.bijective.onto_region`,
-        but the mean value map for a section that crosses itself.
+    as_printed : bool
+        Whether it starts at the vertex nearest to the target, and is split at vertices, as in the paper.
+        Otherwise vertices are added at both.
     """
-    ring, rectangle, error = _matched(loop, target, float(sides[0]), float(sides[1]))
-    if mapping == "bijective":
-        return SectionMap(ring, rectangle, error, *onto_region(ring, rectangle))
-    nothing = np.empty((0, 2)), np.empty((0, 3), dtype=np.int64), np.empty((0, ring.shape[1]))
-    return SectionMap(ring, rectangle, error, *nothing)
+    if as_printed:  # a triangle has too few vertices for four sides, and becomes a hexagon
+        ring = rolled_loop(refined_loop(loop, 1 if len(loop) > 3 else 6), target)
+    else:
+        ring = cornered_loop(refined_loop(loop, N_PLACES), target, float(sides[0]), float(sides[1]))
+    return SectionMap(ring, *_split(ring, float(sides[0]), float(sides[1])))
 
 
 @array_kernel
-def _matched(loop: Floats, target: Floats, width: float, depth: float) -> tuple[Floats, Floats, float]:
-    """Return the refined loop, the point of the rectangle for each of its vertices, and the split's error."""
-    ring = cornered_loop(refined_loop(loop, N_PLACES), target, width, depth)
+def _split(ring: Floats, width: float, depth: float) -> tuple[Floats, float]:
+    """Return the point of the rectangle for each vertex of a loop, and the split's error."""
     lengths = loop_lengths(ring)
     splits, error = split_chain(lengths, width, depth)
     rectangle = subdivided_rectangle(lengths, splits, width, depth)
-    return ring, rectangle, np.sqrt(error) / (2.0 * (width + depth))
+    return rectangle, np.sqrt(error) / (2.0 * (width + depth))
 
 
 @array_kernel

@@ -37,8 +37,6 @@ class Morph:
     n_outside : int
         By planes, points that the mean value map put outside of their section; along isolines, which are not
         flat, points outside of the muscle but for ends on the attachment areas.
-    n_unmapped : int
-        Sections that cross themselves and so have no one-to-one map, where one was asked for.
     split_error : float
         Largest error of a section's four parts: root of the sum of their squared errors over the perimeter.
     volume_share : float
@@ -51,7 +49,6 @@ class Morph:
 
     points: Floats
     n_outside: int
-    n_unmapped: int
     split_error: float
     volume_share: float
     steep_share: float
@@ -72,9 +69,8 @@ class Slicing:
     slice_tolerance : float
         Points of the fitted template whose heights differ by no more than this share a slice [mm].
     continuity : float
-        Part of the muscle's length over which neighbouring slices resist twisting; 0 is the paper's rule.
-    mapping : str
-        One of :data:`vtkmuscle.core.morphing.section_maps.MAPPINGS`.
+        Part of the muscle's length over which neighbouring slices resist twisting; 0 is the paper's rule, and
+        sections then start and are split at their own vertices.
     twisting : Twisting
         How sections are turned along their contours, from origin to insertion.
     report_progress : callable
@@ -86,14 +82,13 @@ class Slicing:
 
     slice_tolerance: float
     continuity: float
-    mapping: str
     twisting: Twisting = STRAIGHT
     report_progress: Callable[[float], None] = lambda fraction: None
     once: Callable[[Hashable, Callable[[], Any]], Any] = lambda key, find: find()
 
     def key(self, transform: Floats, *levels: Floats) -> Hashable:
         """Return what sections at some levels and their maps depend on, beside the muscle."""
-        settings = self.continuity, self.mapping, self.twisting.degrees
+        settings = self.continuity, self.twisting.degrees
         return *settings, *(np.ascontiguousarray(array).tobytes() for array in (transform, *levels))
 
 
@@ -150,7 +145,7 @@ def mapped_slices(
         starts = np.einsum("lij,lj->li", views, starts)
     maps = []
     for number, loop in enumerate(loops):
-        maps.append(section_map(loop, starts[number], sides, mapping=slicing.mapping))
+        maps.append(section_map(loop, starts[number], sides, as_printed=slicing.continuity == 0.0))
         slicing.report_progress(0.5 + 0.4 * (number + 1) / len(loops))
     return MappedSlices(hits, maps, loops, views, twist)
 
@@ -165,15 +160,12 @@ class MappedSections:
         Their positions [mm].
     n_outside : int
         Points outside of their section, seen along z.
-    n_unmapped : int
-        Sections without a one-to-one map, where one was asked for.
     split_error : float
         The largest one of a section.
     """
 
     places: Floats
     n_outside: int
-    n_unmapped: int
     split_error: float
 
 
@@ -221,7 +213,7 @@ def map_sections(
     at_level = np.concatenate([slice_of, others[shared]])
     places = np.zeros((len(inside), slices.loops[0].shape[1]))
     flat = np.ascontiguousarray(inside[:, :2])
-    n_outside = n_unmapped = 0
+    n_outside = 0
     split_error = 0.0
     for level, mine in enumerate(members(at_level, len(levels))):
         number = int(np.abs(slices.hits - level).argmin())
@@ -230,11 +222,9 @@ def map_sections(
         turned = found if slices.views is None else found @ slices.views[number]
         places[points[mine]] += weights[mine, None] * turned
         split_error = max(split_error, section.split_error)
-        n_unmapped += not section.one_to_one and slicing.mapping == "bijective"
-        if not section.one_to_one:
-            n_outside += count_outside(slices.loops[number], found[mine < len(inside)])
+        n_outside += count_outside(slices.loops[number], found[mine < len(inside)])
     slicing.report_progress(1.0)
-    return MappedSections(places, n_outside, n_unmapped, split_error)
+    return MappedSections(places, n_outside, split_error)
 
 
 class Box:
