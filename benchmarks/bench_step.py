@@ -24,7 +24,7 @@ from vtkmuscle import Scene
 from vtkmuscle.core.collision import contact
 from vtkmuscle.core.deformation import diffusion, settling
 from vtkmuscle.core.mesh import rest_shape
-from vtkmuscle.core.taut import carrying, paths
+from vtkmuscle.core.paths import carrying, paths
 from vtkmuscle.filters.base.algorithm import Algorithm
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.fibre_transport import FibreTransport

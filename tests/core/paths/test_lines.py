@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from taut_phantoms import strung_phantom
+from phantom_paths import strung_phantom
 
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about

@@ -6,11 +6,11 @@ comes to it. So moment arms are taken over 10 degrees.
 
 import numpy as np
 import pytest
-from taut_phantoms import known_paths, levers, paths_of, strung_phantom, swept
+from phantom_paths import known_paths, levers, paths_of, strung_phantom, swept
 
 from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
-from vtkmuscle.core.taut import paths as taut_paths
-from vtkmuscle.core.taut.paths import TautPaths
+from vtkmuscle.core.paths import paths as taut_paths
+from vtkmuscle.core.paths.sheet import MusclePaths
 from vtkmuscle.phantoms import spindle_over_ball, strap_over_two_joints
 from vtkmuscle.phantoms.planar import flexed
 from vtkmuscle.phantoms.two_joint_strap import LOWER, WRAPS
@@ -263,7 +263,7 @@ def moved_paths(make, turn, scale=1.0):
         for number, (points, triangles, axes) in made.bones.items()
     }
     fibres = known_paths(make).fibres
-    paths = TautPaths(
+    paths = MusclePaths(
         moved(fibres),
         known_paths(make).start_bones,
         known_paths(make).end_bones,

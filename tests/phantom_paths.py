@@ -6,11 +6,11 @@ from functools import cache
 import numpy as np
 
 from vtkmuscle import phantoms
-from vtkmuscle.core.bones.bone import bone_axes
+from vtkmuscle.core.bones.bone import bone_of
 from vtkmuscle.core.motion.twists import twist_about
-from vtkmuscle.core.taut.lines import bones_at_ends, evenly_spread
-from vtkmuscle.core.taut.paths import POINTS, TautPaths
-from vtkmuscle.core.taut.via_rings import via_ring
+from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread
+from vtkmuscle.core.paths.sheet import POINTS, MusclePaths
+from vtkmuscle.core.paths.via_rings import via_ring
 from vtkmuscle.data.arrays import blocks_of, point_array, points_of, polylines_of, triangles_of
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.filters import FixedPointDetector
@@ -41,7 +41,7 @@ class Strung:
     rings: tuple
 
     def pulled(self, **changed):
-        """Return the strings at rest; fibres, start_bones, end_bones, bones, rings, hold may be changed."""
+        """Return the strings at rest; fibres, start_bones, end_bones, bones, rings may be changed."""
         given = {
             "fibres": self.fibres,
             "start_bones": self.start_bones,
@@ -51,7 +51,7 @@ class Strung:
             **changed,
         }
         ways = [given.pop(name) for name in ("fibres", "start_bones", "end_bones")]
-        return TautPaths(*ways, self.points, self.triangles, given.pop("bones"), **given)
+        return MusclePaths(*ways, self.points, self.triangles, given.pop("bones"), **given)
 
     def poses(self, motion=None):
         """Return the bones' transforms (k, b, 4, 4) at all times of a motion, by default the phantom's."""
@@ -82,7 +82,7 @@ def strung_muscle(muscle, blocks, areas, *, fibres, phantom=None, **fixing):
         for area in attachments_of(areas, "test")
         if area.role == "via"
     )
-    bones = {number: (*surface, bone_axes(surface[0])) for number, surface in enumerate(surfaces)}
+    bones = {number: bone_of(*surface) for number, surface in enumerate(surfaces)}
     ends = bones_at_ends(fibres, points, fixed_to)
     return Strung(phantom, names, points, triangles, fixed_to, fibres, *ends, bones, rings)
 
@@ -116,14 +116,14 @@ def fibres_along(line, across, outward):
 
 
 @cache
-def known_paths(make, *, rings=True, hold=None, **settings):
+def known_paths(make, *, rings=True, **settings):
     """Return strings in a phantom, by its name, with fibres beside its middle line."""
     made = strung_phantom(make, **settings)
     line, across, outward = COURSES[make]
     fibres = fibres_along(line(), across, outward)
     start, end = bones_at_ends(fibres, made.points, made.fixed_to)
     more = {} if rings else {"rings": ()}
-    return made.pulled(fibres=fibres, start_bones=start, end_bones=end, hold=hold, **more)
+    return made.pulled(fibres=fibres, start_bones=start, end_bones=end, **more)
 
 
 @cache

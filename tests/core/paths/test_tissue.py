@@ -1,7 +1,7 @@
 """What of a muscle lies between its fibres and a bone, against known thicknesses."""
 
 import numpy as np
-from taut_phantoms import COURSES, fibres_along, strung_phantom
+from phantom_paths import COURSES, fibres_along, strung_phantom
 
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
