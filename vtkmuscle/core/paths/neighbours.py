@@ -12,9 +12,9 @@ from vtkmuscle.core.types import Floats, Ints
 #: Young's modulus of muscle across its fibres, as a part of the tension per area along them. Of passive
 #: muscle it is 0.1: 22 kPa (rabbit extensor digitorum longus; Morrow et al. 2010,
 #: doi:10.1016/j.jmbbm.2009.03.004) of 225 kPa, the specific tension of human muscle. Muscle under tension is
-#: stiffer, up to about as stiff as it is tense: this is the mean of 0.1 and 1, as ratios. What half and
-#: double change is in the documentation.
-MODULUS = 0.3
+#: stiffer, up to about as stiff as it is tense: this is the middle. What half and double change is in the
+#: documentation.
+MODULUS = 0.5
 
 #: Neighbours of a path in a section: those that a point of an even pattern has.
 NEIGHBOURS = 6

@@ -315,7 +315,7 @@ class _Pose:
     def hold(self, x: Floats) -> bool:
         """Choose the points that the rings hold; return whether they are others than before."""
         before = self._ring_points.copy()
-        hold_in_rings(x, self._rings, self._contacts.rounding, self._ring_points)
+        hold_in_rings(x, self._rings, self._ring_points)
         return not np.array_equal(before, self._ring_points)
 
     def look_at(self, x: Floats, push: float) -> None:
