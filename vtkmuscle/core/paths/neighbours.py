@@ -12,9 +12,9 @@ from vtkmuscle.core.types import Floats, Ints
 #: Young's modulus of muscle across its fibres, as a part of the tension per area along them. Of passive
 #: muscle it is 0.1: 22 kPa (rabbit extensor digitorum longus; Morrow et al. 2010,
 #: doi:10.1016/j.jmbbm.2009.03.004) of 225 kPa, the specific tension of human muscle. Muscle under tension is
-#: stiffer, up to about as stiff as it is tense: this is the middle. What half and double change is in the
-#: documentation.
-MODULUS = 0.5
+#: stiffer, up to about as stiff as it is tense: this is the mean of 0.1 and 1, as ratios. What half and
+#: double change is in the documentation.
+MODULUS = 0.3
 
 #: Neighbours of a path in a section: those that a point of an even pattern has.
 NEIGHBOURS = 6
@@ -32,7 +32,7 @@ class Neighbours(NamedTuple):
     pairs : (m, 2) int array
         Numbers of points, those of one path after those of another.
     distances : (m,) array
-        At rest [mm].
+        At rest, across the paths [mm].
     stiffness : (m,) array
         In stiffnesses of a path's springs [1].
     """
@@ -58,7 +58,13 @@ def neighbours_of(fibres: Floats) -> Neighbours:
         found.append(both * n + i)
     pairs = np.concatenate(found) if found else np.empty((0, 2), dtype=np.int64)
     points = fibres.reshape(-1, 3)
-    distances = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
+    one, other = pairs.T
+    along = points[np.minimum(one + 1, len(points) - 1)] - points[one - 1]
+    along += points[np.minimum(other + 1, len(points) - 1)] - points[other - 1]
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), np.finfo(float).tiny)
+    ways = points[one] - points[other]
+    ways -= np.einsum("mi,mi->m", ways, along)[:, None] * along
+    distances = np.linalg.norm(ways, axis=1)
     if not len(pairs) or not distances.max() > 0.0:
         none = np.empty((0, 2), dtype=np.int64)
         return Neighbours(none, np.empty(0), np.empty(0))
