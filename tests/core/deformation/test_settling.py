@@ -21,7 +21,7 @@ def box_bone(bone, low, high):
     faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     triangles = np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))])
     points = np.asarray(low) + corners * (np.asarray(high) - np.asarray(low))
-    return DistanceObstacle(bone, points, triangles, cell=1.0)
+    return DistanceObstacle(bone, points, triangles)
 
 
 def settling_of(*obstacles, points=POINTS, fixed_to=FIXED_TO):
@@ -115,7 +115,7 @@ def test_everything_moved_rigidly_gives_the_same_moved():
     frame[:3, 3] += [300.0, -200.0, 50.0]
     top = POINTS[:, 1].max()
     wall = box_bone(0, [-60, top + 1.0, -60], [60, top + 40.0, 60])
-    turned = DistanceObstacle(0, apply_transform(frame, wall.points), wall.triangles, cell=1.0)
+    turned = DistanceObstacle(0, apply_transform(frame, wall.points), wall.triangles)
     here = settling_of(wall).settle(carried(4.0), STILL, rounds=5)
     moved = apply_transform(frame, carried(4.0))
     there = settling_of(turned, points=apply_transform(frame, POINTS)).settle(moved, STILL, rounds=5)

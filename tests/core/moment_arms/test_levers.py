@@ -29,9 +29,15 @@ def straight(motion, bone="shank"):
     """Return lengths (f, k) of straight paths to a bone that moves, their wrenches on it and their levers."""
     ends = np.array([apply_transform(one, ENDS) for one in motion.transforms[bone]])
     points = np.stack([np.broadcast_to(STARTS, ends.shape), ends], axis=2)
-    held = np.zeros((1, len(STARTS), 2))
-    held[0, :, 1] = 1.0
-    wrenches = np.array([path_wrenches(one, held)[:, 0] for one in points])
+    stays = np.zeros(len(STARTS), dtype=np.int64)
+    # There is nothing between their ends that bones could press on, or that could give way.
+    nothing = np.zeros((len(STARTS), 2, 3))
+    wrenches = np.array(
+        [
+            path_wrenches(one, stays, stays + 1, [0, 1], 2, lambda *_: nothing.copy(), np.zeros_like)[:, 1]
+            for one in points
+        ]
+    )
     return np.linalg.norm(ends - STARTS, axis=2), {bone: wrenches}, ends
 
 
