@@ -14,7 +14,7 @@ from vtkmuscle.core.mesh.surface import check_volume, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.blending import screw_between
 from vtkmuscle.core.motion.rigid import inverse
-from vtkmuscle.core.paths.bone_contact import FIRST_PUSH, PUSH, BoneContacts, add_contacts
+from vtkmuscle.core.paths.bone_contact import FIRST_PUSH, PUSH, BoneContacts, Proximity, add_contacts
 from vtkmuscle.core.paths.equilibrium import (
     RESPONSE_LEFT,
     STEP_LEFT,
@@ -291,6 +291,7 @@ class _Pose:
         around, numbers = paths._around, paths._numbers
         self._paths, self._around = paths, around
         self._neighbours, self._contacts = paths._neighbours, paths._contacts
+        self._near: list[Proximity] = []
         self._numbers, self._ring_bones = numbers, [bone for bone, _ in paths._rings]
         self._moved = np.array(transforms)
         self._moved[:, :3, 3] -= middle
@@ -326,7 +327,7 @@ class _Pose:
         add_neighbours(
             flat, self._neighbours, widths, gradient.reshape(-1, 3), blocks.reshape(-1, 6), self._directions
         )
-        gaps, normals = self._contacts.at(x, self._moved)
+        gaps, normals, self._near = self._contacts.at(x, self._moved, self._near)
         rounding = self._contacts.rounding
         add_contacts(x, gaps, normals, push, rounding, gradient, blocks, self._pressure)
         points = self._ring_points
