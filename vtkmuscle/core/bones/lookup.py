@@ -221,11 +221,8 @@ def _over_plane(
     here0, onward0 = _value(p, q, r, w), _growth(p, q, r, w)
     p, q, r = values[block, node + NODES], values[block, node + NODES + 1], values[block, node + NODES + 2]
     here1, onward1 = _value(p, q, r, w), _growth(p, q, r, w)
-    p, q, r = (
-        values[block, node + 2 * NODES],
-        values[block, node + 2 * NODES + 1],
-        values[block, node + 2 * NODES + 2],
-    )
+    node += NODES
+    p, q, r = values[block, node + NODES], values[block, node + NODES + 1], values[block, node + NODES + 2]
     here2, onward2 = _value(p, q, r, w), _growth(p, q, r, w)
     return (
         _value(here0, here1, here2, v),

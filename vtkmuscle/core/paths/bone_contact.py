@@ -93,9 +93,9 @@ class BoneContacts:
             normals[k] = (one.outward @ transforms[number, :3, :3].T).reshape(x.shape)
         return gaps, normals, near
 
-    def at_bone(self, k: int, x: Floats, transforms: Floats) -> tuple[Floats, Floats]:
-        """Return the gaps (f, n) to the k-th bone, and their directions (f, n, 3)."""
-        one, number = self._near(k, x, transforms, None), list(self._bones)[k]
+    def at_bone(self, k: int, x: Floats, transforms: Floats, before: Proximity) -> tuple[Floats, Floats]:
+        """Return the gaps (f, n) to the k-th bone, and their directions (f, n, 3); see :meth:`at`."""
+        one, number = self._near(k, x, transforms, before), list(self._bones)[k]
         normals: Floats = (one.outward @ transforms[number, :3, :3].T).reshape(x.shape)
         return one.gaps.reshape(x.shape[:2]), normals
 

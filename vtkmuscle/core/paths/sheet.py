@@ -388,8 +388,8 @@ class _Pose:
             change -= np.einsum("fnij,fnj->fni", held, velocity) + np.cross(turn, force)
             # The bone's surface curves: its normals where the points will be, seen from the bone.
             part = SMALL_MOVE * self._paths.thickness / max(float(np.abs(velocity).max()), 1.0)
-            before, after = (self._push_of(k, y) for y in (x, x - part * velocity))
-            change -= (after - before) / part + np.cross(turn, after)
+            after = self._push_of(k, x - part * velocity)
+            change -= (after - self._push_of(k, x)) / part + np.cross(turn, after)
         for ring in np.flatnonzero(np.array(self._ring_bones) == bone):
             loads = x, self._rings, int(ring), self._ring_points[ring], self._ring_pressure[ring], PUSH
             force, held = ring_loads(*loads)
@@ -398,7 +398,7 @@ class _Pose:
 
     def _push_of(self, k: int, x: Floats) -> Floats:
         """Return with what forces a bone presses on points (f, n, 3)."""
-        gaps, normals = self._contacts.at_bone(k, x, self._moved)
+        gaps, normals = self._contacts.at_bone(k, x, self._moved, self._near[k])
         pressure = np.zeros((1, *x.shape[:2]))
         add_contacts(
             x, gaps[None], normals[None], PUSH, self._contacts.rounding,
