@@ -292,6 +292,8 @@ class _Pose:
         self._paths, self._around = paths, around
         self._neighbours, self._contacts = paths._neighbours, paths._contacts
         self._near: list[Proximity] = []
+        #: Of each bone, what its tissue holds points with: stiffness (f, n, 3, 3) and pull (f, n, 3).
+        self._tissue: list[tuple[Floats, Floats]] = []
         self._numbers, self._ring_bones = numbers, [bone for bone, _ in paths._rings]
         self._moved = np.array(transforms)
         self._moved[:, :3, 3] -= middle
@@ -300,9 +302,12 @@ class _Pose:
         for k, number in enumerate(numbers):
             turn = self._moved[number, :3, :3]
             stiffness = turn @ around.stiffness[k] @ turn.T
+            force = around.force[k] @ turn.T
             home = paths.fibres @ turn.T + self._moved[number, :3, 3]
+            given = np.einsum("fnij,fnj->fni", stiffness, home) + force
             held += stiffness
-            pull += np.einsum("fnij,fnj->fni", stiffness, home) + around.force[k] @ turn.T
+            pull += given
+            self._tissue.append((stiffness, given))
         self._held = np.ascontiguousarray(held.reshape(f, n, 9)[:, :, [0, 1, 2, 4, 5, 8]])
         self._pull = pull
         self._rings: Rings = rings_at(paths._rings, transforms, middle, paths._outside)
@@ -381,10 +386,8 @@ class _Pose:
         """Return how the gradient at x changes as a bone moves; see :data:`ChangeOfGradient`."""
         change = np.zeros_like(x)
         for k in np.flatnonzero(self._numbers == bone).tolist():
-            rotation, shift = self._moved[bone, :3, :3], self._moved[bone, :3, 3]
-            held = rotation @ self._around.stiffness[k] @ rotation.T
-            home = self._paths.fibres @ rotation.T + shift
-            force = self._around.force[k] @ rotation.T - np.einsum("fnij,fnj->fni", held, x - home)
+            held, given = self._tissue[k]
+            force = given - np.einsum("fnij,fnj->fni", held, x)
             change -= np.einsum("fnij,fnj->fni", held, velocity) + np.cross(turn, force)
             # The bone's surface curves: its normals where the points will be, seen from the bone.
             part = SMALL_MOVE * self._paths.thickness / max(float(np.abs(velocity).max()), 1.0)
