@@ -17,7 +17,7 @@ from vtkmuscle.core.types import Floats
 
 #: Part of the residual that conjugate gradients leave in a step of Newton's method: of 0.1 and 0.01 the same
 #: number of these results. And where the response to a move of a bone is asked for, which nothing corrects.
-STEP_LEFT, RESPONSE_LEFT = 0.1, 1e-3
+STEP_LEFT, RESPONSE_LEFT = 0.1, 1e-2
 
 #: Steps of conjugate gradients in a step of Newton's, at most.
 STEPS = 60

@@ -14,7 +14,7 @@ from vtkmuscle.core.mesh.surface import check_volume, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.blending import screw_between
 from vtkmuscle.core.motion.rigid import inverse
-from vtkmuscle.core.paths.bone_contact import FIRST_PUSH, PUSH, BoneContacts, add_contacts
+from vtkmuscle.core.paths.bone_contact import FIRST_PUSH, PUSH, BoneContacts, Proximity, add_contacts
 from vtkmuscle.core.paths.equilibrium import (
     RESPONSE_LEFT,
     STEP_LEFT,
@@ -291,6 +291,9 @@ class _Pose:
         around, numbers = paths._around, paths._numbers
         self._paths, self._around = paths, around
         self._neighbours, self._contacts = paths._neighbours, paths._contacts
+        self._near: list[Proximity] = []
+        #: Of each bone, what its tissue holds points with: stiffness (f, n, 3, 3) and pull (f, n, 3).
+        self._tissue: list[tuple[Floats, Floats]] = []
         self._numbers, self._ring_bones = numbers, [bone for bone, _ in paths._rings]
         self._moved = np.array(transforms)
         self._moved[:, :3, 3] -= middle
@@ -299,9 +302,12 @@ class _Pose:
         for k, number in enumerate(numbers):
             turn = self._moved[number, :3, :3]
             stiffness = turn @ around.stiffness[k] @ turn.T
+            force = around.force[k] @ turn.T
             home = paths.fibres @ turn.T + self._moved[number, :3, 3]
+            given = np.einsum("fnij,fnj->fni", stiffness, home) + force
             held += stiffness
-            pull += np.einsum("fnij,fnj->fni", stiffness, home) + around.force[k] @ turn.T
+            pull += given
+            self._tissue.append((stiffness, given))
         self._held = np.ascontiguousarray(held.reshape(f, n, 9)[:, :, [0, 1, 2, 4, 5, 8]])
         self._pull = pull
         self._rings: Rings = rings_at(paths._rings, transforms, middle, paths._outside)
@@ -326,7 +332,7 @@ class _Pose:
         add_neighbours(
             flat, self._neighbours, widths, gradient.reshape(-1, 3), blocks.reshape(-1, 6), self._directions
         )
-        gaps, normals = self._contacts.at(x, self._moved)
+        gaps, normals, self._near = self._contacts.at(x, self._moved, self._near)
         rounding = self._contacts.rounding
         add_contacts(x, gaps, normals, push, rounding, gradient, blocks, self._pressure)
         points = self._ring_points
@@ -380,15 +386,13 @@ class _Pose:
         """Return how the gradient at x changes as a bone moves; see :data:`ChangeOfGradient`."""
         change = np.zeros_like(x)
         for k in np.flatnonzero(self._numbers == bone).tolist():
-            rotation, shift = self._moved[bone, :3, :3], self._moved[bone, :3, 3]
-            held = rotation @ self._around.stiffness[k] @ rotation.T
-            home = self._paths.fibres @ rotation.T + shift
-            force = self._around.force[k] @ rotation.T - np.einsum("fnij,fnj->fni", held, x - home)
+            held, given = self._tissue[k]
+            force = given - np.einsum("fnij,fnj->fni", held, x)
             change -= np.einsum("fnij,fnj->fni", held, velocity) + np.cross(turn, force)
             # The bone's surface curves: its normals where the points will be, seen from the bone.
             part = SMALL_MOVE * self._paths.thickness / max(float(np.abs(velocity).max()), 1.0)
-            before, after = (self._push_of(k, y) for y in (x, x - part * velocity))
-            change -= (after - before) / part + np.cross(turn, after)
+            after = self._push_of(k, x - part * velocity)
+            change -= (after - self._push_of(k, x)) / part + np.cross(turn, after)
         for ring in np.flatnonzero(np.array(self._ring_bones) == bone):
             loads = x, self._rings, int(ring), self._ring_points[ring], self._ring_pressure[ring], PUSH
             force, held = ring_loads(*loads)
@@ -397,7 +401,7 @@ class _Pose:
 
     def _push_of(self, k: int, x: Floats) -> Floats:
         """Return with what forces a bone presses on points (f, n, 3)."""
-        gaps, normals = self._contacts.at_bone(k, x, self._moved)
+        gaps, normals = self._contacts.at_bone(k, x, self._moved, self._near[k])
         pressure = np.zeros((1, *x.shape[:2]))
         add_contacts(
             x, gaps[None], normals[None], PUSH, self._contacts.rounding,
