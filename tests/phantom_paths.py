@@ -1,4 +1,4 @@
-"""Phantoms with strings in them, each made once, and the levers of the strings' pull."""
+"""Phantoms with paths in them, each made once, and the levers of their pull."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -41,7 +41,7 @@ class Strung:
     rings: tuple
 
     def pulled(self, **changed):
-        """Return the strings at rest; fibres, start_bones, end_bones, bones, rings may be changed."""
+        """Return the paths at rest; fibres, start_bones, end_bones, bones, rings may be changed."""
         given = {
             "fibres": self.fibres,
             "start_bones": self.start_bones,
@@ -62,14 +62,14 @@ class Strung:
 
 
 def strung(phantom, n_fibres=FIBRES):
-    """Return a phantom with strings."""
+    """Return a phantom with paths."""
     ((name, muscle),) = phantom.muscles.items()
     fibres = {"template": phantom.templates[name], "n_fibres": n_fibres}
     return strung_muscle(muscle, phantom.bones, phantom.attachments[name], fibres=fibres, phantom=phantom)
 
 
 def strung_muscle(muscle, blocks, areas, *, fibres, phantom=None, **fixing):
-    """Return a muscle with strings; fibres are settings of decompose, fixing those of FixedPointDetector."""
+    """Return a muscle with paths; fibres are settings of decompose, fixing those of FixedPointDetector."""
     fixed = FixedPointDetector(**fixing)(muscle, blocks, areas)
     points, triangles = points_of(fixed), triangles_of(fixed, "test")
     fixed_to = point_array(fixed, "FixedTo", "test").astype(np.int64)
@@ -117,7 +117,7 @@ def fibres_along(line, across, outward):
 
 @cache
 def known_paths(make, *, rings=True, **settings):
-    """Return strings in a phantom, by its name, with fibres beside its middle line."""
+    """Return paths in a phantom, by its name, with fibres beside its middle line."""
     made = strung_phantom(make, **settings)
     line, across, outward = COURSES[make]
     fibres = fibres_along(line(), across, outward)
@@ -128,18 +128,18 @@ def known_paths(make, *, rings=True, **settings):
 
 @cache
 def strung_phantom(make, **settings):
-    """Return a phantom of vtkmuscle.phantoms, by its name, with strings; settings are tuples or numbers."""
+    """Return a phantom of vtkmuscle.phantoms, by its name, with paths; settings are tuples or numbers."""
     return strung(getattr(phantoms, make)(**settings))
 
 
 @cache
 def paths_of(make, **settings):
-    """Return the strings of such a phantom at rest."""
+    """Return the paths of such a phantom at rest."""
     return strung_phantom(make, **settings).pulled()
 
 
 def swept(paths, poses, start=None):
-    """Return the states (k) of strings at poses (k, b, 4, 4), one after the other."""
+    """Return the states (k) of paths at poses (k, b, 4, 4), one after the other."""
     states, state = [], paths.rest if start is None else start
     for pose in poses:
         state = paths.follow(state, pose)
@@ -148,7 +148,7 @@ def swept(paths, poses, start=None):
 
 
 def levers(state, moving, centre, axis):
-    """Return how much each string turns some bones about an axis, at a tension of 1, (f,) [mm].
+    """Return how much each path turns some bones about an axis, at a tension of 1, (f,) [mm].
 
     moving : numbers of the bones;  centre, axis : (3,), axis of the positive coordinate, unit.
     """
