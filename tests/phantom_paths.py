@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+import pytest
 
 from vtkmuscle import phantoms
 from vtkmuscle.core.bones.bone import bone_of
@@ -153,3 +154,17 @@ def levers(state, moving, centre, axis):
     moving : numbers of the bones;  centre, axis : (3,), axis of the positive coordinate, unit.
     """
     return state.wrenches[:, moving].sum(axis=1) @ twist_about(centre, axis)
+
+
+def off_lines(points, lines):
+    """Return how far points (f, n, 3) are off polylines (f, m, 3), each of its own, (f, n)."""
+    starts, ways = lines[:, None, :-1], np.diff(lines, axis=1)[:, None]
+    part = ((points[:, :, None] - starts) * ways).sum(axis=3) / (ways**2).sum(axis=3)
+    nearest = starts + part.clip(0.0, 1.0)[..., None] * ways
+    return np.linalg.norm(points[:, :, None] - nearest, axis=3).min(axis=2)
+
+
+def worse(bound, measured):
+    """Return a bound that does not hold yet, or the values of parameters with one."""
+    not_yet = pytest.mark.xfail(strict=True, raises=AssertionError, reason=f"measured: {measured}")
+    return pytest.param(*(bound if isinstance(bound, tuple) else (bound,)), marks=not_yet)

@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from phantom_paths import known_paths, levers, paths_of, strung_phantom, swept
+from phantom_paths import known_paths, levers, paths_of, strung_phantom, swept, worse
 
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
@@ -75,12 +75,6 @@ def off_in_work(states, moving, centre, axis):
     """Return by how much -dl/dq and the levers of the pull differ over windows, (k, f) [mm]."""
     arms = np.array([levers(state, moving, centre, axis) for state in states])
     return np.abs(mean_slopes(lengths(states)) - mean_levers(arms))
-
-
-def worse(bound, measured):
-    """Return a bound that does not hold yet, or the values of parameters with one."""
-    not_yet = pytest.mark.xfail(strict=True, raises=AssertionError, reason=f"measured: {measured}")
-    return pytest.param(*(bound if isinstance(bound, tuple) else (bound,)), marks=not_yet)
 
 
 # -------------------------------------------------------------------- known answers
