@@ -8,6 +8,7 @@ import pytest
 
 from vtkmuscle import phantoms
 from vtkmuscle.core.bones.bone import bone_of
+from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.motion.twists import twist_about
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.paths.sheet import POINTS, MusclePaths
@@ -24,6 +25,20 @@ from vtkmuscle.pipelines import decompose
 
 #: Fibres in a phantom: enough to be everywhere in it.
 FIBRES = 25
+
+AXIS = np.array([-1.0, 0.0, 0.0])
+#: Between poses [degrees].
+STEP = 2.0
+
+#: Of hinges about the x axis: the phantom, its settings, the bone that moves, from where to where [degrees].
+HINGES = [
+    ("wrapping_cylinder", {}, "pulley", -60.0, 80.0),
+    ("lifting_strap", {}, "distal", 0.0, 70.0),
+    ("flexor_over_brim", {"groove": 8.0}, "distal", 0.0, 80.0),
+    ("flexor_over_brim", {"groove": -5.0}, "distal", 0.0, 80.0),
+    ("tendon_through_ring", {}, "distal", 0.0, 60.0),
+    ("spindle_over_ball", {}, "distal", -10.0, 60.0),
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,3 +183,18 @@ def worse(bound, measured):
     """Return a bound that does not hold yet, or the values of parameters with one."""
     not_yet = pytest.mark.xfail(strict=True, raises=AssertionError, reason=f"measured: {measured}")
     return pytest.param(*(bound if isinstance(bound, tuple) else (bound,)), marks=not_yet)
+
+
+def angles(low, high, step=STEP):
+    return np.arange(low, high + 0.5 * step, step)
+
+
+def turned(make, settings, bone, at):
+    """Return the poses of a phantom's bones with one turned by angles about the x axis."""
+    motion = hinge(bone, centre=(0, 0, 0), axis=AXIS, angles=at)
+    return strung_phantom(make, **settings).poses(motion)
+
+
+def lengths(states):
+    """Return the lengths of paths in their states, (k, f) [mm]."""
+    return np.array([state.lengths for state in states])

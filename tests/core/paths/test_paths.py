@@ -8,48 +8,34 @@ from functools import cache
 
 import numpy as np
 import pytest
-from phantom_paths import known_paths, levers, paths_of, strung_phantom, swept, worse
+from phantom_paths import (
+    AXIS,
+    HINGES,
+    STEP,
+    angles,
+    known_paths,
+    lengths,
+    levers,
+    paths_of,
+    strung_phantom,
+    swept,
+    turned,
+    worse,
+)
 
-from vtkmuscle.core.bones.bone import Bone
-from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
-from vtkmuscle.core.paths.sheet import MusclePaths
+from vtkmuscle.core.motion.rigid import rotation_about
 from vtkmuscle.phantoms import spindle_over_ball, strap_over_two_joints
 from vtkmuscle.phantoms.planar import flexed
 from vtkmuscle.phantoms.two_joint_strap import LOWER, WRAPS
 
-AXIS = np.array([-1.0, 0.0, 0.0])
-#: Moment arms are means over so many steps of so many degrees.
-WINDOW, STEP = 5, 2.0
-
-#: Of hinges about the x axis: the phantom, its settings, the bone that moves, from where to where [degrees].
-HINGES = [
-    ("wrapping_cylinder", {}, "pulley", -60.0, 80.0),
-    ("lifting_strap", {}, "distal", 0.0, 70.0),
-    ("flexor_over_brim", {"groove": 8.0}, "distal", 0.0, 80.0),
-    ("flexor_over_brim", {"groove": -5.0}, "distal", 0.0, 80.0),
-    ("tendon_through_ring", {}, "distal", 0.0, 60.0),
-    ("spindle_over_ball", {}, "distal", -10.0, 60.0),
-]
-
-
-def angles(low, high, step=STEP):
-    return np.arange(low, high + 0.5 * step, step)
-
-
-def turned(make, settings, bone, at):
-    """Return the poses of a phantom's bones with one turned by angles about the x axis."""
-    motion = hinge(bone, centre=(0, 0, 0), axis=AXIS, angles=at)
-    return strung_phantom(make, **settings).poses(motion)
+#: Moment arms are means over so many steps.
+WINDOW = 5
 
 
 def straightened(points):
     """Return points (f, n, 3) evenly spread between their ends."""
     part = np.linspace(0.0, 1.0, points.shape[1])[None, :, None]
     return (1.0 - part) * points[:, :1] + part * points[:, -1:]
-
-
-def lengths(states):
-    return np.array([state.lengths for state in states])
 
 
 def mean_slopes(of_states, window=WINDOW, step=STEP):
@@ -233,10 +219,10 @@ def test_moment_arms_in_abduction_of_a_flexed_ball(bound):
 
 def test_slopes_are_levers_about_both_joints():
     made, paths = strung_phantom("strap_over_two_joints"), known_paths("strap_over_two_joints")
-    upper = strap_over_two_joints(coordinates=[(q, 30.0) for q in angles(-40.0, 60.0)]).motion
+    upper = strap_over_two_joints(coordinates=[(q, 30.0) for q in angles(-20.0, 60.0)]).motion
     # 2 mm: a fibre on two rollers of few points each jumps by 0.3 mm where one comes to them.
     assert off_in_work(swept(paths, made.poses(upper)), [1, 2], np.zeros(3), AXIS).max() < 2.0
-    lower = strap_over_two_joints(coordinates=[(20.0, q) for q in angles(-20.0, 90.0)]).motion
+    lower = strap_over_two_joints(coordinates=[(20.0, q) for q in angles(0.0, 60.0)]).motion
     joint = rotation_about((0, 0, 0), AXIS, 20.0)[:3, :3] @ [0.0, *flexed(LOWER, -WRAPS[0])]
     assert off_in_work(swept(paths, made.poses(lower)), [2], joint, -AXIS).max() < 0.5
 
@@ -280,71 +266,6 @@ def test_neither_the_way_up_or_down_nor_the_steps_matter(number, bound):
 )  # fmt: skip
 def test_the_sheet_comes_to_rest_in_every_pose(number):
     assert all(state.settled for state in up(number)[1])
-
-
-@pytest.mark.parametrize(
-    "make", ["wrapping_cylinder", "lifting_strap", "strap_over_two_joints", "tendon_through_ring"]
-)
-def test_bones_that_move_together_change_nothing(make):
-    paths = paths_of(make)
-    turn = rotation_about((10.0, -20.0, 30.0), np.array([1.0, 2.0, 2.0]) / 3.0, 65.0)
-    turn[:3, 3] += [200.0, -50.0, 10.0]
-    together = np.array([turn] * len(paths.rest.transforms))
-    same = paths.follow(paths.rest, paths.rest.transforms)
-    np.testing.assert_allclose(same.points, paths.rest.points, atol=1e-12)
-    moved = paths.follow(paths.rest, together)
-    np.testing.assert_allclose(moved.lengths, paths.rest.lengths, rtol=1e-12)
-    np.testing.assert_allclose(
-        moved.points.reshape(-1, 3), apply_transform(turn, paths.rest.points.reshape(-1, 3)), atol=1e-9
-    )
-
-
-def moved_paths(make, turn, scale=1.0):
-    """Return the paths of a phantom that is turned as a whole, and scaled."""
-    made = strung_phantom(make)
-    size = np.diag([scale, scale, scale, 1.0])
-
-    def moved(points):
-        return scale * apply_transform(turn, points.reshape(-1, 3)).reshape(points.shape)
-
-    bones = {number: Bone(moved(bone.points), bone.triangles) for number, bone in made.bones.items()}
-    fibres = known_paths(make).fibres
-    paths = MusclePaths(
-        moved(fibres),
-        known_paths(make).start_bones,
-        known_paths(make).end_bones,
-        moved(made.points),
-        made.triangles,
-        bones,
-    )
-    return paths, size @ turn
-
-
-def test_where_the_scene_is_does_not_matter_nor_its_unit():
-    """A scene that is turned and far away, or in metres, has the same ratios of lengths."""
-    at = angles(-60.0, 80.0, 20.0)
-    poses = turned("wrapping_cylinder", {}, "pulley", at)
-    expected = lengths(swept(known_paths("wrapping_cylinder"), poses))
-    turn = rotation_about((30.0, 20.0, -10.0), np.array([2.0, -1.0, 2.0]) / 3.0, 130.0)
-    turn[:3, 3] += [500.0, -900.0, 300.0]
-    for scale in (1.0, 1e-3):
-        paths, whole = moved_paths("wrapping_cylinder", turn, scale)
-        found = lengths(swept(paths, [whole @ pose @ np.linalg.inv(whole) for pose in poses]))
-        np.testing.assert_allclose(found / scale, expected, rtol=2e-4)
-
-
-def test_neither_the_order_of_fibres_nor_that_of_bones_matters(rng):
-    made = strung_phantom("lifting_strap")
-    poses = turned("lifting_strap", {}, "distal", angles(0.0, 70.0, 10.0))
-    expected = lengths(swept(paths_of("lifting_strap"), poses))
-    order = rng.permutation(len(made.fibres))
-    shuffled = made.pulled(
-        fibres=made.fibres[order],
-        start_bones=made.start_bones[order],
-        end_bones=made.end_bones[order],
-        bones=dict(reversed(made.bones.items())),
-    )
-    np.testing.assert_allclose(lengths(swept(shuffled, poses)), expected[:, order], atol=1e-9)
 
 
 def test_the_same_again_gives_the_same_bits():
