@@ -139,14 +139,14 @@ def _trilinear(field: Field, u: float, v: float, w: float, level: int) -> float:
     if block < 0:
         return FAR
     u, v, w = u - i, v - j, w - k
-    values, node = field.values[block], ((i % SIDE) * NODES + j % SIDE) * NODES + k % SIDE
-    c00 = values[node] + w * (values[node + 1] - values[node])
+    values, node = field.values, ((i % SIDE) * NODES + j % SIDE) * NODES + k % SIDE
+    c00 = values[block, node] + w * (values[block, node + 1] - values[block, node])
     node += NODES
-    c01 = values[node] + w * (values[node + 1] - values[node])
+    c01 = values[block, node] + w * (values[block, node + 1] - values[block, node])
     node += NODES * SIDE
-    c10 = values[node] + w * (values[node + 1] - values[node])
+    c10 = values[block, node] + w * (values[block, node + 1] - values[block, node])
     node += NODES
-    c11 = values[node] + w * (values[node + 1] - values[node])
+    c11 = values[block, node] + w * (values[block, node + 1] - values[block, node])
     c0, c1 = c00 + v * (c01 - c00), c10 + v * (c11 - c10)
     distance: float = c0 + u * (c1 - c0)
     return distance
@@ -190,7 +190,7 @@ def _slope_at(field: Field, x: float, y: float, z: float) -> tuple[float, float,
         if block < 0:
             return 0.0, 0.0, 0.0
         node = ((i % SIDE) * NODES + j % SIDE) * NODES + k % SIDE
-        return _slope_within(field.values[block], node, u - i, v - j, w - k)
+        return _slope_within(field.values, block, node, u - i, v - j, w - k)
     return (
         distance_at(field, x + h, y, z) - distance_at(field, x - h, y, z),
         distance_at(field, x, y + h, z) - distance_at(field, x, y - h, z),
@@ -199,25 +199,30 @@ def _slope_at(field: Field, x: float, y: float, z: float) -> tuple[float, float,
 
 
 @lane
-def _slope_within(values: Floats, node: Integer, u: float, v: float, w: float) -> tuple[float, float, float]:
+def _slope_within(
+    values: Floats, block: Integer, node: Integer, u: float, v: float, w: float
+) -> tuple[float, float, float]:
     """Return the same where all is in one block, at u, v, w in [0.5, 1.5) from a node.
 
     The 27 nodes from there on are those of all six places that are compared.
     """
-    x0, y0, z0 = _over_plane(values, node, v, w)
-    x1, y1, z1 = _over_plane(values, node + NODES * NODES, v, w)
-    x2, y2, z2 = _over_plane(values, node + 2 * NODES * NODES, v, w)
+    x0, y0, z0 = _over_plane(values, block, node, v, w)
+    x1, y1, z1 = _over_plane(values, block, node + NODES * NODES, v, w)
+    x2, y2, z2 = _over_plane(values, block, node + 2 * NODES * NODES, v, w)
     return _growth(x0, x1, x2, u), _value(y0, y1, y2, u), _value(z0, z1, z2, u)
 
 
 @lane
-def _over_plane(values: Floats, node: Integer, v: float, w: float) -> tuple[float, float, float]:
+def _over_plane(
+    values: Floats, block: Integer, node: Integer, v: float, w: float
+) -> tuple[float, float, float]:
     """Return the value at v, w between 3 x 3 nodes of a plane, and its growth along v and w."""
-    p, q, r = values[node], values[node + 1], values[node + 2]
+    p, q, r = values[block, node], values[block, node + 1], values[block, node + 2]
     here0, onward0 = _value(p, q, r, w), _growth(p, q, r, w)
-    p, q, r = values[node + NODES], values[node + NODES + 1], values[node + NODES + 2]
+    p, q, r = values[block, node + NODES], values[block, node + NODES + 1], values[block, node + NODES + 2]
     here1, onward1 = _value(p, q, r, w), _growth(p, q, r, w)
-    p, q, r = values[node + 2 * NODES], values[node + 2 * NODES + 1], values[node + 2 * NODES + 2]
+    node += NODES
+    p, q, r = values[block, node + NODES], values[block, node + NODES + 1], values[block, node + NODES + 2]
     here2, onward2 = _value(p, q, r, w), _growth(p, q, r, w)
     return (
         _value(here0, here1, here2, v),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +28,24 @@ ROUNDING = 0.02
 LARGEST_BEND = 0.5
 
 
+class Proximity(NamedTuple):
+    """How near points are to a bone.
+
+    Attributes
+    ----------
+    points : (p, 3) array
+        Where they are, seen from the bone at rest [mm].
+    gaps : (p,) array
+        How far from where the bone keeps them, at least [mm].
+    outward : (p, 3) array
+        In which direction that grows, seen from the bone at rest; where they are near.
+    """
+
+    points: Floats
+    gaps: Floats
+    outward: Floats
+
+
 class BoneContacts:
     """The bones that paths keep away from.
 
@@ -46,7 +65,9 @@ class BoneContacts:
         self.rounding = ROUNDING * segment
         self._within = standoff.max(axis=(1, 2), initial=0.0) + self.rounding
 
-    def at(self, x: Floats, transforms: Floats) -> tuple[Floats, Floats]:
+    def at(
+        self, x: Floats, transforms: Floats, before: Sequence[Proximity] = ()
+    ) -> tuple[Floats, Floats, list[Proximity]]:
         """Return the gaps (b, f, n) between paths and bones [mm], and the directions in which they grow.
 
         Parameters
@@ -55,19 +76,42 @@ class BoneContacts:
             Of the paths [mm].
         transforms : (bones, 4, 4) array
             Of all bones, rest to now.
-        """
-        gaps, normals = np.empty(self._standoff.shape), np.empty((*self._standoff.shape, 3))
-        for k in range(len(self._bones)):
-            gaps[k], normals[k] = self.at_bone(k, x, transforms)
-        return gaps, normals
+        before : sequence of Proximity, optional
+            What was returned for points near to these, in the same pose: of points that cannot have come near
+            a bone since, gaps are what they are at least, and directions what they were.
 
-    def at_bone(self, k: int, x: Floats, transforms: Floats) -> tuple[Floats, Floats]:
-        """Return the same of the k-th bone, (f, n) and (f, n, 3)."""
+        Returns
+        -------
+        gaps, normals : arrays
+        near : list of Proximity
+            Of each bone.
+        """
+        near = [self._near(k, x, transforms, before[k] if before else None) for k in range(len(self._bones))]
+        gaps, normals = np.empty(self._standoff.shape), np.empty((*self._standoff.shape, 3))
+        for k, (number, one) in enumerate(zip(self._bones, near, strict=True)):
+            gaps[k] = one.gaps.reshape(x.shape[:2])
+            normals[k] = (one.outward @ transforms[number, :3, :3].T).reshape(x.shape)
+        return gaps, normals, near
+
+    def at_bone(self, k: int, x: Floats, transforms: Floats, before: Proximity) -> tuple[Floats, Floats]:
+        """Return the gaps (f, n) to the k-th bone, and their directions (f, n, 3); see :meth:`at`."""
+        one, number = self._near(k, x, transforms, before), list(self._bones)[k]
+        normals: Floats = (one.outward @ transforms[number, :3, :3].T).reshape(x.shape)
+        return one.gaps.reshape(x.shape[:2]), normals
+
+    def _near(self, k: int, x: Floats, transforms: Floats, before: Proximity | None) -> Proximity:
         number, bone = list(self._bones.items())[k]
-        turn, shift = transforms[number, :3, :3], transforms[number, :3, 3]
-        rest = (x.reshape(-1, 3) - shift) @ turn
-        distance, outward = bone.field(rest, within=float(self._within[k]))
-        return distance.reshape(x.shape[:2]) - self._standoff[k], (outward @ turn.T).reshape(x.shape)
+        at = (x.reshape(-1, 3) - transforms[number, :3, 3]) @ transforms[number, :3, :3]
+        standoff, within = self._standoff[k].reshape(-1), float(self._within[k])
+        if before is None:
+            distance, outward = bone.field(at, within=within)
+            return Proximity(at, np.minimum(distance, within) - standoff, outward)
+        gaps = before.gaps - np.sqrt(((at - before.points) ** 2).sum(axis=1))
+        near = np.flatnonzero(gaps < self.rounding)
+        outward = before.outward.copy()
+        distance, outward[near] = bone.field(at[near], within=within)
+        gaps[near] = np.minimum(distance, within) - standoff[near]
+        return Proximity(at, gaps, outward)
 
 
 @kernel

@@ -17,7 +17,7 @@ from vtkmuscle.core.types import Floats
 
 #: Part of the residual that conjugate gradients leave in a step of Newton's method: of 0.1 and 0.01 the same
 #: number of these results. And where the response to a move of a bone is asked for, which nothing corrects.
-STEP_LEFT, RESPONSE_LEFT = 0.1, 1e-3
+STEP_LEFT, RESPONSE_LEFT = 0.1, 1e-2
 
 #: Steps of conjugate gradients in a step of Newton's, at most.
 STEPS = 60
@@ -67,13 +67,15 @@ def add_neighbours(
 ) -> None:
     """Add the springs between neighbours, and write their directions (m, 3).
 
-    E = sum c (|x_i - x_j| - w d)^2 / 2, with w the mean of the paths' ``widths`` (f,). Arrays of points are
-    (f n, ...) here. Of a spring's second derivatives those along it count.
+    E = sum c (a - w d)^2 / 2, with a the distance of x_i and x_j across the paths, at right angles to the
+    mean of their tangents there, and w the mean of the paths' ``widths`` (f,). Along each other they slide: a
+    sheet that is sheared does not get narrower. Arrays of points are (f n, ...) here. Of a spring's second
+    derivatives those along it count, and tangents are taken as they are.
     """
     n = len(x) // len(widths)
     for e in range(len(neighbours.pairs)):
         i, j = neighbours.pairs[e, 0], neighbours.pairs[e, 1]
-        u, v, w = x[i, 0] - x[j, 0], x[i, 1] - x[j, 1], x[i, 2] - x[j, 2]
+        u, v, w = across(x, i, j)
         length = math.sqrt(u * u + v * v + w * w)
         c = neighbours.stiffness[e]
         width = 0.5 * (widths[i // n] + widths[j // n])
@@ -89,6 +91,18 @@ def add_neighbours(
                 gradient[k, 2] + s * w,
             )
             add_direction(blocks[k], c, u, v, w)
+
+
+@kernel
+def across(x: Floats, i: int, j: int) -> tuple[float, float, float]:
+    """Return the way from point j to point i of two paths less what of it is along these [mm]."""
+    u, v, w = x[i, 0] - x[j, 0], x[i, 1] - x[j, 1], x[i, 2] - x[j, 2]
+    p = x[i + 1, 0] - x[i - 1, 0] + x[j + 1, 0] - x[j - 1, 0]
+    q = x[i + 1, 1] - x[i - 1, 1] + x[j + 1, 1] - x[j - 1, 1]
+    r = x[i + 1, 2] - x[i - 1, 2] + x[j + 1, 2] - x[j - 1, 2]
+    length2 = p * p + q * q + r * r
+    along = (u * p + v * q + w * r) / length2 if length2 > 0.0 else 0.0
+    return u - along * p, v - along * q, w - along * r
 
 
 @kernel

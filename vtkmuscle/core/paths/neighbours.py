@@ -35,7 +35,7 @@ class Neighbours(NamedTuple):
     pairs : (m, 2) int array
         Numbers of points, those of one path after those of another.
     distances : (m,) array
-        At rest [mm].
+        At rest, across the paths [mm].
     stiffness : (m,) array
         In stiffnesses of a path's springs [1].
     """
@@ -66,7 +66,13 @@ def neighbours_of(fibres: Floats) -> Neighbours:
         found.append(both * n + i)
     pairs = np.concatenate(found) if found else np.empty((0, 2), dtype=np.int64)
     points = fibres.reshape(-1, 3)
-    distances = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
+    one, other = pairs.T
+    along = points[np.minimum(one + 1, len(points) - 1)] - points[one - 1]
+    along += points[np.minimum(other + 1, len(points) - 1)] - points[other - 1]
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), np.finfo(float).tiny)
+    ways = points[one] - points[other]
+    ways -= np.einsum("mi,mi->m", ways, along)[:, None] * along
+    distances = np.linalg.norm(ways, axis=1)
     if not len(pairs) or not distances.max() > 0.0:
         none = np.empty((0, 2), dtype=np.int64)
         return Neighbours(none, np.empty(0), np.empty(0))

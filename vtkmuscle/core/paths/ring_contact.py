@@ -47,22 +47,18 @@ def rings_at(
 
 
 @kernel
-def hold_in_rings(x: Floats, rings: Rings, rounding: float, points: Ints) -> None:
+def hold_in_rings(x: Floats, rings: Rings, points: Ints) -> None:
     """Write which point of each path each ring holds, (r, f), 0 for none.
 
-    A path that crosses a ring's plane outside of it is held by its point next to there, and let go when that
-    is inside. Only a point in the plane bends where the ring is.
+    A path that crosses a ring's plane outside of it is held there by the point next to that: only a point in
+    the plane bends where the ring is. One that is held stays so in a pose; inside, nothing presses it.
     """
     for ring in range(len(rings.frames)):
-        frame = rings.frames[ring]
         corners = rings.corners[rings.offsets[ring] : rings.offsets[ring + 1]]
         for a in range(len(x)):
-            i = points[ring, a]
-            if i > 0:
-                if outside_at(frame, corners, x[a, i])[3] <= rings.outside[ring, a] - rounding:
-                    points[ring, a] = 0
+            if points[ring, a] > 0:
                 continue
-            segment, part, s, t = crossing(frame, x[a])
+            segment, part, s, t = crossing(rings.frames[ring], x[a])
             if segment >= 0 and way_to_edge(corners, s, t)[2] > rings.outside[ring, a]:
                 i = segment if part < 0.5 else segment + 1
                 points[ring, a] = min(max(i, 1), x.shape[1] - 2)

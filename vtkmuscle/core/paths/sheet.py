@@ -14,7 +14,7 @@ from vtkmuscle.core.mesh.surface import check_volume, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.blending import screw_between
 from vtkmuscle.core.motion.rigid import inverse
-from vtkmuscle.core.paths.bone_contact import FIRST_PUSH, PUSH, BoneContacts, add_contacts
+from vtkmuscle.core.paths.bone_contact import FIRST_PUSH, PUSH, BoneContacts, Proximity, add_contacts
 from vtkmuscle.core.paths.equilibrium import (
     RESPONSE_LEFT,
     STEP_LEFT,
@@ -292,6 +292,7 @@ class _Pose:
         around, numbers = paths._around, paths._numbers
         self._paths, self._around = paths, around
         self._neighbours, self._contacts = paths._neighbours, paths._contacts
+        self._near: list[Proximity] = []
         self._numbers, self._ring_bones = numbers, [bone for bone, _ in paths._rings]
         self._moved = np.array(transforms)
         self._moved[:, :3, 3] -= middle
@@ -316,7 +317,7 @@ class _Pose:
     def hold(self, x: Floats) -> bool:
         """Choose the points that the rings hold; return whether they are others than before."""
         before = self._ring_points.copy()
-        hold_in_rings(x, self._rings, self._contacts.rounding, self._ring_points)
+        hold_in_rings(x, self._rings, self._ring_points)
         return not np.array_equal(before, self._ring_points)
 
     def look_at(self, x: Floats, push: float) -> None:
@@ -327,7 +328,7 @@ class _Pose:
         add_neighbours(
             flat, self._neighbours, widths, gradient.reshape(-1, 3), blocks.reshape(-1, 6), self._directions
         )
-        gaps, normals = self._contacts.at(x, self._moved)
+        gaps, normals, self._near = self._contacts.at(x, self._moved, self._near)
         rounding = self._contacts.rounding
         add_contacts(x, gaps, normals, push, rounding, gradient, blocks, self._pressure)
         points = self._ring_points
@@ -388,8 +389,8 @@ class _Pose:
             change -= np.einsum("fnij,fnj->fni", held, velocity) + np.cross(turn, force)
             # The bone's surface curves: its normals where the points will be, seen from the bone.
             part = SMALL_MOVE * self._paths.thickness / max(float(np.abs(velocity).max()), 1.0)
-            before, after = (self._push_of(k, y) for y in (x, x - part * velocity))
-            change -= (after - before) / part + np.cross(turn, after)
+            after = self._push_of(k, x - part * velocity)
+            change -= (after - self._push_of(k, x)) / part + np.cross(turn, after)
         for ring in np.flatnonzero(np.array(self._ring_bones) == bone):
             loads = x, self._rings, int(ring), self._ring_points[ring], self._ring_pressure[ring], PUSH
             force, held = ring_loads(*loads)
@@ -398,7 +399,7 @@ class _Pose:
 
     def _push_of(self, k: int, x: Floats) -> Floats:
         """Return with what forces a bone presses on points (f, n, 3)."""
-        gaps, normals = self._contacts.at_bone(k, x, self._moved)
+        gaps, normals = self._contacts.at_bone(k, x, self._moved, self._near[k])
         pressure = np.zeros((1, *x.shape[:2]))
         add_contacts(
             x, gaps[None], normals[None], PUSH, self._contacts.rounding,

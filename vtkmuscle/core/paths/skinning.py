@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.ring_rotations import nearest_rotation
 from vtkmuscle.core.paths.sheet import MusclePaths, PathState
 from vtkmuscle.core.paths.tissue import directions_along
@@ -247,7 +247,7 @@ def _nearest_place(point: Floats, path: Floats, node: int) -> tuple[float, float
     return np.sqrt(best), place
 
 
-@kernel
+@array_kernel
 def _frames(
     rest: Floats,
     now: Floats,
