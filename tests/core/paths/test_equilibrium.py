@@ -50,7 +50,7 @@ class Sheet:
         corners = np.array([(0.0, -9.0, 12.0), (16.0, -9.0, 12.0), (16.0, 2.0, 12.0), (0.0, 2.0, 12.0)])
         self.rings = rings_at([(0, via_ring(corners))], np.eye(4)[None], np.zeros(3), np.zeros((1, f)))
         self.points = np.zeros((1, f), dtype=np.int64)
-        hold_in_rings(self.x, self.rings, ROUNDING, self.points)
+        hold_in_rings(self.x, self.rings, self.points)
 
     def contacts(self, x):
         away = np.linalg.norm(x, axis=2)
@@ -62,7 +62,12 @@ class Sheet:
         inner, held = x[:, 1:-1], full(self.held)[:, 1:-1]
         total += (inner * (np.einsum("fnij,fnj->fni", held, inner) / 2.0 - self.pull[:, 1:-1])).sum()
         flat, pairs, n = x.reshape(-1, 3), self.neighbours.pairs, x.shape[1]
-        apart = np.linalg.norm(flat[pairs[:, 0]] - flat[pairs[:, 1]], axis=1)
+        ways = flat[pairs[:, 0]] - flat[pairs[:, 1]]
+        # Across the paths, by the tangents that these have now.
+        now = self.x.reshape(-1, 3)
+        tangents = (now[pairs + 1] - now[pairs - 1]).sum(axis=1)
+        tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+        apart = np.linalg.norm(np.cross(ways, tangents), axis=1)
         wide = self.widths[pairs // n].mean(axis=1) * self.neighbours.distances
         total += 0.5 * (self.neighbours.stiffness * (apart - wide) ** 2).sum()
         total += pressed(self.contacts(x)[0][:, :, 1:-1]).sum()
@@ -91,7 +96,7 @@ class Sheet:
 
 
 def test_the_forces_on_a_sheet_are_the_slopes_of_its_energy(rng):
-    """Of springs, what holds it, neighbours of given widths, contacts and rings, all at once."""
+    """Of springs, what holds it, neighbours of given widths and tangents, contacts and rings, all at once."""
     sheet = Sheet(rng)
     gaps = sheet.contacts(sheet.x)[0][:, :, 1:-1]
     assert (gaps < -ROUNDING).any()
@@ -142,7 +147,7 @@ def test_the_stiffness_of_springs_contacts_and_neighbours_is_the_slope_of_their_
     """Along a line in which springs, contacts and neighbours have no curvature across: a flat bone, a row."""
     x = np.zeros((2, 5, 3))
     x[..., 2], x[1, :, 0] = np.linspace(0.0, 40.0, 5), 6.0
-    neighbours = neighbours_of(x * [1.1, 1.0, 1.0])
+    neighbours = neighbours_of(x)
     held, pull = np.tile([0.5, 0.1, 0.0, 0.4, 0.2, 0.6], (2, 5, 1)), rng.normal(size=x.shape)
 
     def forces(x):
