@@ -3,7 +3,6 @@
 import numpy as np
 from phantom_paths import COURSES, fibres_along, strung_phantom
 
-from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.paths.tissue import directions_along, tissue_between
 
@@ -11,9 +10,9 @@ from vtkmuscle.core.paths.tissue import directions_along, tissue_between
 def between(make, across, outward, bone):
     made = strung_phantom(make)
     fibres = fibres_along(COURSES[make][0](), across, outward)
-    points, triangles, _ = list(made.bones.values())[made.names.index(bone)]
+    shape = made.bones[made.names.index(bone)]
     muscle = triangle_tree(made.points, made.triangles)
-    found = tissue_between(fibres, directions_along(fibres), solids_of(points, triangles), muscle)
+    found = tissue_between(fibres, directions_along(fibres), shape, muscle)
     return made, fibres, found
 
 

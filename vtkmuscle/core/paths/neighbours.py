@@ -23,6 +23,9 @@ NEIGHBOURS = 6
 #: in a tendon's end a strain would be of nothing.
 LEAST_SPACING = 0.5
 
+#: Distances that differ by less than this part are the same.
+SAME = 1e-9
+
 
 class Neighbours(NamedTuple):
     """Pairs of points of a sheet that keep their distance.
@@ -52,8 +55,13 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     f, n, _ = fibres.shape
     found = []
     for i in range(1, n - 1):
-        _, beside = cKDTree(fibres[:, i]).query(fibres[:, i], k=range(1, min(NEIGHBOURS + 1, f) + 1))
-        both = np.stack([np.repeat(np.arange(f), beside.shape[1]), beside.ravel()], axis=1)
+        tree = cKDTree(fibres[:, i])
+        reach = tree.query(fibres[:, i], k=[min(NEIGHBOURS + 1, f)])[0][:, 0]
+        # Of those equally far none is left out: the order of the fibres would choose.
+        beside = tree.query_ball_point(fibres[:, i], (1.0 + SAME) * reach)
+        both = np.stack(
+            [np.repeat(np.arange(f), [len(one) for one in beside]), np.concatenate(beside)], axis=1
+        )
         both = np.unique(np.sort(both[both[:, 0] != both[:, 1]], axis=1), axis=0)
         found.append(both * n + i)
     pairs = np.concatenate(found) if found else np.empty((0, 2), dtype=np.int64)

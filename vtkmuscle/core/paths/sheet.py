@@ -258,6 +258,7 @@ class MusclePaths:
         pose = _Pose(self, transforms, middle)
         x -= middle
         enough = TOLERANCE * x.shape[0] * x.shape[1] * self._segment**2
+        longest = LARGEST_STEP * self._segment
         push = FIRST_PUSH
         pose.hold(x)
         pose.look_at(x, push)
@@ -265,7 +266,7 @@ class MusclePaths:
         for _ in range(ITERATIONS):
             slope = pose.step()
             farthest = float(np.sqrt((pose.way**2).sum(axis=2).max()))
-            part = min(1.0, LARGEST_STEP * self._segment / max(farthest, np.finfo(float).tiny))
+            part = longest / max(farthest, longest)
             for _ in range(_SHORTENED):
                 pose.look_at(x + part * pose.way, push)
                 after = float((pose.gradient * pose.way).sum())

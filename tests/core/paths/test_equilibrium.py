@@ -1,0 +1,209 @@
+"""Forces on a sheet of paths are the slopes of its energy, and Newton's method solves what it says."""
+
+import numpy as np
+import pytest
+
+from vtkmuscle.core.paths.bone_contact import add_contacts, pressure_at
+from vtkmuscle.core.paths.equilibrium import add_neighbours, add_springs, newton_step
+from vtkmuscle.core.paths.neighbours import MODULUS, NEIGHBOURS, Neighbours, neighbours_of
+from vtkmuscle.core.paths.ring_contact import add_rings, hold_in_rings, rings_at
+from vtkmuscle.core.paths.via_rings import via_ring
+from vtkmuscle.core.types import Floats
+
+PUSH, ROUNDING = 100.0, 0.3
+#: xx, xy, xz, yy, yz, zz of a symmetric block.
+ROWS, COLUMNS = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])
+
+
+def full(blocks):
+    """Return symmetric blocks (..., 6) as matrices (..., 3, 3)."""
+    matrices = np.zeros((*blocks.shape[:-1], 3, 3))
+    matrices[..., ROWS, COLUMNS] = matrices[..., COLUMNS, ROWS] = blocks
+    return matrices
+
+
+def pressed(gap):
+    """Return the energy of a rounded contact: the integral of its force from far away, by hand."""
+    inside = PUSH * (ROUNDING - gap) ** 3 / (12.0 * ROUNDING)
+    deep = PUSH * (gap**2 / 2.0 + ROUNDING**2 / 6.0)
+    return np.where(gap >= ROUNDING, 0.0, np.where(gap <= -ROUNDING, deep, inside))
+
+
+class Sheet:
+    """A sheet of four paths of seven points that go past a ball and through a ring, and what acts on it."""
+
+    def __init__(self, rng):
+        f, n = 4, 7
+        line = np.linspace(-30.0, 30.0, n)
+        self.x = np.zeros((f, n, 3))
+        self.x[..., 2] = line
+        self.x[..., 0] = 6.0 * np.arange(f)[:, None] + 9.0
+        self.x += rng.uniform(-1.5, 1.5, self.x.shape)
+        held = rng.normal(size=(f, n, 3, 3))
+        self.held = (held @ held.transpose(0, 1, 3, 2) / 3.0)[..., ROWS, COLUMNS]
+        self.pull = rng.normal(size=(f, n, 3))
+        self.neighbours = neighbours_of(self.x + rng.uniform(-1.0, 1.0, self.x.shape))
+        self.widths = rng.uniform(0.8, 1.3, f)
+        self.radius, self.standoff = 10.0, rng.uniform(0.0, 2.0, (1, f, n))
+        away = np.linalg.norm(self.x[:, 2:5], axis=2) - self.radius
+        self.standoff[0, :, 2:5] = away + rng.uniform(-2.0 * ROUNDING, 2.0 * ROUNDING, away.shape)
+        corners = np.array([(0.0, -9.0, 12.0), (16.0, -9.0, 12.0), (16.0, 2.0, 12.0), (0.0, 2.0, 12.0)])
+        self.rings = rings_at([(0, via_ring(corners))], np.eye(4)[None], np.zeros(3), np.zeros((1, f)))
+        self.points = np.zeros((1, f), dtype=np.int64)
+        hold_in_rings(self.x, self.rings, self.points)
+
+    def contacts(self, x):
+        away = np.linalg.norm(x, axis=2)
+        return (away - self.radius)[None] - self.standoff, (x / away[..., None])[None]
+
+    def energy(self, x):
+        """Return the energy, term by term."""
+        total = 0.5 * (np.diff(x, axis=1) ** 2).sum()
+        inner, held = x[:, 1:-1], full(self.held)[:, 1:-1]
+        total += (inner * (np.einsum("fnij,fnj->fni", held, inner) / 2.0 - self.pull[:, 1:-1])).sum()
+        flat, pairs, n = x.reshape(-1, 3), self.neighbours.pairs, x.shape[1]
+        ways = flat[pairs[:, 0]] - flat[pairs[:, 1]]
+        # Across the paths, by the tangents that these have now.
+        now = self.x.reshape(-1, 3)
+        tangents = (now[pairs + 1] - now[pairs - 1]).sum(axis=1)
+        tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+        apart = np.linalg.norm(np.cross(ways, tangents), axis=1)
+        wide = self.widths[pairs // n].mean(axis=1) * self.neighbours.distances
+        total += 0.5 * (self.neighbours.stiffness * (apart - wide) ** 2).sum()
+        total += pressed(self.contacts(x)[0][:, :, 1:-1]).sum()
+        centre, normal, *axes = self.rings.frames[0]
+        for path in np.flatnonzero(self.points[0]):
+            away = x[path, self.points[0, path]] - centre
+            place = np.array(axes) @ away
+            # How far outside of the rectangle, for places beside one of its sides.
+            sides = np.roll(self.rings.corners, -1, axis=0) - self.rings.corners
+            out = np.stack([sides[:, 1], -sides[:, 0]], axis=1) / np.linalg.norm(sides, axis=1)[:, None]
+            outside = np.einsum("ki,ki->k", out, place - self.rings.corners).max()
+            total += 0.5 * PUSH * (normal @ away) ** 2 + pressed(-outside)
+        return total
+
+    def slopes(self, x):
+        """Return the gradient (f, n, 3), and blocks (f, n, 6) and directions (m, 3) of its stiffness."""
+        gradient, blocks = np.zeros_like(x), np.zeros((*x.shape[:2], 6))
+        directions = np.empty((len(self.neighbours.pairs), 3))
+        add_springs(x, self.held, self.pull, gradient, blocks)
+        flat = x.reshape(-1, 3), gradient.reshape(-1, 3), blocks.reshape(-1, 6)
+        add_neighbours(flat[0], self.neighbours, self.widths, *flat[1:], directions)
+        pressure = np.zeros((1, *x.shape[:2]))
+        add_contacts(x, *self.contacts(x), PUSH, ROUNDING, gradient, blocks, pressure)
+        add_rings(x, self.rings, self.points, PUSH, ROUNDING, gradient, blocks, np.zeros_like(pressure))
+        return gradient, blocks, directions
+
+
+def test_the_forces_on_a_sheet_are_the_slopes_of_its_energy(rng):
+    """Of springs, what holds it, neighbours of given widths and tangents, contacts and rings, all at once."""
+    sheet = Sheet(rng)
+    gaps = sheet.contacts(sheet.x)[0][:, :, 1:-1]
+    assert (gaps < -ROUNDING).any()
+    assert ((gaps > -ROUNDING) & (gaps < ROUNDING)).any()
+    assert np.count_nonzero(sheet.points) > 1
+    gradient, step = sheet.slopes(sheet.x)[0], 1e-5
+    for path, point, axis in np.ndindex(4, 5, 3):
+        there, back = sheet.x.copy(), sheet.x.copy()
+        there[path, point + 1, axis] += step
+        back[path, point + 1, axis] -= step
+        slope = (sheet.energy(there) - sheet.energy(back)) / (2.0 * step)
+        assert gradient[path, point + 1, axis] == pytest.approx(slope, rel=1e-6, abs=1e-5)
+
+
+def stiffness(blocks, neighbours: Neighbours, directions: Floats):
+    """Return the matrix of the inner points, dense, and these points' numbers."""
+    f, n, _ = blocks.shape
+    matrix = np.zeros((f, n, 3, f, n, 3))
+    for a, i in np.ndindex(f, n):
+        matrix[a, i, :, a, i] = full(blocks)[a, i]
+        if i < n - 1:
+            matrix[a, i, :, a, i + 1] = matrix[a, i + 1, :, a, i] = -np.eye(3)
+    for (p, q), c, way in zip(neighbours.pairs, neighbours.stiffness, directions, strict=True):
+        (a, i), (b, j) = divmod(p, n), divmod(q, n)
+        matrix[a, i, :, b, j] = matrix[b, j, :, a, i] = -c * np.outer(way, way)
+    return matrix[:, 1:-1, :, :, 1:-1].reshape(f * (n - 2) * 3, -1)
+
+
+@pytest.mark.parametrize(("left_over", "off"), [(1e-12, 1e-9), (0.1, 0.3)])
+def test_a_step_of_newtons_method_solves_its_equations(rng, left_over, off):
+    sheet = Sheet(rng)
+    gradient, blocks, directions = sheet.slopes(sheet.x)
+    matrix = stiffness(blocks, sheet.neighbours, directions)
+    assert np.linalg.eigvalsh(matrix).min() > 0.0
+    step = np.empty_like(sheet.x)
+    gradient[:, [0, -1]] = 0.0
+    slope = newton_step(
+        gradient, blocks, sheet.neighbours, directions, left_over, np.empty((5, *blocks.shape)), step
+    )
+    known = np.linalg.solve(matrix, -gradient[:, 1:-1].ravel()).reshape(step[:, 1:-1].shape)
+    assert np.linalg.norm(step[:, 1:-1] - known) < off * np.linalg.norm(known)
+    assert not step[:, [0, -1]].any()
+    assert slope == pytest.approx((gradient * step).sum(), rel=1e-12)
+    assert slope < 0.0
+
+
+def test_the_stiffness_of_springs_contacts_and_neighbours_is_the_slope_of_their_forces(rng):
+    """Along a line in which springs, contacts and neighbours have no curvature across: a flat bone, a row."""
+    x = np.zeros((2, 5, 3))
+    x[..., 2], x[1, :, 0] = np.linspace(0.0, 40.0, 5), 6.0
+    neighbours = neighbours_of(x)
+    held, pull = np.tile([0.5, 0.1, 0.0, 0.4, 0.2, 0.6], (2, 5, 1)), rng.normal(size=x.shape)
+
+    def forces(x):
+        gradient, blocks = np.zeros_like(x), np.zeros((2, 5, 6))
+        directions = np.empty((len(neighbours.pairs), 3))
+        add_springs(x, held, pull, gradient, blocks)
+        flat = gradient.reshape(-1, 3), blocks.reshape(-1, 6), directions
+        add_neighbours(x.reshape(-1, 3), neighbours, np.ones(2), *flat)
+        normals = np.tile([1.0, 0.0, 0.0], (1, 2, 5, 1))
+        gaps = (x[..., 0] - 6.1 + 6.0 * (np.arange(2) == 0)[:, None])[None]
+        add_contacts(x, gaps, normals, PUSH, ROUNDING, gradient, blocks, np.zeros((1, 2, 5)))
+        return gradient, stiffness(blocks, neighbours, directions)
+
+    matrix = forces(x)[1]
+    move = np.zeros_like(x)
+    move[:, 1:-1, 0] = rng.normal(size=(2, 3))
+    there, back = (forces(x + 1e-6 * sign * move)[0][:, 1:-1] for sign in (1.0, -1.0))
+    np.testing.assert_allclose(
+        matrix @ move[:, 1:-1].ravel(), (there - back).ravel() / 2e-6, rtol=1e-6, atol=1e-6
+    )
+
+
+def test_the_force_of_a_bone_is_smooth_and_none_before_it_touches():
+    gaps = np.linspace(-3.0 * ROUNDING, 3.0 * ROUNDING, 1201)
+    force, stiff = np.array([pressure_at(gap, PUSH, ROUNDING) for gap in gaps]).T
+    step = gaps[1] - gaps[0]
+    np.testing.assert_array_equal(force[gaps >= ROUNDING], 0.0)
+    np.testing.assert_allclose(force[gaps <= -ROUNDING], -PUSH * gaps[gaps <= -ROUNDING], rtol=1e-12)
+    # Continuous, and the derivative too, which changes by no more than the parabola's curvature says.
+    np.testing.assert_allclose(np.diff(force) / step, -(stiff[1:] + stiff[:-1]) / 2.0, atol=1e-6 * PUSH)
+    assert np.abs(np.diff(stiff)).max() <= PUSH / (2.0 * ROUNDING) * step * (1.0 + 1e-9)
+    energy = pressed(gaps)
+    np.testing.assert_allclose(-np.gradient(energy, step)[1:-1], force[1:-1], atol=1e-2)
+
+
+@pytest.mark.parametrize(("rows", "n", "size"), [(4, 9, 1.0), (6, 9, 1.0), (4, 33, 1.0), (4, 9, 1e-3)])
+def test_a_strained_pair_has_the_energy_of_its_modulus(rows, n, size):
+    """However many paths there are, or points on each, and whatever the unit is."""
+    x = np.zeros((rows * rows, n, 3))
+    x[..., :2] = np.stack(np.meshgrid(*[np.linspace(0.0, 16.0, rows)] * 2), axis=-1).reshape(-1, 1, 2)
+    x[..., 2] = np.linspace(0.0, 80.0, n)
+    found = neighbours_of(size * x)
+    paths, points = np.divmod(found.pairs, n)
+    assert (points[:, 0] == points[:, 1]).all()
+    assert np.bincount(paths.ravel(), minlength=rows * rows).min() >= NEIGHBOURS * (n - 2)
+    # Of a spring between n points along a path of length L and tension 1 per length: (L / (n - 1))^2.
+    energy = 0.5 * found.stiffness * (0.1 * found.distances) ** 2 * (n - 1) ** 2
+    np.testing.assert_allclose(energy, 0.5 * MODULUS * (0.1 * size * 80.0) ** 2, rtol=1e-9)
+
+
+def test_where_paths_meet_they_are_no_stiffer_than_half_as_far_apart():
+    x = np.zeros((5, 9, 3))
+    x[..., 2] = np.linspace(0.0, 80.0, 9)
+    x[..., 0] = np.linspace(0.0, 16.0, 5)[:, None] * np.linspace(1.0, 0.0, 9)
+    found = neighbours_of(x)
+    assert found.distances.min() < 1.0
+    least = 0.5 * np.median(found.distances)
+    length = np.linalg.norm(np.diff(x, axis=1), axis=2).sum(axis=1).mean()
+    assert found.stiffness.max() == pytest.approx(MODULUS * (length / (8.0 * least)) ** 2)

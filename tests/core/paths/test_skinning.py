@@ -1,0 +1,207 @@
+"""A muscle taken along by its paths: at rest it is where it is, and it goes with bones, paths and stretch."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from phantom_paths import known_paths, off_lines, paths_of, strung_phantom, swept, worse
+
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
+from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread, lines_on_surface
+from vtkmuscle.core.paths.sheet import GREATEST_STRETCH, POINTS, MusclePaths
+from vtkmuscle.core.paths.skinning import Skinning
+
+TURN = rotation_about((10.0, -20.0, 30.0), np.array([1.0, 2.0, 2.0]) / 3.0, 65.0)
+#: A straight tendon: its radius, and its length at rest [mm].
+RADIUS, LENGTH = 2.0, 100.0
+STRETCH = 1.5
+#: Points round it.
+ROUND = 8
+
+
+def skinning_of(make, paths, **settings):
+    made = strung_phantom(make, **settings)
+    return Skinning(paths, made.points, made.fixed_to)
+
+
+def flexed(make, bone, *angles, **settings):
+    motion = hinge(bone, centre=(0, 0, 0), axis=(-1, 0, 0), angles=[0.0, *angles])
+    return strung_phantom(make, **settings).poses(motion)[1:]
+
+
+def as_lines(fibres):
+    """Return the points of fibres (f, n, 3), one after the other, and the first of each."""
+    return fibres.reshape(-1, 3), fibres.shape[1] * np.arange(len(fibres) + 1)
+
+
+# -------------------------------------------------------------------- at rest, and all together
+
+
+@pytest.mark.parametrize(
+    "make", ["wrapping_cylinder", "lifting_strap", "spindle_over_ball", "tendon_through_ring"]
+)
+def test_at_rest_nothing_moves(make):
+    """Though paths are pulled taut at rest and leave their fibres."""
+    paths, made = paths_of(make), strung_phantom(make)
+    assert np.abs(paths.rest.points - made.fibres).max() > 0.1
+    skinning = skinning_of(make, paths)
+    muscle = skinning.at(paths.follow(paths.rest, paths.rest.transforms))
+    np.testing.assert_allclose(muscle.surface, made.points, rtol=0.0, atol=1e-9)
+    lines = as_lines(made.fibres)
+    moved = muscle.points(skinning.weights_of_fibres(*lines))
+    np.testing.assert_allclose(moved, lines[0], rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("make", ["lifting_strap", "strap_over_two_joints", "flexor_over_brim"])
+def test_a_muscle_goes_rigidly_with_bones_that_move_together(make):
+    """From rest, and from another pose."""
+    paths, made = paths_of(make), strung_phantom(make)
+    skinning = skinning_of(make, paths)
+    together = np.array([TURN] * len(paths.rest.transforms))
+    moved = skinning.at(paths.follow(paths.rest, together))
+    np.testing.assert_allclose(moved.surface, apply_transform(TURN, made.points), atol=1e-9)
+    (pose,) = flexed(make, "distal", 40.0)
+    here = paths.follow(paths.rest, pose)
+    there = skinning.at(paths.follow(here, TURN @ pose)).surface
+    np.testing.assert_allclose(there, apply_transform(TURN, skinning.at(here).surface), atol=1e-9)
+
+
+def test_weights_are_parts_of_one():
+    made, paths = strung_phantom("lifting_strap"), paths_of("lifting_strap")
+    weights = skinning_of("lifting_strap", paths).weights_of_fibres(*as_lines(made.fibres[:, ::2]))
+    np.testing.assert_allclose(weights.weights.sum(axis=1), 1.0, rtol=1e-12)
+    n = paths.fibres.shape[1]
+    assert (weights.carriers // n == np.repeat(np.arange(len(made.fibres)), n // 2 + 1)[:, None]).all()
+
+
+# -------------------------------------------------------------------- fibres inside
+
+
+CYLINDER, STRAP = ("wrapping_cylinder", {}, "pulley"), ("lifting_strap", {}, "distal")
+RIDGE, GROOVE = (("flexor_over_brim", {"groove": depth}, "distal") for depth in (-5.0, 8.0))
+
+
+@pytest.mark.parametrize(
+    ("make", "settings", "bone", "bound"),
+    [
+        ("spindle_over_ball", {}, "distal", 0.02),
+        (*STRAP, 0.25),
+        worse((*STRAP, 0.2), "0.204 mm, of which 0.06 at rest"),
+        (*CYLINDER, 0.5),
+        worse((*CYLINDER, 0.2), "0.497 mm, of which 0.02 at rest"),
+        (*RIDGE, 0.5),
+        worse((*RIDGE, 0.2), "0.45 mm, of which 0.38 at rest"),
+        (*GROOVE, 1.4),
+        worse((*GROOVE, 0.2), "1.36 mm, all of it at rest, where the path leaves its fibre"),
+    ],
+)
+def test_fibres_inside_are_where_their_paths_are(make, settings, bone, bound):
+    paths = known_paths(make, **settings)
+    skinning = skinning_of(make, paths, **settings)
+    # Every second point, as of fibres that have fewer than paths have.
+    fibres = paths.fibres[:, ::2]
+    weights = skinning.weights_of_fibres(*as_lines(fibres))
+    for state in swept(paths, flexed(make, bone, 20.0, 40.0, 60.0, **settings)):
+        moved = skinning.at(state).points(weights).reshape(fibres.shape)
+        assert off_lines(moved, state.points).max() < bound
+        for end, bones in ((0, paths.start_bones), (-1, paths.end_bones)):
+            turns = state.transforms[bones]
+            at_bone = np.einsum("fij,fj->fi", turns[:, :3, :3], fibres[:, end]) + turns[:, :3, 3]
+            np.testing.assert_allclose(moved[:, end], at_bone, rtol=0.0, atol=1e-9)
+
+
+def test_a_wound_strap_keeps_its_distance_from_the_cylinder():
+    """Its surface goes round as its paths do: no point of the free part comes nearer than 1 mm too much."""
+    made, paths = strung_phantom("wrapping_cylinder"), paths_of("wrapping_cylinder")
+    skinning = skinning_of("wrapping_cylinder", paths)
+    for state in swept(paths, flexed("wrapping_cylinder", "pulley", 20.0, 40.0, 60.0, 80.0)):
+        radius = np.linalg.norm(skinning.at(state).surface[made.fixed_to < 0, 1:], axis=1)
+        assert radius.min() > 24.0
+
+
+# -------------------------------------------------------------------- stretch
+
+
+@cache
+def tendon(segments, rings=64):
+    """Return a straight tendon's paths, points, triangles and the bones of its ends; along z."""
+    turn = np.linspace(0.0, 2.0 * np.pi, ROUND, endpoint=False)
+    z = np.linspace(0.0, LENGTH, rings + 1)
+    shell = np.stack(
+        [
+            np.tile(RADIUS * np.cos(turn), (rings + 1, 1)),
+            np.tile(RADIUS * np.sin(turn), (rings + 1, 1)),
+            np.repeat(z[:, None], ROUND, axis=1),
+        ],
+        axis=-1,
+    ).reshape(-1, 3)
+    points = np.vstack([shell, [[0.0, 0.0, 0.0], [0.0, 0.0, LENGTH]]])
+    triangles = []
+    for ring, at in np.ndindex(rings, ROUND):
+        a, b = ring * ROUND + at, ring * ROUND + (at + 1) % ROUND
+        triangles += [(a, b, b + ROUND), (a, b + ROUND, a + ROUND)]
+    for at in range(ROUND):
+        a, b = at, (at + 1) % ROUND
+        triangles += [(len(shell), b, a), (len(shell) + 1, rings * ROUND + a, rings * ROUND + b)]
+    fixed_to = np.where(points[:, 2] == 0.0, 0, np.where(points[:, 2] == LENGTH, 1, -1))
+    across = np.vstack([[(0.0, 0.0)], 0.6 * RADIUS * np.column_stack([np.cos(turn[:6]), np.sin(turn[:6])])])
+    fibres = np.zeros((len(across), segments + 1, 3))
+    fibres[:, :, :2], fibres[:, :, 2] = across[:, None], np.linspace(0.0, LENGTH, segments + 1)
+    ends = np.zeros(len(fibres), dtype=int), np.ones(len(fibres), dtype=int)
+    paths = MusclePaths(fibres, *ends, points, np.array(triangles), {})
+    return paths, points, np.array(triangles), fixed_to
+
+
+@pytest.mark.parametrize("segments", [16, 32, 64])
+def test_a_thin_tendon_that_is_stretched_is_a_thinner_cylinder(segments):
+    """No sawtooth at the pitch of the paths' points: 64 rings of 8 points each, between 16, 32 and 64."""
+    paths, points, triangles, fixed_to = tendon(segments)
+    pulled = np.array([np.eye(4)] * 2)
+    pulled[1, 2, 3] = (STRETCH - 1.0) * LENGTH
+    state = paths.follow(paths.rest, pulled)
+    np.testing.assert_allclose(state.lengths, STRETCH * LENGTH, rtol=1e-3)
+    surface = Skinning(paths, points, fixed_to).at(state).surface
+    np.testing.assert_allclose(surface[fixed_to >= 0, 2], STRETCH * points[fixed_to >= 0, 2], atol=1e-9)
+    # But for the ends, which keep their width.
+    inner = np.abs(points[:, 2] - LENGTH / 2.0) < LENGTH / 2.0 - 5.0 * RADIUS
+    rings = surface[inner].reshape(-1, ROUND, 3)
+    radius = np.hypot(rings[:, :, 0], rings[:, :, 1])
+    np.testing.assert_allclose(radius, RADIUS / np.sqrt(STRETCH), atol=0.06)
+    np.testing.assert_allclose(surface[inner, 2], STRETCH * points[inner, 2], atol=0.01)
+    assert np.abs(np.diff(radius, n=2, axis=0)).max() < 0.002
+    assert np.abs(np.diff(rings[:, :, 2], n=2, axis=0)).max() < 0.002
+    volume = signed_volume(surface, triangles) / signed_volume(points, triangles)
+    assert volume == pytest.approx(1.0, abs=0.05)
+
+
+def test_the_stretch_has_bounds():
+    """Ten times as long is no muscle any more; what is made of it is finite."""
+    paths, points, _, fixed_to = tendon(32)
+    pulled = np.array([np.eye(4)] * 2)
+    pulled[1, 2, 3] = 9.0 * LENGTH
+    surface = Skinning(paths, points, fixed_to).at(paths.follow(paths.rest, pulled)).surface
+    middle = np.abs(points[:, 2] - LENGTH / 2.0) < 0.2 * LENGTH
+    assert np.isfinite(surface).all()
+    radius = np.hypot(*surface[middle, :2].T)
+    assert radius.mean() == pytest.approx(RADIUS / np.sqrt(GREATEST_STRETCH), rel=0.05)
+
+
+# -------------------------------------------------------------------- what may go wrong
+
+
+def test_paths_all_in_one_place_do_not_turn_the_muscle():
+    """Stand-ins of fibres often end at the same points: they lie in each other, and tell of no turn."""
+    made = strung_phantom("spindle_over_ball")
+    topology = mesh_topology(len(made.points), made.triangles)
+    fibres = evenly_spread(*lines_on_surface(made.points, topology, made.fixed_to), POINTS)
+    start, end = bones_at_ends(fibres, made.points, made.fixed_to)
+    paths = made.pulled(fibres=fibres, start_bones=start, end_bones=end)
+    skinning = skinning_of("spindle_over_ball", paths)
+    assert len(np.unique(fibres[:, 1].round(6), axis=0)) < len(fibres) / 2
+    np.testing.assert_allclose(skinning.at(paths.rest).surface, made.points, rtol=0.0, atol=1e-9)
+    for state in swept(paths, flexed("spindle_over_ball", "distal", 20.0, 40.0, 60.0)):
+        moved = skinning.at(state).surface
+        volume = signed_volume(moved, made.triangles) / signed_volume(made.points, made.triangles)
+        assert 0.5 < volume < 1.5

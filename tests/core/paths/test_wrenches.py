@@ -1,0 +1,98 @@
+"""What paths do to the bones: all of it together is nothing, and each part of it is a slope of lengths."""
+
+import numpy as np
+import pytest
+from phantom_paths import AXIS, HINGES, angles, known_paths, levers, strung_phantom, swept, turned, worse
+
+from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
+from vtkmuscle.phantoms.two_joint_strap import ARMS
+
+#: Small twists of a bone: so far [mm], and so far at this distance from the middle of the muscle [mm].
+SMALL, REACH = 0.2, 50.0
+
+
+def twisted(pose, bone, number, size, middle):
+    """Return a pose with a bone moved along an axis, or turned about one through a point."""
+    twist, axis = np.eye(4), np.eye(3)[number % 3]
+    if number < 3:
+        twist[:3, 3] = size * axis
+    else:
+        twist = rotation_about(middle, axis, np.degrees(size / REACH))
+    moved = np.array(pose)
+    moved[bone] = twist @ moved[bone]
+    return moved
+
+
+@pytest.mark.parametrize(
+    ("number", "angle", "mean", "each"),
+    [
+        (0, 20.0, 0.6, 0.8),
+        worse((0, 20.0, 0.3, 0.4), "mean 0.55, each 0.71 mm, also of a sheet that has settled to rounding"),
+        (1, 15.0, 0.05, 0.2),
+        (2, 30.0, 0.3, 2.5),
+        worse((2, 30.0, 0.3, 1.0), "each 2.2 mm, also of a sheet that has settled to rounding"),
+        (3, 40.0, 0.5, 3.0),
+        worse((3, 40.0, 0.3, 1.0), "mean 0.35, each 2.5 mm"),
+        (4, 10.0, 0.1, 0.2),
+        worse((4, 30.0, 0.3, 1.0), "mean 5 to 9, each 27 to 47 mm: the ring takes hold of other points"),
+        (5, 30.0, 0.3, 0.4),
+    ],
+)
+def test_wrenches_are_slopes_of_lengths(number, angle, mean, each):
+    """Central differences, of all six parts, in mm of lever: on the mean of the fibres, and of each."""
+    make, settings, name, *_ = HINGES[number]
+    paths, (pose,) = known_paths(make, **settings), turned(make, settings, name, [angle])
+    bone = strung_phantom(make, **settings).names.index(name)
+    state = paths.follow(paths.rest, pose)
+    middle = state.points.reshape(-1, 3).mean(axis=0)
+    wrenches = state.wrenches[:, bone].copy()
+    wrenches[:, 3:] -= np.cross(middle, wrenches[:, :3])
+    for part in range(6):
+        there, back = (
+            paths.follow(state, twisted(pose, bone, part, size, middle)).lengths for size in (SMALL, -SMALL)
+        )
+        slopes = -(there - back) / (2.0 * SMALL) * REACH
+        lever = wrenches[:, part] * (REACH if part < 3 else 1.0)
+        assert np.abs(slopes - lever).max() < each
+        assert abs((slopes - lever).mean()) < mean
+
+
+@pytest.mark.parametrize("make", ["flexor_over_brim", "tendon_through_ring"])
+def test_forces_and_moments_of_a_path_are_none_in_all(make):
+    """Nothing but bones holds it, and what goes with them: about any point."""
+    for state in swept(known_paths(make), turned(make, {}, "distal", angles(0.0, 60.0, 15.0))):
+        np.testing.assert_allclose(state.wrenches.sum(axis=1), 0.0, atol=1e-11)
+
+
+def test_a_strap_on_a_cylinder_has_its_radius_as_lever_in_every_pose():
+    """The levers of chords are shorter than the radius, those of a bone of flat triangles 1 %."""
+    pulley = strung_phantom("wrapping_cylinder").names.index("pulley")
+    poses = turned("wrapping_cylinder", {}, "pulley", angles(-60.0, 80.0, 4.0))
+    for state in swept(known_paths("wrapping_cylinder"), poses):
+        assert levers(state, [pulley], (0, 0, 0), AXIS).mean() == pytest.approx(-30.0, abs=0.4)
+
+
+def test_a_spindle_in_free_space_has_the_lever_of_the_line_between_its_ends():
+    """Alone: nothing presses on it."""
+    made, paths = strung_phantom("spindle_over_ball"), known_paths("spindle_over_ball")
+    ends = paths.start_bones[4:5], paths.end_bones[4:5]
+    alone = made.pulled(fibres=paths.fibres[4:5], start_bones=ends[0], end_bones=ends[1], bones={})
+    for state in swept(alone, turned("spindle_over_ball", {}, "distal", angles(-10.0, 60.0, 10.0))):
+        end = apply_transform(state.transforms[1], alone.fibres[:, -1])
+        pull = alone.fibres[:, 0] - end
+        pull /= np.linalg.norm(pull, axis=1, keepdims=True)
+        for axis in np.eye(3):
+            right = np.cross(end, pull) @ axis
+            np.testing.assert_allclose(levers(state, [1], (0, 0, 0), axis), right, atol=1e-6)
+
+
+@pytest.mark.parametrize("upper", [1.5, worse(0.6, "1.4 mm")])
+def test_a_strap_over_two_joints_has_both_rollers_as_levers_in_every_pose(upper):
+    """But for what chords and flat triangles take: 0.6 mm of 26, 0.6 of 18."""
+    made = strung_phantom("strap_over_two_joints")
+    numbers = [made.names.index(name) for name in ("middle", "distal")]
+    for state in swept(known_paths("strap_over_two_joints"), made.poses()):
+        lower = apply_transform(state.transforms[numbers[0]], [made.phantom.known["centres"]["lower"]])[0]
+        mean = levers(state, numbers, (0, 0, 0), AXIS).mean()
+        assert mean == pytest.approx(ARMS[0], abs=upper)
+        assert levers(state, numbers[1:], lower, -AXIS).mean() == pytest.approx(-ARMS[1], abs=0.6)
