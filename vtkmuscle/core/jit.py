@@ -46,10 +46,6 @@ def kernel(function: F) -> F:
     return _compiled(function)
 
 
-#: For a function that makes arrays, the same.
-array_kernel = kernel
-
-
 def reduction(function: F) -> F:
     """Compile as :func:`kernel` does; sums may be taken in several parts at a time."""
     return _compiled(function, fastmath={"contract", "reassoc"})
