@@ -24,7 +24,7 @@ from vtkmuscle import Scene
 from vtkmuscle.core.collision import contact
 from vtkmuscle.core.deformation import diffusion, settling
 from vtkmuscle.core.mesh import rest_shape
-from vtkmuscle.core.paths import carrying, paths
+from vtkmuscle.core.paths import sheet, skinning
 from vtkmuscle.filters.base.algorithm import Algorithm
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.filters.fibre_transport import FibreTransport
@@ -44,8 +44,8 @@ STEP, FIBRES, OTHER = "step of PBDDeformer", "fibres", "everything else"
 STAGES: dict[str, list[tuple[Any, str]]] = {
     "bone motion": [(BoneMotion, "RequestData")],
     "reading inputs": [(PBDDeformer, "_prepare")],
-    "pulling strings taut": [(paths.TautPaths, "follow")],
-    "carrying the muscle along": [(carrying.Carrier, "at")],
+    "paths": [(sheet.MusclePaths, "follow")],
+    "skinning": [(skinning.Skinning, "at"), (skinning.SkinnedMuscle, "points")],
     "diffusion": [(diffusion.Diffusion, "spread")],
     "collision": [(contact.Contact, "__init__"), (contact.Contact, "keep_out")],
     "the rest of settling": [(settling.Settling, "settle")],

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from tiny_scene import ellipsoid, write_tiny_scene
 from typer.testing import CliRunner
-from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle import Scene, hinge
 from vtkmuscle.cli import app
@@ -17,11 +16,8 @@ from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 from vtkmuscle.core.moment_arms.length_jumps import even_stretches, largest_turns, length_jumps
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.arrays import (
-    Polylines,
     checked_surface,
     points_of,
-    polylines_from,
-    set_cell_array,
     set_point_array,
     surface_from,
     triangles_of,
@@ -33,7 +29,7 @@ from vtkmuscle.run.limits import BEYOND, CHECKS, FULL_SIZE, LONGEST, SHORTEST
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report import DEFINITIONS
 from vtkmuscle.run.scenes import bone_shapes
-from vtkmuscle.run.verdict import judge, reasons_of, slackness_of
+from vtkmuscle.run.verdict import judge, reasons_of
 
 #: What a good frame has.
 GOOD = {
@@ -75,7 +71,7 @@ AT_REST = {"crossing_share": 0.1, "hooked_share": 0.0, "turning_p95_deg": 150.0,
 
 
 def verdict(table=None, **given):
-    fibres = {"lengths": lengths(), "rest_lengths": lengths()[0], "slackness": np.ones((FRAMES, 10))}
+    fibres = {"lengths": lengths(), "rest_lengths": lengths()[0]}
     fibres["at_rest"] = AT_REST
     return judge(table or rows(), **{**fibres, "motion": MOTION, "n_edges": 1000, **given})
 
@@ -139,20 +135,13 @@ def test_a_length_that_jumps_is_told(change, expected, at):
     assert [(r.check, r.frame) for r in reasons_of(found)] == ([] if expected == "ok" else [("jumps", at)])
 
 
-def test_fibres_that_hang_loose_are_told_and_where_it_is_not_known_that_is_told():
-    for slack, expected in ((1.03, "ok"), (1.08, "look"), (1.2, "failed")):
-        loose = np.ones((FRAMES, 10))
-        loose[7, :3] = slack
-        found = verdict(slackness=loose)
-        assert found["verdict"] == expected
-        assert [(r.check, r.frame) for r in reasons_of(found)] == ([] if expected == "ok" else [("slack", 7)])
-    assert verdict(slackness=None)["not_checked"] == {"slack": "the fibres have no array TautLength"}
+def test_where_there_are_no_fibres_that_is_told():
     bare = verdict(lengths=None, rest_lengths=None, at_rest=None)
     assert bare["verdict"] == "ok"
     assert bare["not_checked"] == dict.fromkeys(
         (
             *("long fibres", "short fibres", "jumps", "slid off"),
-            *("crossed fibres", "hooked fibres", "winding fibres", "bare", "slack"),
+            *("crossed fibres", "hooked fibres", "winding fibres", "bare"),
         ),
         "it has no fibres",
     )
@@ -191,7 +180,7 @@ def test_what_has_no_figure_is_not_judged_and_told():
 
 def test_what_could_not_be_computed_failed_also_in_the_first_frame_kept():
     for count in (5, 0):
-        whole = {"lengths": lengths()[:count], "slackness": np.ones((count, 10))}
+        whole = {"lengths": lengths()[:count]}
         failure = (5, 10.0, InputError("", "out of range", "use less force"))
         found = judge(rows()[:count], **whole, rest_lengths=lengths()[0], n_edges=1000, failure=failure)
         (reason,) = reasons_of(found)
@@ -352,25 +341,6 @@ def test_an_open_bone_is_measured_with_its_holes_closed(tmp_path):
     np.testing.assert_allclose(distances["upper"].depth(middle), exact, rtol=0.05)
     sheet = surface_from(np.array([[0.0, 0, 0], [9, 0, 0], [0, 9, 0]]), np.array([[0, 1, 2]]))
     assert set(bone_shapes(replace(scene, bones={**scene.bones, "plate": sheet}))) == {"upper", "lower"}
-
-
-def test_slackness_is_against_the_taut_length_and_what_it_is_at_rest():
-    def fibres(length, taut):
-        lines = polylines_from(Polylines(np.array([[0.0, 0, 0], [length, 0, 0]]), np.array([0, 2])))
-        set_cell_array(lines, "Length", np.array([length]))
-        if taut is not None:
-            set_cell_array(lines, "TautLength", np.array([taut]))
-        return lines
-
-    frames = [fibres(11.0, 10.0), fibres(12.0, 10.0)]
-    found = [np.array([110.0]), np.array([120.0])]
-    assert isinstance(frames[0], vtkPolyData)
-    np.testing.assert_allclose(slackness_of(frames, found, None, 10.0)[:, 0], [1.1, 1.2])
-    np.testing.assert_allclose(
-        slackness_of(frames, found, fibres(10.5, 10.0), 10.0)[:, 0], [1.1 / 1.05, 1.2 / 1.05]
-    )
-    assert slackness_of([*frames, fibres(1.0, None)], [*found, found[0]], None, 10.0) is None
-    assert slackness_of([], [], None, 1.0) is None
 
 
 # ------------------------------------------------------------------------------- runs

@@ -24,8 +24,6 @@ from vtkmuscle.io.parts import Parts
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.run.verdict import VERDICTS
 
-#: What tells tasks apart.
-WHICH = ("subject", "motion", "setting", "sample", "muscle")
 #: Most outliers that are listed.
 _OUTLIERS = 50
 

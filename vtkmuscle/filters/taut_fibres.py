@@ -108,7 +108,7 @@ class TautFibres(HistoryFilter[PathState]):
     output = OutputPort(
         vtkPolyData,
         doc="The paths, with the cell and field arrays of the rest fibres and the cell arrays ``Length``, "
-        "``TautLength`` (the same) and ``RestLength`` (at rest) [mm], ``Ratio`` (of the two), "
+        "``RestLength`` (at rest) [mm], ``Ratio`` (of the two), "
         "``Contact`` (points that bones or rings press on), ``PathLength`` (the length again, as that of the "
         "paths) and "
         "``PathWrench_BONE`` (6), force [1] and moment about the origin [mm] that a path of unit tension "
@@ -207,7 +207,6 @@ class TautFibres(HistoryFilter[PathState]):
         for name, values in (
             *found.items(),
             ("Length", lengths),
-            ("TautLength", lengths),
             ("RestLength", rest),
             ("Ratio", lengths / rest),
             ("Contact", state.contacts),

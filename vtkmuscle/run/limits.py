@@ -129,10 +129,8 @@ CHECKS = {
         "hold the muscle there as its tissue does, by a via ring on that bone (role = 'via'), or correct its "
         "attachments; do not use moment arms from there on",
     ),
-    # 5 % of a fibre of 100 to 200 mm are 5 to 10 mm that a taut muscle would not have: over 60 degrees a
-    # moment arm that is wrong by 5 to 10 mm. Of muscles whose fibres are well by eye up to a sixth of the
-    # neighbours change sides, where they run together in a tip; of a sheet whose fibres go to the other edge
-    # nine tenths do.
+    # Of muscles whose fibres are well by eye up to a sixth of the neighbours change sides, where they run
+    # together in a tip; of a sheet whose fibres go to the other edge nine tenths do.
     "crossed fibres": Check(
         30.0,
         60.0,
@@ -163,13 +161,6 @@ CHECKS = {
         "%",
         "{} of its volume have no fibres at rest",
         "check its attachments; without aponeuroses take course = 'sections'",
-    ),
-    "slack": Check(
-        1.05,
-        1.15,
-        "",
-        "one fibre in ten is {} times as long as one pulled taut, or more: it hangs loose",
-        "do not use its lengths and moment arms there; take those of taut fibres, or a stiffer model",
     ),
     # FibreTransport keeps points to rounding inside where the muscle does not fold; at rest 0.5 mm counts as
     # inside. A fibre that is 15 mm off is anywhere.

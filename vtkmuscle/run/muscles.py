@@ -37,7 +37,7 @@ from vtkmuscle.run.pipeline import muscle_pipeline
 from vtkmuscle.run.report import fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.sliding import slides_of
 from vtkmuscle.run.track import MuscleTrack
-from vtkmuscle.run.verdict import judge, slackness_of
+from vtkmuscle.run.verdict import judge
 from vtkmuscle.scene.data import SceneData
 
 Progress = Callable[[str, str, float], None]
@@ -250,7 +250,7 @@ class MuscleRun:
         """Add the verdict on the frames that are there to the report."""
         track, millimetres = self.track, self.scene.millimetres
         rows = track.report["frames"]
-        lengths = rest_lengths = slackness = None
+        lengths = rest_lengths = None
         slides: list[tuple[float, str] | None] = []
         motion = self.scene.motion.part(numbers[: len(rows)]) if rows else None
         if track.fibre_lengths and track.rest_fibres is not None:
@@ -260,13 +260,11 @@ class MuscleRun:
                 polyline_lengths(lines.points, lines.offsets),
             )
             rest_lengths = rest_lengths * millimetres
-            slackness = slackness_of(track.fibres, track.fibre_lengths, track.rest_fibres, millimetres)
             slides = self._slides(lengths, motion, measure)
         track.report["verdict"] = judge(
             rows,
             lengths=lengths,
             rest_lengths=rest_lengths,
-            slackness=slackness,
             slides=slides,
             at_rest=None if lengths is None else track.report["fibres"],
             motion=motion,

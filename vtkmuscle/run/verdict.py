@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,25 +12,21 @@ from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.moment_arms.length_jumps import even_stretches, largest_turns, length_jumps
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import cell_array
 from vtkmuscle.run.limits import CHECKS, FULL_SIZE, STEPS
 
 OK, LOOK, FAILED = "ok", "look", "failed"
 #: Verdicts, the better one first.
 VERDICTS = (OK, LOOK, FAILED)
 
-#: Cell array of fibres: the length that each would have pulled taut, in the scene's unit.
-TAUT_LENGTH = "TautLength"
-
-#: The checks that need fibres.
-#: ... and what :func:`vtkmuscle.run.report.fibres_at_rest` says of these, to per cent or degrees.
+#: What :func:`vtkmuscle.run.report.fibres_at_rest` says of these, to per cent or degrees.
 _AT_REST = {
     "crossed fibres": ("crossing_share", 100.0),
     "hooked fibres": ("hooked_share", 100.0),
     "winding fibres": ("turning_p95_deg", 1.0),
     "bare": ("bare_share", 100.0),
 }
-_OF_FIBRES = ("long fibres", "short fibres", "jumps", "slid off", "slack", "fibres outside", "fibres in bone")
+#: The checks that need fibres.
+_OF_FIBRES = ("long fibres", "short fibres", "jumps", "slid off", "fibres outside", "fibres in bone")
 
 
 @dataclass(frozen=True)
@@ -72,7 +68,6 @@ def judge(
     *,
     lengths: Floats | None = None,
     rest_lengths: Floats | None = None,
-    slackness: Floats | None = None,
     slides: Sequence[tuple[float, str] | None] = (),
     at_rest: Mapping[str, Any] | None = None,
     motion: RigidMotion | None = None,
@@ -90,8 +85,6 @@ def judge(
         Of the fibres in these frames [mm].
     rest_lengths : (k,) array, optional
         At rest [mm].
-    slackness : (f, k) array, optional
-        Length / length pulled taut.
     slides : sequence of (float, str) or None, optional
         Per frame how far a fibre slid aside on a bone [mm], and on which, as
         :func:`~vtkmuscle.run.sliding.slides_of` gives it.
@@ -112,7 +105,7 @@ def judge(
         JSON-able: ``verdict``, the worst of its ``reasons``, which are those of :class:`Reason` from the
         worst on, and ``not_checked``, what was not judged and why.
     """
-    values, missing = _series(rows, lengths, rest_lengths, slackness, slides, at_rest, motion, n_edges)
+    values, missing = _series(rows, lengths, rest_lengths, slides, at_rest, motion, n_edges)
     reasons = [
         reason
         for name, series in values.items()
@@ -141,38 +134,10 @@ def reasons_of(verdict: Mapping[str, Any]) -> list[Reason]:
     return [Reason(**reason) for reason in verdict["reasons"]]
 
 
-def slackness_of(
-    frames: Iterable[Any], lengths: Sequence[Floats], rest: Any, millimetres: float
-) -> Floats | None:
-    """Return length / taut length of fibres (f, k), where each frame has the cell array ``TautLength``.
-
-    Where the fibres at rest have it too, their own slackness is divided out: a fibre that winds through its
-    muscle at rest does not hang loose. ``lengths`` are in millimetres, (k,) per frame.
-    """
-    taut = [_taut(fibres, millimetres) for fibres in frames]
-    if not taut or any(one is None for one in taut):
-        return None
-    ratio: Floats = np.array(lengths) / np.maximum(np.array(taut), 1e-12)
-    rested = None if rest is None else _taut(rest, millimetres)
-    if rested is not None and rest.GetCellData().HasArray("Length"):
-        own = (
-            np.asarray(cell_array(rest, "Length", "fibres at rest")) * millimetres / np.maximum(rested, 1e-12)
-        )
-        ratio = ratio / np.maximum(own, 1.0)
-    return ratio
-
-
-def _taut(fibres: Any, millimetres: float) -> Floats | None:
-    if not fibres.GetCellData().HasArray(TAUT_LENGTH):
-        return None
-    return np.asarray(cell_array(fibres, TAUT_LENGTH, "fibres"), dtype=np.float64) * millimetres
-
-
 def _series(
     rows: Sequence[Mapping[str, Any]],
     lengths: Floats | None,
     rest_lengths: Floats | None,
-    slackness: Floats | None,
     slides: Sequence[tuple[float, str] | None],
     at_rest: Mapping[str, Any] | None,
     motion: RigidMotion | None,
@@ -201,7 +166,6 @@ def _series(
     if lengths is None or rest_lengths is None or not len(lengths):
         missing |= dict.fromkeys((*_OF_FIBRES, *_AT_REST), "it has no fibres")
     else:
-        missing["slack"] = f"the fibres have no array {TAUT_LENGTH}"
         ratios = lengths / np.maximum(rest_lengths, 1e-12)
         values["long fibres"] = np.percentile(ratios, 95, axis=1)
         values["short fibres"] = np.percentile(ratios, 5, axis=1)
@@ -212,8 +176,6 @@ def _series(
         values["slid off"] = np.array(
             [0.0 if one is None else one[0] for one in slides or [None] * len(times)]
         )
-        if slackness is not None:
-            values["slack"] = np.percentile(slackness, 90, axis=1)
     if at_rest is not None:  # the same in all frames: the first is named
         for name, (key, scale) in _AT_REST.items():
             values[name] = np.full(len(rows), scale * at_rest[key])

@@ -130,10 +130,6 @@ class Estimate:
             "total": _root_mean_square(self.total),
         }
 
-    def with_parts(self, parts: Mapping[str, Floats]) -> Estimate:
-        """Return the same quantity with more parts; those of the same name are replaced."""
-        return Estimate(self.value, self.unit, {**self.parts, **parts})
-
 
 def _root_mean_square(values: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else 0.0

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import array_kernel, kernel
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -59,26 +59,19 @@ class VoxelGrid:
     remarks: tuple[str, ...] = ()
 
     def contains(self, points: Floats) -> Bools:
-        """Return whether each point (n, 3) [mm, rest pose] lies in a boundary or inside cell, (n,)."""
-        return self._all_beside(points, BOUNDARY)
+        """Return whether each point (n, 3) [mm, rest pose] lies in a boundary or inside cell, (n,).
 
-    def encloses(self, points: Floats) -> Bools:
-        """Return whether each point (n, 3) [mm, rest pose] lies in an inside cell, (n,)."""
-        return self._all_beside(points, INSIDE)
-
-    def _all_beside(self, points: Floats, least: int) -> Bools:
-        """Return whether all cells that a point lies in are at least that, (n,); on a face it lies in two."""
+        On a face it lies in two cells, and both have to be.
+        """
         positions = np.ascontiguousarray(points, dtype=np.float64)
         found = np.empty(len(positions), dtype=np.bool_)
-        _beside(positions, self.origin, self.spacing, self.cells, least, found, np.empty((2, 3), np.int64))
+        _beside(positions, self.origin, self.spacing, self.cells, found, np.empty((2, 3), np.int64))
         return found
 
 
 @kernel
-def _beside(
-    points: Floats, origin: Floats, spacing: Floats, cells: Cells, least: int, found: Bools, span: Ints
-) -> None:
-    """Write whether each point's cells are at least that; span : (2, 3) working memory."""
+def _beside(points: Floats, origin: Floats, spacing: Floats, cells: Cells, found: Bools, span: Ints) -> None:
+    """Write whether all cells that each point lies in are of the bone; span : (2, 3) working memory."""
     for i in range(len(points)):
         within = True
         for axis in range(3):
@@ -90,7 +83,7 @@ def _beside(
         for x in range(span[0, 0], span[1, 0] + 1):
             for y in range(span[0, 1], span[1, 1] + 1):
                 for z in range(span[0, 2], span[1, 2] + 1):
-                    within = within and cells[x, y, z] >= least
+                    within = within and cells[x, y, z] >= BOUNDARY
         found[i] = within
 
 
@@ -171,7 +164,7 @@ def _shared_out(sides: Floats, n_max: int) -> Ints:
     return counts
 
 
-@array_kernel
+@kernel
 def _mark_boundary(corners: Floats, cells: Cells) -> None:
     """Mark the cells that a triangle meets.
 

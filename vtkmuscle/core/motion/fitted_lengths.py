@@ -18,6 +18,8 @@ from vtkmuscle.core.types import Floats, Ints
 PARTS = 5
 #: A higher order must foretell held-back lengths better by this part, or it is not worth its terms.
 WORTH = 0.05
+#: The highest sum of powers that is tried.
+HIGHEST_ORDER = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,20 +34,15 @@ class LengthFit:
         Root mean square at poses that were held back, each once, by which the order was chosen.
     error, largest_error : float
         Root mean square and largest, at all poses, of the fit to all.
-    errors_of_orders : dict of int to float
-        Error at the held-back poses, by order.
     """
 
     path: FunctionPath
     held_back_error: float
     error: float
     largest_error: float
-    errors_of_orders: dict[int, float]
 
 
-def fit_length(
-    lengths: Floats, values: Mapping[str, Floats], *, highest_order: int = 6, seed: int = 0
-) -> LengthFit:
+def fit_length(lengths: Floats, values: Mapping[str, Floats], *, seed: int = 0) -> LengthFit:
     """Return the polynomial of coordinates that gives a length best where it was not fitted.
 
     Parameters
@@ -55,8 +52,6 @@ def fit_length(
     values : mapping of str to (f,) array
         Of the coordinates that it depends on [radians, or their unit of length]; those that do not change are
         left out.
-    highest_order : int, optional
-        The highest sum of powers that is tried.
     seed : int, optional
         By which poses are held back.
 
@@ -88,7 +83,7 @@ def fit_length(
     scaled = (samples - middle) / half
     levels = min(len(np.unique(column.round(9))) for column in samples.T)
     errors: dict[int, float] = {}
-    for order in range(1, highest_order + 1):
+    for order in range(1, HIGHEST_ORDER + 1):
         count = len(powers(samples.shape[1], order))
         if count > 0.7 * (part != 0).sum() or order >= levels:
             break
@@ -107,7 +102,7 @@ def fit_length(
     coefficients = _unscaled(_solved(scaled, lengths, order), middle, half, order)
     path = FunctionPath(tuple(moving), order, coefficients)
     off = terms(samples, order) @ coefficients - lengths
-    return LengthFit(path, errors[order], _rms(off), float(np.abs(off).max()), errors)
+    return LengthFit(path, errors[order], _rms(off), float(np.abs(off).max()))
 
 
 def group_fibres(lengths: Floats, count: int, *, seed: int = 0) -> Ints:

@@ -14,6 +14,10 @@ from vtkmuscle.core.types import Floats
 #: is that at the nearest points of the fibre where it does not.
 BESIDE = 0.1
 
+#: A point less deep in the muscle than this part of the fibres' extent is on its surface, as their ends are:
+#: rounding does not decide what lies below it.
+ON_SURFACE = 1e-6
+
 #: Steps of the search for the muscle's surface.
 _STEPS = 30
 
@@ -78,7 +82,7 @@ def tissue_between(
     beside[sure] /= size[sure, None]
     way = np.zeros(len(at))
     depth = np.maximum(-muscle.signed(at)[0], 0.0)
-    nearest, inside = depth.copy(), depth > 0.0
+    nearest, inside = depth.copy(), depth > ON_SURFACE * float(np.ptp(at, axis=0).max())
     going = np.flatnonzero(sure & inside)
     for _ in range(_STEPS):
         # No surface is nearer than the depth: go on by that much.
