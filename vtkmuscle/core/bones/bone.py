@@ -23,7 +23,7 @@ from vtkmuscle.core.bones.lookup import (
     put_into_table,
 )
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.mesh.sampling import uneven_weights
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import FAR, Solids, solids_of
@@ -298,7 +298,7 @@ def _empty_table(least: int) -> tuple[Ints, np.ndarray[tuple[int], np.dtype[np.i
     return np.full(size, EMPTY, dtype=np.int64), np.zeros(size, dtype=np.int32)
 
 
-@kernel
+@array_kernel
 def _look_up(
     field: Field,
     axes: Floats,
@@ -332,7 +332,7 @@ def _look_up(
         lacks[i] = field.lacking[0] > before
 
 
-@kernel
+@array_kernel
 def _find_outside(field: Field, axes: Floats, points: Floats, outside: Bools) -> None:
     """Write which points are outside by the overview, or by what is known of the field."""
     at = np.empty(3)

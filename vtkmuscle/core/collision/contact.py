@@ -10,7 +10,7 @@ import numpy as np
 from vtkmuscle.core.collision.clearance import Clearance
 from vtkmuscle.core.collision.muscle_contact import MuscleContact
 from vtkmuscle.core.collision.obstacles import Approach, Obstacle
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -306,7 +306,7 @@ def _moved_boxes(transforms: Floats, middles: Floats, halves: Floats) -> tuple[F
     return centres - reach, centres + reach
 
 
-@kernel
+@array_kernel
 def _box(points: Floats, free: Bools) -> tuple[Floats, Floats]:
     """Return the lowest and highest coordinates of the free points, infinite where there is none."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
@@ -322,7 +322,7 @@ def _box(points: Floats, free: Bools) -> tuple[Floats, Floats]:
     return low, high
 
 
-@kernel
+@array_kernel
 def _box_seen_from(transform: Floats, points: Floats, free: Bools) -> tuple[Floats, Floats]:
     """Return the lowest and highest coordinates of the free points where a transform takes them."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from vtkmuscle.core.collision.voxels import ON_A_FACE, OUTSIDE, Cells, VoxelGrid
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.motion.rigid import inverse, transform_point
 from vtkmuscle.core.types import Bools, Floats
 
@@ -49,7 +49,7 @@ def resolve_collisions(
     return moved
 
 
-@kernel
+@array_kernel
 def _resolve(
     cells: Cells,
     origin: Floats,
@@ -104,7 +104,7 @@ def _in_bone(cells: Cells, origin: Floats, spacing: Floats, at: Floats) -> bool:
     return True
 
 
-@kernel
+@array_kernel
 def _traverse(cells: Cells, start: Floats, end: Floats, stop: Floats) -> bool:
     """Follow a segment, cell by cell, from a cell of the bone to the first outside cell.
 

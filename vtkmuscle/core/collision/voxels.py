@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -164,7 +164,7 @@ def _shared_out(sides: Floats, n_max: int) -> Ints:
     return counts
 
 
-@kernel
+@array_kernel
 def _mark_boundary(corners: Floats, cells: Cells) -> None:
     """Mark the cells that a triangle meets.
 

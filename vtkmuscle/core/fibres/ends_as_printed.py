@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from vtkmuscle.core.fibres.trimming import EndArea
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.types import Floats, Ints
 
 
@@ -83,7 +83,7 @@ def _led_on(line: Floats, direction: Floats, height: float, corners: Floats) -> 
     return led_on
 
 
-@kernel
+@array_kernel
 def closest_to_ray(start: Floats, ahead: Floats, corners: Floats) -> Floats:
     """Return the point of triangles that is closest to a ray; of several on it the first.
 
@@ -135,7 +135,7 @@ def closest_to_ray(start: Floats, ahead: Floats, corners: Floats) -> Floats:
     return found
 
 
-@kernel
+@array_kernel
 def _nearest(to_start: Floats, ahead: Floats, edge: Floats) -> tuple[float, float]:
     """Return where on an edge (0 to 1), and how far along a ray (0 and more), the two are closest.
 

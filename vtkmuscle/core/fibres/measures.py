@@ -6,12 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.polylines import distance_between, resample_polyline, turn_at
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 
-@kernel
+@array_kernel
 def polyline_curvatures(points: Floats, offsets: Ints) -> tuple[Floats, Floats, Floats]:
     """Return the curvature of polylines: that of the circle through a point and its two neighbours.
 
@@ -95,7 +95,7 @@ def _double_area_vector(points: Floats, triangle: Ints) -> tuple[float, float, f
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
-@kernel
+@array_kernel
 def have_area(points: Floats, triangles: Ints) -> Bools:
     """Return which triangles (m, 3) between points (n, 3) have an area, (m,)."""
     result = np.empty(len(triangles), dtype=np.bool_)
@@ -147,7 +147,7 @@ def _height(points: Floats, i: int, place: Floats, normal: Floats) -> float:
     return height
 
 
-@kernel
+@array_kernel
 def _section_area(points: Floats, triangles: Ints, place: Floats, normal: Floats) -> float:
     """Return half the sum of n . (a x b) over the segments from a to b in which triangles meet the plane."""
     heights = np.zeros(len(points))

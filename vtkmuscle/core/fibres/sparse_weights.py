@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.fibres.mean_value import coordinate_mesh, in_chunks
 from vtkmuscle.core.fibres.vertex_groups import VertexGroups, vertex_groups
-from vtkmuscle.core.jit import kernel, reduction
+from vtkmuscle.core.jit import array_kernel, kernel, reduction
 from vtkmuscle.core.mesh.surface import mean_point
 from vtkmuscle.core.types import Floats, Ints
 
@@ -158,7 +158,7 @@ def _apply(
         moved[i, 0], moved[i, 1], moved[i, 2] = x, y, z
 
 
-@kernel
+@array_kernel
 def _grouped(
     weights: Floats,
     groups: VertexGroups,
@@ -271,7 +271,7 @@ def _gather(
     return count, rounded
 
 
-@kernel
+@array_kernel
 def _make_up(columns: NDArray[np.int32], values: Floats, means: Floats, sizes: Ints, query: Floats) -> bool:
     """Change weights so that they sum to 1 and reproduce their point: each vertex's by a + b . v, the least.
 
@@ -316,7 +316,7 @@ def _make_up(columns: NDArray[np.int32], values: Floats, means: Floats, sizes: I
     return made_up
 
 
-@kernel
+@array_kernel
 def _solve(matrix: Floats, x: Floats) -> None:
     """Replace a right-hand side (n,) by the solution for a positive definite matrix; overwrite the matrix.
 

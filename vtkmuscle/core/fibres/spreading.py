@@ -15,7 +15,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.bins import sorted_into_bins
 from vtkmuscle.core.mesh.polylines import distance_between, even_arcs, resample_polyline
 from vtkmuscle.core.space_order import space_order
@@ -123,7 +123,7 @@ def move_ends(points: Floats, ends: Ints, others: Ints, places: Floats) -> None:
                 points[ends[i] + step * j, axis] += max(1.0 - j / (REACH * count), 0.0) * way
 
 
-@kernel
+@array_kernel
 def _stations(points: Floats, offsets: Ints) -> Floats:
     """Return places (k, STATIONS, 3) at equal distances along each fibre."""
     result = np.empty((len(offsets) - 1, STATIONS, 3))
@@ -136,7 +136,7 @@ def _stations(points: Floats, offsets: Ints) -> Floats:
     return result
 
 
-@kernel
+@array_kernel
 def _between(points: Floats, offsets: Ints, shifts: Floats) -> Floats:
     """Return what is given for places (k, STATIONS, 3) at equal distances along fibres, for their points."""
     result = np.zeros(points.shape)
@@ -189,7 +189,7 @@ def _measured(lines: Floats, low: Floats, high: Floats) -> float:
     return total
 
 
-@kernel
+@array_kernel
 def _across(lines: Floats, pulls: Floats, weights: Floats, blur: Floats) -> Floats:
     """Return mean pulls (k, STATIONS, 3) of each place and its neighbours, without what is along the line."""
     last = lines.shape[1] - 1
@@ -253,7 +253,7 @@ def _divide(lines: Floats, pieces: int, places: Floats, nodes: Ints) -> None:
                 number += 1
 
 
-@kernel
+@array_kernel
 def _pulls(
     lines: Floats,
     pieces: int,

@@ -16,7 +16,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.mesh.polylines import distance_between, evenly_spaced, resample_polyline, turn_at
 from vtkmuscle.core.mesh.sampling import PatchSamples
@@ -126,7 +126,7 @@ class _Ends:
     places: Floats  # (k, 3) its new end [mm]
 
 
-@kernel
+@array_kernel
 def _replaced_ends(
     points: Floats, offsets: Ints, cut_first: Floats, firsts: Floats, cut_last: Floats, lasts: Floats
 ) -> Floats:
@@ -254,7 +254,7 @@ def _already_there(ends: Floats, area: EndArea, tolerance: float) -> NDArray[np.
     return there if there.mean() > 0.5 else np.zeros(len(ends), dtype=np.bool_)
 
 
-@kernel
+@array_kernel
 def _sharpest_turns(points: Floats, offsets: Ints) -> Floats:
     """Return the sharpest turn in the last third of each fibre (k,) [degrees]: one that hooks is not kept."""
     result = np.zeros(len(offsets) - 1)
@@ -266,7 +266,7 @@ def _sharpest_turns(points: Floats, offsets: Ints) -> Floats:
     return result
 
 
-@kernel
+@array_kernel
 def _departures(points: Floats, offsets: Ints, arcs: Floats) -> tuple[Floats, Floats]:
     """Return the points (c, k, 3) of fibres at arc lengths (c, k), and the directions that they run in.
 
@@ -328,7 +328,7 @@ def assign_places(departures: Floats, places: Floats) -> Ints:
     return taken
 
 
-@kernel
+@array_kernel
 def beyond_plane(points: Floats, offsets: Ints, heights: Floats) -> Floats:
     """Return how much of each polyline's end is beyond a plane: from where it last comes through it.
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.bins import stable_order
 from vtkmuscle.core.mesh.surface import mean_point
 from vtkmuscle.core.types import Floats, Ints
@@ -74,7 +74,7 @@ def vertex_groups(points: Floats) -> VertexGroups:
     return VertexGroups(order, spans[:, 0].copy(), spans[:, 1].copy(), parts, radii)
 
 
-@kernel
+@array_kernel
 def _divide(points: Floats, equal: float, order: Ints, spans: Ints, parts: Ints, radii: Floats) -> None:
     """Do what :func:`vertex_groups` says; all but the points are written."""
     waiting = np.empty((len(points), 3), dtype=np.int64)  # first, last, and which part of a group it is
@@ -129,7 +129,7 @@ def _squares(points: Floats, vertices: Ints, centre: Floats, squares: Floats) ->
     return greatest
 
 
-@kernel
+@array_kernel
 def _farthest(squares: Floats, equal: float) -> int:
     """Replace squares (k,) by how many times `equal` they are, rounded; return the first of the greatest."""
     found = 0

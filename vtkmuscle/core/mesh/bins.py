@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.types import Floats, Ints
 
 
-@kernel
+@array_kernel
 def sorted_into_bins(bins: Ints, n_bins: int) -> tuple[Ints, Ints]:
     """Return the numbers 0 to n - 1 bin by bin, and where each bin starts: a stable counting sort.
 
@@ -49,7 +49,7 @@ def sorted_into_bins(bins: Ints, n_bins: int) -> tuple[Ints, Ints]:
     return order, starts
 
 
-@kernel
+@array_kernel
 def stable_order(values: Floats) -> Ints:
     """Return the order (n,) in which values (n,) ascend, equal ones as they come: runs merged by twos.
 

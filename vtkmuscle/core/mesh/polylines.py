@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.types import Floats, Ints
 
 #: Cosine of the least turn between segments that is a corner and not part of a curve.
 CORNER = 0.5 * 3.0**0.5
 
 
-@kernel
+@array_kernel
 def smooth_polylines(points: Floats, offsets: Ints, k: float, iterations: int) -> Floats:
     """Return polylines smoothed by p'_i = (p_{i-1} + k p_i + p_{i+1}) / (k + 2), end points kept.
 
@@ -69,7 +69,7 @@ def turn_at(points: Floats, i: int) -> tuple[float, float]:
     return np.sqrt(x * x + y * y + z * z), ax * bx + ay * by + az * bz
 
 
-@kernel
+@array_kernel
 def even_arcs(points: Floats, count: int) -> Floats:
     """Return `count` arc lengths at equal distances along a polyline (n, 3), from 0 to its whole length."""
     length = 0.0
@@ -82,7 +82,7 @@ def even_arcs(points: Floats, count: int) -> Floats:
     return arcs
 
 
-@kernel
+@array_kernel
 def resample_polyline(points: Floats, arcs: Floats) -> Floats:
     """Return the points of one polyline at given arc lengths.
 
@@ -115,7 +115,7 @@ def resample_polyline(points: Floats, arcs: Floats) -> Floats:
     return result
 
 
-@kernel
+@array_kernel
 def evenly_spaced(points: Floats, count: int) -> Floats:
     """Return a polyline of `count` points at equal distances along another, which has the same ends.
 
@@ -137,7 +137,7 @@ def evenly_spaced(points: Floats, count: int) -> Floats:
     return spaced
 
 
-@kernel
+@array_kernel
 def end_directions(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
     """Return the unit vectors in which polylines leave their first points and arrive at their last ones.
 
@@ -167,7 +167,7 @@ def end_directions(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
     return starts, ends
 
 
-@kernel
+@array_kernel
 def _arrival(points: Floats, start: int, end: int, tangent: Floats) -> None:
     """Write the unit vector in which a line arrives at the point `end`, coming from `start`."""
     step = 1 if end >= start else -1

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.surface import unique_edges
 from vtkmuscle.core.sobol import sobol
@@ -70,7 +70,7 @@ def _nearest_one(candidates: Floats, place: Floats) -> int:
     return nearest
 
 
-@kernel
+@array_kernel
 def _nearest(candidates: Floats, places: Floats) -> Ints:
     """Return which candidate is nearest to each place."""
     result = np.empty(len(places), dtype=np.int64)
@@ -89,7 +89,7 @@ def _add_to_cells(candidates: Floats, samples: Floats, sizes: Floats, sums: Floa
             sums[cell, axis] += candidates[i, axis]
 
 
-@kernel
+@array_kernel
 def _farthest(candidates: Floats, count: int) -> Ints:
     """Return which candidates are the farthest from those before, again and again; first the central one."""
     n = len(candidates)

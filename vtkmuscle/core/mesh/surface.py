@@ -9,7 +9,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.bins import sorted_into_bins
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.types import Floats, Ints
@@ -51,7 +51,7 @@ def edge_uses(triangles: Ints) -> Ints:
     return np.bincount(numbered_edges(triangles)[1])
 
 
-@kernel
+@array_kernel
 def _numbered_edges(directed: Ints, n_points: int) -> tuple[Ints, Ints]:
     """Sort half-edges into a bucket for each lower end, and each bucket, of few, by the upper end."""
     lower = np.empty(len(directed), dtype=np.int64)
@@ -109,7 +109,7 @@ def signed_volume(points: Floats, triangles: Ints) -> float:
     return float(_sixfold_volume(points, triangles, mean_point(points)) / 6.0)
 
 
-@kernel
+@array_kernel
 def mean_point(points: Floats) -> Floats:
     """Return the mean (3,) of points (n, 3): bit for bit that of numpy, in a tenth of its time."""
     x, y, z = 0.0, 0.0, 0.0

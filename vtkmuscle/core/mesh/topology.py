@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.mesh.bins import sorted_into_bins
 from vtkmuscle.core.mesh.surface import half_edges, numbered_edges
 from vtkmuscle.core.types import Ints
@@ -116,7 +116,7 @@ def opposite_half_edges(triangles: Ints) -> Ints:
     return opposite
 
 
-@kernel
+@array_kernel
 def _paired(directed: Ints, order: Ints, starts: Ints) -> Ints:
     """Pair half-edges of one edge that run in opposite directions; -1 where there is no partner."""
     opposite = np.full(len(directed), -1, dtype=np.int64)

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.packet_search import LANES, search_in_packets
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.triangle_distance import (
@@ -230,7 +230,7 @@ def _part(values: Floats, order: Ints, first: int, middle: int, last: int) -> No
             break
 
 
-@kernel
+@array_kernel
 def _boxes(corners: Floats, n_leaves: int) -> Floats:
     boxes = np.empty((2 * n_leaves - 1, 6))
     n = len(corners)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.mesh.triangle_distance import nearest_on_triangle
 from vtkmuscle.core.types import Floats, Ints
 
@@ -48,7 +48,7 @@ class AttachedArea:
         return places
 
 
-@kernel
+@array_kernel
 def _nearest_of(ends: Floats, points: Floats, candidates: Ints) -> Floats:
     """Return for each point the nearest place on its candidates, (n, k, 3) point ids."""
     result = np.empty((len(ends), 3))

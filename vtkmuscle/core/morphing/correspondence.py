@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.bins import count_up_to, stable_order
 from vtkmuscle.core.types import Floats, Ints
 
@@ -147,7 +147,7 @@ def cyclic_products(first: Floats, second: Floats) -> Floats:
     return products
 
 
-@kernel
+@array_kernel
 def _cheapest_chain(costs: Floats, twists: Floats) -> Ints:
     """Return p minimising sum_j costs[j, p_j] + sum_j twists[j - 1, (p_j - p_{j-1}) mod n]."""
     n_levels, n = costs.shape
@@ -182,7 +182,7 @@ def _cheapest_chain(costs: Floats, twists: Floats) -> Ints:
     return places
 
 
-@kernel
+@array_kernel
 def loop_lengths(loop: Floats) -> Floats:
     """Return the length along a loop (n, k) up to each vertex, and the whole perimeter: (n + 1,)."""
     lengths = np.zeros(len(loop) + 1)
@@ -195,7 +195,7 @@ def loop_lengths(loop: Floats) -> Floats:
     return lengths
 
 
-@kernel
+@array_kernel
 def boundary_centroid(loop: Floats) -> Floats:
     """Return the centroid of a loop's boundary, (k,): the mean of its segments' middles by length."""
     lengths = loop_lengths(loop)
@@ -208,7 +208,7 @@ def boundary_centroid(loop: Floats) -> Floats:
     return result
 
 
-@kernel
+@array_kernel
 def sampled_loop(loop: Floats, corner: Floats, count: int) -> Floats:
     """Return `count` points at equal distances along a loop (n, k), from its point nearest to Q0 on."""
     lengths = loop_lengths(loop)
@@ -219,7 +219,7 @@ def sampled_loop(loop: Floats, corner: Floats, count: int) -> Floats:
     return _points_at(loop, lengths, places)
 
 
-@kernel
+@array_kernel
 def _points_at(loop: Floats, lengths: Floats, places: Floats) -> Floats:
     """Return the points of a loop (n, k) at some lengths (m,) along it, (m, k)."""
     n = len(loop)
@@ -255,7 +255,7 @@ def nearest_place(loop: Floats, lengths: Floats, target: Floats) -> float:
     return first
 
 
-@kernel
+@array_kernel
 def refined_loop(loop: Floats, count: int) -> Floats:
     """Return a loop with points added so that no segment is longer than the perimeter / `count`.
 
@@ -280,7 +280,7 @@ def refined_loop(loop: Floats, count: int) -> Floats:
     return result
 
 
-@kernel
+@array_kernel
 def cornered_loop(loop: Floats, target: Floats, width: float, depth: float) -> Floats:
     """Return a loop (n, k) that starts where it is nearest to a point (k,), with vertices for all corners.
 
@@ -317,7 +317,7 @@ def rolled_loop(loop: Floats, target: Floats) -> Floats:
     return np.roll(loop, -int(((loop - target) ** 2).sum(axis=1).argmin()), axis=0)
 
 
-@kernel
+@array_kernel
 def split_chain(lengths: Floats, width: float, depth: float) -> tuple[Ints, float]:
     """Split a chain of vertices into four parts, one for each side of the rectangle, at the least error.
 
@@ -363,7 +363,7 @@ def split_chain(lengths: Floats, width: float, depth: float) -> tuple[Ints, floa
     return splits, least
 
 
-@kernel
+@array_kernel
 def _nearest(ascending: Floats, value: float, first: int, last: int) -> int:
     """Return the index from `first` to `last` at which an ascending array is nearest to a value."""
     low, high = first, last
@@ -378,7 +378,7 @@ def _nearest(ascending: Floats, value: float, first: int, last: int) -> int:
     return low
 
 
-@kernel
+@array_kernel
 def subdivided_rectangle(lengths: Floats, splits: Ints, width: float, depth: float) -> Floats:
     """Return a vertex of the rectangle's boundary for every vertex of a chain, (n, 2).
 

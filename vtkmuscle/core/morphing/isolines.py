@@ -15,7 +15,7 @@ from hashlib import blake2b
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.mesh.harmonic import harmonic_extension
 from vtkmuscle.core.mesh.inside import points_inside
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
@@ -267,7 +267,7 @@ def way_of_values(points: Floats, triangles: Ints, field: Floats) -> tuple[Float
     return np.linspace(0.0, 1.0, N_CLASSES + 1), np.append(0.0, np.cumsum(steps)) / N_CLASSES
 
 
-@kernel
+@array_kernel
 def _per_class(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:
     """Return the area in each class of values, and the integral of the gradient's size over it."""
     areas, slopes = np.zeros(N_CLASSES), np.zeros(N_CLASSES)
@@ -338,7 +338,7 @@ def _distances_from_rectangle(sides: Floats, areas: Floats) -> Callable[[Floats,
     return costs
 
 
-@kernel
+@array_kernel
 def _view_along(area: Floats) -> Floats:
     """Return the rows of a rotation whose third one is the direction of a vector (3,)."""
     length = np.sqrt(area[0] ** 2 + area[1] ** 2 + area[2] ** 2)

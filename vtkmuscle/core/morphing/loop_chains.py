@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.morphing.sections import Sections, united
 from vtkmuscle.core.types import Floats, Ints
 
 
-@kernel
+@array_kernel
 def loop_areas(points: Floats, loop_offsets: Ints) -> Floats:
     """Return the vector area of each loop, (k, 3): half the sum of the cross products of its edges.
 
@@ -72,7 +72,7 @@ def main_loops(sections: Sections, levels: Floats, sizes: Floats, chosen: Ints |
     return chain
 
 
-@kernel
+@array_kernel
 def _largest_chain(
     sizes: Floats, firsts: Ints, ends: Ints, below: Ints, above: Ints, thickness: Floats
 ) -> Ints:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.morphing.correspondence import (
     N_PLACES,
     cornered_loop,
@@ -71,7 +71,7 @@ def section_map(loop: Floats, target: Floats, sides: Floats, *, as_printed: bool
     return SectionMap(ring, *_split(ring, float(sides[0]), float(sides[1])))
 
 
-@kernel
+@array_kernel
 def _split(ring: Floats, width: float, depth: float) -> tuple[Floats, float]:
     """Return the point of the rectangle for each vertex of a loop, and the split's error."""
     lengths = loop_lengths(ring)
@@ -80,7 +80,7 @@ def _split(ring: Floats, width: float, depth: float) -> tuple[Floats, float]:
     return rectangle, np.sqrt(error) / (2.0 * (width + depth))
 
 
-@kernel
+@array_kernel
 def mean_value_map(polygon: Floats, images: Floats, points: Floats) -> Floats:
     """Return sum_i w_i(p) q_i, the mean value coordinates w_i of points applied to the polygon's images.
 

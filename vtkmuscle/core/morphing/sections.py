@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.bins import count_up_to
 from vtkmuscle.core.mesh.surface import point_components, signed_volume
 from vtkmuscle.core.mesh.topology import opposite_half_edges
@@ -133,7 +133,7 @@ def _turned(triangles: Ints, opposite: Ints) -> tuple[Ints, Ints]:
     return np.ascontiguousarray(triangles[:, ::-1]), halves - side + np.array([1, 0, 2])[side]
 
 
-@kernel
+@array_kernel
 def _slabs(levels: Floats, values: Floats) -> Ints:
     """Return how many levels each value is above, or at: the number of the slab it is in."""
     slabs = np.empty(len(values), dtype=np.int64)
@@ -151,7 +151,7 @@ def _slabs(levels: Floats, values: Floats) -> Ints:
     return slabs
 
 
-@kernel
+@array_kernel
 def _rising(triangles: Ints, slabs: Ints, n_levels: int) -> tuple[Ints, Ints, Ints]:
     """Return what is crossed on the way up.
 
@@ -191,7 +191,7 @@ def _rising(triangles: Ints, slabs: Ints, n_levels: int) -> tuple[Ints, Ints, In
     return crossings, rising[:n_rising].copy(), starts
 
 
-@kernel
+@array_kernel
 def _crossed_by(triangles: Ints, slabs: Ints, rising: Ints, starts: Ints) -> Ints:
     """Return the half-edges that cross each level upwards, those of level i from starts[i] on."""
     corners = triangles.reshape(-1)
@@ -205,7 +205,7 @@ def _crossed_by(triangles: Ints, slabs: Ints, rising: Ints, starts: Ints) -> Int
     return crossed
 
 
-@kernel
+@array_kernel
 def _traced(
     points: Floats,
     triangles: Ints,
@@ -270,7 +270,7 @@ def _traced(
     return cut[:n_cut].copy(), loop_offsets[: n_loops + 1].copy(), level_offsets, loop_of
 
 
-@kernel
+@array_kernel
 def _parts(
     triangles: Ints, slabs: Ints, crossings: Ints, rising: Ints, loop_of: Ints, n_points: int, n_loops: int
 ) -> Ints:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.ring_rotations import nearest_rotation
 from vtkmuscle.core.motion.rigid import inverse
 from vtkmuscle.core.types import Floats
@@ -54,7 +54,7 @@ def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats
     return moved
 
 
-@kernel
+@array_kernel
 def _quaternion(transform: Floats) -> Floats:
     """Return the quaternion (x, y, z, w) of the rotation nearest to a transform's, by its greatest component.
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.inside import points_inside
 from vtkmuscle.core.mesh.surface import unique_edges
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
@@ -178,7 +178,7 @@ def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
     return bool(points_inside(ring.centre[None], triangle_tree(points, triangles.astype(np.int64)))[0])
 
 
-@kernel
+@array_kernel
 def inside_polygon(corners: Floats, places: Floats) -> Bools:
     """Return which places of a plane are inside a polygon, by crossings of a ray.
 
@@ -200,7 +200,7 @@ def inside_polygon(corners: Floats, places: Floats) -> Bools:
     return inside
 
 
-@kernel
+@array_kernel
 def nearest_in_polygon(corners: Floats, places: Floats) -> Floats:
     """Return the place within a polygon that is nearest to each of some places, (n, 2).
 

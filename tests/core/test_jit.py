@@ -1,0 +1,27 @@
+"""What kernels are compiled with."""
+
+import numba
+import numba.core.options
+import numpy as np
+
+from vtkmuscle.core import jit
+
+
+def test_kernels_are_compiled_where_numba_counts_all_references(monkeypatch):
+    """The option is numba's own affair: without it kernels are slower, and no less right."""
+    monkeypatch.delattr(numba.core.options.DefaultOptions, "_nrt")
+    assert jit.uncounted() == {}
+    plain = numba.njit(**jit.uncounted())(lambda values: values.sum())
+    assert plain(np.ones(3)) == 3.0
+
+
+def test_a_kernel_of_views_gives_what_python_gives():
+    def last_of_each(table):
+        total = 0.0
+        for i in range(len(table)):
+            row = table[i]
+            total += row[len(row) - 1]
+        return total
+
+    table = np.arange(12.0).reshape(3, 4)
+    assert jit.kernel(last_of_each)(table) == last_of_each(table)
