@@ -126,9 +126,7 @@ def test_origin_and_insertion_of_a_template_may_be_exchanged():
 @pytest.mark.parametrize(
     ("number", "off"),
     [
-        *((number, 1e-6) for number in (0, 1, 3, 5)),
-        (2, 1e-3),
-        worse((2, 1e-6), "2e-4 mm: what the solve leaves over"),
+        *((number, 1e-6) for number in (0, 1, 2, 3, 5)),
         (4, 0.2),
         worse((4, 1e-6), "0.07 mm: the sheet does not settle where the ring takes hold"),
     ],
@@ -184,15 +182,8 @@ def test_neither_the_way_that_a_scene_is_turned_nor_its_unit_matters():
         np.testing.assert_allclose(found / scale, expected, rtol=2e-4)
 
 
-@pytest.mark.parametrize(
-    ("number", "off", "part"),
-    [
-        *((number, 1e-6, 1e-9) for number in (0, 1, 3, 5)),
-        (2, 0.2, 1e-4),
-        worse((2, 1e-6, 1e-6), "0.05 mm, 3e-5: what the solve leaves over"),
-    ],
-)
-def test_a_scene_may_be_far_from_the_origin(number, off, part):
+@pytest.mark.parametrize("number", [0, 1, 2, 3, 5])
+def test_a_scene_may_be_far_from_the_origin(number):
     """100 m: of 16 digits 10 are left for a path."""
     make, settings, bone, low, high = HINGES[number]
     poses = turned(make, settings, bone, angles(low, high, 20.0))
@@ -200,5 +191,5 @@ def test_a_scene_may_be_far_from_the_origin(number, off, part):
     far[:3, 3] = [1e5, -5e4, 2e4]
     there = swept(moved_paths(make, far, **settings), far @ poses @ np.linalg.inv(far))
     for state, known in zip(there, swept(known_paths(make, **settings), poses), strict=True):
-        np.testing.assert_allclose(state.lengths, known.lengths, rtol=part)
-        np.testing.assert_allclose(state.points - far[:3, 3], known.points, atol=off)
+        np.testing.assert_allclose(state.lengths, known.lengths, rtol=1e-9)
+        np.testing.assert_allclose(state.points - far[:3, 3], known.points, atol=1e-6)

@@ -87,10 +87,9 @@ RIDGE, GROOVE = (("flexor_over_brim", {"groove": depth}, "distal") for depth in 
     ("make", "settings", "bone", "bound"),
     [
         ("spindle_over_ball", {}, "distal", 0.02),
-        (*STRAP, 0.25),
-        worse((*STRAP, 0.2), "0.204 mm, of which 0.06 at rest"),
-        (*CYLINDER, 0.5),
-        worse((*CYLINDER, 0.2), "0.497 mm, of which 0.02 at rest"),
+        (*STRAP, 0.2),
+        (*CYLINDER, 0.75),
+        worse((*CYLINDER, 0.2), "0.67 mm, of which 0.02 at rest"),
         (*RIDGE, 0.5),
         worse((*RIDGE, 0.2), "0.45 mm, of which 0.38 at rest"),
         (*GROOVE, 1.4),
