@@ -9,6 +9,7 @@ from typing import Any
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.bone_motion import BoneMotion
+from vtkmuscle.filters.deformer.quality import PUBLISHED
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
@@ -76,7 +77,7 @@ class MusclePipeline:
         The muscle in motion; None with the model ``"paths"``.
     taut : TautFibres or None
         The paths: the fibres in motion with the model ``"paths"``; with ``"volume"`` where the deformer
-        follows none (``anisotropy`` is not ``"taut"``). None without fibres.
+        follows none (``quality="published"``). None without fibres.
     transport : FibreTransport or None
         The fibres in motion with the model ``"volume"``; None without fibres.
     metrics : FibreMetrics or None
@@ -152,7 +153,7 @@ class MusclePipeline:
                 **(solver or {}),
             )
         if self.fibres is not None:
-            if self.deformer is None or self.deformer.anisotropy != "taut":
+            if self.deformer is None or self.deformer.quality == PUBLISHED:
                 self.taut = TautFibres(
                     rest_fibres=self.paths,
                     rest_muscle=self.fixed,
