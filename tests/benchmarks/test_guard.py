@@ -130,7 +130,7 @@ def test_a_regression_is_told(guard):
 
 
 def test_a_fibre_more_in_twelve_is_counted(guard, monkeypatch):
-    """Plant what the guard is there for: a decomposition and a transport that do a tenth more."""
+    """Plant what the guard is there for: a decomposition and a transport that do about a tenth more."""
     import fibre_counts
 
     before = fibre_counts.fibre_work()

@@ -146,7 +146,7 @@ class CarriedMuscle:
 def _paths_of(
     muscle: FixedMuscle, topology: MeshTopology, obstacles: tuple[Obstacle, ...], resolution: int
 ) -> MusclePaths | None:
-    """Return a muscle's fibres, or lines over its surface where it has none, as taut strings.
+    """Return a muscle's fibres, or lines over its surface where it has none, as paths.
 
     None where the muscle is not fixed to two bones: all of it goes with the one.
     """

@@ -1,4 +1,4 @@
-"""Strings side by side: which of them a string's points keep company with."""
+"""Paths side by side: which of them a path's points keep company with."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.types import Floats, Ints
 
-#: Strings beside it that a string keeps its place among, at most.
+#: Paths beside it that a point's mean is taken over, at most.
 BESIDE = 64
 
 #: Weights that differ by less are the same.
@@ -18,12 +18,12 @@ SAME = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Bundle:
-    """The strings beside each point of each string at rest, and what part each of them has in a mean.
+    """The paths beside each point of each path at rest, and what part each of them has in a mean.
 
     Attributes
     ----------
     beside : (f n, k) int array
-        Points of strings, those of one string after those of another.
+        Points of paths, those of one path after those of another.
     parts : (f n, k) array
         Rows sum to 1.
     """
@@ -32,7 +32,7 @@ class Bundle:
     parts: Floats
 
     def mean(self, values: Floats) -> Floats:
-        """Return the means of values (f n, ...) of strings' points over the strings beside each."""
+        """Return the means of values (f n, ...) of paths' points over the paths beside each."""
         mean: Floats = np.einsum("pk,pk...->p...", self.parts, values[self.beside])
         return mean
 

@@ -1,4 +1,4 @@
-"""Fibres as strings take them: evenly spread points, and lines that stand in for fibres nobody has made."""
+"""Fibres as paths take them: evenly spread points, and lines that stand in for fibres nobody has made."""
 
 from __future__ import annotations
 
