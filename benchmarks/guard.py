@@ -2,7 +2,7 @@
 
 ``counts`` do not depend on the machine: what a run does how often (``work_counts.py``), how much the kernels
 of a decomposition and of a transport are given (``fibre_counts.py``). The latter may grow by a twelfth, so
-may triangles drawn, bytes by a quarter, and what a run does not at all. The tests hold them to those committed.
+may triangles drawn, bytes by a quarter, and what a run does not at all. The tests hold them to the committed.
 
 ``ratios`` are times of processor over that of a calibration kernel that this project will not change, taken
 in turns with it: medians of the turns. On two processors with six processes at work, eight runs differed from

@@ -50,7 +50,7 @@ BUDGETS = {
 
 #: Functions that numba compiles, each of which takes 0.05 to 3 s of a first run: 200, and 2 %.
 KERNELS = 204
-DECORATORS = re.compile(r"^\s*@(?:kernel|vector_kernel|reduction|lane)\b", re.MULTILINE)
+DECORATORS = re.compile(r"^\s*@(?:kernel|array_kernel|vector_kernel|reduction|lane)\b", re.MULTILINE)
 
 #: Tokens that are no code.
 _BLANK = {
