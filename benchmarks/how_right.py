@@ -2,7 +2,6 @@
 
     python benchmarks/how_right.py
     python benchmarks/how_right.py --rst docs/validation/how_right_tables
-    python benchmarks/how_right.py --fine --rst docs/validation/how_right_tables/fine
     python benchmarks/how_right.py --hip FOLDER --rst docs/validation/how_right_tables
     python benchmarks/how_right.py --knee FOLDER --rst docs/validation/how_right_tables
 

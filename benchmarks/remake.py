@@ -35,7 +35,7 @@ def command_of(table: Path) -> list[str]:
     if table.name in ("hip.csv", "knee.csv"):
         folder = data_folder() if table.name == "hip.csv" else data_folder().with_name("bp3d_knee")
         return [*how, f"--{table.stem}", str(folder)]
-    return [*how, "--fine"] if table.parent.name == "fine" else how
+    return how
 
 
 def shown(arguments: list[str]) -> str:
