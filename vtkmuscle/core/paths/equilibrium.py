@@ -148,8 +148,11 @@ def newton_step(
     _invert(blocks, inverses)
     _add_scaled(gradient, -1.0, residual, 0.0)
     _add_scaled(gradient, 0.0, step, 0.0)
-    _invert_sections(blocks, neighbours, directions, coarse, sections)
-    _precondition(inverses, sections, residual, solved, means)
+    # A solve that goes far is worth it.
+    as_one = left_over < STEP_LEFT
+    if as_one:
+        _invert_sections(blocks, neighbours, directions, coarse, sections)
+    _precondition(inverses, sections, as_one, residual, solved, means)
     left = _dot(residual, solved)
     aim = left_over * left_over * left
     _add_scaled(solved, 1.0, way, 0.0)
@@ -163,7 +166,7 @@ def newton_step(
         part = left / curvature
         _add_scaled(way, part, step, 1.0)
         _add_scaled(image, -part, residual, 1.0)
-        _precondition(inverses, sections, residual, solved, means)
+        _precondition(inverses, sections, as_one, residual, solved, means)
         before, left = left, _dot(residual, solved)
         _add_scaled(solved, 1.0, way, left / before)
     return _dot(gradient, step)
@@ -229,11 +232,13 @@ def _invert_sections(
 
 @kernel
 def _precondition(
-    inverses: Floats, sections: Floats, residual: Floats, solved: Floats, means: Floats
+    inverses: Floats, sections: Floats, as_one: bool, residual: Floats, solved: Floats, means: Floats
 ) -> None:
-    """Write each path's solution by itself, and add that of a sheet all of whose paths move alike."""
+    """Write each path's solution by itself; ``as_one`` adds that of a sheet whose paths move alike."""
     f, n, _ = residual.shape
     _solve_paths(inverses, residual, solved)
+    if not as_one:
+        return
     for i in range(n):
         for c in range(3):
             total = 0.0
