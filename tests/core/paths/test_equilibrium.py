@@ -133,9 +133,8 @@ def test_a_step_of_newtons_method_solves_its_equations(rng, left_over, off):
     assert np.linalg.eigvalsh(matrix).min() > 0.0
     step = np.empty_like(sheet.x)
     gradient[:, [0, -1]] = 0.0
-    slope = newton_step(
-        gradient, blocks, sheet.neighbours, directions, left_over, np.empty((5, *blocks.shape)), step
-    )
+    work = np.empty((5, *blocks.shape)), np.empty((4, 1, *blocks.shape[1:]))
+    slope = newton_step(gradient, blocks, sheet.neighbours, directions, left_over, *work, step)
     known = np.linalg.solve(matrix, -gradient[:, 1:-1].ravel()).reshape(step[:, 1:-1].shape)
     assert np.linalg.norm(step[:, 1:-1] - known) < off * np.linalg.norm(known)
     assert not step[:, [0, -1]].any()

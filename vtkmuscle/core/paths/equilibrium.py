@@ -125,6 +125,7 @@ def newton_step(
     directions: Floats,
     left_over: float,
     work: Floats,
+    sheet: Floats,
     step: Floats,
 ) -> float:
     """Write the step of Newton's method, (f, n, 3), and return its slope: gradient . step, negative.
@@ -136,17 +137,22 @@ def newton_step(
     left_over : float
         A step of conjugate gradients ends the solve where what is left of the residual, in the norm of the
         preconditioner, is this part of what it was.
-    work : (5, f, n, 6) array
+    work, sheet : (5, f, n, 6), (4, 1, n, 6) arrays
         Working memory.
     step : (f, n, 3) array
         Overwritten.
     """
     inverses = work[0]
     residual, solved, way, image = work[1, :, :, :3], work[2, :, :, :3], work[3, :, :, :3], work[4, :, :, :3]
+    coarse, sections, means = sheet[0], sheet[1], sheet[2:4, 0, :, :3]
     _invert(blocks, inverses)
     _add_scaled(gradient, -1.0, residual, 0.0)
     _add_scaled(gradient, 0.0, step, 0.0)
-    _solve_paths(inverses, residual, solved)
+    # A solve that goes far is worth it.
+    as_one = left_over < STEP_LEFT
+    if as_one:
+        _invert_sections(blocks, neighbours, directions, coarse, sections)
+    _precondition(inverses, sections, as_one, residual, solved, means)
     left = _dot(residual, solved)
     aim = left_over * left_over * left
     _add_scaled(solved, 1.0, way, 0.0)
@@ -160,7 +166,7 @@ def newton_step(
         part = left / curvature
         _add_scaled(way, part, step, 1.0)
         _add_scaled(image, -part, residual, 1.0)
-        _solve_paths(inverses, residual, solved)
+        _precondition(inverses, sections, as_one, residual, solved, means)
         before, left = left, _dot(residual, solved)
         _add_scaled(solved, 1.0, way, left / before)
     return _dot(gradient, step)
@@ -200,6 +206,50 @@ def _invert(blocks: Floats, inverses: Floats) -> None:
             size = 1.0 / (a * (d * g - e * e) + b * (c0 * e - b * g) + c0 * (b * e - c0 * d))
             h[0], h[1], h[2] = size * (d * g - e * e), size * (c0 * e - b * g), size * (b * e - c0 * d)
             h[3], h[4], h[5] = size * (a * g - c0 * c0), size * (b * c0 - a * e), size * (a * d - b * b)
+
+
+@kernel
+def _invert_sections(
+    blocks: Floats, neighbours: Neighbours, directions: Floats, coarse: Floats, sections: Floats
+) -> None:
+    """Write the inverse blocks of the matrix of a sheet all of whose paths move alike, over f.
+
+    Springs between neighbours drop out of it: what they add to the points' blocks is taken off.
+    """
+    f, n, _ = blocks.shape
+    for i in range(1, n - 1):
+        for c in range(6):
+            total = 0.0
+            for k in range(f):
+                total += blocks[k, i, c]
+            coarse[0, i, c] = total / f
+    for e in range(len(neighbours.pairs)):
+        i = neighbours.pairs[e, 0] % n
+        stiffness = -2.0 * neighbours.stiffness[e] / f
+        add_direction(coarse[0, i], stiffness, directions[e, 0], directions[e, 1], directions[e, 2])
+    _invert(coarse, sections)
+
+
+@kernel
+def _precondition(
+    inverses: Floats, sections: Floats, as_one: bool, residual: Floats, solved: Floats, means: Floats
+) -> None:
+    """Write each path's solution by itself; ``as_one`` adds that of a sheet whose paths move alike."""
+    f, n, _ = residual.shape
+    _solve_paths(inverses, residual, solved)
+    if not as_one:
+        return
+    for i in range(n):
+        for c in range(3):
+            total = 0.0
+            for k in range(f):
+                total += residual[k, i, c]
+            means[0, i, c] = total / f
+    _solve_paths(sections, means[0:1], means[1:2])
+    for k in range(f):
+        for i in range(1, n - 1):
+            for c in range(3):
+                solved[k, i, c] += means[1, i, c]
 
 
 @kernel

@@ -314,6 +314,7 @@ class _Pose:
         self._rings: Rings = rings_at(paths._rings, transforms, middle, paths._outside)
         self.gradient, self.way = np.zeros((f, n, 3)), np.empty((f, n, 3))
         self._blocks, self._work = np.zeros((f, n, 6)), np.empty((5, f, n, 6))
+        self._sheet = np.empty((4, 1, n, 6))
         self._directions = np.empty((len(paths._neighbours.pairs), 3))
         self._pressure = np.zeros((len(numbers), f, n))
         self._ring_points = np.zeros((len(paths._rings), f), dtype=np.int64)
@@ -350,6 +351,7 @@ class _Pose:
                 self._directions,
                 STEP_LEFT,
                 self._work,
+                self._sheet,
                 self.way,
             )
         )
@@ -377,6 +379,7 @@ class _Pose:
                 self._directions,
                 RESPONSE_LEFT,
                 self._work,
+                self._sheet,
                 self.way,
             )
             return self.way
