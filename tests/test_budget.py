@@ -30,7 +30,7 @@ BUDGETS = {
     "core/moment_arms": 494,  # 484: levers and slopes
     "core/morphing": 1488,  # 1459: a template taken into a muscle, section by section
     "core/motion": 1194,  # 1171: rigid motions, joints, lengths by coordinates
-    "core/paths": 1356,  # 1329: the sheet of paths, and the muscle that it takes along
+    "core/paths": 1430,  # 1401: the sheet of paths, and the muscle that it takes along
     "core/template": 340,  # 333: templates of fibres
     "data": 882,  # 865: VTK to arrays and back
     "export": 639,  # 626: OpenSim and MuJoCo
