@@ -394,7 +394,8 @@ class _Pose:
             force = given - np.einsum("fnij,fnj->fni", held, x)
             change -= np.einsum("fnij,fnj->fni", held, velocity) + np.cross(turn, force)
             # The bone's surface curves: its normals where the points will be, seen from the bone.
-            part = SMALL_MOVE * self._paths.thickness / float(np.abs(velocity).max())
+            fastest = float(np.abs(velocity).max())
+            part = SMALL_MOVE * self._paths.thickness / fastest if fastest > 0.0 else 1.0
             after = self._push_of(k, x - part * velocity)
             change -= (after - self._push_of(k, x)) / part + np.cross(turn, after)
         for ring in np.flatnonzero(np.array(self._ring_bones) == bone):
