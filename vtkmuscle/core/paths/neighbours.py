@@ -73,9 +73,11 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     ways = points[one] - points[other]
     ways -= np.einsum("mi,mi->m", ways, along)[:, None] * along
     distances = np.linalg.norm(ways, axis=1)
-    if not len(pairs) or not distances.max() > 0.0:
-        none = np.empty((0, 2), dtype=np.int64)
-        return Neighbours(none, np.empty(0), np.empty(0))
     length = float(np.linalg.norm(np.diff(fibres, axis=1), axis=2).sum(axis=1).mean())
-    apart = np.maximum(distances, LEAST_SPACING * float(np.median(distances[distances > 0.0])))
+    # Lines that have run together: rounding would say in which direction they are apart.
+    told = distances > SAME * length
+    pairs, distances = pairs[told], distances[told]
+    if not len(pairs):
+        return Neighbours(pairs, distances, distances)
+    apart = np.maximum(distances, LEAST_SPACING * float(np.median(distances)))
     return Neighbours(pairs, distances, MODULUS * (length / (apart * (n - 1))) ** 2)
