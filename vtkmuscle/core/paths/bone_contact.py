@@ -147,8 +147,10 @@ def add_contacts(
                 gradient[a, i, 2] -= force * w
                 stiff = pressure_at(gaps[k, a, i], push, rounding)[1]
                 add_direction(blocks[a, i], stiff, u, v, w)
-                if pressure[k, a, i - 1] > 0.0 and pressure[k, a, i + 1] > 0.0:
-                    _bend(x[a], normals[k, a], i, force, blocks[a, i])
+                # Where the bone lets go beside it, a point slides along no curve.
+                sure = min(force, pressure[k, a, i - 1], pressure[k, a, i + 1])
+                if sure > 0.0:
+                    _bend(x[a], normals[k, a], i, sure, blocks[a, i])
 
 
 @kernel

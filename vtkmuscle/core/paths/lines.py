@@ -115,11 +115,12 @@ def lines_on_surface(points: Floats, topology: MeshTopology, fixed_to: Ints) -> 
     down, up = (_steepest(points, topology.edges, sign * field, fixed_to) for sign in (-1.0, 1.0))
     free = np.flatnonzero(fixed_to < 0)
     lines: list[Floats] = []
-    for seed in free[:: max(1, len(free) // STAND_INS)]:
-        way = [*reversed(_walk(seed, down)), *_walk(seed, up)[1:]]
+    # Of points on one line each would give it again.
+    seeds = free[:: max(1, len(free) // STAND_INS)]
+    for way in {(*reversed(_walk(seed, down)), *_walk(seed, up)[1:]): None for seed in seeds}:
         ends = fixed_to[way[0]], fixed_to[way[-1]]
         if len(way) > 2 and min(ends) >= 0:
-            line = points[way].copy()
+            line = points[list(way)].copy()
             for _ in range(_PASSES):
                 line[1:-1] = 0.25 * line[:-2] + 0.5 * line[1:-1] + 0.25 * line[2:]
             lines.append(line)

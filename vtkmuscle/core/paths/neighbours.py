@@ -19,11 +19,18 @@ MODULUS = 0.3
 #: Neighbours of a path in a section: those that a point of an even pattern has.
 NEIGHBOURS = 6
 
+#: Points beside one that are looked at for these: some may be in the same place.
+LOOKED_AT = 32
+
 #: Two points nearer than this part of the median distance are as stiff as two so far apart: where paths meet
 #: in a tendon's end a strain would be of nothing.
 LEAST_SPACING = 0.5
 
-#: Distances that differ by less than this part are the same.
+#: Points nearer than this part of the median distance do not hold each other: where lines run together, their
+#: last digits would say in which direction.
+TOO_NEAR = 0.01
+
+#: Distances that differ by less than this part of the greater, or of a path's length, are the same.
 SAME = 1e-9
 
 
@@ -53,10 +60,14 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     l^(-1/2): the muscle keeps its volume. How many paths there are, or points on each, does not matter.
     """
     f, n, _ = fibres.shape
+    length = float(np.linalg.norm(np.diff(fibres, axis=1), axis=2).sum(axis=1).mean())
     found = []
     for i in range(1, n - 1):
         tree = cKDTree(fibres[:, i])
-        reach = tree.query(fibres[:, i], k=[min(NEIGHBOURS + 1, f)])[0][:, 0]
+        near = tree.query(fibres[:, i], k=range(1, min(LOOKED_AT, f) + 1))[0]
+        # Lines that have run together count once: rounding would say in which direction they are apart.
+        apart = near > SAME * length
+        reach = np.where(apart & (apart.cumsum(axis=1) <= NEIGHBOURS), near, 0.0).max(axis=1)
         # Of those equally far none is left out: the order of the fibres would choose.
         beside = tree.query_ball_point(fibres[:, i], (1.0 + SAME) * reach)
         both = np.stack(
@@ -73,11 +84,8 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     ways = points[one] - points[other]
     ways -= np.einsum("mi,mi->m", ways, along)[:, None] * along
     distances = np.linalg.norm(ways, axis=1)
-    length = float(np.linalg.norm(np.diff(fibres, axis=1), axis=2).sum(axis=1).mean())
-    # Lines that have run together: rounding would say in which direction they are apart.
-    told = distances > SAME * length
-    pairs, distances = pairs[told], distances[told]
-    if not len(pairs):
-        return Neighbours(pairs, distances, distances)
-    apart = np.maximum(distances, LEAST_SPACING * float(np.median(distances)))
-    return Neighbours(pairs, distances, MODULUS * (length / (apart * (n - 1))) ** 2)
+    usual = float(np.median(distances)) if len(distances) else 0.0
+    apart = (distances > SAME * length) & (distances > TOO_NEAR * usual)
+    pairs, distances = pairs[apart], distances[apart]
+    stiff = np.maximum(distances, LEAST_SPACING * usual)
+    return Neighbours(pairs, distances, MODULUS * (length / (stiff * (n - 1))) ** 2)
