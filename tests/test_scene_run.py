@@ -443,9 +443,6 @@ def in_metres(scene):
     )
 
 
-@pytest.mark.xfail(
-    reason="measured: up to 0.19 mm for the muscle without fibres, whose lines lie on each other"
-)
 def test_a_scene_in_metres_reports_the_same_millimetres(scene):
     # Where two fibre segments are equally near, rounding decides which one gives an edge its direction.
     scene = replace(scene, solver={"iterations": 3})

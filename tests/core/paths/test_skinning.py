@@ -191,14 +191,14 @@ def test_the_stretch_has_bounds():
 
 
 def test_paths_all_in_one_place_do_not_turn_the_muscle():
-    """Stand-ins of fibres often end at the same points: they lie in each other, and tell of no turn."""
+    """Fibres that lie in each other tell of no turn about them."""
     made = strung_phantom("spindle_over_ball")
     topology = mesh_topology(len(made.points), made.triangles)
-    fibres = evenly_spread(*lines_on_surface(made.points, topology, made.fixed_to), POINTS)
+    lines = evenly_spread(*lines_on_surface(made.points, topology, made.fixed_to), POINTS)
+    fibres = np.repeat(lines[:1], 4, axis=0)
     start, end = bones_at_ends(fibres, made.points, made.fixed_to)
     paths = made.pulled(fibres=fibres, start_bones=start, end_bones=end)
     skinning = skinning_of("spindle_over_ball", paths)
-    assert len(np.unique(fibres[:, 1].round(6), axis=0)) < len(fibres) / 2
     np.testing.assert_allclose(skinning.at(paths.rest).surface, made.points, rtol=0.0, atol=1e-9)
     for state in swept(paths, flexed("spindle_over_ball", "distal", 20.0, 40.0, 60.0)):
         moved = skinning.at(state).surface

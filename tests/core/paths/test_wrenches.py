@@ -5,10 +5,11 @@ import pytest
 from phantom_paths import AXIS, HINGES, angles, known_paths, levers, strung_phantom, swept, turned, worse
 
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
+from vtkmuscle.core.paths import sheet
 from vtkmuscle.phantoms.two_joint_strap import ARMS
 
 #: Small twists of a bone: so far [mm], and so far at this distance from the middle of the muscle [mm].
-SMALL, REACH = 0.2, 50.0
+SMALL, REACH = 0.02, 50.0
 
 
 def twisted(pose, bone, number, size, middle):
@@ -26,20 +27,23 @@ def twisted(pose, bone, number, size, middle):
 @pytest.mark.parametrize(
     ("number", "angle", "mean", "each"),
     [
-        (0, 20.0, 0.6, 0.8),
-        worse((0, 20.0, 0.3, 0.4), "mean 0.55, each 0.71 mm, also of a sheet that has settled to rounding"),
+        (0, 20.0, 0.3, 0.4),
         (1, 15.0, 0.05, 0.2),
-        (2, 30.0, 0.3, 2.5),
-        worse((2, 30.0, 0.3, 1.0), "each 2.2 mm, also of a sheet that has settled to rounding"),
+        (2, 30.0, 0.5, 2.5),
+        worse((2, 30.0, 0.3, 1.0), "mean 0.33, each 1.6 mm: the response leaves out how neighbours turn"),
         (3, 40.0, 0.5, 3.0),
-        worse((3, 40.0, 0.3, 1.0), "mean 0.35, each 2.5 mm"),
+        worse((3, 40.0, 0.3, 1.0), "each 2.8 mm"),
         (4, 10.0, 0.1, 0.2),
-        worse((4, 30.0, 0.3, 1.0), "mean 5 to 9, each 27 to 47 mm: the ring takes hold of other points"),
+        (4, 30.0, 0.3, 1.0),
         (5, 30.0, 0.3, 0.5),
     ],
 )
-def test_wrenches_are_slopes_of_lengths(number, angle, mean, each):
-    """Central differences, of all six parts, in mm of lever: on the mean of the fibres, and of each."""
+def test_wrenches_are_slopes_of_lengths(number, angle, mean, each, monkeypatch):
+    """In mm of lever, of all six parts: on the mean of the fibres, and of each.
+
+    Differences are so small that a ring keeps its hold, and sheets settle to rounding, which they need.
+    """
+    monkeypatch.setattr(sheet, "TOLERANCE", 1e-9)
     make, settings, name, *_ = HINGES[number]
     paths, (pose,) = known_paths(make, **settings), turned(make, settings, name, [angle])
     bone = strung_phantom(make, **settings).names.index(name)

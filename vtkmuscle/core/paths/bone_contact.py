@@ -24,6 +24,9 @@ FIRST_PUSH = 10.0
 #: a point that comes and goes does so smoothly.
 ROUNDING = 0.02
 
+#: A bone's curvature counts fully at a point beside which the bone presses at least this part as hard.
+LEAST_BESIDE = 0.1
+
 #: Part of the springs' stiffness that the curvature of a bone may take away, at most.
 LARGEST_BEND = 0.5
 
@@ -57,10 +60,17 @@ class BoneContacts:
         How far each point of each path keeps away from each [mm].
     segment : float
         Mean distance of points along a path [mm].
+
+    Attributes
+    ----------
+    numbers : list of int
+        Of the bones.
+    rounding : float
+        See :data:`ROUNDING` [mm].
     """
 
     def __init__(self, bones: Mapping[int, Bone], standoff: Floats, segment: float) -> None:
-        self._bones = dict(bones)
+        self.numbers, self._bones = list(bones), list(bones.values())
         self._standoff = standoff
         self.rounding = ROUNDING * segment
         self._within = standoff.max(axis=(1, 2), initial=0.0) + self.rounding
@@ -88,19 +98,19 @@ class BoneContacts:
         """
         near = [self._near(k, x, transforms, before[k] if before else None) for k in range(len(self._bones))]
         gaps, normals = np.empty(self._standoff.shape), np.empty((*self._standoff.shape, 3))
-        for k, (number, one) in enumerate(zip(self._bones, near, strict=True)):
+        for k, (number, one) in enumerate(zip(self.numbers, near, strict=True)):
             gaps[k] = one.gaps.reshape(x.shape[:2])
             normals[k] = (one.outward @ transforms[number, :3, :3].T).reshape(x.shape)
         return gaps, normals, near
 
     def at_bone(self, k: int, x: Floats, transforms: Floats, before: Proximity) -> tuple[Floats, Floats]:
         """Return the gaps (f, n) to the k-th bone, and their directions (f, n, 3); see :meth:`at`."""
-        one, number = self._near(k, x, transforms, before), list(self._bones)[k]
+        one, number = self._near(k, x, transforms, before), self.numbers[k]
         normals: Floats = (one.outward @ transforms[number, :3, :3].T).reshape(x.shape)
         return one.gaps.reshape(x.shape[:2]), normals
 
     def _near(self, k: int, x: Floats, transforms: Floats, before: Proximity | None) -> Proximity:
-        number, bone = list(self._bones.items())[k]
+        number, bone = self.numbers[k], self._bones[k]
         at = (x.reshape(-1, 3) - transforms[number, :3, 3]) @ transforms[number, :3, :3]
         standoff, within = self._standoff[k].reshape(-1), float(self._within[k])
         if before is None:
@@ -147,10 +157,10 @@ def add_contacts(
                 gradient[a, i, 2] -= force * w
                 stiff = pressure_at(gaps[k, a, i], push, rounding)[1]
                 add_direction(blocks[a, i], stiff, u, v, w)
-                # Where the bone lets go beside it, a point slides along no curve.
-                sure = min(force, pressure[k, a, i - 1], pressure[k, a, i + 1])
-                if sure > 0.0:
-                    _bend(x[a], normals[k, a], i, sure, blocks[a, i])
+                # Where the bone lets go beside it, a point slides along no curve: that comes in smoothly.
+                beside = min(pressure[k, a, i - 1], pressure[k, a, i + 1])
+                if beside > 0.0:
+                    _bend(x[a], normals[k, a], i, min(force, beside / LEAST_BESIDE), blocks[a, i])
 
 
 @kernel

@@ -163,7 +163,6 @@ class MusclePaths:
         self.thickness = 2.0 * half_thickness(surface, triangles)
         self._lengths, self._segment = segments.sum(axis=1), float(segments.mean())
         self._rings = tuple(rings)
-        self._numbers = np.array(list(bones), dtype=np.int64)
         self._around = surroundings_of(
             self.fibres,
             start_bones,
@@ -289,18 +288,18 @@ class _Pose:
     """What acts on the paths in one pose, about a point."""
 
     def __init__(self, paths: MusclePaths, transforms: Floats, middle: Floats) -> None:
-        around, numbers = paths._around, paths._numbers
-        self._paths, self._around = paths, around
+        around = paths._around
+        self._paths = paths
         self._neighbours, self._contacts = paths._neighbours, paths._contacts
         self._near: list[Proximity] = []
         #: Of each bone, what its tissue holds points with: stiffness (f, n, 3, 3) and pull (f, n, 3).
-        self._tissue: list[tuple[Floats, Floats]] = []
-        self._numbers, self._ring_bones = numbers, [bone for bone, _ in paths._rings]
+        self._tissue: dict[int, tuple[Floats, Floats]] = {}
+        self._ring_bones = [bone for bone, _ in paths._rings]
         self._moved = np.array(transforms)
         self._moved[:, :3, 3] -= middle
         f, n, _ = paths.fibres.shape
         held, pull = np.zeros((f, n, 3, 3)), np.zeros((f, n, 3))
-        for k, number in enumerate(numbers):
+        for k, number in enumerate(around.bones):
             turn = self._moved[number, :3, :3]
             stiffness = turn @ around.stiffness[k] @ turn.T
             force = around.force[k] @ turn.T
@@ -308,7 +307,7 @@ class _Pose:
             given = np.einsum("fnij,fnj->fni", stiffness, home) + force
             held += stiffness
             pull += given
-            self._tissue.append((stiffness, given))
+            self._tissue[number] = stiffness, given
         self._held = np.ascontiguousarray(held.reshape(f, n, 9)[:, :, [0, 1, 2, 4, 5, 8]])
         self._pull = pull
         self._rings: Rings = rings_at(paths._rings, transforms, middle, paths._outside)
@@ -316,7 +315,7 @@ class _Pose:
         self._blocks, self._work = np.zeros((f, n, 6)), np.empty((5, f, n, 6))
         self._sheet = np.empty((4, 1, n, 6))
         self._directions = np.empty((len(paths._neighbours.pairs), 3))
-        self._pressure = np.zeros((len(numbers), f, n))
+        self._pressure = np.zeros((len(paths._contacts.numbers), f, n))
         self._ring_points = np.zeros((len(paths._rings), f), dtype=np.int64)
         self._ring_pressure = np.zeros((len(paths._rings), f, n))
 
@@ -329,17 +328,21 @@ class _Pose:
     def look_at(self, x: Floats, push: float) -> None:
         """Compute the gradient of the energy at x (f, n, 3), and its stiffness."""
         gradient, blocks = self.gradient, self._blocks
-        add_springs(x, self._held, self._pull, gradient, blocks)
-        flat, widths = x.reshape(-1, 3), self._paths.widths(x)
-        add_neighbours(
-            flat, self._neighbours, widths, gradient.reshape(-1, 3), blocks.reshape(-1, 6), self._directions
-        )
+        self._hold_together(x, gradient, blocks, self._directions)
         gaps, normals, self._near = self._contacts.at(x, self._moved, self._near)
         rounding = self._contacts.rounding
         add_contacts(x, gaps, normals, push, rounding, gradient, blocks, self._pressure)
         points = self._ring_points
         add_rings(x, self._rings, points, push, rounding, gradient, blocks, self._ring_pressure)
         gradient[:, [0, -1]] = 0.0
+
+    def _hold_together(self, x: Floats, gradient: Floats, blocks: Floats, directions: Floats) -> None:
+        """Write what springs, tissue and neighbours add to the gradient and its stiffness."""
+        add_springs(x, self._held, self._pull, gradient, blocks)
+        flat, widths = x.reshape(-1, 3), self._paths.widths(x)
+        add_neighbours(
+            flat, self._neighbours, widths, gradient.reshape(-1, 3), blocks.reshape(-1, 6), directions
+        )
 
     def step(self) -> float:
         """Compute the step of Newton's method, ``way``, and return its slope."""
@@ -366,10 +369,10 @@ class _Pose:
     def wrenches(self, x: Floats) -> Floats:
         """Return the wrenches of the paths at x, which was looked at last, about its origin."""
         ends = self._paths.start_bones, self._paths.end_bones
-        moving = sorted({*ends[0].tolist(), *ends[1].tolist(), *self._numbers.tolist(), *self._ring_bones})
+        moving = sorted({*ends[0].tolist(), *ends[1].tolist(), *self._tissue, *self._ring_bones})
 
-        def change(bone: int, velocity: Floats, turn: Floats) -> Floats:
-            return self._change(x, bone, velocity, turn)
+        def change(bone: int, velocity: Floats, turn: Floats, given: Floats) -> Floats:
+            return self._change_by_ends(x, given) + self._change(x, bone, velocity, turn)
 
         def response(gradient: Floats) -> Floats:
             newton_step(
@@ -386,18 +389,39 @@ class _Pose:
 
         return path_wrenches(x, *ends, moving, len(self._moved), change, response)
 
+    def _change_by_ends(self, x: Floats, given: Floats) -> Floats:
+        """Return how the gradient at x changes as the ends go with velocities, which are 0 at all others.
+
+        A central difference: a path that gets longer gets narrower, and one whose end turns aside has another
+        tangent, from which its neighbours are at right angles.
+        """
+        fastest = float(np.abs(given).max())
+        if fastest == 0.0:
+            return np.zeros_like(x)
+        part = SMALL_MOVE * self._paths.thickness / fastest
+        sides = []
+        for way in (part, -part):
+            gradient = np.zeros_like(x)
+            self._hold_together(
+                x + way * given, gradient, np.zeros_like(self._blocks), np.empty_like(self._directions)
+            )
+            sides.append(gradient)
+        change: Floats = (sides[0] - sides[1]) / (2.0 * part)
+        return change
+
     def _change(self, x: Floats, bone: int, velocity: Floats, turn: Floats) -> Floats:
-        """Return how the gradient at x changes as a bone moves; see :data:`ChangeOfGradient`."""
+        """Return how the gradient at x changes as a bone moves, beside which the ends stay."""
         change = np.zeros_like(x)
-        for k in np.flatnonzero(self._numbers == bone).tolist():
-            held, given = self._tissue[k]
+        if bone in self._tissue:
+            held, given = self._tissue[bone]
             force = given - np.einsum("fnij,fnj->fni", held, x)
             change -= np.einsum("fnij,fnj->fni", held, velocity) + np.cross(turn, force)
+        if bone in self._contacts.numbers:
             # The bone's surface curves: its normals where the points will be, seen from the bone.
-            fastest = float(np.abs(velocity).max())
+            k, fastest = self._contacts.numbers.index(bone), float(np.abs(velocity).max())
             part = SMALL_MOVE * self._paths.thickness / fastest if fastest > 0.0 else 1.0
-            after = self._push_of(k, x - part * velocity)
-            change -= (after - self._push_of(k, x)) / part + np.cross(turn, after)
+            after, before = (self._push_of(k, x - way * velocity) for way in (part, -part))
+            change -= (after - before) / (2.0 * part) + np.cross(turn, (after + before) / 2.0)
         for ring in np.flatnonzero(np.array(self._ring_bones) == bone):
             loads = x, self._rings, int(ring), self._ring_points[ring], self._ring_pressure[ring], PUSH
             force, held = ring_loads(*loads)

@@ -89,14 +89,16 @@ class Skinning:
     def _weights_of(self, points: Floats, least: float) -> SkinningWeights:
         f, n, _ = self._paths.rest.points.shape
         tree = cKDTree(self._rest)
-        _, near = tree.query(points, k=range(1, min(LOOKED_AT, tree.n) + 1))
+        away, near = tree.query(points, k=range(1, min(LOOKED_AT, tree.n) + 1))
         count = min(CARRIERS, f)
         carriers = np.empty((len(points), 4 * count), dtype=np.int64)
         weights = np.empty(carriers.shape)
         apart, at = np.empty((len(points), count)), np.empty((len(points), count))
         paths = np.empty((len(points), count), dtype=np.int64)
         _places_beside(points, self._rest.reshape(f, n, 3), near, paths, apart, at)
-        parts = falling_weights(apart, least)
+        # A path that none of these points is of is farther than the last.
+        seen = apart if tree.n <= LOOKED_AT else np.minimum(apart, away[:, -1:])
+        parts = falling_weights(seen, least)
         low = np.clip(at.astype(np.int64), 0, n - 2)
         t = (at - low)[:, :, None]
         spline = np.concatenate(
@@ -200,7 +202,7 @@ def _places_beside(points: Floats, paths: Floats, near: Ints, found: Ints, apart
     """Write the paths nearest to points (v, 3), ascending, how far they are, and where along them that is.
 
     near : (v, k) int array
-        Points of paths, ascending by distance; paths that have none among these count as far as the last.
+        Points of paths, ascending by distance; paths that have none among these are infinitely far.
     """
     n = paths.shape[1]
     for v in range(len(points)):
@@ -212,7 +214,7 @@ def _places_beside(points: Floats, paths: Floats, near: Ints, found: Ints, apart
                 known = known or found[v, c] == path
             if known or count == found.shape[1]:
                 continue
-            apart[v, count], at[v, count] = _nearest_place(points[v], paths[path], near[v, k] % n)
+            apart[v, count], at[v, count] = _place_beside(points[v], paths[path])
             found[v, count] = path
             count += 1
         for c in range(count, found.shape[1]):
@@ -224,27 +226,39 @@ def _places_beside(points: Floats, paths: Floats, near: Ints, found: Ints, apart
                 apart[v, k], apart[v, k - 1] = apart[v, k - 1], apart[v, k]
                 at[v, k], at[v, k - 1] = at[v, k - 1], at[v, k]
                 k -= 1
-        for c in range(count, found.shape[1]):
-            apart[v, c] = apart[v, count - 1]
 
 
 @kernel
-def _nearest_place(point: Floats, path: Floats, node: int) -> tuple[float, float]:
-    """Return how far a path is beside one of its points, and where along it, in segments."""
-    best, place = np.inf, 0.0
-    for j in range(max(node - 1, 0), min(node + 1, len(path) - 1)):
-        ahead, length2 = 0.0, 0.0
-        for c in range(3):
-            step = path[j + 1, c] - path[j, c]
-            ahead += (point[c] - path[j, c]) * step
-            length2 += step * step
-        part = min(max(ahead / length2, 0.0), 1.0) if length2 > 0.0 else 0.0
+def _place_beside(point: Floats, path: Floats) -> tuple[float, float]:
+    """Return how far a path is from a point, and where along it that is, in segments.
+
+    Where: the mean of the path's points, weighted by a Gaussian of their distances as wide as a segment.
+    Beside a straight path that is the nearest place. A curved one may have two: it does not choose.
+    """
+    nearest2, best2, width2 = np.inf, np.inf, 0.0
+    for j in range(len(path)):
         squared = 0.0
         for c in range(3):
-            squared += (path[j, c] + part * (path[j + 1, c] - path[j, c]) - point[c]) ** 2
-        if squared < best:
-            best, place = squared, j + part
-    return np.sqrt(best), place
+            squared += (path[j, c] - point[c]) ** 2
+        best2 = min(best2, squared)
+        if j + 1 < len(path):
+            ahead, length2 = 0.0, 0.0
+            for c in range(3):
+                step = path[j + 1, c] - path[j, c]
+                ahead += (point[c] - path[j, c]) * step
+                length2 += step * step
+            part = min(max(ahead / length2, 0.0), 1.0) if length2 > 0.0 else 0.0
+            nearest2 = min(nearest2, squared - part * (2.0 * ahead - part * length2))
+            width2 = max(width2, length2)
+    total, place = 0.0, 0.0
+    for j in range(len(path)):
+        squared = 0.0
+        for c in range(3):
+            squared += (path[j, c] - point[c]) ** 2
+        weight = np.exp(-0.5 * (squared - best2) / width2)
+        total += weight
+        place += weight * j
+    return np.sqrt(max(nearest2, 0.0)), place / total
 
 
 @array_kernel

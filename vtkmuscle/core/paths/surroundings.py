@@ -45,14 +45,14 @@ class Surroundings(NamedTuple):
         With which the point is pushed at rest, in the units of a path's springs [mm].
     stiffness : (b, f, n, 3, 3) array
         By which that force falls as the point leaves its place at rest, seen from the bone [1].
-    shares : (b, f, n) array
-        Part of what holds the point that each bone bears; they sum to 1.
+    bones : tuple of int
+        Numbers of the bones that force and stiffness are by: those that there are, else those of the ends.
     """
 
     standoff: Floats
     force: Floats
     stiffness: Floats
-    shares: Floats
+    bones: tuple[int, ...]
 
 
 def surroundings_of(
@@ -78,6 +78,9 @@ def surroundings_of(
     A path also shears the tissue between it and the bones that it comes from when it goes aside over them:
     a layer as thick as the distance d, of the stiffness m (L / d)^2, with m of :data:`MODULUS`. Each bone's
     part of that falls along the fibre, from all at its end to none at the other.
+
+    Pressure and tissue go with the bones by how near these are; where no bones are given, with those of the
+    ends, from all of one to all of the other along the fibre.
 
     Parameters
     ----------
@@ -116,11 +119,18 @@ def surroundings_of(
         held = MODULUS * (lengths / (layer * (n - 1))) ** 2 * part
         held = held * np.clip(2.0 * (across - LEAST_ACROSS), 0.0, 1.0)
         aside[bone] = held[..., None, None] * side[..., :, None] * side[..., None, :]
-    shares = shares_by_distance(distances)
+    if bones:
+        held_by, shares = tuple(bones), shares_by_distance(distances)
+    else:
+        held_by = tuple(sorted({*start_bones.tolist(), *end_bones.tolist()}))
+        numbers = np.array(held_by)[:, None]
+        starts, ends = ((which == numbers)[..., None] for which in (start_bones, end_bones))
+        shares = starts * (1.0 - along) + ends * along
+        aside = np.zeros((*shares.shape, 3, 3))
     bow = bundle_of(fibres, BUNDLE * thickness).mean(rest.reshape(-1, 3)).reshape(rest.shape)
     across_fibre = np.eye(3) - tangents[..., :, None] * tangents[..., None, :]
     bed = (np.linalg.norm(bow, axis=2) / thickness)[..., None, None] * across_fibre
-    return Surroundings(standoff, shares[..., None] * rest, aside + shares[..., None, None] * bed, shares)
+    return Surroundings(standoff, shares[..., None] * rest, aside + shares[..., None, None] * bed, held_by)
 
 
 def shares_by_distance(distances: Floats) -> Floats:

@@ -8,9 +8,10 @@ import numpy as np
 
 from vtkmuscle.core.types import Floats, Ints
 
-#: Takes a bone, its velocities (f, n, 3) where the points of paths are, and its angular velocity (3,), and
-#: returns how the energy's gradient (f, n, 3) changes as the bone moves and the points stay.
-ChangeOfGradient = Callable[[int, Floats, Floats], Floats]
+#: Takes a bone, its velocities (f, n, 3) where the points of paths are, its angular velocity (3,), and those
+#: velocities of the ends that are fixed to it, 0 at all other points; returns how the energy's gradient
+#: (f, n, 3) changes as the bone moves with these ends, and the other points stay.
+ChangeOfGradient = Callable[[int, Floats, Floats, Floats], Floats]
 
 
 def path_wrenches(
@@ -58,8 +59,7 @@ def path_wrenches(
             (shift if number < 3 else turn)[number % 3] = 1.0
             velocity = shift + np.cross(turn, points - middle)
             given = ends * velocity
-            change = change_of_gradient(bone, velocity, turn)
-            change[:, 1:-1] -= given[:, :-2] + given[:, 2:]
+            change = change_of_gradient(bone, velocity, turn, given)
             change[:, [0, -1]] = 0.0
             moved = given + response(change)
             wrenches[:, bone, number] = -np.einsum("fni,fni->f", along, np.diff(moved, axis=1))
