@@ -174,6 +174,7 @@ EXAMPLES = {
     "SliceMorpher.template": fitted_template,
     "fibres": fibres,
     "rest_fibres": fibres,
+    "rest_paths": fibres,
     "paths": taut_fibres,
     "MomentArms.fibres": fibres_over_time,
     "superficial": superficial_fibres,
