@@ -214,7 +214,7 @@ def test_fibres_in_a_muscle_that_touches_itself_stay_where_they_are_carried():
 
 
 def held(fibres, muscle, paths, shift):
-    """Return fibres whose ends are held by tendons, in a muscle that is `shift` shorter along x at one end."""
+    """Return fibres held by tendons, in a muscle whose paths are `shift` shorter along x at one end."""
     rest = polylines_of(paths, "paths").points.reshape(3, -1, 3)
     now = rest.copy()
     now[..., 0] -= shift * np.linspace(0.0, 1.0, rest.shape[1])
