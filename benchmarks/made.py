@@ -21,13 +21,15 @@ HERE = Path(__file__).resolve().parent
 DOCS = HERE.parent / "docs"
 PAPER, HOW_RIGHT = DOCS / "validation/paper_tables", DOCS / "validation/how_right_tables"
 ATLAS = DOCS / "explanation/atlas_tables"
+#: Filters that no table is made with.
+WITHOUT_TABLES = {"FibreField"}
 
 
 def settings() -> str:
     """Return the hash of what a user gets without asking, and of what is called published."""
     defaults = {
         name: {key: repr(one.default) for key, one in getattr(filters, name).parameter_declarations.items()}
-        for name in sorted(filters.__all__)
+        for name in sorted({*filters.__all__} - WITHOUT_TABLES)
         if hasattr(getattr(filters, name), "parameter_declarations")
     }
     named: tuple[Mapping[str, Mapping[str, Any]], ...] = (PRESETS, PUBLISHED_FIBRES)

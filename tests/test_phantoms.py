@@ -12,19 +12,21 @@ from vtkmuscle.data.arrays import (
     blocks_of,
     cell_array,
     field_array,
+    field_string,
     points_of,
     polylines_of,
     surface_from,
     triangles_of,
 )
 from vtkmuscle.data.attachments import attachments_of
-from vtkmuscle.filters import FibreMetrics
+from vtkmuscle.filters import FibreMetrics, FibreSource
 from vtkmuscle.phantoms import (
     fibre_block,
     flexor_over_brim,
     hip,
     leg,
     lifting_strap,
+    pennate_belly,
     pennate_block,
     slivered_tendon,
     spindle_over_ball,
@@ -49,6 +51,7 @@ PHANTOMS = [
     spindle_over_ball,
     slivered_tendon,
     tendon_through_ring,
+    pennate_belly,
     pennate_block,
     winding_spindle,
     hip,
@@ -382,6 +385,23 @@ def test_box_has_its_corners_volume_and_spacing():
 def known_of_each(phantom, name, r, s):
     answer = phantom.known[name]
     return np.array([answer(*pair) for pair in zip(r, s, strict=True)]) if callable(answer) else answer
+
+
+def test_the_bellys_fibres_have_their_known_lengths_and_pennation():
+    phantom = pennate_belly()
+    muscle, known = phantom.muscles["belly"], phantom.known
+    assert survey(*mesh(muscle)).volume == pytest.approx(known["volume"], rel=0.03)
+    fibres = FibreMetrics()(FibreSource(n_fibres=200)(muscle, phantom.attachments["belly"]), muscle)
+    assert field_string(fibres, "Course") == "straight"
+    starts = polylines_of(fibres, "fibres").points.reshape(200, -1, 3)[:, 0]
+    for array, answer, median, most in (
+        ("Length", "fibre_length", 0.4, 3.0),
+        ("PennationOrigin", "pennation", 0.5, 2.0),
+        ("PennationInsertion", "pennation", 0.5, 2.0),
+    ):
+        error = cell_array(fibres, array, "fibres") - [known[answer](x) for x in starts[:, 0]]
+        assert abs(np.median(error)) < median, array
+        assert np.percentile(np.abs(error), 95) < most, array
 
 
 @every_block

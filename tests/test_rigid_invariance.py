@@ -37,9 +37,6 @@ def results(muscle, bones, motion, attachments, time):
     return points_of(deformer.update(time=time).output), carried
 
 
-@pytest.mark.xfail(
-    reason="strings that can rest on either side of an edge are decided by rounding", strict=False
-)
 @pytest.mark.parametrize("name", ["iliacus", "gluteus_medius"])
 def test_the_hip_moved_rigidly_deforms_as_before(hip, name):
     muscle, attachments = hip.muscles[name], hip.attachments[name]

@@ -72,7 +72,6 @@ def test_moment_arms_are_levers_and_the_slopes_of_the_lengths(result):
     np.testing.assert_array_equal(found.values, result.times)
 
 
-@pytest.mark.xfail(reason="measured: 0.22 mm in the last pose")
 def test_levers_are_the_slopes_of_the_lengths_within_what_differences_of_the_arms_allow(result):
     """Differences of 2.5 degrees of arms that change by less than a millimetre in each."""
     found = result.moment_arms()["spindle"]["knee"]

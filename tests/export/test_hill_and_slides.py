@@ -147,7 +147,6 @@ def test_moment_arms_are_by_the_coordinates_that_a_muscle_crosses(walked):
     np.testing.assert_allclose(both["lower"].mean, -ARMS[1], rtol=0.05)
 
 
-@pytest.mark.xfail(strict=True, reason="3.3 % in one pose: 26.9 mm")
 def test_the_upper_moment_arm_is_that_of_the_roller(walked):
     np.testing.assert_allclose(walked[0]["upper"].mean, ARMS[0], rtol=0.03)
 

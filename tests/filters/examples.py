@@ -172,6 +172,7 @@ EXAMPLES = {
     "neighbours": neighbours,
     "template": template,
     "SliceMorpher.template": fitted_template,
+    "mesh": deformed_muscle,
     "fibres": fibres,
     "rest_fibres": fibres,
     "rest_paths": fibres,

@@ -78,7 +78,7 @@ class Timed(VTKPythonAlgorithmBase):
     """A source that announces time steps, and gives the example for a port at the time asked for."""
 
     def __init__(self, kind, port):
-        super().__init__(nInputPorts=0, nOutputPorts=1, outputType=port.type_name)
+        super().__init__(nInputPorts=0, nOutputPorts=1, outputType=example(kind, port).GetClassName())
         self.kind, self.port = kind, port
 
     def RequestInformation(self, request, in_info, out_info):

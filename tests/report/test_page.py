@@ -104,10 +104,10 @@ def test_a_measure_that_stays_is_said_and_another_is_drawn(run_folder):
     other = changed(run_folder[1])
     for muscle in other.report["muscles"].values():
         for i, row in enumerate(muscle["frames"]):
-            row |= {"volume_ratio": 1.0 - 2e-12 * i, "edge_stretch_p95": 1.0 + 0.1 * i}
+            row |= {"volume_ratio": 1.0 - 2e-12 * i, "misshapen_area": 0.001 * i}
     checks = {one["key"]: one["flat"] for one in curves_of(other, {}, CHECKS, Pack())["checks"]}
     assert checks["volume_ratio"].startswith("\u22128e\u221210 to 0 in all frames")
-    assert checks["edge_stretch_p95"] is None
+    assert checks["misshapen_area"] is None
 
 
 def test_names_are_text_and_no_html(run_folder):

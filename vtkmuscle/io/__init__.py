@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from vtkmuscle.io.febio import febio_axes
     from vtkmuscle.io.fibre_table import fibre_summary, muscle_summary, write_fibre_table
     from vtkmuscle.io.landmarks import read_aponeurosis, read_landmarks, read_named_points
     from vtkmuscle.io.literature import (
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 #: Names of each module, which is loaded when one of them is asked for: few need all formats.
 _NAMES = {
+    "febio": ("febio_axes",),
     "fibre_table": ("fibre_summary", "muscle_summary", "write_fibre_table"),
     "landmarks": ("read_aponeurosis", "read_landmarks", "read_named_points"),
     "literature": (
@@ -60,6 +62,7 @@ __all__ = [
     "Series",
     "TimeSeries",
     "curves_for",
+    "febio_axes",
     "fibre_summary",
     "landmarks_of",
     "motion_columns",

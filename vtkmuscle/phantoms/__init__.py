@@ -14,7 +14,8 @@ Joints, from the simplest to the most like life; with what is known of the muscl
 * :func:`hip`, the demo's: pelvis, femur and three muscles (the head of the femur); :func:`leg`, the whole of
   it: three joints, ten muscles.
 
-Fibres: :func:`fibre_block` and :func:`pennate_block` (lengths, pennation), :func:`winding_spindle` (twist).
+Fibres: :func:`fibre_block`, :func:`pennate_block` and :func:`pennate_belly` (lengths, pennation),
+:func:`winding_spindle` (twist).
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from vtkmuscle.phantoms.hinge_spindle import spindle_over_hinge
 from vtkmuscle.phantoms.hip_joint import hip
 from vtkmuscle.phantoms.leg import leg
 from vtkmuscle.phantoms.lifting_strap import lifting_strap
+from vtkmuscle.phantoms.pennate_belly import pennate_belly
 from vtkmuscle.phantoms.phantom import Phantom
 from vtkmuscle.phantoms.ring_tendon import tendon_through_ring
 from vtkmuscle.phantoms.slivered_tendon import slivered_tendon
@@ -40,6 +42,7 @@ __all__ = [
     "hip",
     "leg",
     "lifting_strap",
+    "pennate_belly",
     "pennate_block",
     "slivered_tendon",
     "spindle_over_ball",

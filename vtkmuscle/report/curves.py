@@ -41,8 +41,7 @@ class Limit(Protocol):
 #: has, and factor and offset to the limits' unit.
 CHECKS = (
     ("volume_ratio", "change of the volume [%]", "volume", 100.0, -100.0),
-    ("edge_stretch_p95", "length of edges / at rest, 95th percentile", "long edges", 1.0, 0.0),
-    ("edge_stretch_p5", "length of edges / at rest, 5th percentile", "short edges", 1.0, 0.0),
+    ("misshapen_area", "surface out of shape, share of its area [%]", "misshapen", 100.0, 0.0),
     (
         "dihedral_error_p95_deg",
         "change of angles between triangles, 95th percentile [deg]",

@@ -35,8 +35,7 @@ FIBRES = (
 #: Quality: the key in the rows of frames, what stands above the column, and which value of all frames.
 QUALITY = (
     ("volume_ratio", "volume, largest change [%]", lambda v: 100.0 * np.abs(v - 1.0).max()),
-    ("edge_stretch_p5", "edges / at rest, 5th percentile, least", np.min),
-    ("edge_stretch_p95", "95th percentile, largest", np.max),
+    ("misshapen_area", "surface out of shape, largest share [%]", lambda v: 100.0 * v.max()),
     ("dihedral_error_p95_deg", "angles changed, 95th percentile [deg]", np.max),
     ("penetration_new_max_mm", "deeper in a bone than at rest [mm]", np.max),
     ("fibres_outside_max_mm", "fibres out of the muscle [mm]", np.max),
@@ -300,8 +299,7 @@ def _column(frames: Iterable[Mapping[str, Any]], key: str) -> Any:
 #: The checks that the columns of the quality belong to.
 _CHECKS = {
     "volume": "volume_ratio",
-    "short edges": "edge_stretch_p5",
-    "long edges": "edge_stretch_p95",
+    "misshapen": "misshapen_area",
     "crumpled": "dihedral_error_p95_deg",
     "penetration": "penetration_new_max_mm",
     "fibres outside": "fibres_outside_max_mm",

@@ -12,20 +12,18 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.bones.bone import Bone, depth_in
 from vtkmuscle.core.mesh.bent import BentSurface, bent_surface
 from vtkmuscle.core.mesh.hinges import dihedral_angles
-from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, unique_edges
+from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, triangle_stretches, unique_edges
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, point_array, points_of, triangles_of
 from vtkmuscle.filters.deformer.neighbours import outward_tree
+from vtkmuscle.run.limits import BEYOND, LONGEST, SHORTEST
 
 #: An edge is folded back where its triangles are within 30 degrees of lying on each other; it counts where it
 #: was at least 60 degrees off that at rest [degrees between their normals].
 FOLDED, NOT_FOLDED = 150.0, 120.0
-#: An edge that is shorter than this part of the mean edge at rest counts as that long: a sliver's is easily
-#: many times its own length.
-SHORT_EDGE = 0.25
 
 
 class MuscleMeasure:
@@ -59,7 +57,6 @@ class MuscleMeasure:
         edges = unique_edges(self._triangles)
         lengths = edge_lengths(self._rest, edges)
         self._edges, self._edge_lengths = edges[lengths > 0], lengths[lengths > 0]
-        self._floored = np.maximum(self._edge_lengths, SHORT_EDGE * self._edge_lengths.mean())
         self._volume = signed_volume(self._rest, self._triangles)
         self._quads = mesh_topology(len(self._rest), self._triangles).quads
         angles, defined = dihedral_angles(self._rest, self._quads)
@@ -102,15 +99,15 @@ class MuscleMeasure:
         now = {bone: transforms.get(bone, np.eye(4)) for bone in self._bones}
         lengths = edge_lengths(points, self._edges)
         stretch = lengths / self._edge_lengths
-        low, high = np.percentile(stretch, [5, 95])
+        least, greatest, areas = triangle_stretches(self._rest, points, self._triangles)
+        misshapen = (greatest > BEYOND * LONGEST) | (least < SHORTEST / BEYOND)
         angles, _ = dihedral_angles(points, self._quads)
         folded = self._unfolded & (np.abs(angles) > np.radians(FOLDED))
         return {
             "volume_ratio": signed_volume(points, self._triangles) / self._volume,
-            "edge_stretch_p5": float(low),
-            "edge_stretch_p95": float(high),
+            "edge_stretch_p95": float(np.percentile(stretch, 95)),
             "edge_stretch_max": float(stretch.max()),
-            "edge_stretch_floored_max": float((lengths / self._floored).max()),
+            "misshapen_area": float(areas[misshapen].sum() / areas.sum()),
             "folded_edges": int(folded.sum()),
             **self._penetration(points, now),
             "fixed_error_max_mm": self._fixed_error(points, now),

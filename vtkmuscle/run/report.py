@@ -49,10 +49,9 @@ DEFINITIONS = {
     "attachment_sureness": "how sure the least sure of them is, 0 to 1; null where nothing was estimated",
     "volume_ratio": "volume / volume at rest",
     "edge_stretch_p95": "95th percentile, over the edges of the muscle, of length / length at rest",
-    "edge_stretch_p5": "5th percentile of it",
     "edge_stretch_max": "the largest of them",
-    "edge_stretch_floored_max": "the largest, where edges that are shorter at rest than a quarter of the "
-    "mean edge count as that long",
+    "misshapen_area": "share of the surface, by its area at rest, that is stretched more than 2.4 times, or "
+    "squeezed to less than a third, in some direction",
     "folded_edges": "edges whose two triangles lie on each other, within 30 degrees, and did not at rest",
     "along_fibres_p5": "5th percentile of length / length at rest over the edges within 18 degrees of the "
     "fibres at rest; likewise _p50 and _p95; where the direction of the fibres is known",

@@ -152,9 +152,7 @@ def _series(
     values = {
         "volume": 100.0 * np.abs(column("volume_ratio") - 1.0),
         "fixed points": column("fixed_error_max_mm"),
-        "long edges": column("edge_stretch_p95"),
-        "short edges": column("edge_stretch_p5"),
-        "longest edge": column("edge_stretch_floored_max"),
+        "misshapen": 100.0 * column("misshapen_area"),
         "crumpled": column("dihedral_error_p95_deg"),
         "folded": 100.0 * column("folded_edges") / n_edges,
         "fibres outside": column("fibres_outside_max_mm"),

@@ -88,7 +88,7 @@ class Sheet:
         directions = np.empty((len(self.neighbours.pairs), 3))
         add_springs(x, self.held, self.pull, gradient, blocks)
         flat = x.reshape(-1, 3), gradient.reshape(-1, 3), blocks.reshape(-1, 6)
-        add_neighbours(flat[0], self.neighbours, self.widths, *flat[1:], directions)
+        add_neighbours(*flat, self.neighbours, self.widths, directions)
         pressure = np.zeros((1, *x.shape[:2]))
         add_contacts(x, *self.contacts(x), PUSH, ROUNDING, gradient, blocks, pressure)
         add_rings(x, self.rings, self.points, PUSH, ROUNDING, gradient, blocks, np.zeros_like(pressure))
@@ -133,7 +133,7 @@ def test_a_step_of_newtons_method_solves_its_equations(rng, left_over, off):
     assert np.linalg.eigvalsh(matrix).min() > 0.0
     step = np.empty_like(sheet.x)
     gradient[:, [0, -1]] = 0.0
-    work = np.empty((5, *blocks.shape)), np.empty((4, 1, *blocks.shape[1:]))
+    work = np.empty_like(blocks), np.empty((4, *gradient.shape)), np.empty((4, 1, *blocks.shape[1:]))
     slope = newton_step(gradient, blocks, sheet.neighbours, directions, left_over, *work, step)
     known = np.linalg.solve(matrix, -gradient[:, 1:-1].ravel()).reshape(step[:, 1:-1].shape)
     assert np.linalg.norm(step[:, 1:-1] - known) < off * np.linalg.norm(known)
@@ -153,8 +153,8 @@ def test_the_stiffness_of_springs_contacts_and_neighbours_is_the_slope_of_their_
         gradient, blocks = np.zeros_like(x), np.zeros((2, 5, 6))
         directions = np.empty((len(neighbours.pairs), 3))
         add_springs(x, held, pull, gradient, blocks)
-        flat = gradient.reshape(-1, 3), blocks.reshape(-1, 6), directions
-        add_neighbours(x.reshape(-1, 3), neighbours, np.ones(2), *flat)
+        flat = gradient.reshape(-1, 3), blocks.reshape(-1, 6)
+        add_neighbours(x.reshape(-1, 3), *flat, neighbours, np.ones(2), directions)
         normals = np.tile([1.0, 0.0, 0.0], (1, 2, 5, 1))
         gaps = (x[..., 0] - 6.1 + 6.0 * (np.arange(2) == 0)[:, None])[None]
         add_contacts(x, gaps, normals, PUSH, ROUNDING, gradient, blocks, np.zeros((1, 2, 5)))

@@ -43,9 +43,9 @@ def test_wrenches_are_slopes_of_lengths(number, angle, mean, each, monkeypatch):
 
     Differences are so small that a ring keeps its hold, and sheets settle to rounding, which they need.
     """
-    monkeypatch.setattr(sheet, "TOLERANCE", 1e-9)
     make, settings, name, *_ = HINGES[number]
     paths, (pose,) = known_paths(make, **settings), turned(make, settings, name, [angle])
+    monkeypatch.setattr(sheet, "TOLERANCE", 1e-9)
     bone = strung_phantom(make, **settings).names.index(name)
     state = paths.follow(paths.rest, pose)
     middle = state.points.reshape(-1, 3).mean(axis=0)

@@ -100,6 +100,39 @@ def _fill_lengths(points: Floats, edges: Ints, lengths: Floats) -> None:
         lengths[e] = np.sqrt(x * x + y * y + z * z)
 
 
+def triangle_stretches(rest: Floats, now: Floats, triangles: Ints) -> tuple[Floats, Floats, Floats]:
+    """Return how much triangles are stretched in the directions in which they are least and most.
+
+    These are the singular values of the map from a triangle at rest to itself now.
+
+    Parameters
+    ----------
+    rest, now : (n, 3) arrays
+        Positions [mm].
+    triangles : (m, 3) int array
+        Point ids.
+
+    Returns
+    -------
+    least, greatest : (m,) arrays
+        1 for a triangle without area at rest, which has no directions.
+    areas : (m,) array
+        At rest [mm^2].
+    """
+    before, after = (np.diff(points[triangles], axis=1) for points in (rest, now))
+    metric, moved = (np.einsum("tai,tbi->tab", sides, sides) for sides in (before, after))
+    determinants = np.maximum(np.linalg.det(metric), 0.0)
+    areas: Floats = 0.5 * np.sqrt(determinants)
+    known = areas > 0.0
+    squares = np.ones((len(triangles), 2))
+    of = np.linalg.solve(metric[known], moved[known])
+    half, product = np.trace(of, axis1=1, axis2=2) / 2.0, np.linalg.det(of)
+    apart = np.sqrt(np.maximum(half**2 - product, 0.0))
+    squares[known] = np.stack([half - apart, half + apart], axis=1)
+    least, greatest = np.sqrt(np.maximum(squares.T, 0.0))
+    return least, greatest, areas
+
+
 def signed_volume(points: Floats, triangles: Ints) -> float:
     """Return the volume inside a closed surface, positive where its triangles face outward.
 

@@ -64,7 +64,7 @@ def add_springs(x: Floats, held: Floats, pull: Floats, gradient: Floats, blocks:
 
 @kernel
 def add_neighbours(
-    x: Floats, neighbours: Neighbours, widths: Floats, gradient: Floats, blocks: Floats, directions: Floats
+    x: Floats, gradient: Floats, blocks: Floats, neighbours: Neighbours, widths: Floats, directions: Floats
 ) -> None:
     """Add the springs between neighbours, and write their directions (m, 3).
 
@@ -124,6 +124,7 @@ def newton_step(
     neighbours: Neighbours,
     directions: Floats,
     left_over: float,
+    inverses: Floats,
     work: Floats,
     sheet: Floats,
     step: Floats,
@@ -137,13 +138,12 @@ def newton_step(
     left_over : float
         A step of conjugate gradients ends the solve where what is left of the residual, in the norm of the
         preconditioner, is this part of what it was.
-    work, sheet : (5, f, n, 6), (4, 1, n, 6) arrays
+    inverses, work, sheet : (f, n, 6), (4, f, n, 3), (4, 1, n, 6) arrays
         Working memory.
     step : (f, n, 3) array
         Overwritten.
     """
-    inverses = work[0]
-    residual, solved, way, image = work[1, :, :, :3], work[2, :, :, :3], work[3, :, :, :3], work[4, :, :, :3]
+    residual, solved, way, image = work[0], work[1], work[2], work[3]
     coarse, sections, means = sheet[0], sheet[1], sheet[2:4, 0, :, :3]
     _invert(blocks, inverses)
     _add_scaled(gradient, -1.0, residual, 0.0)
@@ -292,13 +292,12 @@ def _multiply(blocks: Floats, neighbours: Neighbours, directions: Floats, x: Flo
             for c in range(3):
                 y[k, i, c] = -x[k, i - 1, c] - x[k, i + 1, c]
             _add_product(blocks[k, i], x[k, i], y[k, i])
+    a, b = x.reshape(f * n, 3), y.reshape(f * n, 3)
     for e in range(len(neighbours.pairs)):
         i, j = neighbours.pairs[e, 0], neighbours.pairs[e, 1]
         c = neighbours.stiffness[e]
-        a, b = x[i // n, i % n], x[j // n, j % n]
-        y_a, y_b = y[i // n, i % n], y[j // n, j % n]
         u, v, w = directions[e, 0], directions[e, 1], directions[e, 2]
-        on_a = c * (u * b[0] + v * b[1] + w * b[2])
-        on_b = c * (u * a[0] + v * a[1] + w * a[2])
-        y_a[0], y_a[1], y_a[2] = y_a[0] - on_a * u, y_a[1] - on_a * v, y_a[2] - on_a * w
-        y_b[0], y_b[1], y_b[2] = y_b[0] - on_b * u, y_b[1] - on_b * v, y_b[2] - on_b * w
+        on_i = c * (u * a[j, 0] + v * a[j, 1] + w * a[j, 2])
+        on_j = c * (u * a[i, 0] + v * a[i, 1] + w * a[i, 2])
+        b[i, 0], b[i, 1], b[i, 2] = b[i, 0] - on_i * u, b[i, 1] - on_i * v, b[i, 2] - on_i * w
+        b[j, 0], b[j, 1], b[j, 2] = b[j, 0] - on_j * u, b[j, 1] - on_j * v, b[j, 2] - on_j * w

@@ -312,8 +312,9 @@ class _Pose:
         self._pull = pull
         self._rings: Rings = rings_at(paths._rings, transforms, middle, paths._outside)
         self.gradient, self.way = np.zeros((f, n, 3)), np.empty((f, n, 3))
-        self._blocks, self._work = np.zeros((f, n, 6)), np.empty((5, f, n, 6))
-        self._sheet = np.empty((4, 1, n, 6))
+        self._blocks = np.zeros((f, n, 6))
+        #: Working memory of :func:`newton_step`.
+        self._work = np.empty((f, n, 6)), np.empty((4, f, n, 3)), np.empty((4, 1, n, 6))
         self._directions = np.empty((len(paths._neighbours.pairs), 3))
         self._pressure = np.zeros((len(paths._contacts.numbers), f, n))
         self._ring_points = np.zeros((len(paths._rings), f), dtype=np.int64)
@@ -339,25 +340,17 @@ class _Pose:
     def _hold_together(self, x: Floats, gradient: Floats, blocks: Floats, directions: Floats) -> None:
         """Write what springs, tissue and neighbours add to the gradient and its stiffness."""
         add_springs(x, self._held, self._pull, gradient, blocks)
-        flat, widths = x.reshape(-1, 3), self._paths.widths(x)
-        add_neighbours(
-            flat, self._neighbours, widths, gradient.reshape(-1, 3), blocks.reshape(-1, 6), directions
-        )
+        x_, gradient_, blocks_ = (array.reshape(-1, array.shape[2]) for array in (x, gradient, blocks))
+        add_neighbours(x_, gradient_, blocks_, self._neighbours, self._paths.widths(x), directions)
 
     def step(self) -> float:
         """Compute the step of Newton's method, ``way``, and return its slope."""
-        return float(
-            newton_step(
-                self.gradient,
-                self._blocks,
-                self._neighbours,
-                self._directions,
-                STEP_LEFT,
-                self._work,
-                self._sheet,
-                self.way,
-            )
-        )
+        return self._solve(self.gradient, STEP_LEFT)
+
+    def _solve(self, gradient: Floats, left_over: float) -> float:
+        """Write to ``way`` what takes the stiffness from a gradient to nothing, and return its slope."""
+        stiffness = self._blocks, self._neighbours, self._directions
+        return float(newton_step(gradient, *stiffness, left_over, *self._work, self.way))
 
     def contacts(self) -> Ints:
         """Return how many points of each path bones and rings press on, (f,)."""
@@ -375,16 +368,7 @@ class _Pose:
             return self._change_by_ends(x, given) + self._change(x, bone, velocity, turn)
 
         def response(gradient: Floats) -> Floats:
-            newton_step(
-                gradient,
-                self._blocks,
-                self._neighbours,
-                self._directions,
-                RESPONSE_LEFT,
-                self._work,
-                self._sheet,
-                self.way,
-            )
+            self._solve(gradient, RESPONSE_LEFT)
             return self.way
 
         return path_wrenches(x, *ends, moving, len(self._moved), change, response)

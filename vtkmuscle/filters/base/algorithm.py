@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
-from vtkmodules.vtkCommonDataModel import vtkDataObject
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSet
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkDemandDrivenPipeline
 
 from vtkmuscle.core.errors import InputError
@@ -133,6 +133,17 @@ class Algorithm(VTKPythonAlgorithmBase):
                     data.ReleaseData()
             silence_after_failure()
             return 0
+
+    def RequestDataObject(self, request: Any, inInfo: Any, outInfo: Any) -> int:
+        """Make the output of a port of any data set: of the kind that the first input is."""
+        for number, port in enumerate(self.output_ports):
+            if port.kind is vtkDataSet:
+                given = inInfo[0].GetInformationObject(0).Get(vtkDataObject.DATA_OBJECT())
+                info = outInfo.GetInformationObject(number)
+                made = info.Get(vtkDataObject.DATA_OBJECT())
+                if made is None or made.GetClassName() != given.GetClassName():
+                    info.Set(vtkDataObject.DATA_OBJECT(), given.NewInstance())
+        return 1
 
     def RequestInformation(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Announce time steps, if the filter makes its own."""

@@ -1,0 +1,238 @@
+import numpy as np
+import pytest
+import pyvista as pv
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+
+from vtkmuscle.data.arrays import points_of, with_points
+from vtkmuscle.filters import FibreField, FibreSource, FibreTransport
+from vtkmuscle.phantoms import fibre_block, pennate_belly, spindle_over_hinge, winding_spindle
+from vtkmuscle.phantoms.pennate_belly import ADVANCE, GAIN, THICKNESS
+from vtkmuscle.phantoms.winding_spindle import LENGTH, winding_fibre
+from vtkmuscle.pipelines import decompose
+
+#: The block's sides [mm].
+SIDES = np.array([20.0, 40.0, 120.0])
+
+
+@pytest.fixture(scope="module")
+def pennate():
+    """The block's muscle, its fibres, and the direction of all of them."""
+    phantom = fibre_block("pennate")
+    muscle = phantom.muscles["block"]
+    fibres = FibreSource(n_fibres=200, course="straight")(muscle, phantom.attachments["block"])
+    return muscle, fibres, np.array([20.0, 0.0, 60.0]) / np.hypot(20, 60)
+
+
+def image(spacing=4.0, margin=0.0):
+    counts = np.round((SIDES + 2 * margin) / spacing).astype(int) + 1
+    return pv.ImageData(dimensions=counts, spacing=[spacing] * 3, origin=[-margin] * 3)
+
+
+def meshes():
+    grid = image()
+    return {
+        "image": grid,
+        "rectilinear": grid.cast_to_rectilinear_grid(),
+        "structured": grid.cast_to_structured_grid(),
+        "tetrahedra": grid.to_tetrahedra(5),
+        "polydata": grid.extract_surface(algorithm="dataset_surface").triangulate(),
+    }
+
+
+def off(directions, truth):
+    """Return the angles between directions, sign included [degrees]."""
+    across = np.linalg.norm(np.cross(directions, truth), axis=-1)
+    return np.degrees(np.arctan2(across, (directions * truth).sum(axis=-1)))
+
+
+@pytest.mark.parametrize("at", ["cells", "points"])
+@pytest.mark.parametrize("kind", meshes())
+def test_any_mesh_gets_the_known_direction(kind, at, pennate):
+    muscle, fibres, truth = pennate
+    mesh = meshes()[kind]
+    mesh["Mine"] = np.arange(mesh.n_points)
+    field = FibreField(at=at).apply(mesh, fibres, muscle)
+    assert type(field) is type(mesh)
+    data, other = (field.cell_data, field.point_data)[:: 1 if at == "cells" else -1]
+    assert {"FibreDirection", "FibreDistance", "InMuscle"} <= {*data.keys()}
+    assert "FibreDirection" not in other
+    assert np.array_equal(field["Mine"], mesh["Mine"])
+    assert "FibreDirection" not in mesh.array_names
+    assert off(data["FibreDirection"], truth).max() < 2.0
+    assert np.abs(np.linalg.norm(data["FibreDirection"], axis=1) - 1).max() < 1e-12
+    assert (data["InMuscle"] == 1).all()
+
+
+def test_cells_have_the_direction_at_their_centres(pennate):
+    muscle, fibres, _ = pennate
+    mesh = meshes()["tetrahedra"]
+    cells = FibreField().apply(mesh, fibres, muscle)
+    centres = FibreField(at="points").apply(mesh.cell_centers(), fibres, muscle)
+    for name in ("FibreDirection", "FibreDistance", "InMuscle"):
+        assert np.abs(cells.cell_data[name] - centres.point_data[name]).max() < 1e-4
+
+
+def test_bipennate_fibres_lean_to_both_sides():
+    phantom = fibre_block("bipennate")
+    muscle = phantom.muscles["block"]
+    fibres = FibreSource(n_fibres=800, course="straight")(muscle, phantom.attachments["block"])
+    field = FibreField().apply(image(2.0), fibres, muscle)
+    x = field.cell_centers().points[:, 0]
+    lean = np.where(x < 10.0, 1.0, -1.0)
+    truth = np.column_stack([10.0 * lean, 0 * x, np.full(len(x), 60.0)]) / np.hypot(10, 60)
+    where = (field["FibreDistance"] < 2.0) & (np.abs(x - 10.0) > 3.0)
+    assert where.mean() > 0.3
+    errors = off(field["FibreDirection"], truth)[where]
+    assert np.median(errors) < 1.0
+    assert np.percentile(errors, 95) < 3.0
+
+
+def test_where_fibres_differ_the_field_lies_between_them():
+    phantom = pennate_belly()
+    muscle = phantom.muscles["belly"]
+    fibres = FibreSource(n_fibres=200)(muscle, phantom.attachments["belly"])
+    field = FibreField().apply(pv.create_grid(pv.wrap(muscle), dimensions=(50, 16, 8)), fibres, muscle)
+    x, _, z = field.cell_centers().points.T
+    t = z / THICKNESS
+    way = ADVANCE + GAIN * (x - ADVANCE * t) / (1.0 + GAIN * t)
+    truth = np.column_stack([way, 0 * way, np.full(len(way), THICKNESS)])
+    errors = off(field["FibreDirection"], truth)[field["InMuscle"] == 1]
+    assert np.median(errors) < 1.5
+    assert np.percentile(errors, 95) < 4.0
+
+
+@pytest.mark.parametrize("twist", [0.0, 90.0])
+def test_a_winding_muscles_field_winds(twist):
+    phantom = winding_spindle(twist)
+    muscle = phantom.muscles["spindle"]
+    fibres = decompose(muscle, phantom.attachments["spindle"], phantom.superficial["spindle"], n_fibres=200)
+    mesh = pv.ImageData(dimensions=(15, 15, 41), spacing=(2.5, 2.5, 2.5), origin=(-17.5, -17.5, 10.0))
+    field = FibreField().apply(mesh, fibres, muscle)
+    inside = field["InMuscle"] == 1
+    x, y, z = field.cell_centers().points[inside].T
+    start = np.arctan2(y, x) - np.radians(twist) * z / LENGTH
+    part = np.hypot(x, y) / np.hypot(*_on_surface(z).T)
+    steps = np.array([-1e-4, 1e-4])
+    ends = np.array(
+        [winding_fibre(q, a, twist, t / LENGTH + steps) for q, a, t in zip(part, start, z, strict=True)]
+    )
+    ways = ends[:, 1] - ends[:, 0]
+    errors = off(field["FibreDirection"][inside], ways / np.linalg.norm(ways, axis=1)[:, None])
+    assert np.median(errors) < 4.0
+
+
+def _on_surface(z):
+    return winding_fibre(1.0, 0.0, 0.0, z / LENGTH)[:, :2]
+
+
+def test_what_is_outside_is_marked():
+    phantom = spindle_over_hinge()
+    muscle = phantom.muscles["spindle"]
+    fibres = FibreSource(n_fibres=100)(muscle, phantom.attachments["spindle"])
+    bounds = np.array(muscle.GetBounds()).reshape(3, 2)
+    mesh = pv.ImageData(
+        dimensions=(21, 21, 41),
+        origin=bounds[:, 0] - 10,
+        spacing=(np.ptp(bounds, axis=1) + 20) / [20, 20, 40],
+    )
+    field = FibreField(at="points").apply(mesh, fibres, muscle)
+    surface = pv.wrap(muscle)
+    distance = mesh.compute_implicit_distance(surface)["implicit_distance"]
+    assert np.array_equal(field["InMuscle"] == 1, distance <= 0.0)
+    assert 0.02 < field["InMuscle"].mean() < 0.5
+    # Without the surface it is an estimate.
+    guess = FibreField(at="points").apply(mesh, fibres)["InMuscle"]
+    clear = np.abs(distance) > 4.0
+    assert np.array_equal(guess[clear], field["InMuscle"][clear])
+    assert np.isfinite(field["FibreDirection"]).all()
+
+
+def test_nodes_on_the_surface_are_in_the_muscle_in_single_precision_too():
+    phantom = spindle_over_hinge()
+    muscle = phantom.muscles["spindle"]
+    fibres = FibreSource(n_fibres=50)(muscle, phantom.attachments["spindle"])
+    rounded = pv.PolyData(points_of(muscle).astype(np.float32))
+    assert rounded.points.dtype == np.float32
+    assert (FibreField(at="points").apply(rounded, fibres, muscle)["InMuscle"] == 1).all()
+
+
+def test_distances_are_those_of_the_fibres(pennate):
+    muscle, _, _ = pennate
+    lines = pv.MultipleLines([(0.0, 0, 0), (0, 0, 120)])
+    field = FibreField(at="points").apply(image(10.0), lines, muscle)
+    x, y, _ = field.points.T
+    assert np.allclose(field["FibreDistance"], np.hypot(x, y))
+
+
+def test_a_deformed_muscles_field_follows_it(pennate):
+    """The field of fibres that a muscle carries is that of its elements where they are carried."""
+    muscle, fibres, truth = pennate
+    shear = np.array([[1.0, 0, 0], [0, 1, 0], [0.3, 0, 1]]).T
+    bent = with_points(muscle, points_of(muscle) @ shear.T)
+    carried = FibreTransport()(fibres, muscle, bent)
+    mesh = image(4.0).cast_to_unstructured_grid()
+    mesh.points = mesh.points @ shear.T
+    expected = shear @ truth
+    field = FibreField().apply(mesh, carried, bent)
+    assert off(field["FibreDirection"], expected / np.linalg.norm(expected)).max() < 2.0
+
+
+@pytest.mark.parametrize("with_muscle", [True, False])
+def test_a_mesh_that_is_elsewhere_is_refused(pennate, with_muscle):
+    muscle, fibres, _ = pennate
+    mesh = image(20.0)
+    mesh.origin = (500.0, 0.0, 0.0)
+    with pytest.raises(
+        ValueError, match=r"FibreField: mesh: none of its 12 cells is in .* 510\.\.510 x 10\.\.30"
+    ):
+        FibreField()(mesh, fibres, muscle if with_muscle else None)
+
+
+@pytest.mark.parametrize("at", ["cells", "points"])
+def test_a_mesh_with_points_that_are_not_finite_is_refused(pennate, at):
+    muscle, fibres, _ = pennate
+    mesh = image(20.0).cast_to_unstructured_grid()
+    mesh.points[3] = np.nan
+    with pytest.raises(ValueError, match="FibreField: mesh: some of its points are not finite"):
+        FibreField(at=at)(mesh, fibres, muscle)
+
+
+def test_points_without_cells_have_no_directions_of_cells(pennate):
+    muscle, fibres, _ = pennate
+    mesh = vtkUnstructuredGrid()
+    mesh.SetPoints(pv.wrap(image(20.0)).cast_to_unstructured_grid().GetPoints())
+    with pytest.raises(ValueError, match="FibreField: mesh: it has no cells"):
+        FibreField()(mesh, fibres, muscle)
+    assert FibreField(at="points")(mesh, fibres, muscle).GetPointData().HasArray("InMuscle")
+
+
+def test_cells_without_points_have_no_directions(pennate):
+    muscle, fibres, _ = pennate
+    mesh = pv.UnstructuredGrid([0, 1, 0], [pv.CellType.EMPTY_CELL, pv.CellType.VERTEX], [[10.0, 20.0, 60.0]])
+    with pytest.raises(ValueError, match="FibreField: mesh: some of its cells have no points"):
+        FibreField()(mesh, fibres, muscle)
+
+
+def test_fibres_that_are_none_are_refused(pennate):
+    muscle, _, _ = pennate
+    with pytest.raises(ValueError, match="FibreField: fibres: there are no polylines"):
+        FibreField()(image(20.0), pv.PolyData(np.zeros((1, 3))), muscle)
+    point = pv.lines_from_points(np.ones((4, 3)))
+    with pytest.raises(ValueError, match="FibreField: fibres: no fibre has a length"):
+        FibreField()(image(20.0), point, muscle)
+
+
+def test_an_open_muscle_has_no_inside(pennate):
+    muscle, fibres, _ = pennate
+    half = pv.wrap(muscle).clip("x", origin=(10.0, 0, 0)).triangulate()
+    with pytest.raises(ValueError, match=r"FibreField: muscle: the surface has \d+ open edge"):
+        FibreField()(image(20.0), fibres, half)
+
+
+def test_the_output_takes_the_kind_of_the_mesh_when_that_changes(pennate):
+    muscle, fibres, _ = pennate
+    field = FibreField(fibres=fibres, muscle=muscle)
+    for mesh in (image(20.0), image(20.0).cast_to_unstructured_grid(), image(20.0)):
+        field.mesh = mesh
+        assert field.output.GetClassName() == mesh.GetClassName()
+        assert field.output.GetCellData().HasArray("FibreDirection")
