@@ -25,7 +25,7 @@ BUDGETS = {
     "core/bones": 343,  # 336: signed distances
     "core/collision": 937,  # 919: points kept out of bones and muscles
     "core/deformation": 296,  # 290: carrying and settling
-    "core/fibres": 1945,  # 1945: architecture, directions, mean value coordinates, spreading, tendons, trimming
+    "core/fibres": 1945,  # 1945: architecture, directions, mean value coordinates, spreading, tendons
     "core/mesh": 1930,  # 1892: surfaces, trees, solids
     "core/moment_arms": 494,  # 484: levers and slopes
     "core/morphing": 1488,  # 1459: a template taken into a muscle, section by section
