@@ -18,14 +18,14 @@ BUDGETS = {
     "accuracy": 431,  # 423: errors of a run's results
     "cli": 897,  # 879: the command line
     "cohort": 1198,  # 1175: studies of many subjects
-    "core": 11224,  # 11004: the mathematics; 9500 is what it is to come to
+    "core": 11299,  # 11299: the mathematics; 9500 is what it is to come to
     "core/accuracy": 70,  # 69: errors by parts
     "core/algorithm_2": 201,  # 197: the published solver
     "core/attachments": 373,  # 366: areas and fixed points
     "core/bones": 343,  # 336: signed distances
     "core/collision": 937,  # 919: points kept out of bones and muscles
     "core/deformation": 296,  # 290: carrying and settling
-    "core/fibres": 1884,  # 1847: architecture, mean value coordinates, spreading, trimming, directions
+    "core/fibres": 1945,  # 1945: architecture, directions, mean value coordinates, spreading, tendons
     "core/mesh": 1930,  # 1892: surfaces, trees, solids
     "core/moment_arms": 494,  # 484: levers and slopes
     "core/morphing": 1488,  # 1459: a template taken into a muscle, section by section

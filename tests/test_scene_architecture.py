@@ -8,6 +8,7 @@ import pytest
 
 from vtkmuscle import Scene
 from vtkmuscle.core.accuracy.estimate import expanded_of_bounds
+from vtkmuscle.data.aponeuroses import Aponeurosis
 from vtkmuscle.phantoms import fibre_block, spindle_over_hinge
 
 
@@ -50,11 +51,49 @@ def test_the_scenes_tendon_shortens_every_fibre_by_itself():
     assert part == pytest.approx(float(expanded_of_bounds((high - low) / 2.0)))
 
 
+@pytest.mark.filterwarnings("ignore:.*landmarks are 30 mm from the bone")  # a tendon within the muscle
+@pytest.mark.parametrize(("kind", "width"), [("pennate", 20.0), ("bipennate", 10.0)])
+def test_between_aponeuroses_fascicles_are_the_fibres_and_nothing_is_left_to_estimate(kind, width):
+    phantom = fibre_block(kind)
+    scene = Scene.from_phantom(phantom, n_fibres=100)
+    muscle = scene.muscles["block"]
+    walls = [("proximal", x, 0.0) for x in ((0.0,) if kind == "pennate" else (0.0, 20.0))]
+    sheets = tuple(
+        Aponeurosis(side, np.array([(x, y, low + z) for y, z in ((0, 0), (40, 0), (40, 60), (0, 60))]))
+        for side, x, low in (*walls, ("distal", width, 60.0))
+    )
+    scene = replace(scene, muscles={"block": replace(muscle, aponeuroses=sheets, hill={})})
+    result = scene.run(None, frames="0:1", figures=False)
+    found, known = result.report["muscles"]["block"]["architecture"], phantom.known
+    assert found["tendon_from"] == "aponeuroses"
+    assert found["tendon_length_mm"] == 0.0
+    assert found["fascicle_length_mm"]["mean"] == pytest.approx(known["fibre_length"], rel=0.01)
+    for end in ("origin", "insertion"):
+        angle = found[f"fascicle_pennation_{end}_deg"]["mean"]
+        assert angle == pytest.approx(known["pennation"], abs=1.0)
+    area = known["volume"] / known["fibre_length"] * np.cos(np.radians(known["pennation"]))
+    assert found["pcsa_without_tendon_mm2"] == pytest.approx(area, rel=0.02)
+    assert result.errors["block"]["pcsa_without_tendon"].parts["aponeuroses"][0] == 0.0
+
+
+def test_where_aponeuroses_are_missing_the_error_covers_fascicles_that_are_shorter():
+    result, name = run(spindle_over_hinge(), sarcomere_length=3.0)
+    found, errors = result.report["muscles"][name]["architecture"], result.errors[name]
+    length, area = found["fascicle_length_mm"]["mean"], found["pcsa_without_tendon_mm2"]
+    assert length - errors["fascicle_length"].total[0] <= 0.22 * length
+    assert area + errors["pcsa_without_tendon"].total[0] >= area / 0.22
+    assert found["fascicle_length_normalised_mm"] == pytest.approx(0.9 * length)
+    assert found["volume_without_tendon_mm3"] == pytest.approx(
+        (1.0 - found["tendon_volume_share"]) * found["muscle_volume_mm3"]
+    )
+
+
 def test_architecture_is_a_table_with_errors(tmp_path):
     result, name = run(spindle_over_hinge(), out=tmp_path)
     (row,) = csv.DictReader((tmp_path / "architecture.csv").read_text().splitlines())
     found, errors = (result.report["muscles"][name][key] for key in ("architecture", "errors"))
     assert row["muscle"] == name
+    assert row["tendon_from"] == "estimate"
     assert float(row["volume_mm3"]) == pytest.approx(found["muscle_volume_mm3"])
     assert float(row["fascicle_length_mm"]) == pytest.approx(found["fascicle_length_mm"]["mean"])
     for quantity, unit in (("volume", "mm3"), ("pcsa", "mm2"), ("fascicle_length", "mm")):

@@ -41,7 +41,7 @@ def test_every_run_states_what_takes_no_further_solve(plain):
     errors = plain.report["muscles"]["spindle"]["errors"]
     of_rest = {"volume", "pcsa", "pcsa_without_tendon", "fascicle_length"}
     assert errors.keys() == {"length", "fibre_length", "moment_arm_distal_angle", *of_rest}
-    assert errors["fascicle_length"]["parts"].keys() == {"segments", "fibres", "tendon"}
+    assert errors["fascicle_length"]["parts"].keys() == {"segments", "fibres", "tendon", "aponeuroses"}
     assert errors["fibre_length"]["parts"].keys() == {"segments", "fibres"}
     assert errors["length"]["parts"].keys() == {"segments", "fibres"}
     assert errors["volume"]["parts"].keys() == {"facets", "solve"}

@@ -175,6 +175,7 @@ EXAMPLES = {
     "mesh": deformed_muscle,
     "fibres": fibres,
     "rest_fibres": fibres,
+    "rest_paths": fibres,
     "paths": taut_fibres,
     "MomentArms.fibres": fibres_over_time,
     "superficial": superficial_fibres,

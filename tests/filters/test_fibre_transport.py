@@ -12,6 +12,7 @@ from vtkmuscle.data.arrays import (
     field_array,
     points_of,
     polylines_from,
+    polylines_of,
     set_cell_array,
     set_field_array,
     set_point_array,
@@ -210,3 +211,39 @@ def test_fibres_in_a_muscle_that_touches_itself_stay_where_they_are_carried():
     set_point_array(touching, "Carried", points_of(touching))
     set_field_array(touching, "FibrePoints", lines)
     assert_allclose(points_of(FibreTransport()(rest, both, touching)), lines, atol=1e-9)
+
+
+def held(fibres, muscle, paths, shift):
+    """Return fibres held by tendons, in a muscle whose paths are `shift` shorter along x at one end."""
+    rest = polylines_of(paths, "paths").points.reshape(3, -1, 3)
+    now = rest.copy()
+    now[..., 0] -= shift * np.linspace(0.0, 1.0, rest.shape[1])
+    deformed = with_points(muscle, points_of(muscle))
+    set_field_array(deformed, "PathPoints", now.reshape(3, -1))
+    return FibreTransport()(fibres, muscle, deformed, None, paths)
+
+
+@pytest.fixture
+def paths():
+    t = np.linspace(0.0, 1.0, 13)[:, None]
+    lines = [(1.0 - t) * [-18.0, y, 0.0] + t * [18.0, y, 0.0] for y in (-3.0, 0.0, 3.0)]
+    return polylines_from(Polylines(np.vstack(lines), np.arange(0, 40, 13)))
+
+
+def test_ends_that_tendons_hold_take_all_of_what_the_paths_become_shorter_by(muscle, paths):
+    share = np.linspace(0.0, 1.0, 5)[:, None]
+    short = [(1.0 - share) * [-6.0, y, 0.0] + share * [6.0, y, 2.0] for y in (-2.0, 2.0)]
+    fibres = polylines_from(Polylines(np.vstack(short), np.arange(0, 11, 5)))
+    moved = points_of(held(fibres, muscle, paths, 4.0)).reshape(2, 5, 3)
+    shift = np.broadcast_to(share * [-4.0, 0.0, 0.0], moved.shape)
+    assert_allclose(moved - np.array(short), shift, atol=1e-6)
+    fixed = with_points(muscle, points_of(muscle))
+    assert_allclose(
+        points_of(FibreTransport()(fibres, muscle, fixed, None, paths)), points_of(fibres), atol=1e-6
+    )
+
+
+def test_fibres_that_tendons_hold_have_as_many_points_each(muscle, paths):
+    uneven = polylines_from(Polylines(np.eye(3)[[0, 1, 2, 0, 1]], np.array([0, 2, 5])))
+    with pytest.raises(ValueError, match="rest_fibres: they have 2 to 3 points each"):
+        held(uneven, muscle, paths, 1.0)

@@ -66,7 +66,7 @@ def aponeurosis_surfaces(
         label = f"{where}: {side}"
         for one in mine:
             _check_near(one, geometry, label)
-        surfaces.append(_together(mine, geometry, label))
+        surfaces.append(_together(mine, geometry, label, fibres=True))
         whole = np.linalg.norm(triangle_normals(geometry.points, geometry.triangles), axis=1).sum() / 2.0
         share = surfaces[-1].samples.area / whole
         if share > COVERS:
@@ -111,8 +111,13 @@ def check_sides(
 
 
 def _together(
-    shapes: Sequence[Aponeurosis | AttachmentArea], geometry: MuscleGeometry, where: str
+    shapes: Sequence[Aponeurosis | AttachmentArea],
+    geometry: MuscleGeometry,
+    where: str,
+    *,
+    fibres: bool = False,
 ) -> EndSurface:
+    """Return all shapes as one; ``fibres`` says that these themselves end there, and not their tendons."""
     patches: list[Ints] = []
     points, triangles, first = [geometry.points], [geometry.triangles], len(geometry.points)
     for number, shape in enumerate(shapes):
@@ -125,7 +130,8 @@ def _together(
         triangles.append(inner[1] + first)
         patches.append(first + np.arange(len(inner[0])))
         first += len(inner[0])
-    return EndSurface(np.vstack(points), np.vstack(triangles), np.unique(np.concatenate(patches)))
+    takes = (1.0, 1.0 if len(points) == 1 else 2.0) if fibres else (0.0, np.inf)
+    return EndSurface(np.vstack(points), np.vstack(triangles), np.unique(np.concatenate(patches)), takes)
 
 
 def _within(shape: Aponeurosis | AttachmentArea, geometry: MuscleGeometry) -> tuple[Floats, Ints] | None:

@@ -41,7 +41,9 @@ class FibreSource(Filter):
 
     Straight fibres go from one area to the other: places that stand for equal shares of either area are
     matched by the least sum of squared distances (optimal transport), so that fibres do not cross and
-    neighbours end beside each other. Where a straight line would leave the muscle it is bent inside.
+    neighbours end beside each other. Where a straight line would leave the muscle it is bent inside. Fibres
+    keep their cross-section on their way between aponeuroses: of the one that is larger, seen along them, a
+    part stays bare.
 
     By sections fibres go through the muscle from section to section: the parallel template through
     TemplateFitter, SliceMorpher, FibreTrimmer and FibreSmoother. Sections are isolines, which follow a muscle

@@ -17,10 +17,12 @@ from vtkmuscle.core.fibres.sparse_weights import (
     sparse_mean_value_coordinates,
     sparse_transport,
 )
+from vtkmuscle.core.fibres.tendons import Tendons
 from vtkmuscle.core.mesh.bent import BentSurface, bent_surface
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.polylines import evenly_spaced
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
-from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.data.arrays import (
     Polylines,
     checked_surface,
@@ -32,7 +34,7 @@ from vtkmuscle.data.arrays import (
     with_polylines,
 )
 from vtkmuscle.data.muscle_geometry import muscle_geometry
-from vtkmuscle.data.paths import add_paths
+from vtkmuscle.data.paths import PATH_POINTS, add_paths
 from vtkmuscle.data.pipeline_times import times_of
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.base.parameters import Parameter
@@ -44,6 +46,8 @@ _BLOCK = 256
 _LARGEST_CACHE = 2**31
 #: Points nearer to the surface than this part of the muscle's size do not count as outside.
 _ON_SURFACE = 1e-6
+#: An end of a fibre nearer to a triangle than this part of the mean edge is on it.
+_ON_TRIANGLE = 0.1
 
 
 @dataclass(eq=False)
@@ -140,6 +144,10 @@ class FibreTransport(Filter):
     arrays ``Carried`` and ``FibrePoints`` of PBDDeformer for the very same fibres; where they are not there,
     ``"mean-value"`` takes the place.
 
+    With ``rest_paths``, for fibres between aponeuroses, their ends stay as far from their bones along the
+    muscle's paths as at rest, for tendon is stiff, but for those on a part of the muscle that is fixed
+    to a bone, which go with that. Fibres that are straight at rest stay straight.
+
     With ``method="mean-value"``, that of the paper, each fibre point is expressed by mean value coordinates
     in the vertices of the muscle at rest; the same weighted mean of the deformed vertices is where it has
     moved. The weights are kept for as long as the rest fibres and the rest muscle are the same (in content),
@@ -199,6 +207,12 @@ class FibreTransport(Filter):
         optional=True,
         doc="The same fibres pulled taut, as by TautFibres: the paths, where the deformed muscle has none.",
     )
+    rest_paths = InputPort(
+        vtkPolyData,
+        optional=True,
+        doc="For fibres between aponeuroses: the lines at rest that the muscle was deformed with, from bone "
+        "to bone. The fibres' ends stay as far along them from their bones as they are at rest.",
+    )
     output = OutputPort(
         vtkPolyData,
         doc="The moved polylines, with the arrays of the rest fibres and the cell array ``RestLength`` "
@@ -209,6 +223,7 @@ class FibreTransport(Filter):
     )
 
     _rest: _Rest | None = None
+    _tendons: tuple[tuple[Floats, Floats], Tendons] | None = None
 
     def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
         """Pass on the times of the deformed muscle: the rest state has none."""
@@ -220,6 +235,7 @@ class FibreTransport(Filter):
         rest_muscle: vtkPolyData,
         deformed_muscle: vtkPolyData,
         paths: vtkPolyData | None,
+        rest_paths: vtkPolyData | None,
     ) -> vtkPolyData:
         """Return the fibres in the deformed muscle."""
         lines = polylines_of(rest_fibres, "FibreTransport: rest_fibres")
@@ -238,7 +254,9 @@ class FibreTransport(Filter):
         if rest.gap is None:
             solids = muscle_geometry(rest_muscle, "FibreTransport: rest_muscle").solids
             rest.gap = np.linalg.norm(solids.into(lines.points) - lines.points, axis=1)
-        if carried is not None:
+        if rest_paths is not None:
+            moved = self._held(moved, lines, rest_paths, rest_muscle, deformed_muscle)
+        if carried is not None or rest_paths is not None:
             rest.keep_within(moved, deformed)
         result = with_polylines(rest_fibres, Polylines(moved, lines.offsets))
         set_cell_array(result, "RestLength", polyline_lengths(lines.points, lines.offsets))
@@ -257,9 +275,50 @@ class FibreTransport(Filter):
         surface = point_array(muscle, "Carried", "FibreTransport: deformed_muscle")
         return np.array(surface, dtype=np.float64), np.array(points, dtype=np.float64)
 
+    def _held(
+        self,
+        moved: Floats,
+        fibres: Polylines,
+        rest_paths: vtkPolyData,
+        rest: vtkPolyData,
+        muscle: vtkPolyData,
+    ) -> Floats:
+        """Return the fibres' points (p, 3) with their ends held by tendons."""
+        lines, now = polylines_of(rest_paths, "FibreTransport: rest_paths"), field_array(muscle, PATH_POINTS)
+        if now is None or len(now) != len(lines):
+            return moved  # deformed without paths, as by the published solver
+        now = np.asarray(now, dtype=np.float64).reshape(len(lines), -1, 3)
+        counts = np.unique(np.diff(fibres.offsets))
+        if len(counts) > 1:
+            raise InputError(
+                "FibreTransport: rest_fibres",
+                f"they have {counts[0]} to {counts[-1]} points each, but with rest_paths as many each",
+                "FibreSource makes such fibres",
+            )
+        known = fibres.points, lines.points
+        if self._tendons is None or not all(map(np.array_equal, self._tendons[0], known)):
+            even = [evenly_spaced(lines.line(i), now.shape[1]) for i in range(len(lines))]
+            shape = fibres.points.reshape(len(fibres), -1, 3)
+            self._tendons = known, Tendons(shape, np.array(even), _fixed(rest, shape[:, [0, -1]]))
+        held = self._tendons[1].held(moved.reshape(len(fibres), -1, 3), now)
+        return held.reshape(-1, 3)
+
     def _rest_of(self, fibre_points: Floats, points: Floats, triangles: Ints) -> _Rest:
         # Comparing content costs a hundredth of a frame, and unlike comparing modification times it is right
         # for inputs that were copied, or changed behind VTK's back through a numpy view.
         if self._rest is None or not self._rest.is_of(fibre_points, points, triangles, self.weight_tolerance):
             self._rest = _Rest(fibre_points, points, triangles, self.weight_tolerance)
         return self._rest
+
+
+def _fixed(muscle: vtkPolyData, ends: Floats) -> Bools:
+    """Return which ends (k, 2, 3) are on triangles of a muscle all of whose points are fixed to bones."""
+    geometry = muscle_geometry(muscle, "FibreTransport: rest_muscle")
+    fixed_to = muscle.GetPointData().GetArray("FixedTo")
+    if fixed_to is None:
+        return np.zeros(ends.shape[:2], dtype=np.bool_)
+    tree = shared_tree(geometry.points, geometry.triangles)
+    faces, _, apart = tree.nearest(ends.reshape(-1, 3))
+    on_bone = (np.asarray(fixed_to) >= 0)[geometry.triangles[faces]].all(axis=1)
+    fixed: Bools = (on_bone & (apart <= _ON_TRIANGLE * geometry.mean_edge)).reshape(ends.shape[:2])
+    return fixed

@@ -167,6 +167,7 @@ class MusclePipeline:
                     rest_muscle=self.fixed,
                     deformed_muscle=self.deformer,
                     paths=self.taut,
+                    rest_paths=None if self.fibres is self.paths else self.paths,
                     # What the deformer says of its taut fibres is of the paths.
                     method="carried" if self.fibres is self.paths else "mean-value",
                     **carrying,

@@ -32,6 +32,12 @@ from vtkmuscle.report.tables import (
 MANY = 6
 #: Verdicts in words.
 BADGES = {"ok": "✓ ok", "look": "! look at it", "failed": "✗ failed"}
+#: What a muscle's cross-section rests on, in words.
+RESTS_ON = {
+    "aponeuroses": "fibres between aponeuroses",
+    "scene": "fibres bone to bone, less the scene's tendon",
+    "estimate": "fibres bone to bone, less an estimated tendon",
+}
 #: The parts of the page's program, in the order in which they are read.
 _SCRIPTS = (
     *("arrays.js", "webgl.js", "shaders.js", "colours.js", "shapes.js", "camera.js", "viewer.js"),
@@ -187,8 +193,9 @@ def _card(result: RunResult, place: int, name: str) -> dict[str, Any]:
         words = f"{number(found['mean_mm'])} mm ({number(found['min_mm'])} to {number(found['max_mm'])})"
         facts.append((f"moment arm, {label_of(coordinate)}", words))
     architecture = muscle.get("architecture") or {}
-    if "pcsa_mm2" in architecture:
-        facts.append(("PCSA", f"{_with_error(muscle, 'pcsa', architecture['pcsa_mm2'], 100.0)} cm²"))
+    if "tendon_from" in architecture:
+        area = _with_error(muscle, "pcsa_without_tendon", architecture["pcsa_without_tendon_mm2"], 100.0)
+        facts.append((f"PCSA, {RESTS_ON[architecture['tendon_from']]}", f"{area} cm²"))
     if muscle.get("volume_mm3"):
         facts.append(("volume", f"{_with_error(muscle, 'volume', muscle['volume_mm3'], 1000.0)} cm³"))
     finished = result.finished(name)

@@ -16,16 +16,22 @@ from vtkmuscle.core.fibres.architecture import (
     fascicles,
 )
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.polylines import end_directions
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import polylines_of
-from vtkmuscle.data.muscle_geometry import muscle_geometry
+from vtkmuscle.data.aponeuroses import aponeuroses_of
+from vtkmuscle.data.arrays import Polylines, polylines_of
+from vtkmuscle.data.end_surfaces import aponeurosis_surfaces
+from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.io.fibre_table import muscle_summary, spread
 from vtkmuscle.run.table import Table
 
 #: Sections across the centroid path in which fibres are counted.
 SECTIONS = 10
+#: Length at which sarcomeres of human muscle are strongest, to which dissections normalise [um]: Ward et al.
+#: 2009, doi:10.1007/s11999-008-0594-8.
+OPTIMAL_SARCOMERE = 2.7
 #: Positions in the muscle by which the curve through its middle is found.
 SAMPLES = 4096
 
@@ -47,14 +53,19 @@ DEFINITIONS = {
     "length, and its part along the line of action; the line of action, from the mean of the fibres' first "
     "points to that of their last; length of the centroid path; over ten sections across that path mean, "
     "standard deviation, least and largest of their area, of the number of fibres and of fibres per area",
-    "tendon_from": "scene: fibres are shorter by hill.tendon_slack_length; estimate: by where the muscle is "
+    "tendon_from": "what fascicles and their areas rest on. aponeuroses: fibres end on these, and are the "
+    "fascicles; scene: fibres are shorter by hill.tendon_slack_length; estimate: by where the muscle is "
     f"thinner than {100 * TENDON_AREA:.0f} % of its thickest section",
     "tendon_length_mm": "mean length of the fibres less that of their fascicles",
     "fascicle_length_mm": "of the parts of the fibres without tendon: mean, standard deviation and range",
     "fascicle_length_range_mm": "its mean where a place counts as tendon below "
     f"{100 * TENDON_AREAS[1]:.0f} % and {100 * TENDON_AREAS[0]:.0f} % of the thickest section",
-    "fascicle_pennation_origin_deg": "angle of the fascicles, at the end towards the origin, to the curve "
-    "through the muscle's middle; likewise fascicle_pennation_insertion_deg",
+    "fascicle_pennation_origin_deg": "angle of the fascicles, at the end towards the origin, to the "
+    "aponeurosis, or else to the curve through the muscle's middle; likewise "
+    "fascicle_pennation_insertion_deg",
+    "fascicle_length_normalised_mm": "where the scene gives hill.sarcomere_length: mean fascicle length "
+    f"times {OPTIMAL_SARCOMERE} um / that",
+    "tendon_volume_share": "part of the muscle's volume that is no thicker than tendon",
     "volume_without_tendon_mm3": "of the part of the muscle that is thicker than tendon",
     "pcsa_without_tendon_mm2": "its volume times the mean cosine of both pennations / mean fascicle length; "
     "likewise pcsa_without_tendon_range_mm2",
@@ -67,6 +78,7 @@ def architecture_of(
     attachments: vtkMultiBlockDataSet | None,
     millimetres: float,
     hill: Mapping[str, float] | None = None,
+    aponeuroses: vtkMultiBlockDataSet | None = None,
 ) -> dict[str, Any]:
     """Return what is published of a muscle as a whole, at rest.
 
@@ -79,7 +91,9 @@ def architecture_of(
     millimetres : float
         Of the scene's unit of length.
     hill : mapping of str to float, optional
-        Of the muscle; ``tendon_slack_length`` in the scene's unit.
+        Of the muscle; ``tendon_slack_length`` in the scene's unit, ``sarcomere_length`` in micrometres.
+    aponeuroses : vtkMultiBlockDataSet, optional
+        What the fibres end on.
     """
     metrics = FibreMetrics(architecture=True, sections=SECTIONS)
     summary = muscle_summary(metrics(fibres, muscle, None, attachments))
@@ -90,11 +104,20 @@ def architecture_of(
             result[name] = {word: value * scale for word, value in found.items()}
         else:
             result[name] = found if isinstance(found, list) else found * scale
-    return result | _without_tendon(fibres, muscle, millimetres, (hill or {}).get("tendon_slack_length"))
+    given = hill or {}
+    result |= _without_tendon(fibres, muscle, aponeuroses, millimetres, given.get("tendon_slack_length"))
+    if "sarcomere_length" in given:
+        ratio = OPTIMAL_SARCOMERE / given["sarcomere_length"]
+        result["fascicle_length_normalised_mm"] = ratio * result["fascicle_length_mm"]["mean"]
+    return result
 
 
 def _without_tendon(
-    fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float, tendon: float | None
+    fibres: vtkPolyData,
+    muscle: vtkPolyData,
+    aponeuroses: vtkMultiBlockDataSet | None,
+    millimetres: float,
+    tendon: float | None,
 ) -> dict[str, Any]:
     lines, geometry = polylines_of(fibres, "fibres"), muscle_geometry(muscle, "muscle")
     surface = geometry.points, geometry.triangles
@@ -105,26 +128,44 @@ def _without_tendon(
         for share in (TENDON_AREA, *TENDON_AREAS)
     )
     whole = polyline_lengths(lines.points, lines.offsets)
-    lengths, areas, means = found.lengths, _areas(ends, None), [one.lengths.mean() for one in ends]
-    if tendon is not None and tendon < whole.min():
-        lengths = whole - tendon
-        areas, means = _areas(ends, lengths), [lengths.mean()] * 2
+    source, lengths, means = "estimate", found.lengths, [one.lengths.mean() for one in ends]
+    if aponeuroses is not None:
+        source, lengths = "aponeuroses", whole
+        origin, insertion = _pennations(lines, aponeuroses, geometry)
+        found, *ends = (Fascicles(whole, origin, insertion, one.volume) for one in (found, *ends))
+    elif tendon is not None and tendon < whole.min():
+        source, lengths = "scene", whole - tendon
+    if source != "estimate":
+        means = [lengths.mean()] * 2
     square = millimetres**2
     return {
-        "tendon_from": "estimate" if lengths is found.lengths else "scene",
+        "tendon_from": source,
         "tendon_length_mm": float((whole - lengths).mean()) * millimetres,
         "fascicle_length_mm": spread(lengths * millimetres),
         "fascicle_length_range_mm": sorted(float(mean) * millimetres for mean in means),
         "fascicle_pennation_origin_deg": spread(found.origin_angles),
         "fascicle_pennation_insertion_deg": spread(found.insertion_angles),
+        "tendon_volume_share": 1.0 - found.volume / volume if volume > 0.0 else 0.0,
         "volume_without_tendon_mm3": found.volume * millimetres**3,
         "pcsa_without_tendon_mm2": found.cross_section(lengths) * square,
-        "pcsa_without_tendon_range_mm2": sorted(area * square for area in areas),
+        "pcsa_without_tendon_range_mm2": sorted(
+            one.cross_section(None if source == "estimate" else lengths) * square for one in ends
+        ),
     }
 
 
-def _areas(ends: list[Fascicles], lengths: Floats | None) -> list[float]:
-    return [one.cross_section(lengths) for one in ends]
+def _pennations(
+    lines: Polylines, aponeuroses: vtkMultiBlockDataSet, geometry: MuscleGeometry
+) -> list[Floats]:
+    """Return the angles between fibres and the aponeuroses that they end on, (k,) at each end [degrees]."""
+    where = "aponeuroses"
+    surfaces = aponeurosis_surfaces(aponeuroses_of(aponeuroses, where), geometry, where)
+    places = lines.points[lines.offsets[:-1]], lines.points[lines.offsets[1:] - 1]
+    runs = end_directions(lines.points, lines.offsets)
+    return [
+        np.degrees(np.arcsin(np.minimum(surface.crossed_by(run[:, None], ends) / surface.samples.area, 1.0)))
+        for surface, run, ends in zip(surfaces, runs, places, strict=True)
+    ]
 
 
 def architecture_table(muscles: Mapping[str, Mapping[str, Any]]) -> Table:
@@ -136,7 +177,11 @@ def architecture_table(muscles: Mapping[str, Mapping[str, Any]]) -> Table:
         ``report["muscles"]``; those without fibres are left out.
     """
     known = {name: muscle for name, muscle in muscles.items() if "architecture" in muscle}
-    columns = ("muscle", *(column for quantity, unit, _ in _COLUMNS for column in _named(quantity, unit)))
+    columns = (
+        "muscle",
+        "tendon_from",
+        *(column for quantity, unit, _ in _COLUMNS for column in _named(quantity, unit)),
+    )
     return Table(columns, (_row(name, muscle) for name, muscle in known.items()))
 
 
@@ -148,6 +193,7 @@ _COLUMNS = (
     ("fascicle_length", "mm", "fascicle_length_mm"),
     ("fascicle_pennation_origin", "deg", "fascicle_pennation_origin_deg"),
     ("fascicle_pennation_insertion", "deg", "fascicle_pennation_insertion_deg"),
+    ("tendon_volume_share", "1", "tendon_volume_share"),
     ("volume_without_tendon", "mm3", "volume_without_tendon_mm3"),
     ("pcsa_without_tendon", "mm2", "pcsa_without_tendon_mm2"),
 )
@@ -161,7 +207,7 @@ def _named(quantity: str, unit: str) -> tuple[str, ...]:
 
 
 def _row(name: str, muscle: Mapping[str, Any]) -> list[Any]:
-    row: list[Any] = [name]
+    row: list[Any] = [name, muscle["architecture"]["tendon_from"]]
     for quantity, _, key in _COLUMNS:
         found = muscle["architecture"][key]
         row.append(found["mean"] if isinstance(found, Mapping) else found)

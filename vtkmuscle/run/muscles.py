@@ -161,8 +161,9 @@ class MuscleRun:
             measure.take_fibres_at_rest(rested.points, rested.offsets)
             areas = self.scene.attachments_data(self.name)
             track.report["fibres"] = fibres_at_rest(track.rest_fibres, rest, millimetres)
+            hill, sheets = self.scene.muscles[self.name].hill, self.scene.aponeuroses_data(self.name)
             track.report["architecture"] = architecture_of(
-                track.rest_fibres, rest, areas, millimetres, self.scene.muscles[self.name].hill
+                track.rest_fibres, rest, areas, millimetres, hill, sheets
             )
         track.report["fibre_measures"] = []
 

@@ -35,6 +35,7 @@ ERROR_DEFINITIONS = {
     "errors.slopes": "what the lever of a path's pull and -dl/dq of its length differ by",
     "errors.facets": "flat triangles for a round surface",
     "errors.tendon": "what counts as tendon",
+    "errors.aponeuroses": "none are given, and fascicles between them are shorter than what is no tendon",
     "errors.model": "difference between the muscle's fibres and the taut paths alone",
     "errors.mesh": "difference to a mesh with edges half as long",
     "errors.slices": "difference to a slice for every height and fibres of twice the segments",

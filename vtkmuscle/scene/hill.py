@@ -16,13 +16,18 @@ _FORCE, _AREA = "max_isometric_force", ("pcsa", "specific_tension")
 
 
 class Hill(Table):
-    """What a muscle's fibres can do, for exports; none of it is used by a run."""
+    """What a muscle's fibres can do, for exports; a run uses two lengths for its architecture."""
 
     optimal_fibre_length: Number | None = Field(
         None, examples=[110.0], description="Length of the fibres at which they are strongest, in ``units``."
     )
     tendon_slack_length: Number | None = Field(
         None, examples=[310.0], description="Length of the tendon without force, in ``units``."
+    )
+    sarcomere_length: Number | None = Field(
+        None,
+        examples=[2.6],
+        description="Mean length of the sarcomeres in the rest pose, in micrometres, whatever ``units``.",
     )
     pennation: Number | None = Field(
         None, examples=[12.0], description="Angle of the fibres to the tendon at that length, in degrees."

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -52,6 +54,30 @@ def test_fibres_may_begin_on_several_pieces():
     left = fibres[:, 0, 0] < 20.0
     assert abs(left.sum() - 50) <= 2
     assert fibres[left, 1, 0].max() < fibres[~left, 1, 0].min() + 1.0
+
+
+def wide_over_narrow(takes):
+    """Return plates of 60 and 40 mm by 15 mm, 12 mm from each other and shifted by 16 mm."""
+    across = np.array([0, 15.0, 0])
+    plates = rectangle((-10.0, 0, 0), [60.0, 0, 0], across), rectangle((16.0, 0, 12.0), [40.0, 0, 0], across)
+    return [replace(plate, takes=take) for plate, take in zip(plates, takes, strict=True)]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_what_fibres_of_one_cross_section_do_not_reach_stays_bare(turned):
+    plates = wide_over_narrow([(1.0, 1.0)] * 2)[:: -1 if turned else 1]
+    fibres = straight_fibres(*plates, 300, 1)[:, :: -1 if turned else 1]
+    ways = fibres[:, 1] - fibres[:, 0]
+    angles = np.degrees(np.arccos(ways @ [0.8, 0, 0.6] / np.linalg.norm(ways, axis=1)))
+    assert np.percentile(angles, 95) < 6.0  # of equal shares of both: 23
+    assert np.abs(np.percentile(fibres[:, 0, 0], [2, 98]) - [0.0, 40.0]).max() < 2.5
+    assert np.abs(np.percentile(fibres[:, 1, 0], [2, 98]) - [16.0, 56.0]).max() < 2.0
+
+
+@pytest.mark.parametrize("takes", [[(0.0, np.inf)] * 2, [(1.0, 1.0), (1.0, 2.0)]])
+def test_where_tendons_are_between_or_fibres_may_end_on_both_faces_all_is_covered(takes):
+    fibres = straight_fibres(*wide_over_narrow(takes), 300, 1)
+    assert np.abs(np.percentile(fibres[:, 0, 0], [2, 98]) - [-10.0, 50.0]).max() < 2.5
 
 
 def test_loose_points_are_shared():

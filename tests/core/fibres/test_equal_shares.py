@@ -18,7 +18,7 @@ def plate(count, *, first=0, sides=(30.0, 10.0), lift=0.0):
 
 @pytest.mark.parametrize("count", [1, 2, 7, 50, 333])
 def test_places_stand_for_equal_shares_and_keep_apart(count):
-    both = even_places(plate(32 * count), plate(32 * count, sides=(5.0, 60.0), lift=20.0), count)
+    both = even_places([plate(32 * count), plate(32 * count, sides=(5.0, 60.0), lift=20.0)], count)
     for places, sides in zip(both, ((30.0, 10.0), (5.0, 60.0)), strict=True):
         assert places.shape == (count, 3)
         everywhere = plate(64 * 1024, first=64 * 1024, sides=sides, lift=places[0, 2])
@@ -31,15 +31,15 @@ def test_places_stand_for_equal_shares_and_keep_apart(count):
 
 def test_equal_areas_have_equal_places():
     shift = np.array([7.0, -3.0, 25.0])
-    one, two = even_places(plate(1600), plate(1600) + shift, 100)
+    one, two = even_places([plate(1600), plate(1600) + shift], 100)
     assert np.allclose(one + shift, two)
-    one, other = even_places(plate(1600), plate(1600, first=1600) + shift, 100)
+    one, other = even_places([plate(1600), plate(1600, first=1600) + shift], 100)
     assert np.percentile(np.linalg.norm(one + shift - other, axis=1), 90) < 0.5 * np.sqrt(300.0 / 100)
 
 
 def test_it_does_not_matter_which_area_is_the_first():
     areas = plate(2048), plate(2048, sides=(12.0, 25.0), lift=30.0)
-    here, there = even_places(*areas, 64), even_places(*areas[::-1], 64)
+    here, there = even_places(areas, 64), even_places(areas[::-1], 64)
     for one, two in zip(here, there[::-1], strict=True):
         assert np.array_equal(np.sort(one, axis=0), np.sort(two, axis=0))
 
@@ -50,8 +50,8 @@ def test_places_move_with_the_areas(rng):
     areas = [area + rng.normal(scale=0.05, size=area.shape) for area in areas]
     turn = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
     turn *= np.sign(np.linalg.det(turn))
-    here = even_places(*areas, 77)
-    there = even_places(*(area @ turn.T + [5.0, -9.0, 30.0] for area in areas), 77)
+    here = even_places(areas, 77)
+    there = even_places([area @ turn.T + [5.0, -9.0, 30.0] for area in areas], 77)
     for one, two in zip(here, there, strict=True):
         assert np.allclose(one @ turn.T + [5.0, -9.0, 30.0], two, atol=1e-9)
 
@@ -82,7 +82,7 @@ def test_many_places_are_matched_nearly_as_well_and_neighbours_do_not_cross():
     count = 3 * AT_ONCE
     bent = plate(16 * count, sides=(12.0, 25.0), lift=30.0)
     bent[:, 2] += 0.02 * bent[:, 1] ** 2
-    starts, ends = even_places(plate(16 * count), bent, count)
+    starts, ends = even_places([plate(16 * count), bent], count)
     goes_with = matched_places(starts, ends)
     assert np.array_equal(np.sort(goes_with), np.arange(count))
     centred = ends - ends.mean(axis=0)

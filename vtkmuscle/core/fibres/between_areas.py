@@ -3,15 +3,20 @@
 Measured fibres of a gastrocnemius are straight (length over chord 1.006, median), and equal shares of one
 aponeurosis go to equal shares of the other, in order (:mod:`vtkmuscle.core.fibres.equal_shares`). Nothing
 else is asked: no axis, no template, and an area may have several pieces.
+
+Fibres do not grow thinner on their way from aponeurosis to aponeurosis. So of the one that has the larger
+cross-section, seen along the fibres, a part stays bare: that from which they would have to converge.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
 
 from vtkmuscle.core.fibres.equal_shares import CANDIDATES, even_places, matched_places
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
@@ -20,6 +25,14 @@ from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.types import Floats, Ints
 
+#: Places on the lesser of two areas by which is found what of the larger one stays bare. With 64 to 400 of
+#: them fibres in the measured gastrocnemius deviate by 10.0 to 11.0 degrees from the tracts (median).
+COARSE = 128
+#: Fibres by which their direction at a place of an area is known; 2 to 16 change that by as much.
+BESIDE = 4
+#: As large is an area that has no less than this part of the other's cross-section: what differs by less than
+#: a row of those places, of a square of them, is not known by them.
+SAME = 1.0 - COARSE**-0.5
 #: Passes in which fibres that leave the muscle are put back into it and smoothed.
 BENDS = 8
 #: Weight of the middle point in that smoothing, as in the papers'.
@@ -36,11 +49,16 @@ class EndSurface:
         Of the surface that it is a part of [mm].
     patch : (j,) int array
         Ids of the points that belong to it.
+    takes : (float, float)
+        Least and most cross-section of fibres that end on it, as multiples of its own, |u . n| times its
+        area: 1 and 1 where fibres themselves end on one face of it, 1 and 2 where they may on both, 0 and
+        infinity where tendons lie between.
     """
 
     points: Floats
     triangles: Ints
     patch: Ints
+    takes: tuple[float, float] = (0.0, np.inf)
 
     @cached_property
     def samples(self) -> PatchSamples:
@@ -65,16 +83,28 @@ class EndSurface:
         found = self.samples.dense(count)
         return found if len(found) >= count else np.resize(found, (count, 3))
 
-    def crossed_by(self, directions: Floats, places: Floats) -> float:
-        """Return the cross-section of fibres that end on it, all together: its area times |u . n| [mm^2]."""
+    def crossed_by(self, directions: Floats, places: Floats) -> Floats:
+        """Return its cross-section along fibres, |u . n| times its area [mm^2].
+
+        Parameters
+        ----------
+        directions : (m, k, 3) array
+            Unit vectors of k fibres beside each place. Each counts by itself, not their mean: within a muscle
+            they may come from either side.
+        places : (m, 3) array
+            On it [mm].
+        """
         if not len(self.faces):
-            return 0.0
+            return np.zeros(len(places))
         normals = unit_vectors(triangle_normals(self.points, self.faces))[self.tree.nearest(places)[0]]
-        return self.samples.area * float(np.abs((directions * normals).sum(axis=1)).mean())
+        crossed: Floats = self.samples.area * np.abs(directions @ normals[:, :, None]).mean(axis=(1, 2))
+        return crossed
 
 
 def straight_fibres(origin: EndSurface, insertion: EndSurface, count: int, resolution: int) -> Floats:
     """Return straight fibres between two areas, evenly spread over both, that do not cross.
+
+    Where one takes more fibres than the other, of one cross-section all along, the rest of it stays bare.
 
     Parameters
     ----------
@@ -90,12 +120,50 @@ def straight_fibres(origin: EndSurface, insertion: EndSurface, count: int, resol
     (count, resolution + 1, 3) array
         Their points [mm].
     """
-    wanted = CANDIDATES * count
-    starts, ends = even_places(origin.candidates(wanted), insertion.candidates(wanted), count)
+    candidates = [area.candidates(CANDIDATES * max(count, COARSE)) for area in (origin, insertion)]
+    starts, ends = even_places(_taken(origin, insertion, candidates), count)
     ends = ends[matched_places(starts, ends)]
     t = np.linspace(0.0, 1.0, resolution + 1)[:, None]
     fibres: Floats = (1.0 - t) * starts[:, None] + t * ends[:, None]
     return fibres
+
+
+def _taken(origin: EndSurface, insertion: EndSurface, candidates: Sequence[Floats]) -> Sequence[Floats]:
+    """Return those candidates of both areas, (m, 3) each, that fibres of one cross-section end on."""
+    areas = origin, insertion
+    if not all(area.takes[0] > 0.0 and len(area.faces) for area in areas):
+        return candidates
+    few = [area.candidates(CANDIDATES * COARSE) for area in areas]
+    starts, ends = even_places(few, COARSE)
+    ends = ends[matched_places(starts, ends)]
+    ahead = unit_vectors(ends - starts)
+    sections = [
+        area.crossed_by(ahead[cKDTree(known).query(places, BESIDE)[1]], places)
+        for area, places, known in zip(areas, few, (starts, ends), strict=True)
+    ]
+    takes = [np.multiply(area.takes, s.mean()) for area, s in zip(areas, sections, strict=True)]
+    larger = int(takes[1][0] > takes[0][0])
+    ratio = takes[larger][0] / takes[1 - larger][1]
+    if ratio <= 1.0 / SAME:
+        return candidates
+    counts = [COARSE, COARSE]
+    counts[larger] = round(ratio * COARSE)
+    known = [_by_section(*each) for each in zip(few, sections, counts, strict=True)]
+    one, two = (x - np.average(y, axis=0, weights=w) for x, y, w in zip(known, few, sections, strict=True))
+    used = linear_sum_assignment(((one[:, None] - two) ** 2).sum(axis=-1))[larger]
+    nearest = cKDTree(known[larger]).query(candidates[larger])[1]
+    taken = list(candidates)
+    taken[larger] = candidates[larger][np.isin(nearest, used)]
+    return taken
+
+
+def _by_section(places: Floats, sections: Floats, count: int) -> Floats:
+    """Return some places (count, 3), of which each stands for an equal share of a cross-section."""
+    mixed = np.random.default_rng(0).permutation(len(places))
+    shares = np.cumsum(sections[mixed])
+    size = CANDIDATES * count
+    chosen = places[mixed][np.searchsorted(shares, (np.arange(size) + 0.5) / size * shares[-1])]
+    return even_places([chosen], count)[0]
 
 
 def filled_share(fibres: Floats, origin: EndSurface, insertion: EndSurface, volume: float) -> float:
@@ -118,7 +186,7 @@ def filled_share(fibres: Floats, origin: EndSurface, insertion: EndSurface, volu
     ways = fibres[:, -1] - fibres[:, 0]
     ahead = unit_vectors(ways)
     ends = (origin, fibres[:, 0]), (insertion, fibres[:, -1])
-    section = np.mean([area.crossed_by(ahead, places) for area, places in ends])
+    section = np.mean([area.crossed_by(ahead[:, None], places).mean() for area, places in ends])
     return float(section * np.linalg.norm(ways, axis=1).mean() / volume)
 
 
@@ -143,12 +211,11 @@ def bent_inside(fibres: Floats, into_muscle: Callable[[Floats], Floats]) -> tupl
         How far each was outside of the muscle at the most, 0 for those that are as they were [mm].
     """
     result = fibres.copy()
-    n_points = fibres.shape[1]
     inner = fibres[:, 1:-1]
     away = np.linalg.norm(into_muscle(inner.reshape(-1, 3)).reshape(inner.shape) - inner, axis=2)
     departures = away.max(axis=1, initial=0.0)
     bent = np.flatnonzero(departures > 0.0)
-    offsets = np.arange(len(bent) + 1) * n_points
+    offsets = np.arange(len(bent) + 1) * fibres.shape[1]
     lines = fibres[bent]
     for _ in range(BENDS if len(bent) else 0):
         lines = smooth_polylines(lines.reshape(-1, 3), offsets, MIDDLE, 1).reshape(lines.shape)

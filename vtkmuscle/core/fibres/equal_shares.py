@@ -32,29 +32,27 @@ NEIGHBOURS = 8
 FLAT = 0.01
 
 
-def even_places(first: Floats, second: Floats, count: int) -> tuple[Floats, Floats]:
-    """Return places on two areas, of which each stands for an equal share of its area.
+def even_places(areas: Sequence[Floats], count: int) -> list[Floats]:
+    """Return places on one or two areas, of which each stands for an equal share of its area.
 
-    Both areas are halved across the axis along which they are longest together, each half again, until there
+    Two areas are halved across the axis along which they are longest together, each half again, until there
     are as many parts as wanted, and a few passes of Lloyd's relaxation make these round. The axis is turned
     to each of the areas by half of the optimal map between their normal distributions. Halved alike, areas
     alike have places alike, and it does not matter which is the first.
 
     Parameters
     ----------
-    first, second : (m, 3) arrays
+    areas : sequence of one or two (m, 3) arrays
         Positions of even density on each area, count or more [mm].
     count : int
         Number of places, >= 1.
 
     Returns
     -------
-    places : pair of (count, 3) arrays
-        Some of the positions on either area [mm].
+    places : list of (count, 3) arrays
+        Some of the positions on each area [mm].
     """
-    areas = first, second
-    one, two = (_relaxed(area, part, count) for area, part in zip(areas, _halved(areas, count), strict=True))
-    return one, two
+    return [_relaxed(area, part, count) for area, part in zip(areas, _halved(areas, count), strict=True)]
 
 
 def _relaxed(positions: Floats, part: Ints, count: int) -> Floats:
@@ -77,19 +75,20 @@ def _halved(areas: Sequence[Floats], count: int) -> list[Ints]:
         centred, spreads = [], []
         for area, part, weight in zip(areas, parts, weights, strict=True):
             centred.append(area - _means(area, part, len(shares))[part])
-            counted = (1.0 + UNEVEN * weight)[:, None, None] * centred[-1][:, :, None]
-            products = (counted * centred[-1][:, None, :]).reshape(-1, 9)
-            spreads.append(_means(products, part, len(shares)).reshape(-1, 3, 3))
-        axes = np.linalg.eigh(spreads[0] + spreads[1])[1][..., -1]
+            x = np.ascontiguousarray(centred[-1].T)
+            products = ((1.0 + UNEVEN * weight) * x)[:, None] * x
+            spreads.append(_means(products.reshape(9, -1).T, part, len(shares)).reshape(-1, 3, 3))
+        axes = np.linalg.eigh(spreads[0] + spreads[-1])[1][..., -1]
         along = (centred[0] * axes[parts[0]]).sum(axis=1)
         axes *= np.where(np.bincount(parts[0], weights[0] * along, len(shares)) < 0.0, -1.0, 1.0)[:, None]
-        forth = _normal_map(*spreads)
-        both = [(_power(forth, exponent) @ axes[..., None])[..., 0] for exponent in (0.5, -0.5)]
+        forth = _normal_map(spreads[0], spreads[-1])
         lower, pieces = shares // 2, 1 + (shares > 1)
-        for number, (part, axis) in enumerate(zip(parts, both, strict=True)):
-            along = (centred[number] * axis[part]).sum(axis=1)
+        for number, part in enumerate(parts):
+            axis = (_power(forth, 0.5 - number) @ axes[..., None])[..., 0]
+            along = np.einsum("ij,ij->i", centred[number], axis[part])
             sizes = np.bincount(part, minlength=len(shares))
-            order, rank = np.lexsort((along, part)), np.empty(len(part), dtype=np.int64)
+            order = np.argsort(along + 2.0 * np.ptp(along) * part, kind="stable")
+            rank = np.empty(len(part), dtype=np.int64)
             rank[order] = np.arange(len(part)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
             above = (rank >= (sizes * lower // shares)[part]) & (shares > 1)[part]
             parts[number] = (np.cumsum(pieces) - pieces)[part] + above
@@ -150,10 +149,8 @@ def matched_places(starts: Floats, ends: Floats) -> Ints:
         order = np.argsort(x @ axis, kind="stable")
         others = np.argsort(y @ np.linalg.inv(forth) @ axis, kind="stable")
         half = len(mine) // 2
-        waiting += [
-            (mine[order[:half]], theirs[others[:half]]),
-            (mine[order[half:]], theirs[others[half:]]),
-        ]
+        parts = slice(None, half), slice(half, None)
+        waiting += [(mine[order[part]], theirs[others[part]]) for part in parts]
     if len(starts) > AT_ONCE:
         _uncross(starts, ends, goes_with)
     return goes_with
