@@ -6,29 +6,51 @@ import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 
 from vtkmuscle.cli.messages import FAILED, INTERRUPTED, TerminatedError, one_clear_error, one_line, say
+from vtkmuscle.cli.options import QuietOption, named
 
 if TYPE_CHECKING:
     from vtkmuscle.cohort import Progress
 
 
-def run_cohort(
-    study: Path,
-    out: Path,
-    *,
-    scheduler: str | None,
-    workers: int | None,
-    memory: str | None,
-    retries: int,
-    fresh: bool,
-    quiet: bool,
+def cohort(
+    study: Annotated[Path, typer.Argument(help="A STUDY.toml.")],
+    out: Annotated[
+        Path,
+        typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to."),
+    ],
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler", metavar="tcp://HOST:PORT", help="Of a Dask cluster that is there already."
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers", metavar="N", min=1, help="Processes on this machine. Default: one per processor."
+        ),
+    ] = None,
+    memory: Annotated[
+        str | None,
+        typer.Option("--memory", metavar="4GB", help="What each of them may take. Default: its share."),
+    ] = None,
+    retries: Annotated[
+        int,
+        typer.Option("--retries", metavar="N", min=0, help="How often a muscle may lose its worker."),
+    ] = 2,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Run again what is finished in the folder.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
-    """Run a study, and say what came out; exit status 1 where a muscle could not be computed."""
+    """Run a study: every muscle of many subjects, by Dask, into one table and a page.
+
+    What is finished is kept in OUT and not run again; stop and start it as you like.
+    """
     with one_clear_error(None):
         from vtkmuscle.cohort import Study, run_study
 
