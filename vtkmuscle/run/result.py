@@ -111,7 +111,8 @@ class Result(KeptFrames):
         Returns
         -------
         Result
-            The same as the run gave: muscles, fibres, lengths, bones, motion, report and verdicts.
+            The same as the run gave: muscles, fibres, lengths, bones, motion, report and verdicts. All files
+            are checked; the frames of a muscle are read when they are first asked for.
 
         Raises
         ------
