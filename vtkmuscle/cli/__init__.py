@@ -286,7 +286,7 @@ def tradeoff(
             muscles=muscle or (),
             compared=compared,
             fresh=fresh,
-            tell=lambda words: say(quiet, words),
+            announce=lambda words: say(quiet, words),
         )
         for path in [*write_tables(out, study), *write_plots(out, study)]:
             say(quiet, f"wrote {path}")
@@ -328,7 +328,7 @@ def fetch(
         if not accept_licence:
             raise InputError(name, "its licence is not accepted", "say --accept-licence where you accept it")
         path = fetched(
-            name, out, accept_licence=True, host=host or HOST, tell=lambda words: say(quiet, words)
+            name, out, accept_licence=True, host=host or HOST, announce=lambda words: say(quiet, words)
         )
         say(quiet, f"The scene is {path}: run it with")
         say(quiet, f"  vtkmuscle run {path}")

@@ -57,7 +57,7 @@ def cohort(
         loaded = Study.load(study)
         _silence_dask()
         try:
-            with _told(quiet=quiet) as progress:
+            with _progress_bars(quiet=quiet) as progress:
                 report = run_study(
                     loaded,
                     out,
@@ -100,7 +100,7 @@ def _silence_dask() -> None:
 
 
 @contextmanager
-def _told(*, quiet: bool) -> Iterator[Callable[[Progress], None]]:
+def _progress_bars(*, quiet: bool) -> Iterator[Callable[[Progress], None]]:
     """Give what prints failures, and, unless it is to be quiet, subjects that are done and the time left."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
     from rich.progress import Progress as Bars
@@ -110,7 +110,7 @@ def _told(*, quiet: bool) -> Iterator[Callable[[Progress], None]]:
     with Bars(*columns, console=console, disable=quiet) as bars:
         bar = bars.add_task("muscles", total=None, left="")
 
-        def tell(ended: Progress) -> None:
+        def show(ended: Progress) -> None:
             if ended.state == "failed":
                 task = ended.task
                 words = (
@@ -123,7 +123,7 @@ def _told(*, quiet: bool) -> Iterator[Callable[[Progress], None]]:
                 words = f"{ended.task.subject}: {ended.subject_total} done{', ' + left if left else ''}"
                 console.print(words, markup=False, soft_wrap=True)
 
-        yield tell
+        yield show
 
 
 def _in_words(seconds: float) -> str:

@@ -300,12 +300,12 @@ def _first_report(scene: SceneData, numbers: range, tracks: dict[str, MuscleTrac
 def _one_at_a_time(progress: Progress | None) -> Progress:
     lock = threading.Lock()
 
-    def tell(muscle: str, stage: str, fraction: float) -> None:
+    def report_progress(muscle: str, stage: str, fraction: float) -> None:
         if progress is not None:
             with lock:
                 progress(muscle, stage, fraction)
 
-    return tell
+    return report_progress
 
 
 @contextmanager
