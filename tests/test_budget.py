@@ -23,26 +23,26 @@ BUDGETS = {
     "core/algorithm_2": 201,  # 197: the published solver
     "core/attachments": 373,  # 366: areas and fixed points
     "core/bones": 343,  # 336: signed distances
-    "core/collision": 937,  # 919: points kept out of bones and muscles
+    "core/collision": 932,  # 914: points kept out of bones and muscles
     "core/deformation": 296,  # 290: carrying and settling
     "core/fibres": 1884,  # 1847: architecture, mean value coordinates, spreading, trimming, directions
-    "core/mesh": 1930,  # 1892: surfaces, trees, solids
+    "core/mesh": 1897,  # 1860: surfaces, trees, solids
     "core/moment_arms": 494,  # 484: levers and slopes
     "core/morphing": 1484,  # 1455: a template taken into a muscle, section by section
     "core/motion": 1167,  # 1145: rigid motions, joints, lengths by coordinates
     "core/paths": 1430,  # 1401: the sheet of paths, and the muscle that it takes along
     "core/template": 340,  # 333: templates of fibres
-    "data": 882,  # 865: VTK to arrays and back
+    "data": 848,  # 832: VTK to arrays and back
     "export": 639,  # 626: OpenSim and MuJoCo
     "fetch": 326,  # 320: public data
-    "filters": 3875,  # 3799: VTK filters; FibreField is 84 of them
+    "filters": 3860,  # 3785: VTK filters; FibreField is 84 of them
     "io": 2587,  # 2536: readers and writers
     "paraview": 393,  # 385: the plugin
-    "phantoms": 1758,  # 1724: bodies with known answers; pennate_belly is 57 of them
+    "phantoms": 1373,  # 1347: bodies with known answers; pennate_belly is 57 of them
     "pipelines": 212,  # 208: filters connected
     "plotting": 1215,  # 1191: figures
-    "report": 859,  # 843: the page of a run
-    "run": 2976,  # 2918: a run of a scene
+    "report": 856,  # 840: the page of a run
+    "run": 2975,  # 2917: a run of a scene
     "scene": 2153,  # 2111: scene.toml
     "tradeoff": 497,  # 487: accuracy against time
     "view": 175,  # 172: the viewer
