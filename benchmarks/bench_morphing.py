@@ -18,9 +18,10 @@ from real_hip import data_folder
 from timing import interleaved
 
 from vtkmuscle import Scene
+from vtkmuscle.core.mesh.topology import opposite_half_edges
 from vtkmuscle.core.morphing.isolines import attachment_field, morph_by_isolines
 from vtkmuscle.core.morphing.planes import morph_by_planes
-from vtkmuscle.core.morphing.sections import closed_surface
+from vtkmuscle.core.morphing.sections import ClosedSurface
 from vtkmuscle.core.morphing.slices import Slicing
 from vtkmuscle.core.template.kinds import TEMPLATES, sobol_points
 from vtkmuscle.data.arrays import field_array, points_of, triangles_of, with_points
@@ -168,7 +169,7 @@ def growth(largest: int) -> None:
         )
         fitted = template * (high - low) + low
         field = attachment_field(points, triangles, origin, insertion)
-        shape = (fitted, box, closed_surface(points, triangles))
+        shape = (fitted, box, ClosedSurface(points, triangles, opposite_half_edges(triangles)))
         slicing = Slicing(slice_tolerance=0.1, continuity=0.2)
         times = interleaved(
             {

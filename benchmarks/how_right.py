@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle import RigidMotion, Scene, phantoms
+from vtkmuscle import RigidMotion, Scene
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.moment_arms.derivatives import quartic_moment_arms
 from vtkmuscle.core.moment_arms.of_joints import joint_arms, slopes_by
@@ -35,6 +35,9 @@ from vtkmuscle.data.paths import paths_of, wrenches_over_time
 from vtkmuscle.io import curves_for, read_literature
 from vtkmuscle.phantoms import Phantom
 from vtkmuscle.pipelines import MusclePipeline
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+import phantoms
 
 Floats = NDArray[np.float64]
 

@@ -4,9 +4,12 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+import phantoms
 import pytest
+from phantoms.ball_spindle import INSERTION, ORIGIN
+from phantoms.brim_flexor import taut
+from phantoms.lifting_strap import fibre
 
-from vtkmuscle import phantoms
 from vtkmuscle.core.bones.bone import bone_of
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.motion.twists import twist_about
@@ -16,10 +19,7 @@ from vtkmuscle.core.paths.via_rings import via_ring
 from vtkmuscle.data.arrays import blocks_of, point_array, points_of, polylines_of, triangles_of
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.filters import FixedPointDetector
-from vtkmuscle.phantoms.ball_spindle import INSERTION, ORIGIN
-from vtkmuscle.phantoms.brim_flexor import taut
 from vtkmuscle.phantoms.cylinder_wrap import RADIUS, STRAIGHT, THICKNESS
-from vtkmuscle.phantoms.lifting_strap import fibre
 from vtkmuscle.phantoms.two_joint_strap import _middle_line
 from vtkmuscle.pipelines import decompose
 
@@ -144,7 +144,7 @@ def known_paths(make, *, rings=True, **settings):
 
 @cache
 def strung_phantom(make, **settings):
-    """Return a phantom of vtkmuscle.phantoms, by its name, with paths; settings are tuples or numbers."""
+    """Return a phantom, by its name, with paths; settings are tuples or numbers."""
     return strung(getattr(phantoms, make)(**settings))
 
 

@@ -3,6 +3,9 @@
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from vtkmuscle.core.mesh.topology import opposite_half_edges
+from vtkmuscle.core.morphing.sections import ClosedSurface
+
 
 def convex(points):
     """Return a closed, outward oriented surface through points in convex position."""
@@ -65,3 +68,9 @@ def union(*shapes):
         triangles.append(shape[1] + count)
         count += len(shape[0])
     return np.vstack(points), np.vstack(triangles)
+
+
+def closed_surface(points, triangles):
+    """Return a surface to be cut into sections."""
+    triangles = np.ascontiguousarray(triangles)
+    return ClosedSurface(points, triangles, opposite_half_edges(triangles))

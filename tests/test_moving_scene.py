@@ -15,7 +15,7 @@ from vtkmuscle.cli import app
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.plotting import MovingScene, Pose, can_render
-from vtkmuscle.run.shown import ShownResult
+from vtkmuscle.run.display import ResultDisplay
 from vtkmuscle.scene.faults import SceneError
 
 pytestmark = pytest.mark.skipif(can_render() is not None, reason=str(can_render()))
@@ -32,7 +32,7 @@ def drawn(picture):
 
 
 def test_a_pose_is_drawn_where_the_result_has_it(result):
-    shown = ShownResult(result, off_screen=True, size=(200, 160))
+    shown = ResultDisplay(result, off_screen=True, size=(200, 160))
     for position in (0, 4, 2):
         shown.show(position)
         frame = result.frames[position]
@@ -53,7 +53,7 @@ def sliders(plotter):
 
 
 def test_normals_follow_the_muscle(result):
-    shown = ShownResult(result, off_screen=True, size=(200, 160))
+    shown = ResultDisplay(result, off_screen=True, size=(200, 160))
     shown.show(4)
     _, mesh, _ = shown.scene._muscles["spindle"]
     turned = mesh.compute_normals(cell_normals=False, split_vertices=False, inplace=False)

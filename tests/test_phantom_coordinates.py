@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from phantom_oracles import moved_centres, slope, taut_length
+from phantoms import spindle_over_ball, strap_over_two_joints
 from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
 
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.data.arrays import blocks_of, points_of, surface_from, triangles_of
 from vtkmuscle.data.attachments import attachments_of
-from vtkmuscle.phantoms import spindle_over_ball, strap_over_two_joints
 
 # -------------------------------------------------------------------- over two joints
 

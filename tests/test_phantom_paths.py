@@ -3,6 +3,15 @@
 import numpy as np
 import pytest
 from phantom_oracles import moved_centres, slope, taut_length
+from phantoms import (
+    flexor_over_brim,
+    lifting_strap,
+    slivered_tendon,
+    spindle_over_ball,
+    strap_over_two_joints,
+    tendon_through_ring,
+)
+from phantoms.taut_string import String
 
 from vtkmuscle import Scene
 from vtkmuscle.core.mesh.surface import survey
@@ -11,15 +20,7 @@ from vtkmuscle.core.paths.via_rings import passes_through, via_ring, within_ring
 from vtkmuscle.data.arrays import cell_array, points_of, triangles_of
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.filters import FibreMetrics
-from vtkmuscle.phantoms import (
-    flexor_over_brim,
-    lifting_strap,
-    slivered_tendon,
-    spindle_over_ball,
-    strap_over_two_joints,
-    tendon_through_ring,
-)
-from vtkmuscle.phantoms.planar import String, evenly
+from vtkmuscle.phantoms.planar import evenly
 from vtkmuscle.pipelines import decompose
 
 

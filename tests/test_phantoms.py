@@ -3,6 +3,22 @@
 import numpy as np
 import pytest
 from phantom_oracles import taut_length
+from phantoms import (
+    fibre_block,
+    flexor_over_brim,
+    hip,
+    leg,
+    lifting_strap,
+    pennate_belly,
+    pennate_block,
+    slivered_tendon,
+    spindle_over_ball,
+    spindle_over_hinge,
+    strap_over_two_joints,
+    tendon_through_ring,
+    winding_spindle,
+    wrapping_cylinder,
+)
 from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
 
 from vtkmuscle.core.mesh.surface import survey
@@ -20,22 +36,6 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.data.attachments import attachments_of
 from vtkmuscle.filters import FibreMetrics, FibreSource
-from vtkmuscle.phantoms import (
-    fibre_block,
-    flexor_over_brim,
-    hip,
-    leg,
-    lifting_strap,
-    pennate_belly,
-    pennate_block,
-    slivered_tendon,
-    spindle_over_ball,
-    spindle_over_hinge,
-    strap_over_two_joints,
-    tendon_through_ring,
-    winding_spindle,
-    wrapping_cylinder,
-)
 from vtkmuscle.phantoms.hip_bones import femur
 from vtkmuscle.phantoms.implicit import ball, thick_curve, thick_sheet
 from vtkmuscle.phantoms.meshing import box, mesh_of, solid_of_revolution

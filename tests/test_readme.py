@@ -94,3 +94,20 @@ def test_versions_agree():
         text = (ROOT / name).read_text(encoding="utf-8")
         (version,) = re.findall(r'^version(?: = |: )"?([\d.]+)"?$', text, flags=re.MULTILINE)
         assert version == vtkmuscle.__version__
+
+
+def named_code():
+    """Return the names of code in the table of sentences."""
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    section = text.partition("## From a sentence to its code")[2].partition("\n## ")[0]
+    return re.findall(r"^\| [^|]+ \| `([\w.]+)` \|$", section, flags=re.MULTILINE)
+
+
+@pytest.mark.parametrize("name", named_code())
+def test_a_sentence_leads_to_code_that_is_there(name):
+    module, _, member = name.rpartition(".")
+    assert callable(getattr(import_module(f"vtkmuscle.{module}"), member))
+
+
+def test_the_table_of_sentences_is_found():
+    assert len(named_code()) > 30

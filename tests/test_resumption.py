@@ -231,3 +231,13 @@ def test_a_run_that_was_stopped_goes_on_and_gives_the_same(scene, tmp_path, comp
     assert computed == (["thin", "bare"] if contact == "off" else ["spindle", "thin", "bare"])
     assert results(tmp_path / "out") == results(tmp_path / "whole")
     same(result, Result.load(tmp_path / "whole"))
+
+
+def test_the_frames_of_a_muscle_are_read_when_they_are_asked_for(scene, tmp_path):
+    run(scene, tmp_path)
+    loaded = Result.load(tmp_path)
+    frame = tmp_path / "thin" / "thin_0001.vtp"
+    frame.write_bytes(frame.read_bytes() + b" ")
+    assert loaded.verdicts.keys() == loaded.report["muscles"].keys()
+    with pytest.raises(InputError, match="is not what the run"):
+        loaded.lengths["thin"]

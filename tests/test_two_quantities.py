@@ -4,9 +4,10 @@ import csv
 from dataclasses import replace
 
 import numpy as np
+import phantoms
 import pytest
 
-from vtkmuscle import Result, Scene, phantoms
+from vtkmuscle import Result, Scene
 
 #: What fibres are on the mean longer or shorter than their paths, at most [mm], or as a part of these.
 MILLIMETRE, PART = 1.0, 0.01

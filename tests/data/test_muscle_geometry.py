@@ -1,3 +1,6 @@
+import gc
+import weakref
+
 import numpy as np
 import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -59,7 +62,12 @@ def test_a_patch_is_found_once(ball, monkeypatch):
 
 def test_only_the_last_surfaces_are_remembered(ball):
     points, triangles = points_of(ball), triangles_of(ball, "")
-    surfaces = [surface_from(points + i, triangles) for i in range(module.REMEMBERED + 1)]
-    known = [muscle_geometry(surface, "test") for surface in surfaces]
-    assert muscle_geometry(surfaces[-1], "test") is known[-1]
-    assert muscle_geometry(surfaces[0], "test") is not known[0]
+    first = weakref.ref(muscle_geometry(surface_from(points, triangles), "test"))
+    for i in range(1, module.REMEMBERED):
+        muscle_geometry(surface_from(points + i, triangles), "test")
+    gc.collect()
+    assert first() is muscle_geometry(surface_from(points, triangles), "test")
+    for i in range(1, module.REMEMBERED + 1):
+        muscle_geometry(surface_from(points - i, triangles), "test")
+    gc.collect()
+    assert first() is None

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from path_arms import moment_arm
 
 from vtkmuscle.core.motion.fitted_lengths import fit_length
 from vtkmuscle.core.motion.frames import frame_at
-from vtkmuscle.core.motion.functions import IDENTITY, CubicSpline, Multiplied, PiecewiseLinear, Polynomial
-from vtkmuscle.core.motion.muscle_paths import PathPoint, PointPath, moment_arm
+from vtkmuscle.core.motion.functions import IDENTITY, CubicSpline, Multiplier, PiecewiseLinear, Polynomial
+from vtkmuscle.core.motion.muscle_paths import PathPoint, PointPath
 from vtkmuscle.core.motion.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.core.motion.tree_motion import grid_of
 from vtkmuscle.export import MuscleOut, enriched, osim_of
@@ -40,7 +41,7 @@ def leg():
         [JointAxis((0, 0, 1), IDENTITY, "knee"), JointAxis((1, 0, 0), Polynomial([0.05, 0.1, 0.0]), "knee")],
         [
             JointAxis((1, 0, 0), CubicSpline([-2, -1, 0, 1, 2], [0.01, 0.005, 0, 0.004, 0.006]), "knee"),
-            JointAxis((0, 1, 0), Multiplied(PiecewiseLinear([-2, -0.23, 2], [1, 0, 2]), 0.003), "knee"),
+            JointAxis((0, 1, 0), Multiplier(PiecewiseLinear([-2, -0.23, 2], [1, 0, 2]), 0.003), "knee"),
         ],
         parent_frame=frame_at((0.0, -0.4, 0.0)),
     )

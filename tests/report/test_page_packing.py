@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from packed_arrays import array_of, moving_of, unpacked
 
-from vtkmuscle.report.packing import STEPS, Pack, array_of, moving_of, unpacked
+from vtkmuscle.report.packing import STEPS, Pack
 
 
 def test_arrays_come_out_as_they_went_in(rng):

@@ -4,13 +4,14 @@ import itertools
 
 import numpy as np
 import pytest
+from packed_arrays import array_of, moving_of, unpacked
 from tiny_scene import ellipsoid
 
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.data.arrays import checked_surface, points_of
 from vtkmuscle.report import scene3d
-from vtkmuscle.report.packing import Pack, array_of, moving_of, unpacked
+from vtkmuscle.report.packing import Pack
 
 
 @pytest.fixture

@@ -25,10 +25,10 @@ def scene_file(tmp_path_factory):
 
 
 def test_a_scene_is_solved_for_the_frames_that_are_shown(scene_file):
-    from vtkmuscle.view import SolvedScene
+    from vtkmuscle.view import SceneDisplay
 
     scene = Scene.load(scene_file)
-    solved = SolvedScene(scene, off_screen=True, size=(200, 160))
+    solved = SceneDisplay(scene, off_screen=True, size=(200, 160))
     solved.show(4)
     result = scene.run()
     pose = solved._known[4]

@@ -19,7 +19,7 @@ from vtkmuscle.accuracy.estimates import (
     volume_estimate,
 )
 from vtkmuscle.accuracy.pruning import lengths_lost
-from vtkmuscle.accuracy.variants import MADE, Solved, moved_landmarks, solved
+from vtkmuscle.accuracy.variants import MADE, Solution, moved_landmarks, solved
 from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
@@ -77,7 +77,7 @@ class ErrorStudy:
         self.scene = scene
         self.kinds = tuple(kind for kind in KINDS if kind in wanted)
         self.landmark_error, self.landmark_samples = landmark_error, landmark_samples
-        self._found: dict[tuple[str, str], list[Solved]] = {}
+        self._found: dict[tuple[str, str], list[Solution]] = {}
         self._failed: dict[tuple[str, str], str] = {}
 
     def jobs(self, numbers: range, stop: threading.Event) -> dict[str, Callable[[], None]]:
@@ -203,7 +203,7 @@ class ErrorStudy:
                 causes.append(Cause(kind, [one.lengths[:count] for one in found], arms=arms))
         return causes
 
-    def _solved_kinds(self, name: str) -> Iterator[tuple[str, list[Solved]]]:
+    def _solved_kinds(self, name: str) -> Iterator[tuple[str, list[Solution]]]:
         """Give the kinds that were solved for a muscle, and what came out."""
         for kind in self.kinds:
             found = self._found.get((name, kind), [])

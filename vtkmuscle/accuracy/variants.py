@@ -22,7 +22,7 @@ from vtkmuscle.scene.data import Muscle, SceneData
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class Solution:
     """Lengths of a variant.
 
     Attributes
@@ -111,7 +111,7 @@ def solved(
     name: str,
     numbers: range,
     stop: threading.Event,
-) -> Solved:
+) -> Solution:
     """Return the lengths of a muscle's paths and fibres in some frames, and nothing else.
 
     Parameters
@@ -144,7 +144,7 @@ def solved(
             track.keep(found, scene.millimetres)
             track.fibres.clear()
     rest = polylines_of(pipeline.fibres.update().output, "fibres")
-    return Solved(
+    return Solution(
         np.array(track.lengths),
         np.array(track.fibre_lengths),
         wrenches_over_time(track.wrenches),

@@ -15,7 +15,7 @@ from typing import Annotated
 import typer
 
 from vtkmuscle._version import __version__
-from vtkmuscle.cli.cohort import run_cohort
+from vtkmuscle.cli.cohort import cohort
 from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, TerminatedError, one_clear_error, say
 from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, with_run_options
 from vtkmuscle.cli.running import run_and_tell
@@ -286,56 +286,13 @@ def tradeoff(
             muscles=muscle or (),
             compared=compared,
             fresh=fresh,
-            tell=lambda words: say(quiet, words),
+            announce=lambda words: say(quiet, words),
         )
         for path in [*write_tables(out, study), *write_plots(out, study)]:
             say(quiet, f"wrote {path}")
 
 
-@app.command()
-def cohort(
-    study: Annotated[Path, typer.Argument(help="A STUDY.toml.")],
-    out: Annotated[
-        Path,
-        typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to."),
-    ],
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler", metavar="tcp://HOST:PORT", help="Of a Dask cluster that is there already."
-        ),
-    ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            "--workers", metavar="N", min=1, help="Processes on this machine. Default: one per processor."
-        ),
-    ] = None,
-    memory: Annotated[
-        str | None,
-        typer.Option("--memory", metavar="4GB", help="What each of them may take. Default: its share."),
-    ] = None,
-    retries: Annotated[
-        int,
-        typer.Option("--retries", metavar="N", min=0, help="How often a muscle may lose its worker."),
-    ] = 2,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Run again what is finished in the folder.")] = False,
-    quiet: QuietOption = False,
-) -> None:
-    """Run a study: every muscle of many subjects, by Dask, into one table and a page.
-
-    What is finished is kept in OUT and not run again; stop and start it as you like.
-    """
-    run_cohort(
-        study,
-        out,
-        scheduler=scheduler,
-        workers=workers,
-        memory=memory,
-        retries=retries,
-        fresh=fresh,
-        quiet=quiet,
-    )
+app.command()(cohort)
 
 
 @app.command()
@@ -371,7 +328,7 @@ def fetch(
         if not accept_licence:
             raise InputError(name, "its licence is not accepted", "say --accept-licence where you accept it")
         path = fetched(
-            name, out, accept_licence=True, host=host or HOST, tell=lambda words: say(quiet, words)
+            name, out, accept_licence=True, host=host or HOST, announce=lambda words: say(quiet, words)
         )
         say(quiet, f"The scene is {path}: run it with")
         say(quiet, f"  vtkmuscle run {path}")

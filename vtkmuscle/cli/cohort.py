@@ -6,36 +6,58 @@ import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 
 from vtkmuscle.cli.messages import FAILED, INTERRUPTED, TerminatedError, one_clear_error, one_line, say
+from vtkmuscle.cli.options import QuietOption, named
 
 if TYPE_CHECKING:
     from vtkmuscle.cohort import Progress
 
 
-def run_cohort(
-    study: Path,
-    out: Path,
-    *,
-    scheduler: str | None,
-    workers: int | None,
-    memory: str | None,
-    retries: int,
-    fresh: bool,
-    quiet: bool,
+def cohort(
+    study: Annotated[Path, typer.Argument(help="A STUDY.toml.")],
+    out: Annotated[
+        Path,
+        typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to."),
+    ],
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler", metavar="tcp://HOST:PORT", help="Of a Dask cluster that is there already."
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers", metavar="N", min=1, help="Processes on this machine. Default: one per processor."
+        ),
+    ] = None,
+    memory: Annotated[
+        str | None,
+        typer.Option("--memory", metavar="4GB", help="What each of them may take. Default: its share."),
+    ] = None,
+    retries: Annotated[
+        int,
+        typer.Option("--retries", metavar="N", min=0, help="How often a muscle may lose its worker."),
+    ] = 2,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Run again what is finished in the folder.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
-    """Run a study, and say what came out; exit status 1 where a muscle could not be computed."""
+    """Run a study: every muscle of many subjects, by Dask, into one table and a page.
+
+    What is finished is kept in OUT and not run again; stop and start it as you like.
+    """
     with one_clear_error(None):
         from vtkmuscle.cohort import Study, run_study
 
         loaded = Study.load(study)
         _silence_dask()
         try:
-            with _told(quiet=quiet) as progress:
+            with _progress_bars(quiet=quiet) as progress:
                 report = run_study(
                     loaded,
                     out,
@@ -78,7 +100,7 @@ def _silence_dask() -> None:
 
 
 @contextmanager
-def _told(*, quiet: bool) -> Iterator[Callable[[Progress], None]]:
+def _progress_bars(*, quiet: bool) -> Iterator[Callable[[Progress], None]]:
     """Give what prints failures, and, unless it is to be quiet, subjects that are done and the time left."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
     from rich.progress import Progress as Bars
@@ -88,7 +110,7 @@ def _told(*, quiet: bool) -> Iterator[Callable[[Progress], None]]:
     with Bars(*columns, console=console, disable=quiet) as bars:
         bar = bars.add_task("muscles", total=None, left="")
 
-        def tell(ended: Progress) -> None:
+        def show(ended: Progress) -> None:
             if ended.state == "failed":
                 task = ended.task
                 words = (
@@ -101,7 +123,7 @@ def _told(*, quiet: bool) -> Iterator[Callable[[Progress], None]]:
                 words = f"{ended.task.subject}: {ended.subject_total} done{', ' + left if left else ''}"
                 console.print(words, markup=False, soft_wrap=True)
 
-        yield tell
+        yield show
 
 
 def _in_words(seconds: float) -> str:

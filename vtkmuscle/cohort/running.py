@@ -22,6 +22,7 @@ from vtkmuscle.cohort.statistics import write_statistics
 from vtkmuscle.cohort.study import Study, Task
 from vtkmuscle.cohort.tables import write_tables
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.processors import processors
 from vtkmuscle.io.parts import Part, Parts
 from vtkmuscle.io.writing import left_behind, write_text
 from vtkmuscle.run.claim import locked
@@ -218,7 +219,7 @@ def _connected(
             {"distributed.scheduler.allowed-failures": retries, "distributed.worker.memory.terminate": 0.95}
         ),
         distributed.LocalCluster(
-            n_workers=workers or os.cpu_count() or 1,
+            n_workers=workers or processors(),
             threads_per_worker=1,
             processes=True,
             memory_limit="auto" if memory is None else memory,

@@ -85,7 +85,7 @@ def _part(task: Task, store: Parts) -> tuple[Part, str, str]:
     found = store.read(task.name)
     if found is not None and "inputs" in found.facts and found.facts["inputs"] == _inputs(task, found.facts):
         return found, KEPT, ""
-    loaded = _loaded(task)
+    loaded = _scene_of(task)
     key = f"{loaded.keys[task.muscle]} {task.groups} {task.pictures}"
     found = store.read(task.name, key)
     state = KEPT if found is not None else DONE
@@ -106,7 +106,7 @@ def _write(store: Parts, name: str, key: str, part: Part) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Loaded:
+class _TaskScene:
     """A scene, what was warned of, the keys of its muscles, and the digests of its files."""
 
     scene: Scene
@@ -115,7 +115,7 @@ class _Loaded:
     files: dict[str, str]
 
 
-def _loaded(task: Task) -> _Loaded:
+def _scene_of(task: Task) -> _TaskScene:
     """Return the scene of a task: the one in memory, unless a file of it has changed since."""
     text = json.dumps(asdict(task) | {"muscle": ""})  # in order: muscles yield to those before
     found = _scene(text)
@@ -126,7 +126,7 @@ def _loaded(task: Task) -> _Loaded:
 
 
 @lru_cache(maxsize=_SCENES)
-def _scene(text: str) -> _Loaded:
+def _scene(text: str) -> _TaskScene:
     """Return the scene of a task, which is given as JSON without its muscle's name."""
     task = Task(**json.loads(text))
     with warnings.catch_warnings(record=True) as caught:
@@ -140,7 +140,7 @@ def _scene(text: str) -> _Loaded:
             check_sense(scene)
     numbers = frame_numbers(task.frames, len(scene.motion.times))
     keys = muscle_keys(scene, numbers)
-    return _Loaded(scene, sorted({str(one.message) for one in caught}), keys, files)
+    return _TaskScene(scene, sorted({str(one.message) for one in caught}), keys, files)
 
 
 def _inputs(task: Task, facts: Any) -> str:
@@ -162,7 +162,7 @@ def _digest_of(path: str, *_stamp: int) -> str:
     return file_digest(Path(path))
 
 
-def _solved(task: Task, loaded: _Loaded) -> Part:
+def _solved(task: Task, loaded: _TaskScene) -> Part:
     """Run one muscle, and return its lengths and moment arms."""
     scene = loaded.scene
     # Where muscles may meet, this one needs those before it.

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from functools import cached_property
-from threading import Lock
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
-from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.attachments.patches import attachment_patch
 from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.mesh.sampling import samples_inside
+from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import Solids, solids_of
 from vtkmuscle.core.mesh.surface import edge_uses, half_edges
 from vtkmuscle.core.mesh.topology import opposite_half_edges
@@ -28,11 +26,6 @@ T = TypeVar("T")
 
 #: Surfaces that are remembered: the muscles of a limb. One of 20 000 triangles takes about 10 MB.
 REMEMBERED = 8
-
-#: Arrays, and what is known where they are equal to these; what was asked for last comes last.
-_known: list[tuple[tuple[NDArray[Any], ...], MuscleGeometry]] = []
-_topologies: list[tuple[tuple[NDArray[Any], ...], SurfaceTopology]] = []
-_lock = Lock()
 
 
 class SurfaceTopology:
@@ -65,13 +58,14 @@ class MuscleGeometry:
     ----------
     points : (n, 3) array
         Its points [mm].
-    topology : SurfaceTopology
-        Of its triangles.
+    triangles : (m, 3) int array
+        Point ids.
     """
 
-    def __init__(self, points: Floats, topology: SurfaceTopology) -> None:
-        self.points, self.triangles = points, topology.triangles
-        self._topology = topology
+    def __init__(self, points: Floats, triangles: Ints) -> None:
+        self.points = points
+        self._topology = _topology(triangles)
+        self.triangles = self._topology.triangles
         self._found: dict[Hashable, Any] = {}
         self._samples = np.empty((0, 3))
 
@@ -163,45 +157,8 @@ def muscle_geometry(surface: vtkPolyData, where: str) -> MuscleGeometry:
     ValueError
         If the surface has no triangles or other faces, or a point is not finite.
     """
-    positions, faces = _arrays(surface)
-    with _lock:
-        found = _recalled(_known, (*positions, *faces))
-        if found is None:
-            points, triangles = checked_surface(surface, where)
-            size = np.array(len(points))
-            topology = _recalled(_topologies, (size, *faces))
-            if topology is None:
-                topology = SurfaceTopology(triangles)
-                _remember(_topologies, (size, *faces), topology)
-            found = MuscleGeometry(points, topology)
-            _remember(_known, (*positions, *faces), found)
-    return found
+    return _geometry(*checked_surface(surface, where))
 
 
-def _arrays(surface: vtkPolyData) -> tuple[tuple[NDArray[Any], ...], tuple[NDArray[Any], ...]]:
-    """Return the arrays of a surface's points and of its faces, whatever these are."""
-    polys, points = surface.GetPolys(), surface.GetPoints()
-    if points is None or polys.GetNumberOfCells() == 0:
-        return (), ()
-    # Whatever the arrays' types: copies may have others.
-    positions = np.asarray(vtk_to_numpy(points.GetData()), dtype=np.float64)
-    arrays = vtk_to_numpy(polys.GetOffsetsArray()), vtk_to_numpy(polys.GetConnectivityArray())
-    faces = tuple(np.asarray(array, dtype=np.int64) for array in arrays)
-    return (positions,), (np.array(surface.GetNumberOfStrips()), *faces)
-
-
-def _recalled(known: list[tuple[tuple[NDArray[Any], ...], T]], arrays: tuple[NDArray[Any], ...]) -> T | None:
-    """Return what is remembered of equal arrays, None where nothing is."""
-    for number, (theirs, found) in enumerate(known):
-        if len(theirs) == len(arrays) and all(map(np.array_equal, theirs, arrays)):
-            known.append(known.pop(number))
-            return found
-    return None
-
-
-def _remember(
-    known: list[tuple[tuple[NDArray[Any], ...], T]], arrays: tuple[NDArray[Any], ...], found: T
-) -> None:
-    """Put something at the end of what is remembered, and forget what is too much."""
-    known.append((tuple(array.copy() for array in arrays), found))  # the caller's may change
-    del known[:-REMEMBERED]
+_topology = shared(SurfaceTopology, last=REMEMBERED)
+_geometry = shared(MuscleGeometry, last=REMEMBERED)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.frames import inverses
-from vtkmuscle.core.motion.functions import Constant, CoordinateFunction, Multiplied, Polynomial
+from vtkmuscle.core.motion.functions import Constant, CoordinateFunction, Multiplier, Polynomial
 from vtkmuscle.core.motion.muscle_paths import PointPath
 from vtkmuscle.core.motion.tree import Joint, JointAxis, KinematicTree
 from vtkmuscle.core.types import Floats
@@ -47,7 +47,7 @@ def mjcf_of(tree: KinematicTree, muscles: Sequence[MuscleOut] = (), *, name: str
         If there is what MuJoCo has not: splines, paths that are functions, points that move or come and go.
     """
     joints = {joint.child: joint for joint in tree.joints}
-    made = _Made({one.name for one in tree.coordinates})
+    model = _Model({one.name for one in tree.coordinates})
     for muscle in muscles:
         _check(muscle)
     sites = _sites(muscles)
@@ -60,7 +60,7 @@ def mjcf_of(tree: KinematicTree, muscles: Sequence[MuscleOut] = (), *, name: str
         joint = joints.get(name)
         if joint is None:
             return inner
-        return _body(joint, inner, made)
+        return _body(joint, inner, model)
 
     world = body(tree.root)
     tendons = "".join(
@@ -70,8 +70,8 @@ def mjcf_of(tree: KinematicTree, muscles: Sequence[MuscleOut] = (), *, name: str
         for muscle in muscles
     )
     for one in tree.couplings:
-        made.couple(one.dependent, one.independent, one.function)
-    missing = sorted(made.coordinates - made.joints)
+        model.couple(one.dependent, one.independent, one.function)
+    missing = sorted(model.coordinates - model.joints)
     if missing:
         raise InputError("", f"no joint is the coordinate {missing[0]!r} itself, as MuJoCo needs it")
     return f"""<mujoco model={quoteattr(name)}>
@@ -81,12 +81,12 @@ def mjcf_of(tree: KinematicTree, muscles: Sequence[MuscleOut] = (), *, name: str
 <tendon>
 {tendons}</tendon>
 <equality>
-{"".join(made.equalities)}</equality>
+{"".join(model.equalities)}</equality>
 </mujoco>
 """
 
 
-class _Made:
+class _Model:
     """Joints and equalities that have been written."""
 
     def __init__(self, coordinates: set[str]) -> None:
@@ -103,7 +103,7 @@ class _Made:
         )
 
 
-def _body(joint: Joint, inner: str, made: _Made) -> str:
+def _body(joint: Joint, inner: str, model: _Model) -> str:
     """Return a child's body: a frame at the joint, which moves, with the child's own frame in it."""
     turn = Rotation.from_matrix(joint.parent_frame[:3, :3].copy()).as_quat()
     back = inverses(joint.child_frame[None])[0]
@@ -121,7 +121,7 @@ def _body(joint: Joint, inner: str, made: _Made) -> str:
                         "", f"joint {joint.name!r} has a constant turn, which is not written for MuJoCo"
                     )
                 continue
-            parts.append(_axis(joint, kind, number, axis, made))
+            parts.append(_axis(joint, kind, number, axis, model))
     place = joint.parent_frame[:3, 3] + joint.parent_frame[:3, :3] @ shift
     return (
         f'<body name="{joint.name}_frame" pos="{_numbers(place)}" quat="{_quaternion(turn)}">\n'
@@ -133,20 +133,20 @@ def _body(joint: Joint, inner: str, made: _Made) -> str:
     )
 
 
-def _axis(joint: Joint, kind: str, number: int, axis: JointAxis, made: _Made) -> str:
+def _axis(joint: Joint, kind: str, number: int, axis: JointAxis, model: _Model) -> str:
     assert axis.coordinate is not None
     coefficients = _polynomial(axis.function, f"{joint.name}, {kind} {number}")
-    itself = np.array_equal(coefficients, [1.0, 0.0]) and axis.coordinate not in made.joints
+    itself = np.array_equal(coefficients, [1.0, 0.0]) and axis.coordinate not in model.joints
     name = axis.coordinate if itself else f"{joint.name}_{kind}{number}"
-    made.joints.add(name)
+    model.joints.add(name)
     if not itself:
-        made.couple(name, axis.coordinate, axis.function)
+        model.couple(name, axis.coordinate, axis.function)
     return f'<joint name="{name}" type="{kind}" axis="{_numbers(axis.axis)}"/>\n'
 
 
 def _polynomial(function: CoordinateFunction, what: str) -> Floats:
     factor = 1.0
-    while isinstance(function, Multiplied):
+    while isinstance(function, Multiplier):
         factor, function = factor * function.factor, function.function
     if isinstance(function, Constant):
         return np.array([factor * function.value])

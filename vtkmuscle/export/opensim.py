@@ -14,7 +14,7 @@ from vtkmuscle.core.motion.functions import (
     Constant,
     CoordinateFunction,
     CubicSpline,
-    Multiplied,
+    Multiplier,
     PiecewiseLinear,
     Polynomial,
     Wave,
@@ -297,7 +297,7 @@ def _point(name: str, point: PathPoint, paths: ComponentPaths) -> str:
 
 def _function(function: CoordinateFunction, *, name: str = "") -> str:
     label = f' name="{name}"' if name else ""
-    if isinstance(function, Multiplied):
+    if isinstance(function, Multiplier):
         inner = _function(function.function)
         return (
             f"<MultiplierFunction{label}><function>{inner}</function><scale>{function.factor!r}</scale>"

@@ -32,7 +32,7 @@ def fetch(
     *,
     accept_licence: bool = False,
     host: str = HOST,
-    tell: Callable[[str], None] = lambda words: None,
+    announce: Callable[[str], None] = lambda words: None,
 ) -> Path:
     """Download a public data set and write it as a scene.
 
@@ -50,7 +50,7 @@ def fetch(
         Whether you accept ``vtkmuscle.fetch.DATA_SETS[name].licence``.
     host : str, optional
         A mirror, which serves ``OWNER/REPOSITORY/COMMIT/PATH``.
-    tell : callable, optional
+    announce : callable, optional
         Is told what is downloaded.
 
     Returns
@@ -88,9 +88,9 @@ def fetch(
         (staging / "source").mkdir(parents=True)
         files = {}
         for number, file in enumerate(data.files, start=1):
-            tell(f"{number} of {len(data.files)}: {file.url(host)}")
+            announce(f"{number} of {len(data.files)}: {file.url(host)}")
             files[file.name] = _download(file, staging / "source", host)
-        tell("putting the scene together")
+        announce("putting the scene together")
         scene = data.build(files, staging).relative_to(staging)
         Scene.load(staging / scene)
         write_text(staging / "LICENCE.txt", data.licence)

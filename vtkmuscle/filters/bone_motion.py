@@ -123,30 +123,10 @@ def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
             raise InputError(where, f"block {name!r} is {kind}, but a bone is a vtkPolyData")
         if name in bones:
             raise InputError(where, f"two blocks are named {name!r}", "give each bone a name of its own")
-        if not _finite(block):
+        if block.GetPoints() is not None and not np.isfinite(vtk_to_numpy(block.GetPoints().GetData())).all():
             raise InputError(where, f"block {name!r} has points that are not finite", "correct its file")
         bones[name] = block
     return bones
-
-
-#: Times of modification of points that were found to be finite, the last of them: VTK never gives one twice.
-_found_finite: dict[int, None] = {}
-_REMEMBERED = 1000
-
-
-def _finite(bone: vtkPolyData) -> bool:
-    """Return whether all points are finite; those of a bone that stays are looked at once."""
-    if bone.GetPoints() is None:
-        return True
-    modified = bone.GetPoints().GetMTime()
-    if modified in _found_finite:
-        return True
-    if not np.isfinite(vtk_to_numpy(bone.GetPoints().GetData())).all():
-        return False
-    while len(_found_finite) >= _REMEMBERED:
-        _found_finite.pop(next(iter(_found_finite)), None)
-    _found_finite[modified] = None
-    return True
 
 
 def _moved(bone: vtkPolyData, transform: Floats | None) -> vtkPolyData:

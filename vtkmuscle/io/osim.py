@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from os import PathLike
-from pathlib import Path, PurePosixPath, PureWindowsPath
+from pathlib import Path
 
 import numpy as np
 
@@ -50,23 +50,6 @@ class BodyMesh:
     file: str
     scale: Floats
     frame: Floats
-
-    def path_in(self, folder: Path) -> Path:
-        """Return the file in a folder.
-
-        Raises
-        ------
-        InputError
-            If the name leads out of the folder.
-        """
-        parts = {*PurePosixPath(self.file).parts, *PureWindowsPath(self.file).parts}
-        drive = PureWindowsPath(self.file)
-        path = folder / self.file
-        inside = path.resolve().is_relative_to(folder.resolve())
-        if drive.drive or drive.root or ".." in parts or not inside:
-            problem = f"the mesh {self.file!r} of body {self.body!r} leads out of the folder {folder}"
-            raise InputError(folder, problem, "put it there, and name it without its folder")
-        return path
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from vtkmuscle.core.motion.functions import (
     Constant,
     CoordinateFunction,
     CubicSpline,
-    Multiplied,
+    Multiplier,
     PiecewiseLinear,
     Polynomial,
     Wave,
@@ -72,7 +72,7 @@ def _function(element: Element, tag: str) -> CoordinateFunction:
         if inner is None:
             inner = Element("function", element.path, element.line)
             inner.children = [child for child in element.children if child.tag in FUNCTIONS]
-        return Multiplied(function_in(inner), element.number("scale", 1.0))
+        return Multiplier(function_in(inner), element.number("scale", 1.0))
     if tag == "Sine":
         element.only(("amplitude", "omega", "phase", "offset"))
         return Wave(

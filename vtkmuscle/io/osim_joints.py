@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vtkmuscle.core.motion.frames import frame_at
-from vtkmuscle.core.motion.functions import IDENTITY, CoordinateFunction, Multiplied
+from vtkmuscle.core.motion.functions import IDENTITY, CoordinateFunction, Multiplier
 from vtkmuscle.core.motion.tree import Coupling, Joint, JointAxis, JointCoordinate
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.osim_functions import FUNCTIONS, function_in, function_of
@@ -221,4 +221,4 @@ def coupling_in(element: Element) -> Coupling | None:
     function = function_in(element.need("coupled_coordinates_function"))
     scale = element.number("scale_factor", 1.0)
     dependent = element.need("dependent_coordinate_name").text.strip()
-    return Coupling(dependent, names[0], function if scale == 1.0 else Multiplied(function, scale))
+    return Coupling(dependent, names[0], function if scale == 1.0 else Multiplier(function, scale))

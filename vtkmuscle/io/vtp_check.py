@@ -42,6 +42,8 @@ _CELLS = {
 #: No data shrinks to less than this part by zlib (its format does not allow it); others are as good.
 _MOST_SHRUNK = 1100
 
+_Bytes = bytes | memoryview
+
 
 class _FaultError(Exception):
     """What is wrong with a file."""
@@ -148,7 +150,7 @@ class _File:
         self._header = np.dtype(order + ("u8" if self.root.get("header_type") == "UInt64" else "u4"))
         self._order = order
         self._unpack = _UNPACKERS.get(self.root.get("compressor", ""))
-        self._appended, self._is_raw = b"", False
+        self._appended, self._is_raw = memoryview(b""), False
         if self.at >= 0:
             close = self.content.find(b">", self.at)
             tag = self.content[self.at : close]
@@ -157,7 +159,7 @@ class _File:
                 raise _FaultError("it ends before its data")
             self._is_raw = b"raw" in tag
             end = len(self.content) if self._is_raw else self.content.find(b"<", start)
-            self._appended = self.content[start : end if end >= 0 else len(self.content)]
+            self._appended = memoryview(self.content)[start : end if end >= 0 else len(self.content)]
 
     def size(self, array: ElementTree.Element) -> int:
         """Return the number of bytes that an array has when it is unpacked."""
@@ -178,7 +180,7 @@ class _File:
         except (ValueError, OverflowError) as error:
             raise _FaultError(f"the array {array.get('Name')!r} cannot be read: {error}") from None
 
-    def _unpacked(self, sizes: list[tuple[int, int]], packed: bytes) -> Iterator[bytes]:
+    def _unpacked(self, sizes: list[tuple[int, int]], packed: _Bytes) -> Iterator[_Bytes]:
         at = 0
         for unpacked, length in sizes:
             block = packed[at : at + length]
@@ -192,7 +194,7 @@ class _File:
                 raise _FaultError("its data are damaged")
             yield block
 
-    def _blocks(self, array: ElementTree.Element) -> tuple[list[tuple[int, int]], bytes]:
+    def _blocks(self, array: ElementTree.Element) -> tuple[list[tuple[int, int]], _Bytes]:
         """Return the sizes of an array's blocks, unpacked and as they are, and the bytes of these."""
         raw = self._is_raw
         if array.get("format") == "appended":
@@ -201,7 +203,7 @@ class _File:
                 raise _FaultError(f"the array {array.get('Name')!r} begins behind the end of the file")
             stream = self._appended[offset:]
         else:
-            stream, raw = (array.text or "").strip().encode("ascii", "replace"), False
+            stream, raw = memoryview((array.text or "").strip().encode("ascii", "replace")), False
         width = self._header.itemsize
         if self._unpack is None:
             head, rest = _split(stream, width, raw)
@@ -224,7 +226,7 @@ class _File:
         return list(zip(unpacked, lengths, strict=True)), rest if raw else _decoded(rest, needed)
 
 
-def _split(stream: bytes, count: int, raw: bool) -> tuple[bytes, bytes]:
+def _split(stream: _Bytes, count: int, raw: bool) -> tuple[_Bytes, _Bytes]:
     """Return the first `count` bytes, decoded, and the rest of the stream as it is in the file."""
     if raw:
         head, rest = stream[:count], stream[count:]
@@ -236,7 +238,7 @@ def _split(stream: bytes, count: int, raw: bool) -> tuple[bytes, bytes]:
     return head, rest
 
 
-def _decoded(stream: bytes, count: int) -> bytes:
+def _decoded(stream: _Bytes, count: int) -> _Bytes:
     try:
         return base64.b64decode(stream[: 4 * -(-count // 3)])[:count]
     except binascii.Error as error:
@@ -247,15 +249,15 @@ def _width(array: ElementTree.Element) -> int:
     return np.dtype(_TYPES.get(str(array.get("type")), "u1")).itemsize
 
 
-def _zlib(block: bytes, size: int) -> bytes:
+def _zlib(block: _Bytes, size: int) -> bytes:
     return zlib.decompressobj().decompress(block, size + 1)
 
 
-def _lzma(block: bytes, size: int) -> bytes:
+def _lzma(block: _Bytes, size: int) -> bytes:
     return lzma.LZMADecompressor().decompress(block, size + 1)
 
 
-def _lz4(block: bytes, size: int) -> bytes:
+def _lz4(block: _Bytes, size: int) -> bytes:
     with vtk_messages():
         found = vtkLZ4DataCompressor().Uncompress(block, len(block), size)
     if found is None:

@@ -1,4 +1,4 @@
-"""Straps, which are flat, and cords, which are round, along a middle line in the plane across a hinge."""
+"""Straps, which are flat, along a middle line in the plane across a hinge, and rings on ends."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vtkmuscle.core.types import Floats
-from vtkmuscle.phantoms.implicit import Solid, thick_curve, thick_sheet
+from vtkmuscle.phantoms.implicit import Solid, thick_sheet
 from vtkmuscle.phantoms.planar import evenly, in_space
 
 #: Distance of the points on the middle line that a strap is made from [mm].
@@ -30,29 +30,11 @@ def strap(line: Floats, width: float, thickness: float) -> Solid:
     Solid
         Half the thickness to each side of the line.
     """
-    middle = in_space(evenly(_longer(line, thickness), SPACING))
+    middle = in_space(evenly(longer(line, thickness), SPACING))
     across = np.linspace(-1.0, 1.0, 3)[:, None] * [(width - thickness) / 2.0, 0.0, 0.0]
     knots = middle[:, None, :] + across
     solid = thick_sheet(knots, np.full(knots.shape[:2], thickness / 2.0), spacing=1.5)
-    return _cut(solid, line)
-
-
-def cord(line: Floats, radii: ArrayLike) -> Solid:
-    """Return a round muscle about a middle line, with flat ends across it.
-
-    Parameters
-    ----------
-    line : (k, 2) array
-        The middle line, (y, z) at x = 0 [mm].
-    radii : (j,) array_like
-        Evenly along the line, from its start to its end [mm].
-    """
-    given = np.asarray(radii, dtype=np.float64)
-    middle = evenly(_longer(line, float(given[[0, -1]].max())), 2.0 * SPACING)
-    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(middle, axis=0), axis=1)))
-    ends = along[-1] * np.linspace(0.0, 1.0, len(given))
-    solid = thick_curve(in_space(middle), np.interp(along, ends, given), spacing=1.5)
-    return _cut(solid, line)
+    return cut_ends(solid, line)
 
 
 def end_ring(centre: ArrayLike, along: ArrayLike, width: float, thickness: float) -> Floats:
@@ -85,13 +67,14 @@ def round_ring(centre: ArrayLike, along: ArrayLike, radius: float) -> Floats:
     return ring
 
 
-def _longer(line: Floats, by: float) -> Floats:
+def longer(line: Floats, by: float) -> Floats:
     """Return a line that goes on straight at both ends: those of sheets and curves are round, to be cut."""
     first, last = _unit(line[1] - line[0]), _unit(line[-1] - line[-2])
     return np.vstack([line[0] - by * first, line, line[-1] + by * last])
 
 
-def _cut(solid: Solid, line: Floats) -> Solid:
+def cut_ends(solid: Solid, line: Floats) -> Solid:
+    """Return what of a solid about a line is between the planes across its ends."""
     first, last = _unit(line[1] - line[0]), _unit(line[-1] - line[-2])
     return solid.beside((0.0, *line[0]), (0.0, *-first), 1.0).beside((0.0, *line[-1]), (0.0, *last), 1.0)
 

@@ -55,12 +55,12 @@ class DrawingProcess:
         # The package may be where no other code is loaded from: the folder that somebody works in.
         root = str(Path(__file__).parents[2])
         code = f"{preflight.TEST_PICTURE}\nsys.path.append({root!r})\nfrom {__name__} import _work\n_work()"
-        self._said = tempfile.TemporaryFile()  # noqa: SIM115 -- closed by close()
+        self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 -- closed by close()
         self._process = subprocess.Popen(
             isolated_python(code),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=self._said,
+            stderr=self._stderr,
         )
         self._late = threading.Event()
         self._watch = threading.Timer(preflight.PREFLIGHT_TIMEOUT, self._give_up)
@@ -97,7 +97,7 @@ class DrawingProcess:
         self._process.kill()
         self._process.wait()
         self._talk.shutdown(cancel_futures=True)
-        for file in (self._process.stdin, self._process.stdout, self._said):
+        for file in (self._process.stdin, self._process.stdout, self._stderr):
             assert file is not None
             with suppress(OSError):  # what could not be sent is not missed
                 file.close()
@@ -140,8 +140,8 @@ class DrawingProcess:
             status = self._process.wait()
         if self._late.is_set():
             return preflight.too_late()
-        self._said.seek(0)
-        said = self._said.read().decode("utf-8", "replace")
+        self._stderr.seek(0)
+        said = self._stderr.read().decode("utf-8", "replace")
         if not self._ready:
             return preflight.no_picture(status, said)
         how = f"crashed ({signal.Signals(-status).name})" if status < 0 else f"ended with status {status}"

@@ -7,7 +7,6 @@ import gzip
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtkmuscle.core.types import Floats
 
@@ -83,25 +82,3 @@ class Pack:
 def packed(data: bytes) -> str:
     """Return bytes compressed by gzip, in base64; higher levels save 1 to 4 % and take twice the time."""
     return base64.b64encode(gzip.compress(data, 4, mtime=0)).decode("ascii")
-
-
-def unpacked(text: str) -> bytes:
-    """Return the bytes of :meth:`Pack.text`."""
-    return gzip.decompress(base64.b64decode(text))
-
-
-def array_of(data: bytes, where: dict[str, Any]) -> NDArray[Any]:
-    """Return an array from the bytes of a pack, as the page reads it."""
-    return np.frombuffer(data, TYPES[where["type"]], where["count"], where["at"])
-
-
-def moving_of(data: bytes, where: dict[str, Any]) -> Floats:
-    """Return the points (f, n, 3) of :meth:`Pack.add_moving`, as the page reads them."""
-    folded = array_of(data, where["low"]).astype(np.int64) + 256 * array_of(data, where["high"]).astype(
-        np.int64
-    )
-    whole = ((folded >> 1) ^ -(folded & 1)).reshape(where["frames"], where["points"], 3)
-    for frame in range(1, len(whole)):
-        whole[frame] += whole[0] if frame == 1 else 2 * whole[frame - 1] - whole[frame - 2]
-    points: Floats = whole * where["step"] + np.array(where["origin"])
-    return points

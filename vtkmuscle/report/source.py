@@ -25,10 +25,16 @@ class RunResult(Protocol):
     times: Sequence[float]
     muscle_names: Sequence[str]
     verdicts: Mapping[str, str]
-    lengths: Mapping[str, Floats]
-    fibre_lengths: Mapping[str, Floats]
     literature: Mapping[str, Sequence[LiteratureCurve]]
     drawn_bones: DrawnBones
+
+    @property
+    def lengths(self) -> Mapping[str, Floats]:
+        """Per muscle the lengths of its paths [mm]."""
+
+    @property
+    def fibre_lengths(self) -> Mapping[str, Floats]:
+        """Per muscle those of its fibres [mm]."""
 
     @property
     def errors(self) -> Mapping[str, Mapping[str, Estimate]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -32,7 +33,7 @@ class KeptFrames:
         bones: vtkMultiBlockDataSet,
         motion: RigidMotion,
         frames: Sequence[int],
-        tracks: dict[str, MuscleTrack],
+        tracks: Mapping[str, MuscleTrack],
         report: dict[str, Any],
         *,
         literature: Mapping[str, Sequence[LiteratureCurve]] | None = None,
@@ -49,17 +50,9 @@ class KeptFrames:
         self.frames: Sequence[int] = list(frames)
         self.times: Sequence[float] = [float(motion.times[frame]) for frame in self.frames]
         self.muscle_names: Sequence[str] = list(tracks)
-        self.lengths: Mapping[str, Floats] = {
-            name: np.array(track.lengths) for name, track in tracks.items() if track.lengths
-        }
-        self.fibre_lengths: Mapping[str, Floats] = {
-            name: np.array(track.fibre_lengths) for name, track in tracks.items() if track.fibre_lengths
-        }
         self.verdicts: Mapping[str, str] = {
-            name: track.report["verdict"]["verdict"] for name, track in tracks.items()
+            name: report["muscles"][name]["verdict"]["verdict"] for name in tracks
         }
-        for lengths in (*self.lengths.values(), *self.fibre_lengths.values()):
-            lengths.setflags(write=False)  # moment arms by them are found once
         self._known_arms: dict[tuple[str, ...], Any] = {}
         self._tracks = tracks
         self._wrap = _wrapped
@@ -73,6 +66,16 @@ class KeptFrames:
         other = copy(self)
         other._wrap = lambda data: data
         return other
+
+    @cached_property
+    def lengths(self) -> Mapping[str, Floats]:
+        """Per muscle the lengths of its paths in the finished frames, (frames, fibres) [mm]."""
+        return _read_only({name: track.lengths for name, track in self._tracks.items()})
+
+    @cached_property
+    def fibre_lengths(self) -> Mapping[str, Floats]:
+        """Per muscle those of its fibres, likewise."""
+        return _read_only({name: track.fibre_lengths for name, track in self._tracks.items()})
 
     @property
     def errors(self) -> dict[str, Mapping[str, Estimate]]:
@@ -93,7 +96,7 @@ class KeptFrames:
 
     def finished(self, name: str) -> int:
         """Return how many of the kept frames a muscle has: all, or those before the one that failed."""
-        return len(self._tracks[name].report["frames"])
+        return len(self.report["muscles"][name]["frames"])
 
     def muscle(self, name: str, *, frame: int | None = None, time: float | None = None) -> Any:
         """Return a muscle in a kept frame, with the arrays it has at rest (``FixedTo`` and its own).
@@ -202,6 +205,14 @@ class KeptFrames:
                 f"{name!r} failed before frame {self.frames[i]}, so that it is not there",
                 f"it has {self.finished(name)} of {len(self.frames)} frames",
             )
+
+
+def _read_only(rows: Mapping[str, Sequence[Floats]]) -> dict[str, Floats]:
+    """Return arrays of what is there per frame, not to be changed: moment arms by them are found once."""
+    arrays = {name: np.array(one) for name, one in rows.items() if one}
+    for array in arrays.values():
+        array.setflags(write=False)
+    return arrays
 
 
 def _wrapped(data: vtkDataObject) -> Any:

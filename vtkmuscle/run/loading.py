@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from vtkmuscle.run.finished import (
     read_note,
     read_track,
 )
+from vtkmuscle.run.track import MuscleTrack
 from vtkmuscle.run.unfinished import unfinished
 from vtkmuscle.scene.data import MILLIMETRES, SceneData
 
@@ -80,12 +82,6 @@ def read_result(folder: Path) -> dict[str, Any]:
     parts = Parts(folder / FINISHED)
     noted = read_note(parts, SCENE)
     check_files(folder, noted.facts)
-    millimetres = MILLIMETRES[report["units"]]
-    tracks = {}
-    for name, known in report["muscles"].items():
-        tracks[name] = read_track(folder, name, read_note(parts, name), millimetres)
-        tracks[name].report = known
-        tracks[name].errors = read_errors(folder, name)
     inside = folder / FINISHED / "bones"
     bones = {name: read_polydata(inside / f"{name}.vtp") for name in noted.facts["bones"]}
     return {
@@ -94,13 +90,43 @@ def read_result(folder: Path) -> dict[str, Any]:
         "bones": multiblock_from(bones),
         "motion": _motion(noted),
         "frames": report["frames"],
-        "tracks": tracks,
+        "tracks": _Tracks({name: _reader(folder, parts, name, report) for name in report["muscles"]}),
         "report": report,
         "literature": {
             name: tuple(map(_curve_from, curves)) for name, curves in noted.facts["literature"].items()
         },
         "crosses": {name: tuple(one) for name, one in noted.facts["crosses"].items()},
     }
+
+
+def _reader(folder: Path, parts: Parts, name: str, report: Mapping[str, Any]) -> Callable[[], MuscleTrack]:
+    """Return what reads a muscle, once, from files that are there and whole."""
+    note, errors = read_note(parts, name), read_errors(folder, name)
+    check_files(folder, note.facts)
+
+    @cache
+    def read() -> MuscleTrack:
+        track = read_track(folder, name, note, MILLIMETRES[report["units"]])
+        track.report, track.errors = report["muscles"][name], errors
+        return track
+
+    return read
+
+
+class _Tracks(Mapping[str, MuscleTrack]):
+    """The muscles of a result, each read when it is first asked for."""
+
+    def __init__(self, readers: Mapping[str, Callable[[], MuscleTrack]]) -> None:
+        self._readers = readers
+
+    def __getitem__(self, name: str) -> MuscleTrack:
+        return self._readers[name]()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._readers)
+
+    def __len__(self) -> int:
+        return len(self._readers)
 
 
 def _motion(noted: Part) -> RigidMotion:

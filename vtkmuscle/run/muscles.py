@@ -107,7 +107,7 @@ class MuscleRun:
         neighbours = self._deformers() if scene.muscle_contact == "on" else None
         pipeline = muscle_pipeline(scene, name, neighbours=neighbours)
         self.deformer = pipeline.deformer
-        self._tell("fixed points", 0.0)
+        self._report_progress("fixed points", 0.0)
         with self._timed("fixing", pipeline.fixed):
             rest = track.rest = pipeline.fixed.update().output
         _warn_if_none_is_free(name, rest)
@@ -126,7 +126,7 @@ class MuscleRun:
             self._pull(numbers, pipeline, measure)
         else:
             for number in range(numbers[-1] + 1):
-                self._tell("deforming", number / (numbers[-1] + 1))
+                self._report_progress("deforming", number / (numbers[-1] + 1))
                 self._frame(number, number in numbers, pipeline, measure)
                 if track.failure is not None:
                     break
@@ -136,7 +136,7 @@ class MuscleRun:
                 self.folder.finish(self.name, self.track)
         if scene.muscle_contact == "off":
             self.deformer = None  # with all that it keeps of the frames; later muscles do not ask for it
-        self._tell("done", 1.0)
+        self._report_progress("done", 1.0)
 
     def _parameters(self, pipeline: MusclePipeline) -> dict[str, Any]:
         mover = pipeline.taut if pipeline.deformer is None else pipeline.deformer
@@ -153,7 +153,7 @@ class MuscleRun:
     def _fill(self, rest: vtkPolyData, fibres: Filter, measure: MuscleMeasure) -> None:
         """Fill the muscle with fibres, and measure them at rest."""
         track, millimetres = self.track, self.scene.millimetres
-        self._tell("fibres", 0.0)
+        self._report_progress("fibres", 0.0)
         with self._timed("fibres", fibres):
             track.rest_fibres = fibres.update().output
         with self._timed("measuring"):
@@ -171,7 +171,7 @@ class MuscleRun:
         """Run model ``"paths"``: the fibres pulled taut in each frame, and nothing else."""
         assert pipeline.metrics is not None
         for number in numbers:
-            self._tell("pulling fibres", number / (numbers[-1] + 1))
+            self._report_progress("pulling fibres", number / (numbers[-1] + 1))
             now = float(self.scene.motion.times[number])
             before = self.clock()
             with self._timed("pulling fibres", pipeline.metrics):
@@ -298,7 +298,7 @@ class MuscleRun:
             remedy = "lower the stiffnesses, or use smaller steps of the motion"
             raise InputError(f"frame {number}", problem, remedy)
 
-    def _tell(self, stage: str, fraction: float) -> None:
+    def _report_progress(self, stage: str, fraction: float) -> None:
         if self.stop.is_set():
             raise AbortedError(f"{self.name} was stopped")
         self.progress(self.name, stage, fraction)

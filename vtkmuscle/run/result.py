@@ -111,7 +111,8 @@ class Result(KeptFrames):
         Returns
         -------
         Result
-            The same as the run gave: muscles, fibres, lengths, bones, motion, report and verdicts.
+            The same as the run gave: muscles, fibres, lengths, bones, motion, report and verdicts. All files
+            are checked; the frames of a muscle are read when they are first asked for.
 
         Raises
         ------
@@ -282,10 +283,10 @@ class Result(KeptFrames):
         ValueError
             If there is no such muscle or kept frame.
         """
-        from vtkmuscle.run.shown import ShownResult  # noqa: PLC0415 -- only pictures need PyVista
+        from vtkmuscle.run.display import ResultDisplay  # noqa: PLC0415 -- only pictures need PyVista
 
         position = 0 if frame is None and time is None else self._position(frame, time)
-        shown = ShownResult(self, muscles, off_screen=off_screen)
+        shown = ResultDisplay(self, muscles, off_screen=off_screen)
         shown.show(position)
         if frame is None and time is None and len(self.frames) > 1:
             shown.add_slider()
@@ -330,7 +331,7 @@ class Result(KeptFrames):
             If no picture can be rendered here.
         """
         from vtkmuscle.plotting import can_render, check_movie, write_movie  # noqa: PLC0415 -- need PyVista
-        from vtkmuscle.run.shown import ShownResult  # noqa: PLC0415
+        from vtkmuscle.run.display import ResultDisplay  # noqa: PLC0415
 
         file = check_movie(path, fps)
         if any(side < 2 or side % 2 for side in size):
@@ -338,7 +339,7 @@ class Result(KeptFrames):
         reason = can_render()
         if reason is not None:
             raise RuntimeError(f"no film can be made: {reason}")
-        shown = ShownResult(self, muscles, off_screen=True, size=size)
+        shown = ResultDisplay(self, muscles, off_screen=True, size=size)
         try:
             return write_movie(file, shown.pictures(), fps=fps)
         finally:

@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from functools import partial
-from os import cpu_count
 from pathlib import Path
 from typing import Any
 
 from vtkmuscle.core.bones.bone import Bone, bone_of
 from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.mesh.shared import held
+from vtkmuscle.core.processors import processors
 from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.filters.base.algorithm import AbortedError
@@ -190,7 +190,7 @@ def _side_by_side(workers: int | None, scene: SceneData, n_further: int) -> int:
     """Return how many threads to use for the muscles, and for further solves."""
     if scene.muscle_contact != "off":
         return 1  # each muscle waits for those before it, and shares their filters
-    return min(workers or cpu_count() or 1, len(scene.muscles) + n_further)
+    return min(workers or processors(), len(scene.muscles) + n_further)
 
 
 def _draw(
@@ -300,12 +300,12 @@ def _first_report(scene: SceneData, numbers: range, tracks: dict[str, MuscleTrac
 def _one_at_a_time(progress: Progress | None) -> Progress:
     lock = threading.Lock()
 
-    def tell(muscle: str, stage: str, fraction: float) -> None:
+    def report_progress(muscle: str, stage: str, fraction: float) -> None:
         if progress is not None:
             with lock:
                 progress(muscle, stage, fraction)
 
-    return tell
+    return report_progress
 
 
 @contextmanager

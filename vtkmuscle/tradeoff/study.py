@@ -87,7 +87,7 @@ def trade_off(
     muscles: Sequence[str] = (),
     compared: Sequence[int] | None = None,
     fresh: bool = False,
-    tell: Callable[[str], None] = lambda words: None,
+    announce: Callable[[str], None] = lambda words: None,
 ) -> Study:
     """Run a scene with many settings, and compare each with a converged run of the scene.
 
@@ -110,7 +110,7 @@ def trade_off(
         are computed.
     fresh : bool, optional
         Run settings again that are finished in the folder.
-    tell : callable, optional
+    announce : callable, optional
         Called with a line of text for each thing that is done.
 
     Returns
@@ -136,13 +136,13 @@ def trade_off(
     def run(setting: Setting, muscles: Sequence[str], **more: Any) -> dict[str, Trial | None]:
         return tried(scene, setting, frames, muscles, **more)
 
-    exact, doublings = _reference(run, names, records, tell)
+    exact, doublings = _reference(run, names, records, announce)
     iterations = {doubling.muscle: doubling.iterations for doubling in doublings}
     rows = []
     for number, setting in enumerate(settings):
 
         def figures(setting: Setting = setting, number: int = number) -> dict[str, Any]:
-            tell(f"{number + 1} of {len(settings)}: {setting.name}")
+            announce(f"{number + 1} of {len(settings)}: {setting.name}")
             return measured(run(setting, names), exact)
 
         rows.append(Row(setting, records.figures([setting.plain(), names, iterations], figures)))
@@ -176,7 +176,7 @@ def _reference(
     run: Callable[..., dict[str, Trial | None]],
     names: Sequence[str],
     records: Records,
-    tell: Callable[[str], None],
+    announce: Callable[[str], None],
 ) -> tuple[dict[str, Trial], list[Doubling]]:
     """Double each muscle's iterations until it stays where it is; return the last runs, and the last steps.
 
@@ -190,7 +190,7 @@ def _reference(
 
         def make(name: str) -> Trial:
             if name not in made:
-                tell(f"reference: {', '.join(f'{other} {iterations[other]}' for other in muscles)}")
+                announce(f"reference: {', '.join(f'{other} {iterations[other]}' for other in muscles)}")
                 made.update(run(setting, muscles, iterations=iterations))
             trial = made[name]
             if trial is None:
@@ -209,7 +209,7 @@ def _reference(
         for name, trial in now.items():
             moved = measured({name: trial}, exact)["all"]
             doublings[name] = Doubling(name, iterations[name], moved["rms_mm"], moved["max_mm"])
-            tell(in_words(doublings[name]))
+            announce(in_words(doublings[name]))
         exact |= now
         settled = [name for name in moving if doublings[name].converged]
         moving = [n for n in moving if n not in settled and iterations[n] < MOST_ITERATIONS]

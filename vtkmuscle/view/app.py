@@ -11,10 +11,10 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.plotting import MovingScene, View, can_render
+from vtkmuscle.run.display import ResultDisplay
 from vtkmuscle.run.result import Result
-from vtkmuscle.run.shown import ShownResult
 from vtkmuscle.scenes import Scene
-from vtkmuscle.view.solving import SolvedScene
+from vtkmuscle.view.solving import SceneDisplay
 
 #: Directions to look from, beside the one that shows most of the muscles.
 DIRECTIONS = {
@@ -30,7 +30,7 @@ QUALITY = "preview"
 _RATE = 12.0
 
 
-class Shown(Protocol):
+class Display(Protocol):
     """Frames on a plotter: of a result, or of a scene that is solved."""
 
     scene: MovingScene
@@ -78,10 +78,10 @@ def make_app(source: Result | Scene | str | PathLike[str]) -> Any:
     Parameters and errors are those of :func:`view`.
     """
     trame = _trame()
-    shown = _shown(source)
-    server = trame["get_server"](f"vtkmuscle-{id(shown)}", client_type="vue3")
-    _behaviour(server, shown)
-    _page(server, shown, trame)
+    display = _display_of(source)
+    server = trame["get_server"](f"vtkmuscle-{id(display)}", client_type="vue3")
+    _behaviour(server, display)
+    _page(server, display, trame)
     return server
 
 
@@ -105,7 +105,7 @@ def _trame() -> dict[str, Any]:
     }
 
 
-def _shown(source: Result | Scene | str | PathLike[str]) -> Shown:
+def _display_of(source: Result | Scene | str | PathLike[str]) -> Display:
     reason = can_render()
     if reason is not None:
         raise RuntimeError(f"nothing can be shown: {reason}")
@@ -115,31 +115,31 @@ def _shown(source: Result | Scene | str | PathLike[str]) -> Shown:
             raise InputError(path, "there is no such file or folder", "give a scene.toml or a run's folder")
         source = Result.load(path) if path.is_dir() else Scene.load(path)
     if isinstance(source, Result):
-        return ShownResult(source, off_screen=True)
-    return SolvedScene(source.with_quality(QUALITY), off_screen=True)
+        return ResultDisplay(source, off_screen=True)
+    return SceneDisplay(source.with_quality(QUALITY), off_screen=True)
 
 
-def _behaviour(server: Any, shown: Shown) -> None:
+def _behaviour(server: Any, display: Display) -> None:
     """Let the page's state move the scene: the slider, the player and the directions to look from."""
     state, controller = server.state, server.controller
-    state.position, state.playing, state.said = 0, False, _said(shown, 0)
+    state.position, state.playing, state.caption = 0, False, _time_text(display, 0)
 
     def moved(position: int, **_: Any) -> None:
-        shown.show(int(position))
-        state.said = _said(shown, int(position))
+        display.show(int(position))
+        state.caption = _time_text(display, int(position))
         controller.view_update()
 
     def look(name: str) -> None:
-        best = shown.scene.view
+        best = display.scene.view
         direction = np.array(DIRECTIONS[name]) if name in DIRECTIONS else best.direction
-        shown.scene.look(View(direction, best.focus, best.half_height, best.aspect))
+        display.scene.look(View(direction, best.focus, best.half_height, best.aspect))
         controller.view_update()
 
     async def play() -> None:
         state.playing = not state.playing
         state.flush()
         while state.playing:
-            state.position = (int(state.position) + 1) % len(shown.times)
+            state.position = (int(state.position) + 1) % len(display.times)
             state.flush()
             await asyncio.sleep(1.0 / _RATE)
 
@@ -147,7 +147,7 @@ def _behaviour(server: Any, shown: Shown) -> None:
     controller.look, controller.play = look, play
 
 
-def _page(server: Any, shown: Shown, trame: dict[str, Any]) -> None:
+def _page(server: Any, display: Display, trame: dict[str, Any]) -> None:
     """Lay out the page: the scene, the slider below it, and what to look from above it."""
     widgets, controller = trame["widgets"], server.controller
     with trame["layout"](server) as layout:
@@ -168,7 +168,7 @@ def _page(server: Any, shown: Shown, trame: dict[str, Any]) -> None:
                 )
         with layout.content, widgets.VContainer(fluid=True, classes="pa-0 fill-height d-flex flex-column"):
             with widgets.VRow(no_gutters=True, classes="w-100 flex-grow-1"):
-                viewer = trame["get_viewer"](shown.scene.plotter, server=server, suppress_rendering=True)
+                viewer = trame["get_viewer"](display.scene.plotter, server=server, suppress_rendering=True)
                 drawn = viewer.ui(mode="server", add_menu=False)
                 controller.view_update = drawn.update
             with widgets.VRow(no_gutters=True, classes="w-100 flex-grow-0 align-center px-4 py-2"):
@@ -178,15 +178,15 @@ def _page(server: Any, shown: Shown, trame: dict[str, Any]) -> None:
                 widgets.VSlider(
                     v_model=("position", 0),
                     min=0,
-                    max=max(len(shown.times) - 1, 1),
+                    max=max(len(display.times) - 1, 1),
                     step=1,
                     hide_details=True,
-                    aria_label=shown.time_label,
+                    aria_label=display.time_label,
                     __properties=[("aria_label", "aria-label")],
                 )
-                widgets.VLabel("{{ said }}", classes="ml-4", style="min-width: 14rem")
+                widgets.VLabel("{{ caption }}", classes="ml-4", style="min-width: 14rem")
 
 
-def _said(shown: Shown, position: int) -> str:
-    name, _, unit = shown.time_label.partition(" [")
-    return f"{name} {shown.times[position]:.4g} {unit.removesuffix(']')}".strip()
+def _time_text(display: Display, position: int) -> str:
+    name, _, unit = display.time_label.partition(" [")
+    return f"{name} {display.times[position]:.4g} {unit.removesuffix(']')}".strip()

@@ -11,7 +11,7 @@ from vtkmuscle.run.pipeline import muscle_pipeline
 from vtkmuscle.scenes import Scene
 
 
-class SolvedScene:
+class SceneDisplay:
     """The muscles, fibres and bones of a scene on a plotter; a pose is solved when it is first shown.
 
     The frames before it are computed too, where the solver's answer depends on them; what is known is kept.

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vtkmuscle.core.mesh.bins import count_up_to, extremes, sorted_into_bins, stable_order
+from vtkmuscle.core.mesh.bins import count_up_to, sorted_into_bins, stable_order
 
 
 @settings(deadline=None, max_examples=40)
@@ -30,10 +30,3 @@ def test_equal_values_stay_in_their_order(values):
 @given(values=numbers, value=st.sampled_from([-4.0, -1.0, 0.5, 2.0, 9.0]))
 def test_values_up_to_one_are_counted(values, value):
     assert count_up_to(np.sort(values), value) == (values <= value).sum()
-
-
-@settings(deadline=None, max_examples=40)
-@given(values=numbers)
-def test_extremes_are_the_least_and_the_greatest(values):
-    points = np.column_stack([np.zeros(len(values)), values])
-    assert extremes(points, 1) == (values.min(), values.max())

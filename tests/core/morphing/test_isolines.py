@@ -2,10 +2,10 @@ import igl
 import numpy as np
 import pytest
 from bent_muscle import bent_tube, half_circle, letter_s
+from shapes import closed_surface
 
 from vtkmuscle.core.morphing.isolines import attachment_field, morph_by_isolines, way_of_values
 from vtkmuscle.core.morphing.planes import morph_by_planes
-from vtkmuscle.core.morphing.sections import closed_surface
 from vtkmuscle.core.morphing.slices import Slicing
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import SeenMuscle, centroid_axis, fit_box

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from shapes import closed_surface
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonComputationalGeometry import vtkParametricTorus
 from vtkmodules.vtkCommonDataModel import vtkPlane
@@ -13,7 +14,7 @@ from vtkmodules.vtkFiltersSources import vtkParametricFunctionSource, vtkSphereS
 
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.topology import opposite_half_edges
-from vtkmuscle.core.morphing.sections import closed_surface, cut_surface, united
+from vtkmuscle.core.morphing.sections import cut_surface, united
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
 
 TETRAHEDRON = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])

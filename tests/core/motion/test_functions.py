@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.motion.functions import CubicSpline, Multiplied, PiecewiseLinear, Polynomial
+from vtkmuscle.core.motion.functions import CubicSpline, Multiplier, PiecewiseLinear, Polynomial
 
 
 @pytest.mark.parametrize("knots", [4, 5, 9])
@@ -43,4 +43,4 @@ def test_knots_that_do_not_ascend_are_refused():
 
 
 def test_a_multiple_is_that_many_times_its_function():
-    assert Multiplied(Polynomial([1.0, 2.0]), 3.0)(np.array([1.0])).tolist() == [9.0]
+    assert Multiplier(Polynomial([1.0, 2.0]), 3.0)(np.array([1.0])).tolist() == [9.0]

@@ -8,7 +8,7 @@ from vtkmuscle.core.motion.functions import (
     IDENTITY,
     Constant,
     CubicSpline,
-    Multiplied,
+    Multiplier,
     PiecewiseLinear,
     Polynomial,
     Wave,
@@ -23,7 +23,7 @@ FUNCTIONS = [
     PiecewiseLinear(X, X**2),
     CubicSpline(X, np.sin(X)),
     Wave(2.0, 0.4, 0.1, 0.3),
-    Multiplied(CubicSpline(X, X**2), 3.0),
+    Multiplier(CubicSpline(X, X**2), 3.0),
 ]
 
 

@@ -22,9 +22,9 @@ from phantom_paths import (
     turned,
     worse,
 )
+from phantoms import spindle_over_ball, strap_over_two_joints
 
 from vtkmuscle.core.motion.rigid import rotation_about
-from vtkmuscle.phantoms import spindle_over_ball, strap_over_two_joints
 from vtkmuscle.phantoms.planar import flexed
 from vtkmuscle.phantoms.two_joint_strap import LOWER, WRAPS
 

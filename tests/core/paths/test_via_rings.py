@@ -6,11 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.paths.via_rings import (
-    in_ring_plane,
     inside_polygon,
     moved_ring,
-    moved_within_ring,
-    nearest_in_polygon,
     passes_through,
     via_ring,
     within_ring,
@@ -78,30 +75,6 @@ def test_inside_is_where_the_winding_number_says(corners, rng):
     a, b = corners[None] - places[:, None], ends[None] - places[:, None]
     turns = np.arctan2(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], (a * b).sum(axis=2)).sum(axis=1)
     np.testing.assert_array_equal(inside_polygon(corners, places), np.abs(turns) > np.pi)
-
-
-@pytest.mark.parametrize("corners", [SQUARE[:, :2], STAR], ids=["square", "star"])
-def test_no_place_of_the_polygon_is_nearer(corners, rng):
-    places = rng.uniform(-8.0, 8.0, (300, 2))
-    nearest = nearest_in_polygon(corners, places)
-    inside = inside_polygon(corners, places)
-    assert 10 < inside.sum() < 290
-    np.testing.assert_array_equal(nearest[inside], places[inside])
-    parts = np.linspace(0.0, 1.0, 2001)[:, None, None]
-    rim = (corners + parts * (np.roll(corners, -1, axis=0) - corners)).reshape(-1, 2)
-    least = np.linalg.norm(rim[None] - places[~inside][:, None], axis=2).min(axis=1)
-    found = np.linalg.norm(nearest[~inside] - places[~inside], axis=1)
-    np.testing.assert_allclose(found, least, atol=2e-3)
-    assert (found <= least + 1e-12).all()
-
-
-def test_points_are_moved_across_the_normal_and_no_farther_than_needed(rng):
-    transform = pose(rng)
-    ring = moved_ring(via_ring(SQUARE), transform)
-    points = apply_transform(transform, np.array([(1.0, 1.0, 9.0), (5.0, 1.0, -3.0), (5.0, 6.0, 0.0)]))
-    expected = apply_transform(transform, np.array([(1.0, 1.0, 9.0), (2.0, 1.0, -3.0), (2.0, 2.0, 0.0)]))
-    np.testing.assert_allclose(moved_within_ring(ring, points), expected, atol=1e-9)
-    np.testing.assert_allclose(in_ring_plane(ring, points)[1], [9.0, -3.0, 0.0], atol=1e-9)
 
 
 def test_a_ring_that_a_bone_takes_along_is_that_of_its_moved_landmarks(rng):

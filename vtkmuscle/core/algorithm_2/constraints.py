@@ -25,6 +25,8 @@ Where the paper cannot be run as it reads:
   direction to turn to, and stays as it is.
 * Algorithm 2, line 39, puts each vertex to its x_i, which lines 33 to 36 keep as they were at fixed points:
   these would be drawn at rest for ever. They are drawn where line 9 takes them.
+
+In all of them p (n, 3) are positions [mm], changed in place; w (n,) is 1 for moveable points, 0 for fixed.
 """
 
 from __future__ import annotations
@@ -41,18 +43,7 @@ from vtkmuscle.core.types import Floats, Ints
 def sweep_distances(p: Floats, w: Floats, edges: Ints, rest: Floats, stiffness: Floats) -> None:
     """Project the distance constraint, eq. 2 and 3, of edges (k, 2) one by one.
 
-    Parameters
-    ----------
-    p : (n, 3) array
-        Positions [mm], changed in place.
-    w : (n,) array
-        1 moveable, 0 fixed.
-    edges : (k, 2) int array
-        Point ids.
-    rest : (k,) array
-        Lengths at rest [mm].
-    stiffness : (k,) array
-        Per iteration; eq. 9.
+    rest : (k,) lengths at rest [mm];  stiffness : (k,) per iteration, eq. 9.
     """
     for e in range(len(edges)):
         i, j = edges[e, 0], edges[e, 1]
@@ -72,18 +63,8 @@ def sweep_angles(p: Floats, w: Floats, quads: Ints, rest: Floats, stiffness: flo
     With psi = arccos(n1 . n2) = pi - abs(phi), C = psi - psi0 = abs(phi0) - abs(phi), and its gradient is
     that of phi, times -sign(phi): the same as eq. 7 without its cancellation beside flat pairs.
 
-    Parameters
-    ----------
-    p : (n, 3) array
-        Positions [mm], changed in place.
-    w : (n,) array
-        1 moveable, 0 fixed.
-    quads : (q, 4) int array
-        As in :class:`~vtkmuscle.core.mesh.topology.MeshTopology`.
-    rest : (q,) array
-        abs(phi0) [radians].
-    stiffness : float
-        Per iteration.
+    quads : as of :class:`~vtkmuscle.core.mesh.topology.MeshTopology`;  rest : (q,) abs(phi0) [radians];
+    stiffness : per iteration.
     """
     for q in range(len(quads)):
         i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
@@ -135,20 +116,8 @@ def project_volume(
 ) -> None:
     """Project the volume constraint, eq. 4 and 5.
 
-    Parameters
-    ----------
-    p : (n, 3) array
-        Positions [mm], changed in place.
-    w : (n,) array
-        1 moveable, 0 fixed.
-    triangles : (m, 3) int array
-        Point ids of a closed surface.
-    rest : float
-        Rest volume [mm^3].
-    stiffness : float
-        Per iteration.
-    gradient : (n, 3) array
-        Working memory, overwritten.
+    triangles : (m, 3) point ids of a closed surface;  rest : its volume at rest [mm^3];
+    stiffness : per iteration;  gradient : (n, 3) working memory, overwritten.
     """
     volume = volume_and_gradient(p, triangles, gradient)
     squares = 0.0

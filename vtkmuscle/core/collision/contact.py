@@ -11,6 +11,7 @@ from vtkmuscle.core.collision.clearance import Clearance
 from vtkmuscle.core.collision.muscle_contact import MuscleContact
 from vtkmuscle.core.collision.obstacles import Approach, Obstacle
 from vtkmuscle.core.jit import array_kernel
+from vtkmuscle.core.motion.frames import inverses
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -136,7 +137,7 @@ class Contact:
         if not barrier.obstacles:
             return
         self._now = now[barrier.bones]
-        self._steps = self._now @ _inverses(before[barrier.bones])
+        self._steps = self._now @ inverses(before[barrier.bones])
         self._x = x
         #: Where the bones are, and, seen from each, where points come from: as far as it takes them along.
         self._low, self._high = _moved_boxes(self._now, barrier.boxes[:, 0], barrier.boxes[:, 1])
@@ -172,13 +173,13 @@ class Contact:
             approach = self._followed.get(number)
             first = approach is None
             if approach is None:
-                approach = self._met(number, p)
+                approach = self._new_approach(number, p)
                 if approach is None:
                     continue
             last = barrier.memory(number)[0]
             moved = obstacle.keep_out(approach, p)
             if first:
-                self._look_at(number, approach, last, moved)
+                self._check_step(number, approach, last, moved)
             if moved.any():
                 hit |= moved
                 waiting = self._in_reach(p, number + 1)
@@ -188,11 +189,11 @@ class Contact:
                 self._from_low[number], self._from_high[number] = self._box
         return hit
 
-    def _met(self, number: int, p: Floats) -> Approach | None:
+    def _new_approach(self, number: int, p: Floats) -> Approach | None:
         """Return the approach to an obstacle that the points may meet for the first time in the step."""
         barrier, obstacle = self._barrier, self._barrier.obstacles[number]
         bone = self._now[number] @ barrier.from_axes(number)
-        if not self._meets(number, inverse(bone), p):
+        if not self._may_touch(number, inverse(bone), p):
             return None
         last, clearance = barrier.memory(number)
         last[:] = p
@@ -209,7 +210,7 @@ class Contact:
         self._followed[number] = approach
         return approach
 
-    def _look_at(self, number: int, approach: Approach, predicted: Floats, moved: Bools) -> None:
+    def _check_step(self, number: int, approach: Approach, predicted: Floats, moved: Bools) -> None:
         """Warn where a step began with more in a bone, or farther through it, than can come out well."""
         barrier, obstacle = self._barrier, self._barrier.obstacles[number]
         if obstacle.slides and not moved.any():
@@ -222,7 +223,7 @@ class Contact:
         inside = obstacle.entered(end, moved[ids])
         low, high = obstacle.box_along_axes
         # Voxels do not see what a point has passed through: the box of its path has to do.
-        met = inside if obstacle.slides else _meet(start, end, low, high)
+        met = inside if obstacle.slides else _overlap(start, end, low, high)
         if not met.any():
             return
         ways = np.linalg.norm(end[met] - start[met], axis=1)
@@ -269,7 +270,7 @@ class Contact:
         numbers: list[int] = np.flatnonzero(~apart.any(axis=1)).tolist()
         return [number for number in numbers if number >= first]
 
-    def _meets(self, number: int, to_axes: Floats, p: Floats) -> bool:
+    def _may_touch(self, number: int, to_axes: Floats, p: Floats) -> bool:
         """Return whether the path of the points may meet an obstacle's box along its own axes."""
         obstacle, free = self._barrier.obstacles[number], self._barrier.free
         starts = _box_seen_from(to_axes @ self._steps[number], self._x, free)
@@ -279,20 +280,11 @@ class Contact:
         return not ((highest < low - obstacle.margin) | (lowest > high + obstacle.margin)).any()
 
 
-def _meet(start: Floats, end: Floats, low: Floats, high: Floats) -> Bools:
+def _overlap(start: Floats, end: Floats, low: Floats, high: Floats) -> Bools:
     """Return whether the boxes of paths (n, 3), (n, 3) meet a box, (n,)."""
     apart = (np.maximum(start, end) < low) | (np.minimum(start, end) > high)
     met: Bools = np.logical_not(apart.any(axis=1))
     return met
-
-
-def _inverses(transforms: Floats) -> Floats:
-    """Return the inverses of rigid transforms (k, 4, 4)."""
-    result = np.zeros_like(transforms)
-    result[:, :3, :3] = transforms[:, :3, :3].transpose(0, 2, 1)
-    result[:, :3, 3] = -np.einsum("bij,bj->bi", result[:, :3, :3], transforms[:, :3, 3])
-    result[:, 3, 3] = 1.0
-    return result
 
 
 def _moved_boxes(transforms: Floats, middles: Floats, halves: Floats) -> tuple[Floats, Floats]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from vtkmuscle.core.fibres.mean_value_lanes import (
     lane_memory,
     weights_of_lanes,
 )
+from vtkmuscle.core.processors import processors
 from vtkmuscle.core.types import Floats, Ints
 
 T = TypeVar("T")
@@ -151,7 +151,7 @@ def in_chunks(
         return kept
 
     starts, parts = range(0, len(queries), LANES), []
-    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
+    with ThreadPoolExecutor(threads or processors()) as pool:
         for part in pool.map(work, starts):
             parts.append(part)
             report(len(parts) / len(starts))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from vtkmuscle.core.fibres.mean_value import coordinate_mesh, in_chunks
 from vtkmuscle.core.fibres.vertex_groups import VertexGroups, vertex_groups
 from vtkmuscle.core.jit import array_kernel, kernel, reduction
 from vtkmuscle.core.mesh.surface import mean_point
+from vtkmuscle.core.processors import processors
 from vtkmuscle.core.types import Floats, Ints
 
 #: Added to the diagonal of the equations for the making up, where that is 1: means in one plane.
@@ -128,7 +128,7 @@ def sparse_transport(weights: SparseWeights, points: Floats, *, threads: int = 0
     centre = mean_point(points)
     centred = weights.groups.with_means(points - centre)
     moved = np.empty((len(weights.starts) - 1, 3))
-    count = min(threads or os.cpu_count() or 1, 1 + len(weights.values) // WORTH_A_THREAD)
+    count = min(threads or processors(), 1 + len(weights.values) // WORTH_A_THREAD)
     bounds = np.linspace(0, len(moved), count + 1).astype(np.int64)
 
     def work(part: int) -> None:

@@ -94,12 +94,3 @@ def count_up_to(ascending: Floats, value: float) -> int:
         else:
             high = middle
     return low
-
-
-@kernel
-def extremes(points: Floats, axis: int) -> tuple[float, float]:
-    """Return the least and the greatest coordinate of points (n, k) along an axis."""
-    low, high = points[0, axis], points[0, axis]
-    for i in range(1, len(points)):
-        low, high = min(low, points[i, axis]), max(high, points[i, axis])
-    return low, high

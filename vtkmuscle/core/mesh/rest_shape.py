@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vtkmuscle.core.jit import vector_kernel
 from vtkmuscle.core.mesh.enclosed_volume import volume_and_gradient
-from vtkmuscle.core.mesh.hinges import dihedral_angles, hinge
+from vtkmuscle.core.mesh.hinges import dihedral_angles
 from vtkmuscle.core.mesh.surface import check_volume, edge_lengths, signed_volume
 from vtkmuscle.core.mesh.topology import MeshTopology
 from vtkmuscle.core.types import Floats, Ints
@@ -95,8 +94,6 @@ class RestShape:
         self._long_lengths: Floats = self.lengths[long]
         self.angles, self.angle_defined = dihedral_angles(points, topology.quads)
         self._bent_quads = np.ascontiguousarray(topology.quads[self.angle_defined])
-        angles = self.angles[self.angle_defined]
-        self._cosines, self._sines = np.cos(angles), np.sin(angles)
         self.volume_gradient: Floats = np.empty_like(points)
         self.volume: float = volume_and_gradient(points, topology.triangles, self.volume_gradient)
         check_volume(points, self.volume)
@@ -113,16 +110,16 @@ class RestShape:
     def compare(self, positions: Floats) -> ShapeReport:
         """Return how far a deformed surface, of positions (n, 3) [mm], is from rest."""
         stretch = edge_lengths(positions, self._long_edges) / self._long_lengths
-        squares = np.empty(len(self._bent_quads))
-        kept = _squared_chords(positions, self._bent_quads, self._cosines, self._sines, squares)
-        chord = math.sqrt(_percentiles(squares[:kept], 95.0)[0]) if kept else 0.0
+        angles, defined = dihedral_angles(positions, self._bent_quads)
+        turns = np.abs(angles - self.angles[self.angle_defined])[defined]
+        turns = np.minimum(turns, 2.0 * np.pi - turns)
         along, across = self._directed or (None, None)
         return ShapeReport(
             volume_ratio=signed_volume(positions, self.topology.triangles) / self.volume,
-            edge_stretch_p95=_percentiles(stretch, 95.0)[0],
+            edge_stretch_p95=float(np.percentile(stretch, 95.0)),
             edge_stretch_max=float(stretch.max()),
-            dihedral_error_p95=math.degrees(2.0 * math.asin(min(0.5 * chord, 1.0))),
-            degenerate_edges=len(squares) - kept,
+            dihedral_error_p95=math.degrees(np.percentile(turns, 95.0)) if len(turns) else 0.0,
+            degenerate_edges=len(defined) - len(turns),
             along=_spread(stretch, along),
             across=_spread(stretch, across),
         )
@@ -131,39 +128,5 @@ class RestShape:
 def _spread(stretch: Floats, edges: Ints | None) -> _Spread | None:
     if edges is None or not len(edges):
         return None
-    low, median, high = _percentiles(stretch[edges], 5.0, 50.0, 95.0)
+    low, median, high = np.percentile(stretch[edges], (5.0, 50.0, 95.0)).tolist()
     return low, median, high
-
-
-def _percentiles(values: Floats, *percents: float) -> list[float]:
-    """Return percentiles of values (n,), interpolated linearly."""
-    places = [percent / 100.0 * (len(values) - 1) for percent in percents]
-    needed = sorted({n for place in places for n in (math.floor(place), math.ceil(place))})
-    ordered = np.partition(values, needed)
-    found = []
-    for place in places:
-        low, high = ordered[math.floor(place)], ordered[math.ceil(place)]
-        found.append(float(low + (place % 1.0) * (high - low)) if high > low else float(low))
-    return found
-
-
-@vector_kernel
-def _squared_chords(p: Floats, quads: Ints, cosines: Floats, sines: Floats, squares: Floats) -> int:
-    """Write the squared chords of the changes of angles (q,), of those that are defined; return how many.
-
-    The chord tells small angles apart, which the cosine does not.
-    """
-    count = 0
-    for q in range(len(quads)):
-        i, j, k, m = quads[q, 0], quads[q, 1], quads[q, 2], quads[q, 3]
-        found = hinge(
-            p[i, 0], p[i, 1], p[i, 2], p[j, 0], p[j, 1], p[j, 2],
-            p[k, 0], p[k, 1], p[k, 2], p[m, 0], p[m, 1], p[m, 2],
-        )  # fmt: skip
-        proper, sine, cosine = found[0], found[1], found[2]
-        if proper:
-            size = math.sqrt(sine * sine + cosine * cosine)
-            x, y = cosine / size - cosines[q], sine / size - sines[q]
-            squares[count] = x * x + y * y
-            count += 1
-    return count

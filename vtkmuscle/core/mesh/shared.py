@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from hashlib import blake2b
 from threading import Lock
-from typing import TypeVar
+from typing import Any, ParamSpec, TypeVar, cast
 from weakref import WeakValueDictionary
 
 import numpy as np
-
-from vtkmuscle.core.types import Floats, Ints
+from numpy.typing import NDArray
 
 T = TypeVar("T")
+P = ParamSpec("P")
 
 
 class _Holders:
@@ -56,18 +57,20 @@ def held() -> Iterator[None]:
                 _holders.kept.clear()
 
 
-def shared(make: Callable[[Floats, Ints], T]) -> Callable[[Floats, Ints], T]:
-    """Return a function that gives the same object for equal surfaces, as long as anyone holds it.
+def shared(make: Callable[P, T], *, last: int = 0) -> Callable[P, T]:
+    """Return a function that gives the same object for equal arrays, as long as anyone holds it.
 
     Parameters
     ----------
     make : callable
-        What makes an object from points (n, 3) and triangles (m, 3); the object is not changed afterwards.
+        What makes an object from arrays, as points (n, 3) and triangles (m, 3), which are copied for it.
+    last : int, optional
+        How many objects that were asked for last are held here.
 
     Returns
     -------
     callable
-        With the same signature. Of several threads that ask for the same surface one makes the object.
+        Of several threads that ask for the same arrays one makes the object.
 
     Examples
     --------
@@ -81,26 +84,32 @@ def shared(make: Callable[[Floats, Ints], T]) -> Callable[[Floats, Ints], T]:
     """
     known: WeakValueDictionary[bytes, T] = WeakValueDictionary()
     making: dict[bytes, Lock] = {}
+    latest: deque[T] = deque(maxlen=last)
 
     @wraps(make)
-    def found_or_made(points: Floats, triangles: Ints) -> T:
-        key = _digest(points, triangles)
+    def found_or_made(*arrays: NDArray[Any]) -> T:
+        key = _digest(arrays)
         with making.setdefault(key, Lock()):
             result = known.get(key)
             if result is None:
-                result = known[key] = make(points.copy(), triangles.copy())  # the caller's may change
+                copies: Any = [array.copy() for array in arrays]  # the caller's may change
+                result = known[key] = make(*copies)  # type: ignore[call-arg]
                 with _holders.lock:
                     if _holders.count:
                         _holders.kept.append(result)
+            with _holders.lock:
+                if result in latest:
+                    latest.remove(result)
+                latest.append(result)
         making.pop(key, None)
         return result
 
-    return found_or_made
+    return cast(Callable[P, T], found_or_made)
 
 
-def _digest(points: Floats, triangles: Ints) -> bytes:
+def _digest(arrays: tuple[NDArray[Any], ...]) -> bytes:
     content = blake2b(digest_size=16)
-    for array in (points, triangles):
+    for array in arrays:
         content.update(f"{array.dtype.str}{array.shape}".encode())
         content.update(np.ascontiguousarray(array).data)
     return content.digest()

@@ -10,14 +10,8 @@ import numpy as np
 from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.packet_search import LANES, search_in_packets
 from vtkmuscle.core.mesh.shared import shared
-from vtkmuscle.core.mesh.triangle_distance import (
-    FACE,
-    Sides,
-    distance2_to_box,
-    nearest_on_triangle,
-    pseudonormal_at,
-    sides_of,
-)
+from vtkmuscle.core.mesh.tree_search import along_disc, measure_nearest, search_tree
+from vtkmuscle.core.mesh.triangle_distance import Sides, pseudonormal_at, sides_of
 from vtkmuscle.core.types import Floats, Ints
 
 #: Triangles in a box of the lowest level, on average at most.
@@ -68,6 +62,18 @@ class TriangleTree:
         _fill_normals(self._sides, self.order[places], regions, normals)
         return normals
 
+    def _nearest(self, queries: Floats, run: int = 0) -> tuple[Ints, Floats, Floats, Ints]:
+        """Return the nearest triangle (its place in the order), the point on it, its distance and region."""
+        places, regions = np.zeros((2, len(queries)), dtype=np.int64)
+        closest, distances = np.zeros((len(queries), 3)), np.zeros(len(queries))
+        tree, stack = (self.corners, self.boxes, self.discs), np.empty(64, dtype=np.int64)
+        if run:
+            search_in_packets(*tree, queries, run, places, stack, np.empty((5, LANES)))
+        else:
+            search_tree(*tree, queries, places, stack, np.empty(64))
+        measure_nearest(self.corners, queries, places, closest, distances, regions)
+        return places, closest, distances, regions
+
     def nearest(self, queries: Floats) -> tuple[Ints, Floats, Floats]:
         """Return what of the surface is nearest to points.
 
@@ -85,7 +91,7 @@ class TriangleTree:
         distance : (q,) array
             How far it is, >= 0.
         """
-        places, closest, distances, _ = _nearest(self, np.ascontiguousarray(queries))
+        places, closest, distances, _ = self._nearest(np.ascontiguousarray(queries))
         return self.order[places], closest, distances
 
     def signed(self, queries: Floats, *, run: int = 0) -> tuple[Floats, Floats]:
@@ -97,8 +103,7 @@ class TriangleTree:
         the same but for rounding, whatever other runs there are.
         """
         queries = np.ascontiguousarray(queries)
-        found = _nearest_in_packets(self, queries, run) if run else _nearest(self, queries)
-        places, closest, distances, regions = found
+        places, closest, distances, regions = self._nearest(queries, run)
         normals = self._normals_at(places, regions)
         inside = np.einsum("ij,ij->i", queries - closest, normals) < 0.0
         return np.where(inside, -distances, distances), closest
@@ -117,7 +122,7 @@ class TriangleTree:
 
         The normal is the direction of the distance's gradient; on the surface, the angle-weighted one.
         """
-        places, closest, distances, regions = _nearest(self, np.ascontiguousarray(queries))
+        places, closest, distances, regions = self._nearest(np.ascontiguousarray(queries))
         normals = self._normals_at(places, regions)
         away = queries - closest
         inside = np.einsum("ij,ij->i", away, normals) < 0.0
@@ -269,7 +274,7 @@ def _fill_discs(corners: Floats, discs: Floats) -> None:
             disc[3 + k] = disc[3 + k] / length if length > 0.0 else 1.0 * (k == 0)
         for i in range(first, last):
             for corner in range(3):
-                up, aside = _along_disc(
+                up, aside = along_disc(
                     disc, corners[i, corner, 0], corners[i, corner, 1], corners[i, corner, 2]
                 )
                 disc[6], disc[7] = max(disc[6], aside), max(disc[7], abs(up))
@@ -278,127 +283,6 @@ def _fill_discs(corners: Floats, discs: Floats) -> None:
 
 
 @kernel
-def _along_disc(disc: Floats, x: float, y: float, z: float) -> tuple[float, float]:
-    """Return how far a point is from a disc's centre, along its axis and across it."""
-    dx, dy, dz = x - disc[0], y - disc[1], z - disc[2]
-    up = dx * disc[3] + dy * disc[4] + dz * disc[5]
-    ax, ay, az = dx - up * disc[3], dy - up * disc[4], dz - up * disc[5]
-    return up, np.sqrt(ax * ax + ay * ay + az * az)
-
-
-@kernel
 def _fill_normals(sides: Sides, triangles: Ints, regions: Ints, normals: Floats) -> None:
     for q in range(len(triangles)):
         normals[q, 0], normals[q, 1], normals[q, 2] = pseudonormal_at(sides, triangles[q], regions[q])
-
-
-@kernel
-def _foot(corners: Floats, query: Floats, foot: Floats) -> float:
-    """Put the foot of the perpendicular onto a triangle's plane into foot (3,); return its length.
-
-    For needles of triangles it has more digits than barycentric coordinates give.
-    """
-    a, b, c = corners[0], corners[1], corners[2]
-    nx = (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1])
-    ny = (b[2] - a[2]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[2] - a[2])
-    nz = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-    double_area2 = nx * nx + ny * ny + nz * nz
-    rise = (query[0] - a[0]) * nx + (query[1] - a[1]) * ny + (query[2] - a[2]) * nz
-    foot[0] = query[0] - nx * rise / double_area2
-    foot[1] = query[1] - ny * rise / double_area2
-    foot[2] = query[2] - nz * rise / double_area2
-    length: float = abs(rise) / np.sqrt(double_area2)
-    return length
-
-
-def _nearest(tree: TriangleTree, queries: Floats) -> tuple[Ints, Floats, Floats, Ints]:
-    """Return the nearest triangle (its place in the order), the point on it, its distance and region."""
-    places = np.zeros(len(queries), dtype=np.int64)
-    regions = np.zeros(len(queries), dtype=np.int64)
-    closest, distances = np.zeros((len(queries), 3)), np.zeros(len(queries))
-    stack, near = np.empty(64, dtype=np.int64), np.empty(64)
-    _search(tree.corners, tree.boxes, tree.discs, queries, places, closest, distances, regions, stack, near)
-    return places, closest, distances, regions
-
-
-def _nearest_in_packets(tree: TriangleTree, queries: Floats, run: int) -> tuple[Ints, Floats, Floats, Ints]:
-    """Return the same of points that come in runs, in which each is near those before it."""
-    places = np.zeros(len(queries), dtype=np.int64)
-    regions = np.zeros(len(queries), dtype=np.int64)
-    closest, distances = np.zeros((len(queries), 3)), np.zeros(len(queries))
-    stack, lanes = np.empty(64, dtype=np.int64), np.empty((5, LANES))
-    search_in_packets(tree.corners, tree.boxes, tree.discs, queries, run, places, stack, lanes)
-    _meet(tree.corners, queries, places, closest, distances, regions)
-    return places, closest, distances, regions
-
-
-@kernel
-def _meet(
-    corners: Floats, queries: Floats, places: Ints, closest: Floats, distances: Floats, regions: Ints
-) -> None:
-    """Write the nearest points of triangles that are known to be the nearest."""
-    for q in range(len(queries)):
-        x, y, z = queries[q, 0], queries[q, 1], queries[q, 2]
-        at = corners[places[q]]
-        cx, cy, cz, regions[q] = nearest_on_triangle(x, y, z, at[0], at[1], at[2])
-        closest[q, 0], closest[q, 1], closest[q, 2] = cx, cy, cz
-        distances[q] = np.sqrt((cx - x) ** 2 + (cy - y) ** 2 + (cz - z) ** 2)
-        if regions[q] == FACE:
-            distances[q] = _foot(at, queries[q], closest[q])
-
-
-@kernel
-def _search(
-    corners: Floats,
-    boxes: Floats,
-    discs: Floats,
-    queries: Floats,
-    places: Ints,
-    closest: Floats,
-    distances: Floats,
-    regions: Ints,
-    stack: Ints,
-    near: Floats,
-) -> None:
-    """Write what :func:`_nearest` returns; the last two are working memory, as deep as the tree."""
-    n, n_leaves = len(corners), (len(boxes) + 1) // 2
-    place = 0  # the last query's answer is a good guess: neighbours follow each other along a fibre
-    for q in range(len(queries)):
-        x, y, z = queries[q, 0], queries[q, 1], queries[q, 2]
-        a, b, c = corners[place, 0], corners[place, 1], corners[place, 2]
-        cx, cy, cz, region = nearest_on_triangle(x, y, z, a, b, c)
-        best = (cx - x) ** 2 + (cy - y) ** 2 + (cz - z) ** 2
-        if not best >= 0.0:  # a triangle without area: its neighbours have its edges too
-            best = np.inf
-        stack[0], near[0], size = 0, 0.0, 1
-        while size:
-            size -= 1
-            node = stack[size]
-            if near[size] >= best:
-                continue
-            if node < n_leaves - 1:
-                left, right = 2 * node + 1, 2 * node + 2
-                to_left = distance2_to_box(boxes[left], x, y, z)
-                to_right = distance2_to_box(boxes[right], x, y, z)
-                if to_left < to_right:
-                    left, right, to_left, to_right = right, left, to_right, to_left
-                stack[size], near[size] = left, to_left
-                stack[size + 1], near[size + 1] = right, to_right
-                size += 2
-                continue
-            leaf = node - (n_leaves - 1)
-            up, aside = _along_disc(discs[leaf], x, y, z)
-            up, aside = max(abs(up) - discs[leaf, 7], 0.0), max(aside - discs[leaf, 6], 0.0)
-            if up * up + aside * aside >= best:
-                continue
-            for i in range(leaf * n // n_leaves, (leaf + 1) * n // n_leaves):
-                a, b, c = corners[i, 0], corners[i, 1], corners[i, 2]
-                px, py, pz, where = nearest_on_triangle(x, y, z, a, b, c)
-                distance2 = (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
-                if distance2 < best:
-                    best, place, region = distance2, i, where
-                    cx, cy, cz = px, py, pz
-        places[q], regions[q], distances[q] = place, region, np.sqrt(best)
-        closest[q, 0], closest[q, 1], closest[q, 2] = cx, cy, cz
-        if region == FACE:
-            distances[q] = _foot(corners[place], queries[q], closest[q])

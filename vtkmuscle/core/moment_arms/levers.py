@@ -58,11 +58,7 @@ def twists_by(motion: RigidMotion, name: str, among: Sequence[str] = ()) -> tupl
 
     Parameters
     ----------
-    motion : RigidMotion
-        With the coordinate.
-    name : str
-        Its name.
-    among : sequence of str, optional
+    motion, name, among
         As of :func:`~vtkmuscle.core.moment_arms.differences.differences_by`.
 
     Returns

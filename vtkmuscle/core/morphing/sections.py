@@ -14,7 +14,6 @@ import numpy as np
 from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.bins import count_up_to
 from vtkmuscle.core.mesh.surface import point_components, signed_volume
-from vtkmuscle.core.mesh.topology import opposite_half_edges
 from vtkmuscle.core.types import Floats, Ints
 
 
@@ -79,12 +78,6 @@ class ClosedSurface:
         if signed_volume(self.points, self.triangles) >= 0.0:
             return self
         return ClosedSurface(self.points, *_turned(self.triangles, self.opposite))
-
-
-def closed_surface(points: Floats, triangles: Ints) -> ClosedSurface:
-    """Return a surface that has no holes, or a ValueError as :func:`opposite_half_edges`."""
-    triangles = np.ascontiguousarray(triangles)
-    return ClosedSurface(points, triangles, opposite_half_edges(triangles))
 
 
 def cut_surface(surface: ClosedSurface, values: Floats, levels: Floats) -> Sections:

@@ -65,8 +65,8 @@ def seen_fibres(points: Floats, offsets: Ints, muscle: Floats) -> SeenFibres:
 
     Parameters
     ----------
-    points, offsets : (n, 3) array, (k + 1,) int array
-        Points of all fibres, one after the other [mm]; first point of each fibre, and n.
+    points, offsets
+        As of :func:`~vtkmuscle.core.fibres.arrangement.arrangement`.
     muscle : (m, 3) array
         Points of the muscle; no piece is longer than :data:`LONGEST_PIECE` of its extent [mm].
 
@@ -95,8 +95,8 @@ def angle_to_nearest(seen: SeenFibres, points: Floats, offsets: Ints) -> float:
     ----------
     seen : SeenFibres
         The given ones.
-    points, offsets : (n, 3) array, (k + 1,) int array
-        Points of the others, one after the other [mm]; first point of each of them, and n.
+    points, offsets
+        Of the others, likewise.
 
     Returns
     -------
@@ -144,12 +144,8 @@ def directions_over_muscle(
 
     Parameters
     ----------
-    points : (n, 3) array
-        The muscle at rest [mm].
-    topology : MeshTopology
-        Of its surface.
-    fixed_to : (n,) int array
-        Index of the bone each point is fixed to, -1 for free points.
+    points, topology, fixed_to
+        As of :func:`~vtkmuscle.core.paths.lines.lines_on_surface`.
     seen : SeenFibres
         What is known; each piece counts at the point of the muscle nearest to it, its part across the surface
         left out.

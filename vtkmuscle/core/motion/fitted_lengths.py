@@ -42,7 +42,7 @@ class LengthFit:
     largest_error: float
 
 
-def fit_length(lengths: Floats, values: Mapping[str, Floats], *, seed: int = 0) -> LengthFit:
+def fit_length(lengths: Floats, values: Mapping[str, Floats]) -> LengthFit:
     """Return the polynomial of coordinates that gives a length best where it was not fitted.
 
     Parameters
@@ -52,8 +52,6 @@ def fit_length(lengths: Floats, values: Mapping[str, Floats], *, seed: int = 0) 
     values : mapping of str to (f,) array
         Of the coordinates that it depends on [radians, or their unit of length]; those that do not change are
         left out.
-    seed : int, optional
-        By which poses are held back.
 
     Returns
     -------
@@ -77,7 +75,7 @@ def fit_length(lengths: Floats, values: Mapping[str, Floats], *, seed: int = 0) 
     if not moving:
         raise InputError("", "no coordinate changes over the poses, so a length is no function of one")
     samples = np.column_stack(list(moving.values()))
-    part = np.random.default_rng(seed).permutation(len(lengths)) % PARTS
+    part = np.random.default_rng(0).permutation(len(lengths)) % PARTS
     # Powers are taken about the middle, in half ranges: high ones of plain radians are nearly the same.
     middle, half = samples.mean(axis=0), np.ptp(samples, axis=0) / 2.0
     scaled = (samples - middle) / half
@@ -105,7 +103,7 @@ def fit_length(lengths: Floats, values: Mapping[str, Floats], *, seed: int = 0) 
     return LengthFit(path, errors[order], _rms(off), float(np.abs(off).max()))
 
 
-def group_fibres(lengths: Floats, count: int, *, seed: int = 0) -> Ints:
+def group_fibres(lengths: Floats, count: int) -> Ints:
     """Return the group of each fibre (n,), of fibres that lengthen alike.
 
     k-means of the lengths' changes from their means over the poses: fibres of one group have the same moment
@@ -117,15 +115,13 @@ def group_fibres(lengths: Floats, count: int, *, seed: int = 0) -> Ints:
         Of each fibre in each pose.
     count : int
         Number of groups; fewer come out where fibres are fewer, or are alike.
-    seed : int, optional
-        Of the first guess.
     """
     changes = (lengths - lengths.mean(axis=0)).T
     distinct = len(np.unique(changes.round(12), axis=0))
     count = max(1, min(count, distinct))
     if count == 1:
         return np.zeros(len(changes), dtype=np.int64)
-    _, labels = kmeans2(changes, count, minit="++", rng=np.random.default_rng(seed), missing="warn")
+    _, labels = kmeans2(changes, count, minit="++", rng=np.random.default_rng(0), missing="warn")
     # Groups by their first fibre, without those that came out empty.
     _, first, plain = np.unique(labels, return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first))

@@ -142,7 +142,7 @@ class CubicSpline:
 
 
 @dataclass(frozen=True)
-class Multiplied:
+class Multiplier:
     """A function times a number.
 
     Parameters

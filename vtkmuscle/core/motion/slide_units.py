@@ -12,7 +12,7 @@ from vtkmuscle.core.motion.functions import (
     Constant,
     CoordinateFunction,
     CubicSpline,
-    Multiplied,
+    Multiplier,
     PiecewiseLinear,
     Polynomial,
     Wave,
@@ -65,7 +65,7 @@ def slides_in_metres(tree: KinematicTree) -> tuple[KinematicTree, dict[str, floa
         Coupling(
             one.dependent,
             one.independent,
-            Multiplied(stretched(one.function, factors[one.independent]), factors[one.dependent]),
+            Multiplier(stretched(one.function, factors[one.independent]), factors[one.dependent]),
         )
         for one in tree.couplings
     ]
@@ -99,6 +99,6 @@ def stretched(function: CoordinateFunction, factor: float) -> CoordinateFunction
         return CubicSpline(factor * function.x, function.y)
     if isinstance(function, Wave):
         return replace(function, omega=function.omega / factor)
-    if isinstance(function, Multiplied):
-        return Multiplied(stretched(function.function, factor), function.factor)
+    if isinstance(function, Multiplier):
+        return Multiplier(stretched(function.function, factor), function.factor)
     raise InputError("", f"a function of the kind {type(function).__name__} cannot be stretched")

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS
 from vtkmuscle.core.motion.frames import inverses, turns
-from vtkmuscle.core.motion.functions import CoordinateFunction, Multiplied
+from vtkmuscle.core.motion.functions import CoordinateFunction, Multiplier
 from vtkmuscle.core.motion.rigid import is_rigid
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
@@ -311,7 +311,7 @@ class KinematicTree:
                 replace(
                     joint,
                     translations=[
-                        replace(axis, function=Multiplied(axis.function, factor))
+                        replace(axis, function=Multiplier(axis.function, factor))
                         for axis in joint.translations
                     ],
                     parent_frame=_scaled(joint.parent_frame, factor),

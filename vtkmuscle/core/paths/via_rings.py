@@ -139,18 +139,6 @@ def within_ring(ring: ViaRing, points: Floats) -> Bools:
     return inside
 
 
-def moved_within_ring(ring: ViaRing, points: Floats) -> Floats:
-    """Return points (n, 3) moved across the ring's normal to the nearest place within the ring [mm].
-
-    Points within stay as they are; heights over the plane stay.
-    """
-    places, _ = in_ring_plane(ring, points)
-    outside = ~inside_polygon(ring.corners, places)
-    moved = np.array(points, dtype=np.float64)
-    moved[outside] += (nearest_in_polygon(ring.corners, places[outside]) - places[outside]) @ ring.axes
-    return moved
-
-
 def passes_through(ring: ViaRing, points: Floats, triangles: Ints) -> bool:
     """Return True where the plane of a ring cuts a closed surface within the ring.
 
@@ -198,24 +186,6 @@ def inside_polygon(corners: Floats, places: Floats) -> Bools:
     for i in range(len(places)):
         inside[i] = is_inside(corners, places[i, 0], places[i, 1])
     return inside
-
-
-@array_kernel
-def nearest_in_polygon(corners: Floats, places: Floats) -> Floats:
-    """Return the place within a polygon that is nearest to each of some places, (n, 2).
-
-    Parameters
-    ----------
-    corners : (k, 2) array
-        Of the polygon, in order.
-    places : (n, 2) array
-        Of the plane; those inside the polygon stay.
-    """
-    nearest = places.copy()
-    for i in range(len(places)):
-        if not is_inside(corners, places[i, 0], places[i, 1]):
-            nearest[i, 0], nearest[i, 1] = nearest_on_polygon(corners, places[i, 0], places[i, 1])
-    return nearest
 
 
 @kernel

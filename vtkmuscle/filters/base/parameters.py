@@ -166,18 +166,18 @@ class Parameter(Generic[T]):
     def check(self, value: Any, owner: str) -> Any:
         """Return the value in its own type, or raise a ValueError that says what is allowed."""
         converted = self._converted(value)
-        if converted is _REFUSED:
+        if converted is _INVALID:
             raise InputError(owner, f"{self.name} is {shown(value)}, but must be {self.allowed}")
         return converted
 
     def _converted(self, value: Any) -> Any:
         if value is None:
-            return None if self.default is None else _REFUSED
+            return None if self.default is None else _INVALID
         convert = _CONVERTERS.get(self.kind)
         if convert is None:
-            return value if isinstance(value, self.kind) else _REFUSED
+            return value if isinstance(value, self.kind) else _INVALID
         converted = convert(value)
-        return converted if converted is not _REFUSED and self._within(converted) else _REFUSED
+        return converted if converted is not _INVALID and self._within(converted) else _INVALID
 
     def _within(self, value: Any) -> bool:
         if self.choices:
@@ -191,45 +191,45 @@ class Parameter(Generic[T]):
         )
 
 
-class _Refused:
+class _Invalid:
     """Says that a value is not allowed (None may be a value)."""
 
 
-_REFUSED = _Refused()
+_INVALID = _Invalid()
 
 
 def _to_bool(value: Any) -> Any:
     is_bool = isinstance(value, bool) or type(value).__name__ in ("bool", "bool_")
-    return bool(value) if is_bool else _REFUSED
+    return bool(value) if is_bool else _INVALID
 
 
 def _to_int(value: Any) -> Any:
     if isinstance(value, bool) or not isinstance(value, numbers.Integral):
-        return _REFUSED
+        return _INVALID
     return int(value)
 
 
 def _to_float(value: Any) -> Any:
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
-        return _REFUSED
+        return _INVALID
     try:
-        return float(value) if math.isfinite(value) else _REFUSED
+        return float(value) if math.isfinite(value) else _INVALID
     except OverflowError:  # an integer that no float is as large as
-        return _REFUSED
+        return _INVALID
 
 
 def _to_str(value: Any) -> Any:
-    return str(value) if isinstance(value, str) else _REFUSED
+    return str(value) if isinstance(value, str) else _INVALID
 
 
 def _to_vector(value: Any) -> Any:
     if isinstance(value, str):
-        return _REFUSED
+        return _INVALID
     try:
         numbers_ = [_to_float(component) for component in value]
     except TypeError:
-        return _REFUSED
-    return _REFUSED if any(n is _REFUSED for n in numbers_) else tuple(numbers_)
+        return _INVALID
+    return _INVALID if any(n is _INVALID for n in numbers_) else tuple(numbers_)
 
 
 _CONVERTERS: dict[type[Any], Callable[[Any], Any]] = {

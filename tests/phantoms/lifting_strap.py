@@ -6,11 +6,12 @@ from functools import cache
 
 import numpy as np
 
+from phantoms.taut_string import String, lever
 from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
 from vtkmuscle.phantoms.implicit import block, rod, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
 from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
-from vtkmuscle.phantoms.planar import String, flexed, lever
+from vtkmuscle.phantoms.planar import flexed
 from vtkmuscle.phantoms.straps import end_ring, strap
 
 #: Radius of the bone's roller about the hinge, thickness and width of the strap [mm].
@@ -37,13 +38,6 @@ def lifting_strap() -> Phantom:
         ``known["length"](angle, depth)`` [mm] of its taut path at an angle [degrees];
         ``known["moment_arm"](angle, depth)`` [mm], -dl/dq: 25 mm and the depth up to the lift-off, the
         lever of the straight line from there on; ``known["lift_off"]``, 30 degrees at every depth.
-
-    Examples
-    --------
-    >>> from vtkmuscle.phantoms import lifting_strap
-    >>> arm = lifting_strap().known["moment_arm"]
-    >>> [round(arm(angle), 1) for angle in (0.0, 20.0, 30.0, 50.0, 70.0)]
-    [25.0, 25.0, 25.0, 37.6, 49.0]
     """
     bones, muscle = _surfaces()
     at_rest = fibre(0.0)

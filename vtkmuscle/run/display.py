@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from vtkmuscle.run.frames import KeptFrames
 
 
-class ShownResult:
+class ResultDisplay:
     """The muscles, fibres and bones of a result on a plotter.
 
     Parameters

@@ -6,14 +6,16 @@ from functools import cache
 
 import numpy as np
 
+from phantoms.cords import cord
+from phantoms.taut_string import String, lever
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.types import Floats
 from vtkmuscle.phantoms.implicit import Solid, ball, thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of
 from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
-from vtkmuscle.phantoms.planar import String, flexed, in_space, lever
-from vtkmuscle.phantoms.straps import cord, round_ring
+from vtkmuscle.phantoms.planar import flexed, in_space
+from vtkmuscle.phantoms.straps import round_ring
 
 #: Centres of the muscle's ends (y, z) [mm]; the hinge is at the origin, its axis -x.
 ORIGIN = np.array([45.0, 100.0])
@@ -55,13 +57,6 @@ def flexor_over_brim(*, groove: float = 8.0) -> Phantom:
     ------
     ValueError
         If the depth of the groove is not allowed.
-
-    Examples
-    --------
-    >>> from vtkmuscle.phantoms import flexor_over_brim
-    >>> known = flexor_over_brim().known
-    >>> [round(known[arm](0.0), 1) for arm in ("moment_arm", "straight_moment_arm")]
-    [17.8, -27.9]
     """
     if not DEPTHS[0] <= groove <= DEPTHS[1]:
         raise InputError(

@@ -6,6 +6,8 @@ from functools import cache
 
 import numpy as np
 
+from phantoms.cords import cord
+from phantoms.taut_string import lever
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import hinge
 from vtkmuscle.core.types import Floats
@@ -13,8 +15,8 @@ from vtkmuscle.data.attachments import VIA, AttachmentArea
 from vtkmuscle.phantoms.hinge_spindle import bone_with_arm
 from vtkmuscle.phantoms.meshing import mesh_of
 from vtkmuscle.phantoms.phantom import Phantom, Surface, ends, one_muscle
-from vtkmuscle.phantoms.planar import flexed, in_space, lever
-from vtkmuscle.phantoms.straps import cord, round_ring
+from vtkmuscle.phantoms.planar import flexed, in_space
+from vtkmuscle.phantoms.straps import round_ring
 
 #: Centres of the muscle's flat ends (y, z) [mm]; the hinge is at the origin, its axis -x.
 ORIGIN, INSERTION = np.array([-32.0, 80.0]), np.array([-32.0, -60.0])
@@ -43,13 +45,6 @@ def tendon_through_ring() -> Phantom:
         ``known["moment_arm"](angle, clearance)`` [mm], -dl/dq. ``known["tendon_radius"]`` [mm] is the
         clearance of the middle of the tendon as a solid; and ``known["straight_moment_arm"](angle)`` [mm] is
         that of a tendon without the ring.
-
-    Examples
-    --------
-    >>> from vtkmuscle.phantoms import tendon_through_ring
-    >>> known = tendon_through_ring().known
-    >>> [round(known[arm](60.0), 1) for arm in ("moment_arm", "straight_moment_arm")]
-    [19.9, 61.4]
     """
     bones, muscle = _surfaces()
     turns = 2.0 * np.pi * (np.arange(8) + 0.5) / 8

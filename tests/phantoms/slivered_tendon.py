@@ -54,15 +54,6 @@ def slivered_tendon(*, pulls: ArrayLike | None = None) -> Phantom:
     ------
     ValueError
         If a pull is below 0 or above 100 mm, or if they do not ascend.
-
-    Examples
-    --------
-    In steps of 10 mm:
-
-    >>> from vtkmuscle.phantoms import slivered_tendon
-    >>> phantom = slivered_tendon(pulls=range(0, 101, 10))
-    >>> len(phantom.motion.times), phantom.known["length"](100.0)
-    (11, 360.0)
     """
     times = np.arange(0.0, PULL + 1.0, 2.5) if pulls is None else np.asarray(pulls, dtype=np.float64)
     outside = times[~((times >= 0.0) & (times <= PULL))]

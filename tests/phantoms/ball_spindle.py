@@ -48,13 +48,6 @@ def spindle_over_ball(*, coordinates: ArrayLike | None = None) -> Phantom:
     ------
     ValueError
         For coordinates that are no pairs of numbers, or are out of range.
-
-    Examples
-    --------
-    >>> from vtkmuscle.phantoms import spindle_over_ball
-    >>> known = spindle_over_ball().known
-    >>> [round(known[f"moment_arm_{name}"](0.0, 0.0), 6) for name in known["coordinates"]]
-    [32.0, -12.0]
     """
     given = _net() if coordinates is None else coordinates
     poses = checked_poses(given, LIMITS, "spindle_over_ball")

@@ -1,0 +1,37 @@
+"""Phantoms with known answers: those of the package, and those that only tests and benchmarks need."""
+
+from phantoms.ball_spindle import spindle_over_ball
+from phantoms.brim_flexor import flexor_over_brim
+from phantoms.lifting_strap import lifting_strap
+from phantoms.ring_tendon import tendon_through_ring
+from phantoms.slivered_tendon import slivered_tendon
+from vtkmuscle.phantoms import (
+    Phantom,
+    fibre_block,
+    hip,
+    leg,
+    pennate_belly,
+    pennate_block,
+    spindle_over_hinge,
+    strap_over_two_joints,
+    winding_spindle,
+    wrapping_cylinder,
+)
+
+__all__ = [
+    "Phantom",
+    "fibre_block",
+    "flexor_over_brim",
+    "hip",
+    "leg",
+    "lifting_strap",
+    "pennate_belly",
+    "pennate_block",
+    "slivered_tendon",
+    "spindle_over_ball",
+    "spindle_over_hinge",
+    "strap_over_two_joints",
+    "tendon_through_ring",
+    "winding_spindle",
+    "wrapping_cylinder",
+]

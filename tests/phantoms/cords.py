@@ -1,0 +1,29 @@
+"""Cords, which are round, along a middle line in the plane across a hinge."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from vtkmuscle.core.types import Floats
+from vtkmuscle.phantoms.implicit import Solid, thick_curve
+from vtkmuscle.phantoms.planar import evenly, in_space
+from vtkmuscle.phantoms.straps import SPACING, cut_ends, longer
+
+
+def cord(line: Floats, radii: ArrayLike) -> Solid:
+    """Return a round muscle about a middle line, with flat ends across it.
+
+    Parameters
+    ----------
+    line : (k, 2) array
+        The middle line, (y, z) at x = 0 [mm].
+    radii : (j,) array_like
+        Evenly along the line, from its start to its end [mm].
+    """
+    given = np.asarray(radii, dtype=np.float64)
+    middle = evenly(longer(line, float(given[[0, -1]].max())), 2.0 * SPACING)
+    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(middle, axis=0), axis=1)))
+    ends = along[-1] * np.linspace(0.0, 1.0, len(given))
+    solid = thick_curve(in_space(middle), np.interp(along, ends, given), spacing=1.5)
+    return cut_ends(solid, line)
