@@ -31,6 +31,9 @@ CLEAR_SHARE = 0.2
 #: Landmarks whose width is below this part of their length lie on a line and enclose nothing.
 _FLATNESS = 1e-3
 
+#: Landmarks that are all nearer to points of the muscle than this part of its box's diagonal are those.
+ON_POINTS = 1e-6
+
 #: A way along the normal of a point that faces the bone nears it by this part of the way, at least; along
 #: that of a point that looks away it leaves the bone by as much. Between them is the rim of a muscle.
 FACING = 0.5
@@ -101,7 +104,7 @@ def _nearest_vertices(
     """Return for each landmark the nearest point that a triangle uses, neighbours never the same.
 
     Landmarks off a thin muscle, or within it, may be nearer to the face that looks away from the bone; the
-    patch would be there. So points that face the bone go first.
+    patch would be there. So points that face the bone go first, but where all landmarks are points already.
     """
     if not len(landmarks):
         raise InputError("", "the attachment has no landmarks")
@@ -119,7 +122,7 @@ def _nearest_vertices(
             "leave this attachment out if it is another muscle's or out of the scene, and check the units, "
             "or give a larger distance",
         )
-    if bone_distance is not None:
+    if bone_distance is not None and offsets[worst] > ON_POINTS * diagonal:
         _prefer_facing(points, triangles, landmarks, nearest, (tree, used, limit), bone_distance)
     vertices: Ints = used[nearest].astype(np.int64)
     distinct: Ints = vertices[np.append(True, vertices[1:] != vertices[:-1])]

@@ -1,0 +1,50 @@
+"""The boundary of a patch of a muscle, as landmarks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vtkmuscle.core.mesh.surface import half_edges
+from vtkmuscle.core.types import Floats, Ints
+
+#: Landmarks of an outline, at most: so the patches inside of them are 0.9 to 1.0 of the patches outlined.
+MOST_LANDMARKS = 40
+
+
+def outline(points: Floats, triangles: Ints, patch: Ints) -> tuple[Floats, bool]:
+    """Return points of the muscle along the boundary of a patch, in order.
+
+    The patch has to be connected. Holes in it are left out, and what hangs on it by one point
+    only may be.
+
+    Parameters
+    ----------
+    points, triangles : (n, 3) array, (m, 3) int array
+        The muscle [mm]; point ids.
+    patch : (k,) int array
+        Point ids.
+
+    Returns
+    -------
+    landmarks : (j, 3) array
+        [mm]
+    closed : bool
+        True for a ring; False where the patch has no triangle, and its points are the landmarks.
+    """
+    following: dict[int, list[int]] = {}
+    directed = {(int(a), int(b)) for a, b in half_edges(triangles[np.isin(triangles, patch).all(axis=1)])}
+    for a, b in sorted(directed):
+        if (b, a) not in directed:
+            following.setdefault(a, []).append(b)
+    if not following:
+        spread = points[patch] - points[patch].mean(axis=0)
+        along = spread @ np.linalg.svd(spread, full_matrices=False)[2][0]
+        return points[patch[np.argsort(along, kind="stable")]], False
+    loops = []
+    for start in following:
+        loop = [start]
+        while following.get(loop[-1]):
+            loop.append(following[loop[-1]].pop())
+        loops.append(points[loop])
+    longest = max(loops, key=lambda loop: float(np.linalg.norm(np.diff(loop, axis=0), axis=1).sum()))
+    return longest[: -1 : -(-(len(longest) - 1) // MOST_LANDMARKS)], True
