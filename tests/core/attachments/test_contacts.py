@@ -84,17 +84,24 @@ def test_an_end_that_stays_off_its_bone_is_near_at_its_nearest():
 
 
 def test_bones_that_move_as_one_share_an_end_where_both_reach_it():
-    """As the gluteus maximus arises from ilium and sacrum; what lies on one of them half-way is not."""
+    """As the gluteus maximus arises from ilium and sacrum, but from no bone that it passes."""
     left, right = along(0, 3) + 100.0 * (Y > 4), along(0, 3) + 100.0 * (Y < 8)
-    right = np.where((X > 20) & (X < 40), 0.0, right)
-    distances = {"left": left, "right": right, "other": along(58, 60)}
+    distances = {"left": left, "right": right, "passed": along(20, 30) + (Y > 6), "other": along(58, 60)}
     apart = ends_of(distances)
     assert {bone for end in apart for bone, _ in end.contacts} in ({"left", "other"}, {"right", "other"})
-    together = ends_of(distances, bodies=[["left", "right"], ["other"]])
-    shared = next(end for end in together if end.bone != "other")
-    assert {bone for bone, _ in shared.contacts} == {"left", "right"}
-    for bone, part in shared.contacts:
-        assert (Y[part][X[part] < 5] <= 4).all() if bone == "left" else (Y[part][X[part] < 5] >= 8).all()
+    together = ends_of(distances, bodies=[["left", "right", "passed"], ["other"]])
+    shared = dict(next(end for end in together if end.bone != "other").contacts)
+    np.testing.assert_array_equal(np.sort(shared.pop("left")), np.flatnonzero((X <= 4) & (Y <= 4)))
+    np.testing.assert_array_equal(np.sort(shared.pop("right")), np.flatnonzero((X <= 4) & (Y >= 8)))
+    assert not shared
+
+
+def test_what_an_area_cuts_off_from_the_rest_belongs_to_it():
+    """As the tip of a tendon that stands out of the bone, and a dip in the middle of an area."""
+    dip = (X == 4) & (Y == 6)
+    upper = np.where(dip, 9.0, along(2, 10) + 9.0 * (X > 10))
+    larger, _ = ends_of({"upper": upper, "lower": along(58, 60)})
+    np.testing.assert_array_equal(np.sort(points_of(larger)), np.flatnonzero(X <= 10))
 
 
 def test_specks_are_left_out():

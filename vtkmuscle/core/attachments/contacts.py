@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -46,19 +46,16 @@ class Span:
 
     Attributes
     ----------
-    bones : tuple of str
-        The two.
-    tips : tuple of int
-        The muscle's point at each end.
-    ways : tuple of (n,) array
-        How far each point is from either tip along the surface [mm].
+    tips : dict of str to int
+        The muscle's point at the end near each of the two bones.
+    ways : dict of str to (n,) array
+        How far each point is from that tip along the surface [mm].
     score : float
         Length of the way less what the gaps at its ends count [mm].
     """
 
-    bones: tuple[str, str]
-    tips: tuple[int, int]
-    ways: tuple[Floats, Floats]
+    tips: dict[str, int]
+    ways: dict[str, Floats]
     score: float
 
 
@@ -97,7 +94,7 @@ def attached_ends(
     by a shorter one. The points near a bone, inside of it or within a distance, belong to the end that is
     nearer along the surface. All of them count at the end that has more, for muscles arise from broad areas;
     at the other those in the last quarter of the way from there, for they insert by tendons. Bones that move
-    with the one taken count there as well, in the last quarter.
+    with the one taken count there as well, in the last quarter, if the muscle's farthest point is near them.
 
     Parameters
     ----------
@@ -132,29 +129,30 @@ def attached_ends(
     best = spans[0]
     weights = np.linalg.norm(triangle_normals(points, triangles), axis=1) / 6.0
     weights = np.bincount(triangles.ravel(), np.repeat(weights, 3), len(points))
-    reach, near = max(within, 0.5 * float(lengths.mean())), []
-    for end, (bone, tip) in enumerate(zip(best.bones, best.tips, strict=True)):
-        _check_end(points, best, end, gaps, FAR_END * within)
-        near.append((gaps[bone] <= gaps[bone][tip] + reach) & (best.ways[end] <= best.ways[1 - end]))
-    broad, narrow = sorted((0, 1), key=lambda end: -float(weights[near[end]].sum()))
+    reach, near = max(within, 0.5 * float(lengths.mean())), {}
+    for bone, other in permutations(best.tips):
+        _check_end(points, best, bone, other, gaps, FAR_END * within)
+        touched = gaps[bone] <= gaps[bone][best.tips[bone]] + reach
+        near[bone] = touched & (best.ways[bone] <= best.ways[other])
+    broad, narrow = sorted(near, key=lambda bone: -float(weights[near[bone]].sum()))
     near[narrow] &= _outer(_ways(graph, np.flatnonzero(near[broad])), near[narrow])
     ends = []
-    for end in (broad, narrow):
-        body = next((body for body in bodies if best.bones[end] in body), ())
-        body = [best.bones[end], *(bone for bone in body if bone not in best.bones)]
-        outer = _outer(best.ways[1 - end], near[end])
-        claims = [near[end], *(outer & (gaps[bone] <= reach) for bone in body[1:])]
+    for own, opposite in ((broad, narrow), (narrow, broad)):
+        rivals = {bone: span for span in spans if opposite in span.tips for bone in {*span.tips} - {opposite}}
+        group = next((body for body in bodies if own in body), (own,))
+        body = [bone for bone in group if bone in rivals and gaps[bone][rivals[bone].tips[bone]] <= reach]
+        body = [own, *(bone for bone in body if bone != own)]
+        outer = _outer(best.ways[opposite], near[own])
+        claims = [near[own], *(outer & (gaps[bone] <= reach) for bone in body[1:])]
         gap = [np.where(claim, gaps[bone], np.inf) for claim, bone in zip(claims, body, strict=True)]
         nearest = np.where(np.any(claims, axis=0), np.argmin(gap, axis=0), -1)
-        contacts = [(bone, part) for n, bone in enumerate(body) for part in _parts(edges, nearest == n)]
+        far = best.tips[opposite]
+        contacts = [(bone, part) for n, bone in enumerate(body) for part in _parts(edges, nearest == n, far)]
         contacts.sort(key=lambda one: -float(weights[one[1]].sum()))
         least = LEAST_SHARE * weights[contacts[0][1]].sum()
         kept = [one for one in contacts if weights[one[1]].sum() >= least]
-        rivals = [
-            span for span in spans if best.bones[1 - end] in span.bones and not set(body) & {*span.bones}
-        ]
-        rival = max((span.score for span in rivals), default=0.0)
-        ends.append(AttachedEnd(best.bones[end], kept, 1.0 - max(0.0, rival) / best.score))
+        rival = max((span.score for bone, span in rivals.items() if bone not in group), default=0.0)
+        ends.append(AttachedEnd(own, kept, 1.0 - max(0.0, rival) / best.score))
     return ends[0], ends[1]
 
 
@@ -183,14 +181,17 @@ def _span(graph: csr_array, gaps: Mapping[str, Floats], bones: tuple[str, str]) 
         from_second = _ways(graph, second)
         reached = float(from_first[second] - GAP_WEIGHT * (one[first] + other[second]))
         if reached <= score:
-            return Span(bones, (first, second), (from_first, from_second), reached)
+            tips, ways = (first, second), (from_first, from_second)
+            return Span(dict(zip(bones, tips, strict=True)), dict(zip(bones, ways, strict=True)), reached)
         score, first = reached, int(np.argmax(from_second - GAP_WEIGHT * one))
 
 
-def _check_end(points: Floats, span: Span, end: int, gaps: Mapping[str, Floats], far: float) -> None:
+def _check_end(
+    points: Floats, span: Span, bone: str, other: str, gaps: Mapping[str, Floats], far: float
+) -> None:
     """Raise a ValueError where the muscle ends far from the bones."""
-    bone, tip, way = span.bones[end], span.tips[end], span.ways[1 - end]
-    last = int(np.argmax(np.where(span.ways[end] <= way, way, -np.inf)))
+    tip, way = span.tips[bone], span.ways[other]
+    last = int(np.argmax(np.where(span.ways[bone] <= way, way, -np.inf)))
     beyond, nearest = float(way[last] - way[tip]), min(float(gap[last]) for gap in gaps.values())
     if beyond > BEYOND * way[last] and nearest > far:
         past = f"goes on for {beyond:.3g} beyond the place where it is near to {bone!r}, and "
@@ -216,7 +217,12 @@ def _outer(way: Floats, near: Bools) -> Bools:
     return outer
 
 
-def _parts(edges: Ints, mask: Bools) -> list[Ints]:
-    """Return the connected parts of some points."""
+def _parts(edges: Ints, mask: Bools, far: int) -> list[Ints]:
+    """Return the connected parts of some points, each with all that it cuts off from a point far away."""
     labels = point_components(len(mask), edges[mask[edges].all(axis=1)])
-    return [np.flatnonzero(mask & (labels == label)) for label in np.unique(labels[mask])]
+    parts = []
+    for label in np.unique(labels[mask]):
+        part = mask & (labels == label)
+        beside = point_components(len(mask), edges[~part[edges].any(axis=1)])
+        parts.append(np.intersect1d(edges, np.flatnonzero(beside != beside[far])))
+    return parts
