@@ -17,7 +17,7 @@ def bent(bp3d_knee):
     """The result of two hamstrings, by the defaults."""
     scene = Scene.load(bp3d_knee / "scene.toml")
     muscles = {name: scene.muscles[name] for name in MUSCLES}
-    with pytest.warns(UserWarning, match=r"semitendinosus.*mm deep in the bone 'hip_bone'"):
+    with pytest.warns(UserWarning, match=r"up to 4\.\d mm deep in the bone"):
         return dataclasses.replace(scene, muscles=muscles).run(figures=False)
 
 

@@ -109,7 +109,7 @@ NONSENSE = {
     "muscle deep in a bone": (
         sunken,
         False,
-        r"up to [56]\.\d* mm deep in the bone 'pelvis', deepest at \(.*\); 0\.\d+ of its points",
+        r"up to [56]\.\d* mm deep in the bone 'pelvis', at \(.*\), with \d+% of its points",
     ),
     "origin and insertion exchanged": (
         lambda s: areas(s, lambda a: [replace(a[0], bone=a[1].bone), replace(a[1], bone=a[0].bone)]),
@@ -290,6 +290,13 @@ def test_a_muscle_that_is_all_fixed_is_said_to_be(tmp_path):
     scene = Scene.load(write_tiny_scene(tmp_path))
     with pytest.warns(UserWarning, match="none is free"):
         replace(scene, fixing={"method": "proximity", "distance": 1000.0}).run(frames="0:1", figures=False)
+
+
+def test_of_the_order_of_estimated_landmarks_nothing_is_said(good):
+    mixed = landmarks(good, lambda x: x[[1, 0, *range(2, len(x))]])
+    assert any("another order" in message for message in said(mixed)[1])
+    estimated = areas(mixed, lambda old: [replace(area, estimated=True) for area in old])
+    assert said(estimated) == (None, [])
 
 
 def test_a_decimal_comma_is_seen(tmp_path):

@@ -142,7 +142,7 @@ def test_estimates_of_the_real_muscles_cover_the_digitised_areas(lhdl_hip):
     for name in scene.muscles:
         muscle, known = scene.muscles[name].surface, scene.attachments_data(name)
         found = compared(muscle, scene.bones_data(), known)
-        for bone, most in (("pelvis", 1.5), ("femur_r", 2.5)):
+        for bone, most in (("pelvis", 1.6), ("femur_r", 2.5)):
             covered, area, apart = found[bone]
             assert covered > 0.6, (name, bone)
             assert area < most, (name, bone)

@@ -109,8 +109,8 @@ def _muscle(
         surface = files.read(f"{key}.surface", table.surface, read_surface)
         estimate = table.attachments
         if isinstance(estimate, Estimate) and motion is not None:
-            within = NEAR / MILLIMETRES[scene.units]
-            areas = _estimated(f"{key}.attachments", estimate.bones, files, surface, bones, motion, within)
+            within, where = NEAR / MILLIMETRES[scene.units], f"{key}.attachments"
+            areas = _estimated(where, estimate.bones, files, surface, bones, motion, within)
     if not isinstance(table.attachments, Estimate):
         areas = _areas(f"{key}.attachments", table.attachments, files, faults, frame)
     if table.aponeuroses is not None:

@@ -158,7 +158,7 @@ def _ring(key: str, area: AttachmentArea, muscle: Muscle, scene: SceneData) -> I
     if len(landmarks) > 1 and size <= 1e-9 * float(np.linalg.norm(np.ptp(points_of(muscle.surface), axis=0))):
         yield key, f"all {len(landmarks)} landmarks are one point", "give the boundary of the area", True
         return
-    if not area.closed or len(landmarks) < 4:
+    if area.estimated or not area.closed or len(landmarks) < 4:
         return
     landmarks = landmarks[:: -(-len(landmarks) // _MOST_LANDMARKS)]
     best = landmarks[short_ring(landmarks)]
@@ -196,10 +196,8 @@ def _in_bones(scene: SceneData, name: str, muscle: Muscle, solids: dict[str, Sol
         depths = scene.millimetres * solid.depth(points)
         if depths.max() > DEEP:
             where = ", ".join(f"{value:.4g}" for value in points[np.argmax(depths)])
-            problem = (
-                f"at rest it is up to {depths.max():.2g} mm deep in the bone {bone!r}, deepest at ({where}); "
-            )
-            problem += f"{(depths > 0.0).mean():.2g} of its points are in that bone"
+            problem = f"at rest it is up to {depths.max():.2g} mm deep in the bone {bone!r}, at ({where}), "
+            problem += f"with {(depths > 0.0).mean():.0%} of its points"
             remedy = "move its surface or the bone's until they meet; only what is attached stays inside"
             yield f"muscles.{name}.surface", problem, remedy, False
 

@@ -14,8 +14,7 @@ MOST_LANDMARKS = 40
 def outline(points: Floats, triangles: Ints, patch: Ints) -> tuple[Floats, bool]:
     """Return points of the muscle along the boundary of a patch, in order.
 
-    The patch has to be connected. Holes in it are left out, and what hangs on it by one point
-    only may be.
+    The patch has to be connected. Holes in it are left out.
 
     Parameters
     ----------
@@ -31,20 +30,22 @@ def outline(points: Floats, triangles: Ints, patch: Ints) -> tuple[Floats, bool]
     closed : bool
         True for a ring; False where the patch has no triangle, and its points are the landmarks.
     """
-    following: dict[int, list[int]] = {}
     directed = {(int(a), int(b)) for a, b in half_edges(triangles[np.isin(triangles, patch).all(axis=1)])}
-    for a, b in sorted(directed):
-        if (b, a) not in directed:
-            following.setdefault(a, []).append(b)
+    following: dict[int, list[int]] = {}
+    for a, b in sorted(directed - {(b, a) for a, b in directed}):
+        following.setdefault(a, []).append(b)
     if not following:
         spread = points[patch] - points[patch].mean(axis=0)
         along = spread @ np.linalg.svd(spread, full_matrices=False)[2][0]
         return points[patch[np.argsort(along, kind="stable")]], False
-    loops = []
-    for start in following:
-        loop = [start]
-        while following.get(loop[-1]):
-            loop.append(following[loop[-1]].pop())
-        loops.append(points[loop])
-    longest = max(loops, key=lambda loop: float(np.linalg.norm(np.diff(loop, axis=0), axis=1).sum()))
-    return longest[: -1 : -(-(len(longest) - 1) // MOST_LANDMARKS)], True
+    rings = []
+    for start in following:  # Hierholzer 1873, doi:10.1007/BF01442866: once along each edge
+        path, ring = [start], []
+        while path:
+            if following.get(path[-1]):
+                path.append(following[path[-1]].pop())
+            else:
+                ring.append(path.pop())
+        rings.append(ring)
+    longest = max(rings, key=len)
+    return points[longest[: -1 : -(-(len(longest) - 1) // MOST_LANDMARKS)]], True

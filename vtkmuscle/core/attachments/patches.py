@@ -143,50 +143,21 @@ def _prefer_facing(
     among : the tree of these points, their ids, and the limit.
     """
     tree, used, limit = among
-    normals, step = outward_normals(points, triangles)
+    outward = vertex_normals(points, triangles) * np.sign(signed_volume(points, triangles) or 1.0)
+    step = float(edge_lengths(points, unique_edges(triangles)).mean())
     waiting, count = np.arange(len(landmarks)), 1
     while len(waiting):
         offsets, found = tree.query(landmarks[waiting], [*range(count // 2 + 1, count + 1)])
         ids = used[np.minimum(found, len(used) - 1)].ravel()
         # Landmarks that are nearest to the rim stay there, but none is sent there.
         least = -FACING if count == 1 else FACING
-        facing = approach(points[ids], normals[ids], step, bone_distance).reshape(found.shape) >= least
+        nearer = bone_distance(points[ids]) - bone_distance(points[ids] + step * outward[ids])
+        facing = (nearer / step).reshape(found.shape) >= least
         facing &= offsets <= limit
         settled = facing.any(axis=1)
         nearest[waiting[settled]] = found[settled, facing[settled].argmax(axis=1)]
         waiting = waiting[~settled & (offsets[:, -1] <= limit)]
         count *= 2
-
-
-def outward_normals(points: Floats, triangles: Ints) -> tuple[Floats, float]:
-    """Return the outward normals of a muscle's points, (n, 3), and the mean length of its edges."""
-    normals = vertex_normals(points, triangles) * np.sign(signed_volume(points, triangles) or 1.0)
-    return normals, float(edge_lengths(points, unique_edges(triangles)).mean())
-
-
-def approach(
-    positions: Floats, normals: Floats, step: float, bone_distance: Callable[[Floats], Floats]
-) -> Floats:
-    """Return how much a step out of the muscle nears a bone: 1 straight towards it, -1 away from it.
-
-    Parameters
-    ----------
-    positions : (k, 3) array
-        Points of the muscle [mm].
-    normals : (k, 3) array
-        Their outward normals.
-    step : float
-        How far out to look, > 0 [mm].
-    bone_distance : callable
-        From points (k, 3) to their distances (k,) from the bone, negative inside.
-
-    Returns
-    -------
-    (k,) array
-        Decrease of the distance / step.
-    """
-    nearer: Floats = (bone_distance(positions) - bone_distance(positions + step * normals)) / step
-    return nearer
 
 
 def _on_a_line(landmarks: Floats) -> bool:
