@@ -208,10 +208,8 @@ def _estimated(
     """Return estimated attachments; of two bones that are not named the moving one has the insertion."""
     origin, insertion = between or (None, None)
     bodies: dict[bytes, list[str]] = {}
-    for bone in bones:
-        bodies.setdefault(motion.transforms[bone].tobytes() if bone in motion.transforms else b"", []).append(
-            bone
-        )
+    for bone in bones:  # those without transforms stay where they are
+        bodies.setdefault(motion.transforms.get(bone, motion.times[:0]).tobytes(), []).append(bone)
     try:
         areas = estimated_areas(
             surface, bones, within=within, origin=origin, insertion=insertion, bodies=[*bodies.values()]

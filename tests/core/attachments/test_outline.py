@@ -25,6 +25,14 @@ def test_a_patch_without_triangles_is_its_points_in_order():
     assert list(points[:, 0]) in ([0, 1, 2, 3, 4], [4, 3, 2, 1, 0])
 
 
+def test_islands_that_an_edge_joins_are_in_one_ring():
+    bands = (X >= 20) & (X <= 23) | (X >= 26) & (X <= 28)
+    patch = np.flatnonzero(bands & (np.abs(Y - 6) <= 2) | (Y == 6) & (X >= 20) & (X <= 28))
+    ring, closed = outline(*STRIP, patch)
+    assert closed
+    np.testing.assert_array_equal(attachment_patch(*STRIP, ring, closed), patch)
+
+
 def test_what_hangs_on_one_point_is_in_the_ring():
     patch = np.flatnonzero(((X <= 10) & (Y >= 6)) | ((X >= 10) & (X <= 12) & (Y >= 4) & (Y <= 6)))
     ring, closed = outline(*STRIP, patch)

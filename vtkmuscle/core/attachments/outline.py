@@ -30,11 +30,13 @@ def outline(points: Floats, triangles: Ints, patch: Ints) -> tuple[Floats, bool]
     closed : bool
         True for a ring; False where the patch has no triangle, and its points are the landmarks.
     """
-    directed = {(int(a), int(b)) for a, b in half_edges(triangles[np.isin(triangles, patch).all(axis=1)])}
+    edges = half_edges(triangles)
+    held = np.isin(edges, patch).all(axis=1)
+    inside = {(b, a) for a, b in edges[np.repeat(held.reshape(-1, 3).all(axis=1), 3)].tolist()}
     following: dict[int, list[int]] = {}
-    for a, b in sorted(directed - {(b, a) for a, b in directed}):
+    for a, b in sorted({(a, b) for a, b in edges[held].tolist()} - inside):  # both ways between islands
         following.setdefault(a, []).append(b)
-    if not following:
+    if not inside:
         spread = points[patch] - points[patch].mean(axis=0)
         along = spread @ np.linalg.svd(spread, full_matrices=False)[2][0]
         return points[patch[np.argsort(along, kind="stable")]], False
