@@ -18,10 +18,10 @@ BUDGETS = {
     "accuracy": 431,  # 427: errors of a run's results
     "cli": 876,  # 859: the command line
     "cohort": 1198,  # 1176: studies of many subjects
-    "core": 11224,  # 11209: the mathematics; 9500 is what it is to come to
+    "core": 11450,  # 11226: the mathematics; 9500 is what it is to come to
     "core/accuracy": 68,  # 67: errors by parts
     "core/algorithm_2": 200,  # 197: the published solver
-    "core/attachments": 373,  # 366: areas and fixed points
+    "core/attachments": 390,  # 383: areas and fixed points
     "core/bones": 343,  # 341: signed distances
     "core/collision": 932,  # 914: points kept out of bones and muscles
     "core/deformation": 295,  # 290: carrying and settling
@@ -32,10 +32,10 @@ BUDGETS = {
     "core/motion": 1167,  # 1145: rigid motions, joints, lengths by coordinates
     "core/paths": 1430,  # 1406: the sheet of paths, and the muscle that it takes along
     "core/template": 339,  # 333: templates of fibres
-    "data": 848,  # 837: VTK to arrays and back
+    "data": 903,  # 886: VTK to arrays and back
     "export": 638,  # 626: OpenSim and MuJoCo
     "fetch": 326,  # 320: public data
-    "filters": 3860,  # 3834: VTK filters; FibreField is 84 of them
+    "filters": 3823,  # 3749: VTK filters; FibreField is 84 of them
     "io": 2587,  # 2555: readers and writers
     "paraview": 392,  # 385: the plugin
     "phantoms": 1373,  # 1347: bodies with known answers; pennate_belly is 57 of them
@@ -43,7 +43,7 @@ BUDGETS = {
     "plotting": 1214,  # 1191: figures
     "report": 856,  # 846: the page of a run
     "run": 2975,  # 2960: a run of a scene
-    "scene": 2153,  # 2116: scene.toml
+    "scene": 2153,  # 2134: scene.toml
     "tradeoff": 496,  # 487: accuracy against time
     "view": 175,  # 172: the viewer
 }

@@ -15,8 +15,9 @@ from typer.testing import CliRunner
 from vtkmuscle import Scene, SceneError, phantoms
 from vtkmuscle.cli import app
 from vtkmuscle.core.attachments.rings import ring_length, short_ring
+from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.rigid import RigidMotion
-from vtkmuscle.data.arrays import points_of, surface_from, with_points
+from vtkmuscle.data.arrays import checked_surface, points_of, surface_from, with_points
 from vtkmuscle.io import read_landmarks
 from vtkmuscle.scene.sense import check_sense
 
@@ -90,11 +91,26 @@ def sheet():
 #: What is tried: a name, how the scene is made, whether it is an error, and what is said.
 def unsure(scene):
     """Return a scene whose first muscle has an origin that was estimated, and may be on another bone."""
-    return areas(scene, lambda old: [replace(old[0], estimated=True, sureness=0.1), *old[1:]])
+    return areas(scene, lambda old: [replace(old[0], estimated=True, sureness=0.04), *old[1:]])
+
+
+def sunken(scene):
+    """Return a scene whose first muscle lies 6 mm deeper in the pelvis than before."""
+    name, muscle = next(iter(scene.muscles.items()))
+    points = points_of(muscle.surface)
+    distance, outward = solids_of(*checked_surface(scene.bones["pelvis"], "pelvis")).exact(points)
+    deepest = int(np.argmin(distance))
+    way = -(6.0 + distance[deepest]) * outward[deepest]
+    return replace(scene, muscles={name: replace(muscle, surface=with_points(muscle.surface, points + way))})
 
 
 NONSENSE = {
-    "estimate that is not sure": (unsure, False, r"estimated to be on .* but is not sure \(0.10\)"),
+    "estimate that is not sure": (unsure, False, r"estimated to be on .* but is not sure \(0.04\)"),
+    "muscle deep in a bone": (
+        sunken,
+        False,
+        r"up to [56]\.\d* mm deep in the bone 'pelvis', at \(.*\), with \d+% of its points",
+    ),
     "origin and insertion exchanged": (
         lambda s: areas(s, lambda a: [replace(a[0], bone=a[1].bone), replace(a[1], bone=a[0].bone)]),
         True,
@@ -274,6 +290,13 @@ def test_a_muscle_that_is_all_fixed_is_said_to_be(tmp_path):
     scene = Scene.load(write_tiny_scene(tmp_path))
     with pytest.warns(UserWarning, match="none is free"):
         replace(scene, fixing={"method": "proximity", "distance": 1000.0}).run(frames="0:1", figures=False)
+
+
+def test_of_the_order_of_estimated_landmarks_nothing_is_said(good):
+    mixed = landmarks(good, lambda x: x[[1, 0, *range(2, len(x))]])
+    assert any("another order" in message for message in said(mixed)[1])
+    estimated = areas(mixed, lambda old: [replace(area, estimated=True) for area in old])
+    assert said(estimated) == (None, [])
 
 
 def test_a_decimal_comma_is_seen(tmp_path):

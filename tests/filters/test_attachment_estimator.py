@@ -11,11 +11,15 @@ from vtkmuscle.data.arrays import (
     field_array,
     multiblock_from,
     point_array,
+    points_of,
     surface_from,
+    with_points,
 )
-from vtkmuscle.data.attachments import attachments_of
+from vtkmuscle.data.attachments import attachments_from, attachments_of
 from vtkmuscle.filters.attachment_estimator import AttachmentEstimator
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
+from vtkmuscle.io import read_surface
+from vtkmuscle.phantoms import leg
 
 
 def estimate(muscle, bones, **parameters):
@@ -51,20 +55,48 @@ def compared(muscle, bones, known):
 
 
 def test_the_ends_of_the_spindle_are_found(spindle):
+    """Its flat ends lie on the bones; the estimate goes up its sides as far as they are near."""
     found = compared(spindle.muscles["spindle"], spindle.bones, spindle.attachments["spindle"])
     for covered, area, gap in found.values():
         assert covered > 0.9
-        assert 0.8 < area < 1.5
+        assert area < 2.0
         assert gap < 1.0
 
 
-@pytest.mark.parametrize("muscle", ["gluteus_medius", "iliacus"])
+def test_a_muscle_that_overlaps_its_bones_is_attached_there(spindle):
+    """By 4 mm: points that are inside of a bone do not face it."""
+    bones = dict(blocks_of(spindle.bones))
+    sunken = {}
+    for name, bone in bones.items():
+        points = points_of(bone)
+        way = points_of(spindle.muscles["spindle"]).mean(axis=0) - points.mean(axis=0)
+        sunken[name] = with_points(bone, points + 4.0 * way / np.linalg.norm(way))
+    areas = attachments_of(estimate(spindle.muscles["spindle"], multiblock_from(sunken)), "test")
+    assert {area.bone for area in areas} == set(bones)
+    marked = fixed(spindle.muscles["spindle"], multiblock_from(sunken), attachments_from(areas))
+    known = fixed(spindle.muscles["spindle"], spindle.bones, spindle.attachments["spindle"])
+    for number in range(len(bones)):
+        assert (marked[known == number] == number).mean() > 0.9
+
+
+@pytest.mark.parametrize("muscle", ["gluteus_medius", "gluteus_maximus", "iliacus"])
 def test_the_attachments_of_the_phantom_hip_are_covered(hip, muscle):
     """Muscles of the phantom lie on the bones beside their attachments too: the estimate is wider."""
     for covered, area, gap in compared(hip.muscles[muscle], hip.bones, hip.attachments[muscle]).values():
-        assert covered > 0.85
+        assert covered > 0.7
         assert area < 3.0
-        assert gap < 10.0
+        assert gap < 16.0
+
+
+@pytest.mark.parametrize("muscle", leg().muscles)
+def test_both_bones_of_each_muscle_of_the_phantom_leg_are_found(muscle):
+    """Four of them pass a joint, and lie on the bone between."""
+    phantom = leg()
+    mine, true = (
+        {area.bone for area in attachments_of(data, muscle)}
+        for data in (estimate(phantom.muscles[muscle], phantom.bones), phantom.attachments[muscle])
+    )
+    assert mine == true
 
 
 def test_areas_are_marked_as_estimated_and_have_roles(spindle):
@@ -100,28 +132,24 @@ def test_the_way_that_the_triangles_face_makes_no_difference(spindle):
 
 def test_a_muscle_that_touches_one_bone_is_refused(spindle):
     name, bone = blocks_of(spindle.bones)[0]
-    with pytest.raises(ValueError, match=f"touches only '{name}', .* larger distance, or landmarks"):
+    with pytest.raises(ValueError, match=f"comes near to fewer; .* '{name}' .*; .* else give landmarks"):
         estimate(spindle.muscles["spindle"], multiblock_from({name: bone}))
 
 
 @pytest.mark.realdata
-def test_estimates_of_the_real_muscles_cover_the_large_origins(lhdl_hip):
+def test_estimates_of_the_real_muscles_cover_the_digitised_areas(lhdl_hip):
     scene = Scene.load(lhdl_hip / "scene.toml")
-    for name, gap in {
-        "gluteus_maximus": 5.0,
-        "gluteus_medius": 5.0,
-        "iliacus": 5.0,
-        "adductor_brevis": 10.0,
-    }.items():
+    for name in scene.muscles:
         muscle, known = scene.muscles[name].surface, scene.attachments_data(name)
         found = compared(muscle, scene.bones_data(), known)
-        covered, area, apart = found["pelvis"]
-        assert covered > 0.8, name
-        assert area < 1.5, name
-        assert apart < gap, name
-        assert found["femur_r"][0] > 0.6, name
+        for bone, most in (("pelvis", 1.6), ("femur_r", 2.5)):
+            covered, area, apart = found[bone]
+            assert covered > 0.6, (name, bone)
+            assert area < most, (name, bone)
+            assert apart < 10.0, (name, bone)
 
 
+@pytest.mark.realdata
 def test_two_joint_muscles_are_attached_beyond_the_bone_they_slide_over(bp3d_knee):
     scene = Scene.load(bp3d_knee / "scene.toml")
     bones = scene.bones_data()
@@ -129,9 +157,17 @@ def test_two_joint_muscles_are_attached_beyond_the_bone_they_slide_over(bp3d_kne
         true = {area.role: area.bone for area in muscle.attachments}
         areas = attachments_of(estimate(muscle.surface, bones), name)
         assert {area.bone for area in areas} == set(true.values()), name
+        assert all(0.1 < area.sureness <= 1.0 for area in areas)
         named = attachments_of(estimate(muscle.surface, bones, **true), name)
         assert {area.role: area.bone for area in named} == true
-        assert all(0.0 <= area.sureness <= 1.0 for area in (*areas, *named))
+
+
+@pytest.mark.realdata
+def test_a_belly_whose_tendon_is_another_surface_is_refused(bp3d_knee):
+    bones = Scene.load(bp3d_knee / "scene.toml").bones_data()
+    muscle = read_surface(bp3d_knee / "muscles/gastrocnemius_medial.vtp")
+    with pytest.raises(ValueError, match=r"goes on for 129 beyond .* 'shank', and ends at .*, 37.7 from"):
+        estimate(muscle, bones)
 
 
 def test_both_bones_may_be_named(spindle):

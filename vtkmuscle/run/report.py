@@ -45,7 +45,7 @@ ERROR_DEFINITIONS = {
 
 #: What the numbers of a report mean; it is part of every report.
 DEFINITIONS = {
-    "estimated_attachments": "attachment areas that were made from where the muscle touches bones",
+    "estimated_attachments": "attachment areas that were made from where the muscle is near bones",
     "attachment_sureness": "how sure the least sure of them is, 0 to 1; null where nothing was estimated",
     "volume_ratio": "volume / volume at rest",
     "edge_stretch_p95": "95th percentile, over the edges of the muscle, of length / length at rest",

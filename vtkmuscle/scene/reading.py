@@ -15,8 +15,8 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.template.template_files import read_template
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.aponeuroses import SIDES, Aponeurosis
-from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of
-from vtkmuscle.filters.attachment_estimator import AttachmentEstimator
+from vtkmuscle.data.attachments import VIA, AttachmentArea
+from vtkmuscle.data.estimated_areas import NEAR, estimated_areas
 from vtkmuscle.io import (
     LiteratureCurve,
     curves_for,
@@ -26,13 +26,13 @@ from vtkmuscle.io import (
     read_polydata,
     read_surface,
 )
-from vtkmuscle.scene.data import Muscle
+from vtkmuscle.scene.data import MILLIMETRES, Muscle
 from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.files import SceneFiles, parsed
 from vtkmuscle.scene.joints import SceneJoints, joints_of
 from vtkmuscle.scene.mirror import mirrored_fields
 from vtkmuscle.scene.motion import motion_from
-from vtkmuscle.scene.schema import Aponeuroses, Area, Estimate, MuscleTable
+from vtkmuscle.scene.schema import Aponeuroses, Area, Estimate, MuscleTable, SceneTable
 from vtkmuscle.scene.validation import validated
 
 T = TypeVar("T")
@@ -55,7 +55,7 @@ def read_fields(path: Path, values: Mapping[str, Any] | None = None) -> dict[str
     muscles = {}
     for name, muscle in table.muscles.items():
         with faults.gathered():
-            muscles[name] = _muscle(name, muscle, files, bones, motion, table.frame)
+            muscles[name] = _muscle(name, muscle, files, bones, motion, table)
     faults.raise_any()
     assert motion is not None
     joints = joints_of(table, files)
@@ -97,9 +97,9 @@ def _muscle(
     files: SceneFiles,
     bones: dict[str, vtkPolyData],
     motion: RigidMotion | None,
-    frame: str,
+    scene: SceneTable,
 ) -> Muscle:
-    key, faults = f"muscles.{name}", Faults()
+    key, faults, frame = f"muscles.{name}", Faults(), scene.frame
     surface = superficial = None
     areas: tuple[AttachmentArea, ...] = ()
     sheets: tuple[Aponeurosis, ...] = ()
@@ -109,7 +109,8 @@ def _muscle(
         surface = files.read(f"{key}.surface", table.surface, read_surface)
         estimate = table.attachments
         if isinstance(estimate, Estimate) and motion is not None:
-            areas = _estimated(f"{key}.attachments", estimate.bones, files, surface, bones, motion)
+            within, where = NEAR / MILLIMETRES[scene.units], f"{key}.attachments"
+            areas = _estimated(where, estimate.bones, files, surface, bones, motion, within)
     if not isinstance(table.attachments, Estimate):
         areas = _areas(f"{key}.attachments", table.attachments, files, faults, frame)
     if table.aponeuroses is not None:
@@ -202,12 +203,17 @@ def _estimated(
     surface: vtkPolyData,
     bones: dict[str, vtkPolyData],
     motion: RigidMotion,
+    within: float,
 ) -> tuple[AttachmentArea, ...]:
     """Return estimated attachments; of two bones that are not named the moving one has the insertion."""
     origin, insertion = between or (None, None)
-    estimator = AttachmentEstimator(muscle=surface, bones=bones, origin=origin, insertion=insertion)
+    bodies: dict[bytes, list[str]] = {}
+    for bone in bones:  # those without transforms stay where they are
+        bodies.setdefault(motion.transforms.get(bone, motion.times[:0]).tobytes(), []).append(bone)
     try:
-        areas = attachments_of(estimator.output, key)
+        areas = estimated_areas(
+            surface, bones, within=within, origin=origin, insertion=insertion, bodies=[*bodies.values()]
+        )
     except ValueError as error:
         problem, remedy = fault_of(error)
         raise SceneError(problem, key, remedy, files.paths[""]) from error

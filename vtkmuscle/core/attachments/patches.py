@@ -31,6 +31,9 @@ CLEAR_SHARE = 0.2
 #: Landmarks whose width is below this part of their length lie on a line and enclose nothing.
 _FLATNESS = 1e-3
 
+#: Landmarks that are all nearer to points of the muscle than this part of its box's diagonal are those.
+ON_POINTS = 1e-6
+
 #: A way along the normal of a point that faces the bone nears it by this part of the way, at least; along
 #: that of a point that looks away it leaves the bone by as much. Between them is the rim of a muscle.
 FACING = 0.5
@@ -101,7 +104,7 @@ def _nearest_vertices(
     """Return for each landmark the nearest point that a triangle uses, neighbours never the same.
 
     Landmarks off a thin muscle, or within it, may be nearer to the face that looks away from the bone; the
-    patch would be there. So points that face the bone go first.
+    patch would be there. So points that face the bone go first, but where all landmarks are points already.
     """
     if not len(landmarks):
         raise InputError("", "the attachment has no landmarks")
@@ -119,7 +122,7 @@ def _nearest_vertices(
             "leave this attachment out if it is another muscle's or out of the scene, and check the units, "
             "or give a larger distance",
         )
-    if bone_distance is not None:
+    if bone_distance is not None and offsets[worst] > ON_POINTS * diagonal:
         _prefer_facing(points, triangles, landmarks, nearest, (tree, used, limit), bone_distance)
     vertices: Ints = used[nearest].astype(np.int64)
     distinct: Ints = vertices[np.append(True, vertices[1:] != vertices[:-1])]
@@ -140,50 +143,21 @@ def _prefer_facing(
     among : the tree of these points, their ids, and the limit.
     """
     tree, used, limit = among
-    normals, step = outward_normals(points, triangles)
+    outward = vertex_normals(points, triangles) * np.sign(signed_volume(points, triangles) or 1.0)
+    step = float(edge_lengths(points, unique_edges(triangles)).mean())
     waiting, count = np.arange(len(landmarks)), 1
     while len(waiting):
         offsets, found = tree.query(landmarks[waiting], [*range(count // 2 + 1, count + 1)])
         ids = used[np.minimum(found, len(used) - 1)].ravel()
         # Landmarks that are nearest to the rim stay there, but none is sent there.
         least = -FACING if count == 1 else FACING
-        facing = approach(points[ids], normals[ids], step, bone_distance).reshape(found.shape) >= least
+        nearer = bone_distance(points[ids]) - bone_distance(points[ids] + step * outward[ids])
+        facing = (nearer / step).reshape(found.shape) >= least
         facing &= offsets <= limit
         settled = facing.any(axis=1)
         nearest[waiting[settled]] = found[settled, facing[settled].argmax(axis=1)]
         waiting = waiting[~settled & (offsets[:, -1] <= limit)]
         count *= 2
-
-
-def outward_normals(points: Floats, triangles: Ints) -> tuple[Floats, float]:
-    """Return the outward normals of a muscle's points, (n, 3), and the mean length of its edges."""
-    normals = vertex_normals(points, triangles) * np.sign(signed_volume(points, triangles) or 1.0)
-    return normals, float(edge_lengths(points, unique_edges(triangles)).mean())
-
-
-def approach(
-    positions: Floats, normals: Floats, step: float, bone_distance: Callable[[Floats], Floats]
-) -> Floats:
-    """Return how much a step out of the muscle nears a bone: 1 straight towards it, -1 away from it.
-
-    Parameters
-    ----------
-    positions : (k, 3) array
-        Points of the muscle [mm].
-    normals : (k, 3) array
-        Their outward normals.
-    step : float
-        How far out to look, > 0 [mm].
-    bone_distance : callable
-        From points (k, 3) to their distances (k,) from the bone, negative inside.
-
-    Returns
-    -------
-    (k,) array
-        Decrease of the distance / step.
-    """
-    nearer: Floats = (bone_distance(positions) - bone_distance(positions + step * normals)) / step
-    return nearer
 
 
 def _on_a_line(landmarks: Floats) -> bool:
