@@ -22,7 +22,7 @@ DOCS = HERE.parent / "docs"
 PAPER, HOW_RIGHT = DOCS / "validation/paper_tables", DOCS / "validation/how_right_tables"
 ATLAS = DOCS / "explanation/atlas_tables"
 #: Filters that no table is made with.
-WITHOUT_TABLES = {"FibreField"}
+WITHOUT_TABLES = {"AttachmentEstimator", "FibreField"}
 
 
 def settings() -> str:
@@ -47,6 +47,8 @@ def scripts_of(table: Path) -> list[Path]:
     if table.parent == PAPER:
         paper = HERE / "paper"
         return [paper / f"{table.stem}.py", paper / "common.py", paper / "published_loop.py"]
+    if table.name == "battery.csv":
+        return [HERE / "battery.py"]
     return [HERE / ("atlas.py" if table.parent == ATLAS else "how_right.py")]
 
 

@@ -31,6 +31,8 @@ def command_of(table: Path) -> list[str]:
     if table.parent == made.ATLAS:
         folder = str(Path(tempfile.gettempdir()) / "vtkmuscle_atlas")
         return ["benchmarks/atlas.py", folder, "--subjects", SUBJECTS, "--write"]
+    if table.name == "battery.csv":
+        return ["benchmarks/battery.py", "--rst", f"docs/{table.parent.relative_to(made.DOCS)}"]
     how = ["benchmarks/how_right.py", "--rst", f"docs/{table.parent.relative_to(made.DOCS)}"]
     if table.name in ("hip.csv", "knee.csv"):
         folder = data_folder() if table.name == "hip.csv" else data_folder().with_name("bp3d_knee")
