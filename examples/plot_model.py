@@ -1,0 +1,53 @@
+"""
+The model in three pictures
+===========================
+
+A strap over a cylinder that turns by 60 degrees. Its fibres become paths, which the bones pull taut as one
+sheet; the paths take the surface along; the surface settles: it gets its volume back and leaves the bone, and
+the paths stay where they are (:doc:`/explanation/model`).
+"""
+
+import numpy as np
+import pyvista as pv
+
+from vtkmuscle.core.mesh.surface import signed_volume
+from vtkmuscle.filters import BoneMotion, FixedPointDetector, PBDDeformer, TautFibres
+from vtkmuscle.phantoms import wrapping_cylinder
+from vtkmuscle.pipelines import decompose
+
+phantom = wrapping_cylinder(angles=np.arange(0.0, 61.0, 6.0))
+((name, muscle),) = phantom.muscles.items()
+areas = phantom.attachments[name]
+fixed = FixedPointDetector()(muscle, phantom.bones, areas)
+bones = BoneMotion(bones=phantom.bones, motion=phantom.motion)
+fibres = decompose(fixed, areas, n_fibres=60)
+settled = PBDDeformer(muscle=fixed, bones=bones, fibres=fibres).apply(time=60.0)
+paths = TautFibres(rest_fibres=fibres, rest_muscle=fixed, bones=bones).apply(time=60.0)
+carried = settled.copy()
+carried.points = settled.point_data["Carried"]
+
+triangles = settled.regular_faces
+rest = signed_volume(pv.wrap(muscle).points, triangles)
+for what, surface in (("taken along", carried), ("settled", settled)):
+    print(f"{what}: volume {100.0 * (signed_volume(surface.points, triangles) / rest - 1.0):+.2g} %")
+
+# %%
+# From left to right: the paths, the surface that they take along, coloured by how far it then moves, and where
+# it settles.
+
+moved = np.linalg.norm(settled.points - carried.points, axis=1)
+plotter = pv.Plotter(shape=(1, 3), window_size=(1200, 480), border=False)
+for column in range(3):
+    plotter.subplot(0, column)
+    for bone in bones.apply(time=60.0):
+        plotter.add_mesh(bone, color="ivory", smooth_shading=True, split_sharp_edges=True)
+    if column == 0:
+        plotter.add_mesh(paths.tube(radius=0.5), color="darkred", smooth_shading=True)
+    elif column == 1:
+        bar = {"title": "mm to where it settles", "fmt": "%.1f"}
+        plotter.add_mesh(carried, scalars=moved, cmap="viridis", smooth_shading=True, scalar_bar_args=bar)
+    else:
+        plotter.add_mesh(settled, color="indianred", smooth_shading=True)
+    plotter.view_vector((1.0, 0.25, 0.35), viewup=(0, 0, 1))
+    plotter.reset_camera(bounds=settled.bounds)
+plotter.show()
