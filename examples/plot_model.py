@@ -32,8 +32,8 @@ for what, surface in (("taken along", carried), ("settled", settled)):
     print(f"{what}: volume {100.0 * (signed_volume(surface.points, triangles) / rest - 1.0):+.2g} %")
 
 # %%
-# From left to right: the paths, the surface that they take along, coloured by how far it then moves, and where
-# it settles.
+# From left to right: the paths, the surface that they take along, coloured by how far it then moves, and
+# where it settles.
 
 moved = np.linalg.norm(settled.points - carried.points, axis=1)
 plotter = pv.Plotter(shape=(1, 3), window_size=(1200, 480), border=False)
