@@ -71,7 +71,8 @@ def test_points_lengthen_as_their_fibre_does(ran, tmp_path):
 @pytest.mark.parametrize("form", ["functions", "points"])
 def test_opensim_gives_what_vtkmuscle_gave(ran, tmp_path, form):
     import opensim
-    from path_arms import moment_arm
+
+    from vtkmuscle.core.motion.muscle_paths import moment_arm
 
     opensim.Logger.setLevelString("error")
     path, result = ran

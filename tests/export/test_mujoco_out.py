@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from path_arms import moment_arm
 
 from vtkmuscle.core.motion.frames import frame_at
 from vtkmuscle.core.motion.functions import IDENTITY, Constant, CubicSpline, Polynomial
-from vtkmuscle.core.motion.muscle_paths import FunctionPath, PathPoint, PointPath
+from vtkmuscle.core.motion.muscle_paths import FunctionPath, PathPoint, PointPath, moment_arm
 from vtkmuscle.core.motion.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.export import MuscleOut, mjcf_of
 

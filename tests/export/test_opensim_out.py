@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from path_arms import moment_arm
 
 from vtkmuscle.core.motion.fitted_lengths import fit_length
 from vtkmuscle.core.motion.frames import frame_at
 from vtkmuscle.core.motion.functions import IDENTITY, CubicSpline, Multiplier, PiecewiseLinear, Polynomial
-from vtkmuscle.core.motion.muscle_paths import PathPoint, PointPath
+from vtkmuscle.core.motion.muscle_paths import PathPoint, PointPath, moment_arm
 from vtkmuscle.core.motion.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.core.motion.tree_motion import grid_of
 from vtkmuscle.export import MuscleOut, enriched, osim_of

@@ -3,8 +3,8 @@
 import numpy as np
 import osim_texts as texts
 import pytest
-from path_arms import moment_arm
 
+from vtkmuscle.core.motion.muscle_paths import moment_arm
 from vtkmuscle.io import read_motion_file, read_osim
 
 opensim = pytest.importorskip("opensim", reason="the extra opensim is not installed")

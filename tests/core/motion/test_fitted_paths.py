@@ -4,13 +4,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from path_arms import moment_arm
 
 from vtkmuscle.core.motion.fitted_lengths import fit_length, group_errors, group_fibres
 from vtkmuscle.core.motion.fitted_points import fit_points
 from vtkmuscle.core.motion.frames import frame_at
 from vtkmuscle.core.motion.functions import IDENTITY
-from vtkmuscle.core.motion.muscle_paths import PathPoint, PointPath, powers, terms
+from vtkmuscle.core.motion.muscle_paths import PathPoint, PointPath, moment_arm, powers, terms
 from vtkmuscle.core.motion.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.core.motion.tree_motion import grid_of
 

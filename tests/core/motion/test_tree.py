@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from path_arms import moment_arm
 
 from vtkmuscle.core.motion.frames import frame_at
 from vtkmuscle.core.motion.functions import IDENTITY, Constant, Polynomial
-from vtkmuscle.core.motion.muscle_paths import FunctionPath, PathPoint, PointPath, powers, terms
+from vtkmuscle.core.motion.muscle_paths import FunctionPath, PathPoint, PointPath, moment_arm, powers, terms
 from vtkmuscle.core.motion.rigid import rotation_about
 from vtkmuscle.core.motion.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 

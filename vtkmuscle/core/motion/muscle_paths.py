@@ -1,4 +1,4 @@
-"""Paths of muscles over points on bodies, and paths that are functions of coordinates: their lengths."""
+"""Paths of muscles over points on bodies, and paths that are functions: lengths and moment arms."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: How far beyond its range a conditional point still counts [radians, or units of length], as in OpenSim.
 RANGE_MARGIN = 1e-5
+#: Step of the central difference for moment arms [radians, or units of length].
+STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +100,16 @@ class PointPath:
         crossed = tree.crossed(self.bodies)
         return tuple(name for name in tree.free if name in crossed or name in own)
 
-    def lengths(self, tree: KinematicTree, values: Mapping[str, ArrayLike]) -> Floats:
+    def lengths(
+        self,
+        tree: KinematicTree,
+        values: Mapping[str, ArrayLike],
+        *,
+        counted_at: Mapping[str, ArrayLike] | None = None,
+    ) -> Floats:
         """Return the length (f,) for values of the coordinates, in the tree's unit.
+
+        Conditional points count as they do at other values, where such are given.
 
         Raises
         ------
@@ -113,6 +123,7 @@ class PointPath:
                 "length from OpenSim, or take the muscle's fibres instead",
             )
         full = tree.completed(values)
+        held = full if counted_at is None else tree.completed(counted_at)
         poses = tree.poses(full)
         frames = len(poses[tree.root])
         ranges = {one.name: one.range for one in tree.coordinates}
@@ -124,7 +135,7 @@ class PointPath:
                 pose = poses[point.body]
                 place = np.einsum("fij,fj->fi", pose[:, :3, :3], point.places(full, frames, ranges))
                 place += pose[:, :3, 3]
-                counted = point.counts(full, frames)
+                counted = point.counts(held, frames)
                 total += np.where(counted & begun, np.linalg.norm(place - last, axis=1), 0.0)
                 last[counted] = place[counted]
                 begun |= counted
@@ -156,8 +167,15 @@ class FunctionPath:
         del tree
         return tuple(self.names)
 
-    def lengths(self, tree: KinematicTree, values: Mapping[str, ArrayLike]) -> Floats:
+    def lengths(
+        self,
+        tree: KinematicTree,
+        values: Mapping[str, ArrayLike],
+        *,
+        counted_at: Mapping[str, ArrayLike] | None = None,
+    ) -> Floats:
         """Return the length (f,) for values of the coordinates."""
+        del counted_at
         full = tree.completed(values)
         samples = np.column_stack([full[name] for name in self.names])
         result: Floats = terms(samples, self.order) @ self.coefficients
@@ -184,4 +202,36 @@ def powers(dimension: int, order: int) -> Ints:
 def terms(samples: Floats, order: int) -> Floats:
     """Return the terms (f, m) of a polynomial at samples (f, d)."""
     result: Floats = np.prod(samples[:, None, :] ** powers(samples.shape[1], order), axis=2)
+    return result
+
+
+def moment_arm(
+    path: PointPath | FunctionPath, tree: KinematicTree, values: Mapping[str, ArrayLike], coordinate: str
+) -> Floats:
+    """Return the moment arm -dl/dq (f,) of a path by a coordinate, what it couples following.
+
+    Parameters
+    ----------
+    path : PointPath or FunctionPath
+        Of the muscle.
+    tree : KinematicTree
+        Of its bodies.
+    values : mapping of str to (f,) array_like
+        Of the coordinates.
+    coordinate : str
+        By which.
+
+    Returns
+    -------
+    (f,) array
+        In the tree's unit of length by an angle; without a unit by a translation. A central difference, with
+        the conditional points that count at these values.
+    """
+    tree.coordinate(coordinate)
+    full = tree.completed(values)
+    ends = [
+        path.lengths(tree, full | {coordinate: full[coordinate] + step}, counted_at=full)
+        for step in (-STEP, STEP)
+    ]
+    result: Floats = (ends[0] - ends[1]) / (2.0 * STEP)
     return result
