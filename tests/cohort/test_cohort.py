@@ -147,15 +147,18 @@ def test_what_is_finished_is_kept_and_only_what_has_changed_is_done(done, client
     assert tables(out) == before
     template = file.parent / "template.toml"
     text = template.read_text()
-    template.write_text(text.replace("n_fibres = 8", "n_fibres = 9"))
-    try:
-        states = ran(file, out, client)
-        assert done_of(states) == [
-            ("anna", "other"),
-            ("ben", "other"),
-        ]
-    finally:
-        template.write_text(text)
+    for word, other in (
+        ("n_fibres = 8", "n_fibres = 9"),
+        ("[muscles.other]", "[muscles.other]\ncrosses = []"),
+    ):
+        template.write_text(text.replace(word, other))
+        try:
+            assert done_of(ran(file, out, client)) == [("anna", "other"), ("ben", "other")], other
+            assert tables(out) != before
+        finally:
+            template.write_text(text)
+        ran(file, out, client)
+        assert tables(out) == before
     states = ran(file, out, client, fresh=True)
     assert list(states.values()).count("done") == 4
     assert tables(out) == before
