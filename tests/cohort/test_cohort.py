@@ -217,6 +217,16 @@ def test_a_second_run_into_the_folder_and_another_study_are_refused(done, study_
     assert mine.read_text() == "mine"
 
 
+def test_results_are_not_written_through_links(study_file, tmp_path, client):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "out/parts").mkdir(parents=True)
+    (tmp_path / "out" / REPORT).write_text(json.dumps({"study_file": str(study_file.absolute())}))
+    (tmp_path / "out/parts/anna").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(NotADirectoryError, match=r"anna is a link to .*not written through links"):
+        run_study(Study.load(study_file), tmp_path / "out", client=client)
+    assert not list((tmp_path / "elsewhere").iterdir())
+
+
 def test_a_full_disk_is_one_error_and_what_is_finished_stays(done, tmp_path, client, tried):
     file, _, _ = done
     with small_disk(tmp_path / "disk", 96) as disk:

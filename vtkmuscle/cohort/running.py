@@ -24,7 +24,7 @@ from vtkmuscle.cohort.tables import write_tables
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.processors import processors
 from vtkmuscle.io.parts import Part, Parts
-from vtkmuscle.io.writing import left_behind, write_text
+from vtkmuscle.io.writing import check_no_links, left_behind, write_text
 from vtkmuscle.isolation import workers_leave_out_working_folder
 from vtkmuscle.run.claim import locked
 from vtkmuscle.run.keys import code_digest
@@ -136,6 +136,7 @@ def run_study(
         for left in left_behind(folder, deep=True):
             shutil.rmtree(left) if left.is_dir() else left.unlink(missing_ok=True)
         parts = Parts(folder / "parts")
+        check_no_links(parts.folder)
         if fresh:
             shutil.rmtree(parts.folder, ignore_errors=True)
         report: dict[str, Any] = {"study": study.name, "study_file": str(study.file.absolute())}
