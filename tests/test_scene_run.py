@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import pyvista
+from phantoms import flexor_over_brim
 from tiny_scene import write_tiny_scene
 
 import vtkmuscle.phantoms
@@ -444,7 +445,7 @@ WITH = {
 @pytest.fixture(scope="module")
 def flexor():
     """Return a muscle over the brim of a bone."""
-    return Scene.from_phantom(vtkmuscle.phantoms.flexor_over_brim(), n_fibres=6, resolution=6)
+    return Scene.from_phantom(flexor_over_brim(), n_fibres=6, resolution=6)
 
 
 def in_unit(scene, unit):
