@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -228,3 +229,34 @@ def test_sizes_beyond_all_memory_are_seen_in_the_file(tmp_path):
     (tmp_path / "a.vtp").write_text(f'<VTKFile type="PolyData"><PolyData>{piece}</PolyData></VTKFile>')
     with pytest.raises(ValueError, match="NumberOfPoints"):
         check_vtp(tmp_path / "a.vtp")
+
+
+def test_what_is_done_before_the_first_frame_grows_no_faster_than_the_motion(tmp_path):
+    def calls_before_the_first_frame(count):
+        text = write_tiny_scene(tmp_path / str(count)).read_text()
+        start, end = text.index("[motion]"), text.index("[muscles.spindle]")
+        motion = HINGE.replace("[0, 20, 5]", f"[0, 20, {20 / count}]") + "\n"
+        file = tmp_path / str(count) / "scene.toml"
+        file.write_text(text[:start] + motion + text[end:])
+        calls = 0
+
+        def count_calls(frame, event, argument):
+            nonlocal calls
+            calls += 1
+
+        def stop(muscle, row):
+            raise KeyboardInterrupt
+
+        threading.setprofile(count_calls)
+        sys.setprofile(count_calls)
+        try:
+            with pytest.raises(KeyboardInterrupt):
+                Scene.load(file).run(tmp_path / str(count) / "out", figures=False, observe=stop, workers=1)
+        finally:
+            threading.setprofile(None)
+            sys.setprofile(None)
+        return calls
+
+    calls_before_the_first_frame(10)  # what is compiled and imported
+    few, some, many = map(calls_before_the_first_frame, (50, 450, 850))
+    assert many - some < 1.2 * (some - few), (few, some, many)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import threading
@@ -139,15 +140,56 @@ def test_what_old_collections_list_outside_of_the_folder_is_not_removed(scene, t
         assert victim.read_text() == "mine"
 
 
-@pytest.mark.parametrize("name", ["bones", "spindle", "spindle_fibres", "figures"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("bones", "spindle", "spindle_fibres", "figures", "finished"),
+        *("bones/lower", "bones/link", "spindle/a/link", "finished/bones", "finished/errors"),
+    ],
+)
 def test_results_are_not_written_through_links(scene, tmp_path, name):
+    """Whether the folder is the user's, or somebody has sent it with a list of what to remove."""
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "elsewhere/upper.vtp").write_text("mine")
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / name).symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(NotADirectoryError, match="not written through links"):
-        scene.run(tmp_path / "out", frames="0:1", figures=False, overwrite=True)
+    out = tmp_path / "out"
+    scene.run(out, frames="0:1", figures=False)
+    listed = (out / "bones.pvd").read_text()
+    (out / "bones.pvd").write_text(listed.replace("bones/upper.vtp", f"{name}/upper.vtp"))
+    if (out / name).exists():
+        shutil.rmtree(out / name)
+    (out / name).parent.mkdir(exist_ok=True)
+    (out / name).symlink_to(tmp_path / "elsewhere")
+    for overwrite in (False, True):
+        with pytest.raises(NotADirectoryError, match=f"{name} is a link to .*not written through links"):
+            scene.run(out, frames="0:1", figures=False, overwrite=overwrite)
     assert contents(tmp_path / "elsewhere") == {tmp_path / "elsewhere/upper.vtp": b"mine"}
+
+
+def test_a_report_from_elsewhere_removes_only_what_runs_write(scene, tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere/a.vtp").write_text("mine")
+    out = tmp_path / "out"
+    scene.run(out, frames="0:1", figures=False)
+    before = contents(out)
+    report = json.loads((out / "report.json").read_text())
+    report["muscles"] |= {name: {} for name in (".", "..", "../elsewhere/a", "old", "\0")}
+    report["figures"] = {"written": ["..", "/", "../notes.txt"]}
+    (out / "report.json").write_text(json.dumps(report))
+    lists = (out / "spindle.pvd").read_text()
+    for name in ("", ".", "old"):
+        for target in ("notes.txt", "old/notes.txt"):
+            (out / f"{name}.pvd").write_text(lists.replace("spindle/spindle_0000.vtp", target))
+    (out / "old").mkdir()
+    for name in ("notes.txt", "old/notes.txt"):
+        (out / name).write_text("mine")
+    scene.run(out, frames="0:1", figures=False)
+    for path in (out / "notes.txt", out / "old/notes.txt", tmp_path / "elsewhere/a.vtp"):
+        assert path.read_text() == "mine"
+    assert contents(out).keys() >= before.keys()
+    (out / "report.json").write_text(json.dumps(report))
+    (out / "old/link").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(NotADirectoryError, match="old/link is a link"):
+        scene.run(out, frames="0:1", figures=False)
 
 
 @pytest.mark.parametrize(

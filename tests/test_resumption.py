@@ -2,18 +2,29 @@
 
 import json
 import os
-from dataclasses import replace
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from faults import check_whole, results
 from tiny_scene import write_tiny_scene
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle import InputError, Result, Scene
 from vtkmuscle.core.motion.coordinates import Coordinate
-from vtkmuscle.data.arrays import points_of, with_points
-from vtkmuscle.run.keys import digest_of, muscle_keys
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.aponeuroses import Aponeurosis
+from vtkmuscle.data.arrays import points_of, set_field_array, with_points
+from vtkmuscle.data.attachments import AttachmentArea
+from vtkmuscle.io import LiteratureCurve
+from vtkmuscle.run.keys import IRRELEVANT, digest_of, muscle_keys
 from vtkmuscle.run.muscles import MuscleRun
+from vtkmuscle.scene.data import Muscle, SceneData
+
+SHEET = np.array([[0, 1, 2]])
 
 
 @pytest.fixture(scope="module")
@@ -189,6 +200,84 @@ def test_what_a_muscle_depends_on_is_in_its_key(scene):
         assert {name for name in before if after.get(name) != before[name]} == expected
     assert keys(scene) == before
     assert not set(keys(scene, 4).values()) & set(before.values())
+
+
+def variants(value):
+    """Give the path of each thing that a scene is made of, and the scene with that thing alone changed."""
+    if is_dataclass(value):
+        for field in fields(value):
+            for path, one in variants(getattr(value, field.name)):
+                changed = copy(value)
+                object.__setattr__(changed, field.name, one)
+                yield f"{type(value).__name__}.{field.name}/{path}", changed
+    elif isinstance(value, Mapping) and value:
+        for key, held in value.items():
+            yield from ((path, {**value, key: one}) for path, one in variants(held))
+        yield "without", dict(list(value.items())[1:])
+    elif isinstance(value, tuple) and value:
+        for number, held in enumerate(value):
+            for path, one in variants(held):
+                yield path, (*value[:number], one, *value[number + 1 :])
+        yield "without", value[1:]
+    elif isinstance(value, vtkPolyData):
+        yield "points", with_points(value, points_of(value) + 1e-12)
+        named = vtkPolyData()
+        named.ShallowCopy(value)
+        set_field_array(named, "Mine", [1.0])
+        yield "arrays", named
+    elif isinstance(value, np.ndarray | bool | int | float):
+        yield "number", value == 0 if isinstance(value, bool) else value * 2 + 1
+    else:  # a text, a path, or nothing yet
+        yield "text", "another"
+
+
+def test_every_field_of_a_scene_is_in_the_key_or_named_as_irrelevant(scene):
+    """A field that is added later counts as well, or says why it does not."""
+    curve = LiteratureCurve("A", "whole", "angle", "", np.arange(3.0), np.arange(3.0))
+    whole = replace(
+        scene.muscles["thin"],
+        solver={"iterations": 4, "quality": "preview"},
+        fixing={"distance": 2.0},
+        superficial_fibres=scene.muscles["thin"].surface,
+        literature=(curve,),
+        crosses=("angle",),
+        hill={"tendon_slack_length": 20.0},
+        aponeuroses=(sheet("distal", -15.0),),
+    )
+    given = {"solver": {"iterations": 3}, "fixing": {"n_voxels": 9}, "files": {"": Path("a.toml")}}
+    fields_of = {field.name: getattr(scene, field.name) for field in fields(SceneData)}
+    data = SceneData(**{**fields_of, **given, "muscles": {"whole": whole}})
+    before, counted = muscle_keys(data, range(5)), set()
+    for path, changed in variants(data):
+        irrelevant = not {*IRRELEVANT}.isdisjoint(path.split("/"))
+        assert (muscle_keys(changed, range(5)) == before) == irrelevant, path
+        counted.update(path.split("/"))
+    kinds = (SceneData, Muscle, AttachmentArea, Aponeurosis, RigidMotion, Coordinate)
+    assert counted >= {f"{kind.__name__}.{field.name}" for kind in kinds for field in fields(kind)}
+
+
+def sheet(side, height):
+    """Return an aponeurosis across the muscle at a height."""
+    return Aponeurosis(side, np.array([[5.0, 0, height], [-3, 4, height], [-3, -4, height]]), SHEET)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"hill": {"tendon_slack_length": 20.0}},
+        {"aponeuroses": (sheet("proximal", 15.0), sheet("distal", -15.0))},
+    ],
+    ids=lambda changes: next(iter(changes)),
+)
+def test_a_run_that_goes_on_reports_what_a_fresh_one_reports(scene, tmp_path, changes):
+    run(scene, tmp_path / "out")
+    thin = replace(scene.muscles["thin"], **changes)
+    changed = replace(scene, muscles={**scene.muscles, "thin": thin})
+    again, fresh = run(changed, tmp_path / "out"), run(changed, tmp_path / "fresh")
+    same(again, fresh)
+    first, second = (one.report["muscles"]["thin"] for one in (again, fresh))
+    assert first["architecture"] == second["architecture"]
+    assert first["fibre_measures"] == second["fibre_measures"]
 
 
 def test_a_template_file_counts_by_its_content(tmp_path):

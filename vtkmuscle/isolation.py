@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 
 def leave_out_working_folder() -> None:
@@ -15,12 +17,33 @@ def leave_out_working_folder() -> None:
     environment counts more.
     """
     here = os.path.realpath(os.getcwd())
-    asked_for = [
-        part for part in os.environ.get("PYTHONPATH", "").split(os.pathsep) if part and os.path.isabs(part)
-    ]
-    if here not in map(os.path.realpath, asked_for):
+    if here not in map(os.path.realpath, _asked_for()):
         sys.path[:] = [part for part in sys.path if os.path.realpath(part or ".") != here]
     os.environ.setdefault("NUMBA_CACHE_DIR", "")
+
+
+@contextmanager
+def workers_leave_out_working_folder() -> Iterator[None]:
+    """Have processes that are started meanwhile by :mod:`multiprocessing` load nothing from it either.
+
+    Each begins as ``python -c``, which looks there for ``multiprocessing`` itself.
+    """
+    changed = {"PYTHONSAFEPATH": "1", "PYTHONPATH": os.pathsep.join(_asked_for())}
+    before = {name: os.environ.get(name) for name in changed}
+    os.environ.update(changed)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _asked_for() -> list[str]:
+    """Return the folders that stand in ``PYTHONPATH`` by their full names."""
+    return [part for part in os.environ.get("PYTHONPATH", "").split(os.pathsep) if os.path.isabs(part)]
 
 
 def isolated_python(code: str) -> list[str]:

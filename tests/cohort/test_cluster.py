@@ -111,6 +111,29 @@ def test_a_cluster_started_by_hand_that_loses_a_worker_and_the_client_gives_the_
     same(study, out)
 
 
+def test_nobody_without_its_key_can_talk_to_the_cluster_of_this_machine(study, tmp_path):
+    """Whoever can connect to a scheduler has code executed: here any user of the machine could."""
+    import distributed
+
+    from vtkmuscle.cohort import Study, run_study
+
+    addresses = []
+
+    def strangers(progress):
+        if addresses:
+            return
+        found = distributed.default_client().scheduler_info(n_workers=-1)
+        addresses.extend([found["address"], *found["workers"]])
+        for address in addresses:
+            plain = address.replace("tls://", "tcp://")
+            for key in (None, distributed.Security.temporary()):
+                with pytest.raises(OSError, match=r"Timed out|TLS|certificate|closed"):
+                    distributed.Client(address if key else plain, security=key, timeout=2)
+
+    run_study(Study.load(study), tmp_path / "out", workers=1, progress=strangers)
+    assert len(addresses) == 2
+
+
 @pytest.mark.long
 def test_a_scheduler_that_is_killed_is_one_error_and_the_same_command_goes_on(
     study, cluster, tmp_path, tried

@@ -147,15 +147,18 @@ def test_what_is_finished_is_kept_and_only_what_has_changed_is_done(done, client
     assert tables(out) == before
     template = file.parent / "template.toml"
     text = template.read_text()
-    template.write_text(text.replace("n_fibres = 8", "n_fibres = 9"))
-    try:
-        states = ran(file, out, client)
-        assert done_of(states) == [
-            ("anna", "other"),
-            ("ben", "other"),
-        ]
-    finally:
-        template.write_text(text)
+    for word, other in (
+        ("n_fibres = 8", "n_fibres = 9"),
+        ("[muscles.other]", "[muscles.other]\ncrosses = []"),
+    ):
+        template.write_text(text.replace(word, other))
+        try:
+            assert done_of(ran(file, out, client)) == [("anna", "other"), ("ben", "other")], other
+            assert tables(out) != before
+        finally:
+            template.write_text(text)
+        ran(file, out, client)
+        assert tables(out) == before
     states = ran(file, out, client, fresh=True)
     assert list(states.values()).count("done") == 4
     assert tables(out) == before
@@ -212,6 +215,16 @@ def test_a_second_run_into_the_folder_and_another_study_are_refused(done, study_
     with pytest.raises(InputError, match="no study has made"):
         run_study(Study.load(study_file), study_file.parent, client=client)
     assert mine.read_text() == "mine"
+
+
+def test_results_are_not_written_through_links(study_file, tmp_path, client):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "out/parts").mkdir(parents=True)
+    (tmp_path / "out" / REPORT).write_text(json.dumps({"study_file": str(study_file.absolute())}))
+    (tmp_path / "out/parts/anna").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(NotADirectoryError, match=r"anna is a link to .*not written through links"):
+        run_study(Study.load(study_file), tmp_path / "out", client=client)
+    assert not list((tmp_path / "elsewhere").iterdir())
 
 
 def test_a_full_disk_is_one_error_and_what_is_finished_stays(done, tmp_path, client, tried):

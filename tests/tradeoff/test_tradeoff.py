@@ -167,6 +167,12 @@ def test_nothing_is_run_twice_and_what_is_lost_is_run_again(done, scene, monkeyp
     assert not list((out / "settings").glob(".*"))
 
 
+def test_records_are_not_kept_through_links(scene, tmp_path):
+    (tmp_path / "settings").symlink_to(tmp_path)
+    with pytest.raises(NotADirectoryError, match=r"settings is a link to .*not written through links"):
+        Records(tmp_path / "settings", scene, [0])
+
+
 def test_each_muscle_has_iterations_of_its_own_in_the_reference(monkeypatch, tmp_path, scene):
     """One muscle has converged after the first doubling, one after the third, one does not at all."""
     still = {"a": 0, "b": 400, "c": 10_000}

@@ -24,7 +24,8 @@ from vtkmuscle.cohort.tables import write_tables
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.processors import processors
 from vtkmuscle.io.parts import Part, Parts
-from vtkmuscle.io.writing import left_behind, write_text
+from vtkmuscle.io.writing import check_no_links, left_behind, write_text
+from vtkmuscle.isolation import workers_leave_out_working_folder
 from vtkmuscle.run.claim import locked
 from vtkmuscle.run.keys import code_digest
 from vtkmuscle.run.report import versions
@@ -135,6 +136,7 @@ def run_study(
         for left in left_behind(folder, deep=True):
             shutil.rmtree(left) if left.is_dir() else left.unlink(missing_ok=True)
         parts = Parts(folder / "parts")
+        check_no_links(parts.folder)
         if fresh:
             shutil.rmtree(parts.folder, ignore_errors=True)
         report: dict[str, Any] = {"study": study.name, "study_file": str(study.file.absolute())}
@@ -159,7 +161,8 @@ def _write_report(folder: Path, report: dict[str, Any]) -> None:
 
 def _distributed() -> Any:
     try:
-        import distributed  # noqa: PLC0415 -- of the extra `cohort`
+        import cryptography  # noqa: F401, PLC0415 -- of the extra `cohort`
+        import distributed  # noqa: PLC0415
         import pyarrow  # noqa: F401, PLC0415
     except ImportError as error:
         raise InputError(
@@ -215,6 +218,7 @@ def _connected(
     if root not in sys.path:  # it may be the working folder, which is left out; workers need the package too
         sys.path.append(root)
     with (
+        workers_leave_out_working_folder(),
         dask.config.set(
             {"distributed.scheduler.allowed-failures": retries, "distributed.worker.memory.terminate": 0.95}
         ),
@@ -224,6 +228,7 @@ def _connected(
             processes=True,
             memory_limit="auto" if memory is None else memory,
             dashboard_address="127.0.0.1:0",
+            security=True,  # whoever can connect has code executed: other users of this machine
             silence_logs="CRITICAL",
         ) as cluster,
         distributed.Client(cluster) as connected,

@@ -86,7 +86,8 @@ def _part(task: Task, store: Parts) -> tuple[Part, str, str]:
     if found is not None and "inputs" in found.facts and found.facts["inputs"] == _inputs(task, found.facts):
         return found, KEPT, ""
     loaded = _scene_of(task)
-    key = f"{loaded.keys[task.muscle]} {task.groups} {task.pictures}"
+    crosses = loaded.scene.muscles[task.muscle].crosses  # a part has moment arms as well
+    key = f"{loaded.keys[task.muscle]} {task.groups} {task.pictures} {crosses}"
     found = store.read(task.name, key)
     state = KEPT if found is not None else DONE
     if found is None:

@@ -59,6 +59,30 @@ def replacing(path: Path) -> Iterator[Path]:
         partial.unlink(missing_ok=True)
 
 
+def check_no_links(folder: Path) -> None:
+    """Raise an error where a folder of results, or one within it at any depth, is a link to elsewhere.
+
+    Files that are links do no harm: they are replaced or removed themselves, never what they lead to.
+
+    Parameters
+    ----------
+    folder : Path
+        Need not exist.
+
+    Raises
+    ------
+    NotADirectoryError
+        For the first link.
+    """
+    inside = (Path(parent, name) for parent, names, _ in os.walk(folder) for name in sorted(names))
+    for path in (folder, *inside):
+        if path.is_symlink():
+            raise NotADirectoryError(
+                f"{path} is a link to {os.readlink(path)}; results are not written through links, move it "
+                "away"
+            )
+
+
 def left_behind(folder: Path, *, deep: bool = False) -> list[Path]:
     """Return what processes that were killed have left of what they were writing.
 

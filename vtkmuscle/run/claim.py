@@ -7,8 +7,8 @@ import os
 import re
 import shutil
 import warnings
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,8 @@ from xml.etree import ElementTree
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import check_is_file
 from vtkmuscle.io.temporal import SERIES_SUFFIXES
-from vtkmuscle.io.writing import left_behind
+from vtkmuscle.io.writing import check_no_links, left_behind
+from vtkmuscle.scene.names import checked_name
 
 if TYPE_CHECKING:
     from vtkmuscle.scene.data import SceneData
@@ -65,7 +66,7 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
     _check_inputs(folder, scene)
     folder.mkdir(parents=True, exist_ok=True)
     with locked(folder):
-        for path in _places(scene.muscles, folder=True):
+        for path in _places([*scene.muscles, *_muscles_of(read_report(folder))], folder=True):
             _check_is_folder(folder / path)
         for path in _places(scene.muscles, folder=False):
             if (folder / path).is_dir() and not (folder / path).is_symlink():
@@ -86,14 +87,13 @@ def remove_results(folder: Path, scene: SceneData, kept: Collection[str] = ()) -
     report lists.
     """
     report = read_report(folder) or {}
-    names = {*scene.muscles, *(name for name in report.get("muscles", ()) if re.fullmatch(r"[^/\\]+", name))}
+    names = {*scene.muscles, *_muscles_of(report)}
     notes = folder / "finished"
     for note in (notes / f"{name}{end}" for name in ("scene", *names - {*kept}) for end in _NOTES):
         note.unlink(missing_ok=True)  # first: what is noted is there
     for inside, ending in (("bones", ".vtp"), ("errors", ".npz")):
-        if not notes.is_symlink() and not (notes / inside).is_symlink():
-            for note in (notes / inside).glob(f"*{ending}"):
-                note.unlink()
+        for note in (notes / inside).glob(f"*{ending}"):
+            note.unlink()
     gone = sorted(names - {*kept})
     for number, series in enumerate(("bones", *gone, *(f"{name}_fibres" for name in gone))):
         _remove_series(folder, series, numbered=number > 0)
@@ -102,7 +102,9 @@ def remove_results(folder: Path, scene: SceneData, kept: Collection[str] = ()) -
             (folder / f"{name}{ending}").unlink(missing_ok=True)
     drawn = report.get("figures")
     for figure in drawn.get("written", ()) if isinstance(drawn, dict) else ():
-        (folder / "figures" / Path(str(figure)).name).unlink(missing_ok=True)
+        path = folder / "figures" / Path(str(figure)).name
+        if path.is_file():
+            path.unlink()
     for name in _LISTS:
         (folder / name).unlink(missing_ok=True)
 
@@ -111,16 +113,16 @@ def _remove_series(folder: Path, name: str, *, numbered: bool) -> None:
     """Remove a series and the frames that it lists; of muscles also those that no series lists yet."""
     inside = folder / name
     frames = set(_listed(folder / f"{name}.pvd"))
-    if numbered and inside.is_dir() and not inside.is_symlink():
+    if numbered and inside.is_dir():
         pattern = re.compile(re.escape(name) + r"_\d{4,}\.vtp")
         frames |= {path for path in inside.iterdir() if pattern.fullmatch(path.name)}
     parents = set()
     for frame in frames:
-        if inside in frame.parents and ".." not in frame.parts and not frame.parent.is_symlink():
+        if inside in frame.parents and ".." not in frame.parts and frame.suffix == ".vtp":
             frame.unlink(missing_ok=True)
             parents.add(frame.parent)
     for parent in sorted({*parents, inside}, key=lambda path: -len(path.parts)):
-        if parent.is_dir() and not parent.is_symlink() and not any(parent.iterdir()):
+        if parent.is_dir() and not any(parent.iterdir()):
             parent.rmdir()
     for ending in SERIES_SUFFIXES:
         (folder / f"{name}{ending}").unlink(missing_ok=True)
@@ -137,7 +139,14 @@ def _listed(collection: Path) -> Iterator[Path]:
             yield collection.parent / str(entry.get("file"))
 
 
-def _places(muscles: Mapping[str, Any], *, folder: bool) -> Iterator[str]:
+def _muscles_of(report: Mapping[str, Any] | None) -> Iterator[str]:
+    """Give the muscles of an earlier run; a name that no run could have written is passed over."""
+    for name in (report or {}).get("muscles", ()):
+        with suppress(ValueError):
+            yield checked_name(name)
+
+
+def _places(muscles: Iterable[str], *, folder: bool) -> Iterator[str]:
     """Give the names of folders, or of files, that a run writes in its folder."""
     yield from _FOLDERS if folder else _FILES
     for name in muscles:
@@ -168,10 +177,7 @@ def _check_inputs(folder: Path, scene: SceneData) -> None:
 
 
 def _check_is_folder(path: Path) -> None:
-    if path.is_symlink():
-        raise NotADirectoryError(
-            f"{path} is a link to {os.readlink(path)}; results are not written through links, move it away"
-        )
+    check_no_links(path)
     if path.exists() and not path.is_dir():
         raise NotADirectoryError(f"{path} is a file, where a folder of results goes; move it away")
 

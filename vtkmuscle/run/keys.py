@@ -8,6 +8,7 @@ from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -16,12 +17,18 @@ from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.data.arrays import points_of
-from vtkmuscle.scene.data import SceneData
+from vtkmuscle.scene.data import Muscle, SceneData
 
 #: Parts of the package that only start runs or show what came out of them.
-_SHOWING = ("cli", "cohort", "paraview", "plotting", "report/", "tradeoff/plots", "tradeoff/table", "view/")
-#: Fields of a scene that its result does not depend on: where it was read from.
-_NOT_SCENE = ("files",)
+_SHOWING = ("cli", "paraview", "plotting", "report/", "tradeoff/plots", "tradeoff/table", "view/")
+#: Fields that no frame of a muscle depends on, and why; all others count.
+IRRELEVANT: Mapping[str, str] = MappingProxyType(
+    {
+        "SceneData.files": "where it was read from; what was read counts",
+        "Muscle.literature": "drawn beside the curves of a finished run",
+        "Muscle.crosses": "says by which coordinates moment arms are given, which is done after all frames",
+    }
+)
 #: Packages that have a part in the numbers.
 _PACKAGES = ("numpy", "scipy", "numba", "vtk", "pyamg")
 #: The key of a file of which the content counts, not the name.
@@ -31,10 +38,9 @@ _FILE = "template_file"
 def muscle_keys(scene: SceneData, numbers: range) -> dict[str, str]:
     """Return the key of each muscle of a scene: a digest of all that its frames depend on.
 
-    That is its surface, attachments, fibres and settings, all bones and their motion, which frames are kept,
-    this package's source, and the versions of the packages that it computes with. Where muscles may meet,
-    also the muscles before it in the scene. What is done with the frames afterwards, as drawings beside
-    published curves, does not count.
+    That is all of the muscle and of the scene but what is :data:`IRRELEVANT`, which frames are kept, this
+    package's source, and the versions of the packages that it computes with. Where muscles may meet, also the
+    muscles before it in the scene.
 
     Parameters
     ----------
@@ -43,14 +49,19 @@ def muscle_keys(scene: SceneData, numbers: range) -> dict[str, str]:
     numbers : range
         Of the frames that are kept.
     """
-    settings = scene.name, scene.units, scene.model, scene.muscle_contact
-    common = digest_of([code_digest(), settings, scene.motion, list(numbers), scene.bones])
+    shared = _relevant(scene, SceneData)
+    del shared["muscles"]  # each has a key of its own
+    common = digest_of([code_digest(), list(numbers), shared])
     keys: dict[str, str] = {}
     for name, muscle in scene.muscles.items():
         before = list(keys.values()) if scene.muscle_contact != "off" else []
-        own = [muscle.surface, muscle.attachments, muscle.fibres, muscle.superficial_fibres]
-        keys[name] = digest_of([common, before, name, *own, scene.solver_of(name), scene.fixing_of(name)])
+        keys[name] = digest_of([common, before, name, _relevant(muscle, Muscle)])
     return keys
+
+
+def _relevant(value: Any, kind: type) -> dict[str, Any]:
+    names = (field.name for field in fields(kind))
+    return {name: getattr(value, name) for name in names if f"{kind.__name__}.{name}" not in IRRELEVANT}
 
 
 def digest_of(value: Any) -> str:
@@ -71,7 +82,7 @@ def _feed(digest: Any, value: Any) -> None:
         digest.update(np.ascontiguousarray(value).tobytes())
     elif is_dataclass(value):
         for field in fields(value):
-            if not (isinstance(value, SceneData) and field.name in _NOT_SCENE):
+            if not (isinstance(value, SceneData) and field.name == "files"):
                 _feed(digest, (field.name, getattr(value, field.name)))
     elif isinstance(value, Mapping):
         # In order: muscles yield to those before them, and points are fixed to bones by number. The order of

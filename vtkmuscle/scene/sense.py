@@ -13,14 +13,19 @@ import numpy as np
 from vtkmuscle.core.attachments.rings import ring_area, ring_length, short_ring
 from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.core.mesh.solids import Solids, solids_of
+from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.arrays import checked_surface, points_of
 from vtkmuscle.data.attachments import AttachmentArea
-from vtkmuscle.scene.data import Muscle, SceneData
+from vtkmuscle.scene.data import MILLIMETRES, Muscle, SceneData
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense_motion import motion_findings
 
-#: The longest side of all bones and muscles: what is shorter or longer is in another unit [mm].
-SHORTEST, LONGEST = 10.0, 5000.0
+#: The longest side of all bones and muscles: what is shorter or longer is in another unit [mm]. The tallest
+#: person was 2720 mm.
+SHORTEST, LONGEST = 10.0, 3000.0
+#: A muscle that is larger is in another unit [mm^3]: six times the largest ones of adults, gluteus maximus
+#: and vastus lateralis (Handsfield et al. 2014, doi:10.1016/j.jbiomech.2013.12.002).
+LARGEST = 5e6
 #: Landmarks farther than this from their bone, in the middle, are not on it; farther than the second, or
 #: than the muscle is long, all of them: they are another scene's [mm].
 FAR_LANDMARKS, LOST_LANDMARKS = 10.0, 300.0
@@ -123,12 +128,25 @@ def _strays(scene: SceneData) -> Iterator[Finding]:
 def _sizes(scene: SceneData) -> Iterator[Finding]:
     surfaces = [*scene.bones.values(), *(muscle.surface for muscle in scene.muscles.values())]
     longest = max(float(np.ptp(points_of(surface), axis=0).max()) for surface in surfaces)
-    length = longest * scene.millimetres
-    if not SHORTEST <= length <= LONGEST:
-        guess = "m" if SHORTEST <= 1000.0 * longest <= LONGEST else "mm"
-        guess = guess if guess != scene.units else "cm"
-        problem = f"the longest bone or muscle is {length:.3g} mm long in this unit"
-        yield "units", problem, f'if the files are in {guess}, write units = "{guess}"', False
+    volumes = {
+        name: abs(signed_volume(*checked_surface(one.surface, name))) for name, one in scene.muscles.items()
+    }
+    largest = max(volumes, key=lambda name: volumes[name])
+
+    def fits(unit: str) -> bool:
+        size = MILLIMETRES[unit]
+        return SHORTEST <= longest * size <= LONGEST and volumes[largest] * size**3 <= LARGEST
+
+    if fits(scene.units):
+        return
+    size = scene.millimetres
+    problem = f"the longest bone or muscle is {longest * size:.3g} mm long"
+    if volumes[largest] * size**3 > LARGEST:
+        problem += f" and {largest!r} has {volumes[largest] * size**3 / 1e6:.3g} litres"
+    remedies = [
+        f'if the files are in {unit}, write units = "{unit}"' for unit in ("mm", "m", "cm") if fits(unit)
+    ]
+    yield "units", f"{problem} in this unit", (remedies or ["check the unit of the files"])[0], False
 
 
 def _twice(scene: SceneData) -> Iterator[Finding]:

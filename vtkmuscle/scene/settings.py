@@ -68,7 +68,8 @@ def _some(**values: Any) -> dict[str, Any]:
 def _settings(name: str, declarations: Mapping[str, Parameter[Any]], doc: str) -> type[Settings]:
     fields: dict[str, Any] = {}
     for word, declaration in declarations.items():
-        doc_of = declaration.doc + (f" [{declaration.units}]" if declaration.units else "")
+        unit = declaration.units.replace("mm", "units")  # lengths in a scene are in its unit
+        doc_of = declaration.doc + (f" [{unit}]" if unit else "")
         kind = Annotated[
             Any,
             PlainValidator(partial(_checked, declaration)),

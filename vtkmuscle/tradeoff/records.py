@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from vtkmuscle.io.parts import Part, Parts
+from vtkmuscle.io.writing import check_no_links
 from vtkmuscle.run.keys import code_digest, digest_of
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.tradeoff.trial import Trial
@@ -35,6 +36,7 @@ class Records:
     def __init__(
         self, folder: Path, scene: SceneData, compared: Sequence[int], *, fresh: bool = False
     ) -> None:
+        check_no_links(folder)
         self._parts = Parts(folder)
         self._what = [digest_of(scene), list(compared), code_digest()]
         self._fresh = fresh
