@@ -12,7 +12,7 @@ from sphinx.application import Sphinx
 _DOI = re.compile(r"(?<![\w/`<])doi:(10\.\d{4,9}/[-._;()/:<>a-zA-Z0-9]*[a-zA-Z0-9])")
 _filters_before: list[Any] = []
 #: The gallery's examples, in the order in which a reader may want them.
-_EXAMPLES = """quickstart hip moment_arm two_joints knee gait_cycle opensim_model fixed_points
+_EXAMPLES = """quickstart model hip moment_arm two_joints knee gait_cycle opensim_model fixed_points
 fibre_templates own_template pennate_block pennate_belly fibre_field superficial_fibres
 fibre_ends iliacus branching_pipeline time_slider animated_hip"""
 
