@@ -139,6 +139,18 @@ def test_errors_are_shown_with_their_parts(run_folder):
     assert "were not determined" not in words
 
 
+def test_an_area_without_aponeuroses_is_a_least_one(run_folder):
+    other = changed(run_folder[1])
+    muscle = other.report["muscles"]["spindle"]
+    muscle["architecture"] |= {"tendon_from": "estimate", "pcsa_without_tendon_mm2": 500.0}
+    for part, shown in ((1766.0, "5.00 to 22.7 cm²"), (0.0, "5.00 ± 0.10 cm²")):
+        parts = {"facets": 10.0, "aponeuroses": part}
+        total = float(np.hypot(*parts.values()))
+        found = {"value": 500.0, "unit": "mm^2", "parts": parts, "total": total}
+        muscle["errors"] = {"pcsa_without_tendon": found}
+        assert shown in " ".join(words_of(page_of(other, CHECKS)).split())
+
+
 def test_a_muscle_that_failed_on_the_way_shows_the_frames_it_has(run_folder):
     _, result = run_folder
     track = copy.copy(result._tracks["spindle"])

@@ -216,8 +216,13 @@ def _card(result: RunResult, place: int, name: str) -> dict[str, Any]:
 
 
 def _with_error(muscle: Mapping[str, Any], quantity: str, value: float, per: float) -> str:
-    """Return a number in another unit, with its error where that is known."""
+    """Return a number in another unit, with its error where that is known.
+
+    Fibres that end on aponeuroses, where none are given, can only be shorter, and areas larger.
+    """
     known = muscle.get("errors", {}).get(quantity)
+    if known and known["parts"].get("aponeuroses"):
+        return f"{number(value / per)} to {number((value + known['total']) / per)}"
     error = f" ± {number(known['total'] / per, 2)}" if known else ""
     return f"{number(value / per)}{error}"
 
