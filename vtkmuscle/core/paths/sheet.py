@@ -14,26 +14,12 @@ from vtkmuscle.core.mesh.surface import check_volume, signed_volume
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.blending import screw_between
 from vtkmuscle.core.motion.rigid import inverse
-from vtkmuscle.core.paths.bone_contact import FIRST_PUSH, PUSH, BoneContacts, Proximity, add_contacts
-from vtkmuscle.core.paths.equilibrium import (
-    RESPONSE_LEFT,
-    STEP_LEFT,
-    add_neighbours,
-    add_springs,
-    newton_step,
-)
+from vtkmuscle.core.paths.bone_contact import FIRST_PUSH, PUSH, BoneContacts
 from vtkmuscle.core.paths.neighbours import neighbours_of
-from vtkmuscle.core.paths.ring_contact import (
-    Rings,
-    add_rings,
-    hold_in_rings,
-    outside_of,
-    ring_loads,
-    rings_at,
-)
+from vtkmuscle.core.paths.pose import Sheet, SheetPose
+from vtkmuscle.core.paths.ring_contact import outside_of, rings_at
 from vtkmuscle.core.paths.surroundings import surroundings_of
 from vtkmuscle.core.paths.via_rings import ViaRing
-from vtkmuscle.core.paths.wrenches import path_wrenches
 from vtkmuscle.core.types import Floats, Ints
 
 #: Points of a path. Paths of 17 points round a cylinder of 30 mm have moment arms 1 % less than those of
@@ -60,9 +46,6 @@ _RISE, _SHORTENED = 0.5, 8
 
 #: Bounds of a path's stretch, beyond which none is sensible (a muscle works between about 0.5 and 1.6).
 LEAST_STRETCH, GREATEST_STRETCH = 0.25, 4.0
-
-#: How far a bone is moved to see how its push changes, in thicknesses of the muscle.
-SMALL_MOVE = 1e-4
 
 #: Bones whose moves differ by less than this have moved together: paths go with them as they are [mm].
 _TOGETHER = 1e-9
@@ -162,8 +145,7 @@ class MusclePaths:
             raise ValueError(f"fibre {int(segments.sum(axis=1).argmin())} has no length")
         self.thickness = 2.0 * half_thickness(surface, triangles)
         self._lengths, self._segment = segments.sum(axis=1), float(segments.mean())
-        self._rings = tuple(rings)
-        self._around = surroundings_of(
+        around = surroundings_of(
             self.fibres,
             start_bones,
             end_bones,
@@ -171,14 +153,23 @@ class MusclePaths:
             triangle_tree(surface, triangles),
             self.thickness,
         )
-        self._contacts = BoneContacts(bones, self._around.standoff, self._segment)
-        self._neighbours = neighbours_of(self.fibres)
         last = max([*bones, int(start_bones.max()), int(end_bones.max()), *(bone for bone, _ in rings)])
         still = np.zeros((last + 1, 4, 4)) + np.eye(4)
         nothing = np.zeros((len(rings), len(self.fibres)))
         outside = np.empty_like(nothing)
-        outside_of(rings_at(self._rings, still, np.zeros(3), nothing), self.fibres, outside)
-        self._outside = outside
+        outside_of(rings_at(rings, still, np.zeros(3), nothing), self.fibres, outside)
+        self._sheet = Sheet(
+            self.fibres,
+            start_bones,
+            end_bones,
+            self.thickness,
+            self.widths,
+            around,
+            BoneContacts(bones, around.standoff, self._segment),
+            neighbours_of(self.fibres),
+            tuple(rings),
+            outside,
+        )
         self.rest: PathState = self._settle(self.fibres, still)
 
     def widths(self, points: Floats) -> Floats:
@@ -254,7 +245,7 @@ class MusclePaths:
         x[:, -1] = _carried_by(transforms[self.end_bones], self.fibres[:, -1])
         # About their middle: far from the origin the springs would take the digits.
         middle = (x.min(axis=(0, 1)) + x.max(axis=(0, 1))) / 2.0
-        pose = _Pose(self, transforms, middle)
+        pose = SheetPose(self._sheet, transforms, middle)
         x -= middle
         enough = TOLERANCE * x.shape[0] * x.shape[1] * self._segment**2
         longest = LARGEST_STEP * self._segment
@@ -282,146 +273,6 @@ class MusclePaths:
         wrenches = pose.wrenches(x)
         wrenches[:, :, 3:] += np.cross(middle, wrenches[:, :, :3])
         return PathState(x + middle, transforms, wrenches, pose.contacts(), settled)
-
-
-class _Pose:
-    """What acts on the paths in one pose, about a point."""
-
-    def __init__(self, paths: MusclePaths, transforms: Floats, middle: Floats) -> None:
-        around = paths._around
-        self._paths = paths
-        self._neighbours, self._contacts = paths._neighbours, paths._contacts
-        self._near: list[Proximity] = []
-        #: Of each bone, what its tissue holds points with: stiffness (f, n, 3, 3) and pull (f, n, 3).
-        self._tissue: dict[int, tuple[Floats, Floats]] = {}
-        self._ring_bones = [bone for bone, _ in paths._rings]
-        self._moved = np.array(transforms)
-        self._moved[:, :3, 3] -= middle
-        f, n, _ = paths.fibres.shape
-        held, pull = np.zeros((f, n, 3, 3)), np.zeros((f, n, 3))
-        for k, number in enumerate(around.bones):
-            turn = self._moved[number, :3, :3]
-            stiffness = turn @ around.stiffness[k] @ turn.T
-            force = around.force[k] @ turn.T
-            home = paths.fibres @ turn.T + self._moved[number, :3, 3]
-            given = np.einsum("fnij,fnj->fni", stiffness, home) + force
-            held += stiffness
-            pull += given
-            self._tissue[number] = stiffness, given
-        self._held = np.ascontiguousarray(held.reshape(f, n, 9)[:, :, [0, 1, 2, 4, 5, 8]])
-        self._pull = pull
-        self._rings: Rings = rings_at(paths._rings, transforms, middle, paths._outside)
-        self.gradient, self.way = np.zeros((f, n, 3)), np.empty((f, n, 3))
-        self._blocks = np.zeros((f, n, 6))
-        #: Working memory of :func:`newton_step`.
-        self._work = np.empty((f, n, 6)), np.empty((4, f, n, 3)), np.empty((4, 1, n, 6))
-        self._directions = np.empty((len(paths._neighbours.pairs), 3))
-        self._pressure = np.zeros((len(paths._contacts.numbers), f, n))
-        self._ring_points = np.zeros((len(paths._rings), f), dtype=np.int64)
-        self._ring_pressure = np.zeros((len(paths._rings), f, n))
-
-    def hold(self, x: Floats) -> bool:
-        """Choose the points that the rings hold; return whether they are others than before."""
-        before = self._ring_points.copy()
-        hold_in_rings(x, self._rings, self._ring_points)
-        return not np.array_equal(before, self._ring_points)
-
-    def look_at(self, x: Floats, push: float) -> None:
-        """Compute the gradient of the energy at x (f, n, 3), and its stiffness."""
-        gradient, blocks = self.gradient, self._blocks
-        self._hold_together(x, gradient, blocks, self._directions)
-        gaps, normals, self._near = self._contacts.at(x, self._moved, self._near)
-        rounding = self._contacts.rounding
-        add_contacts(x, gaps, normals, push, rounding, gradient, blocks, self._pressure)
-        points = self._ring_points
-        add_rings(x, self._rings, points, push, rounding, gradient, blocks, self._ring_pressure)
-        gradient[:, [0, -1]] = 0.0
-
-    def _hold_together(self, x: Floats, gradient: Floats, blocks: Floats, directions: Floats) -> None:
-        """Write what springs, tissue and neighbours add to the gradient and its stiffness."""
-        add_springs(x, self._held, self._pull, gradient, blocks)
-        x_, gradient_, blocks_ = (array.reshape(-1, array.shape[2]) for array in (x, gradient, blocks))
-        add_neighbours(x_, gradient_, blocks_, self._neighbours, self._paths.widths(x), directions)
-
-    def step(self) -> float:
-        """Compute the step of Newton's method, ``way``, and return its slope."""
-        return self._solve(self.gradient, STEP_LEFT)
-
-    def _solve(self, gradient: Floats, left_over: float) -> float:
-        """Write to ``way`` what takes the stiffness from a gradient to nothing, and return its slope."""
-        stiffness = self._blocks, self._neighbours, self._directions
-        return float(newton_step(gradient, *stiffness, left_over, *self._work, self.way))
-
-    def contacts(self) -> Ints:
-        """Return how many points of each path bones and rings press on, (f,)."""
-        presses: Ints = ((self._pressure > 0.0).any(axis=0) | (self._ring_pressure > 0.0).any(axis=0)).sum(
-            axis=1
-        )
-        return presses
-
-    def wrenches(self, x: Floats) -> Floats:
-        """Return the wrenches of the paths at x, which was looked at last, about its origin."""
-        ends = self._paths.start_bones, self._paths.end_bones
-        moving = sorted({*ends[0].tolist(), *ends[1].tolist(), *self._tissue, *self._ring_bones})
-
-        def change(bone: int, velocity: Floats, turn: Floats, given: Floats) -> Floats:
-            return self._change_by_ends(x, given) + self._change(x, bone, velocity, turn)
-
-        def response(gradient: Floats) -> Floats:
-            self._solve(gradient, RESPONSE_LEFT)
-            return self.way
-
-        return path_wrenches(x, *ends, moving, len(self._moved), change, response)
-
-    def _change_by_ends(self, x: Floats, given: Floats) -> Floats:
-        """Return how the gradient at x changes as the ends go with velocities, which are 0 at all others.
-
-        A central difference: a path that gets longer gets narrower, and one whose end turns aside has another
-        tangent, from which its neighbours are at right angles.
-        """
-        fastest = float(np.abs(given).max())
-        if fastest == 0.0:
-            return np.zeros_like(x)
-        part = SMALL_MOVE * self._paths.thickness / fastest
-        sides = []
-        for way in (part, -part):
-            gradient = np.zeros_like(x)
-            self._hold_together(
-                x + way * given, gradient, np.zeros_like(self._blocks), np.empty_like(self._directions)
-            )
-            sides.append(gradient)
-        change: Floats = (sides[0] - sides[1]) / (2.0 * part)
-        return change
-
-    def _change(self, x: Floats, bone: int, velocity: Floats, turn: Floats) -> Floats:
-        """Return how the gradient at x changes as a bone moves, beside which the ends stay."""
-        change = np.zeros_like(x)
-        if bone in self._tissue:
-            held, given = self._tissue[bone]
-            force = given - np.einsum("fnij,fnj->fni", held, x)
-            change -= np.einsum("fnij,fnj->fni", held, velocity) + np.cross(turn, force)
-        if bone in self._contacts.numbers:
-            # The bone's surface curves: its normals where the points will be, seen from the bone.
-            k, fastest = self._contacts.numbers.index(bone), float(np.abs(velocity).max())
-            part = SMALL_MOVE * self._paths.thickness / fastest if fastest > 0.0 else 1.0
-            after, before = (self._push_of(k, x - way * velocity) for way in (part, -part))
-            change -= (after - before) / (2.0 * part) + np.cross(turn, (after + before) / 2.0)
-        for ring in np.flatnonzero(np.array(self._ring_bones) == bone):
-            loads = x, self._rings, int(ring), self._ring_points[ring], self._ring_pressure[ring], PUSH
-            force, held = ring_loads(*loads)
-            change -= np.einsum("fnij,fnj->fni", held, velocity) + np.cross(turn, force)
-        return change
-
-    def _push_of(self, k: int, x: Floats) -> Floats:
-        """Return with what forces a bone presses on points (f, n, 3)."""
-        gaps, normals = self._contacts.at_bone(k, x, self._moved, self._near[k])
-        pressure = np.zeros((1, *x.shape[:2]))
-        add_contacts(
-            x, gaps[None], normals[None], PUSH, self._contacts.rounding,
-            np.zeros_like(x), np.zeros((*x.shape[:2], 6)), pressure,
-        )  # fmt: skip
-        force: Floats = pressure[0][..., None] * normals
-        return force
 
 
 def half_thickness(surface: Floats, triangles: Ints) -> float:
