@@ -36,13 +36,13 @@ BUDGETS = {
     "export": 638,  # 626: OpenSim and MuJoCo
     "fetch": 326,  # 320: public data
     "filters": 3823,  # 3749: VTK filters; FibreField is 84 of them
-    "io": 2587,  # 2563: readers and writers
+    "io": 2612,  # 2599: readers and writers; a folder held against others is 28 of them
     "paraview": 392,  # 385: the plugin
     "phantoms": 1373,  # 1347: bodies with known answers; pennate_belly is 57 of them
     "pipelines": 212,  # 210: filters connected
     "plotting": 1214,  # 1191: figures
     "report": 856,  # 848: the page of a run
-    "run": 2975,  # 2973: a run of a scene
+    "run": 2980,  # 2976: a run of a scene
     "scene": 2153,  # 2148: scene.toml
     "tradeoff": 496,  # 489: accuracy against time
     "view": 175,  # 172: the viewer

@@ -15,7 +15,7 @@ from vtkmuscle.data.arrays import blocks_of, field_array, field_string, points_o
 from vtkmuscle.filters import provenance_of
 from vtkmuscle.io import read_series
 from vtkmuscle.plotting import can_render, export_scene
-from vtkmuscle.run.folder import RunFolder
+from vtkmuscle.run import RunOptions
 from vtkmuscle.run.poses import read_pose
 
 
@@ -93,9 +93,9 @@ def test_gathering_leaves_files_alone_that_are_not_of_the_series(tmp_path):
     assert [path.name for path in mine.parent.iterdir()] == ["notes.txt"]
 
 
-def test_an_unknown_format_is_refused(tmp_path):
+def test_an_unknown_format_is_refused():
     with pytest.raises(ValueError, match="series is 'vtu', but must be one of 'pvd', 'vtkhdf'"):
-        RunFolder(tmp_path, series="vtu")
+        RunOptions(series="vtu")
 
 
 # ---------------------------------------------------------------- export

@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 
 from vtkmuscle import Scene, SceneError, phantoms
 from vtkmuscle.cli import BAD_INPUT, app
-from vtkmuscle.io.writing import left_behind, replacing, write_text
-from vtkmuscle.run.claim import LOCK, claimed
+from vtkmuscle.io.writing import LOCK, left_behind, replacing, write_text
+from vtkmuscle.run.claim import claimed
 from vtkmuscle.run.unchanged import save_unless_changed
 
 QUICK = ("--frames", "0:1", "--no-figures", "--quiet")

@@ -20,8 +20,8 @@ from vtkmuscle.data.aponeuroses import Aponeurosis
 from vtkmuscle.data.arrays import points_of, set_field_array, with_points
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.io import LiteratureCurve
-from vtkmuscle.run.keys import IRRELEVANT, digest_of, muscle_keys
 from vtkmuscle.run.muscles import MuscleRun
+from vtkmuscle.run.store.keys import IRRELEVANT, digest_of, muscle_keys
 from vtkmuscle.scene.data import Muscle, SceneData
 
 SHEET = np.array([[0, 1, 2]])

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import ExitStack
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -13,19 +12,16 @@ from typing import TYPE_CHECKING, Any, Self
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
 from vtkmuscle.accuracy import SOLVED, ErrorStudy
-from vtkmuscle.core.mesh.shared import held
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.filters.deformer.quality import PRESETS
-from vtkmuscle.run.claim import claimed
-from vtkmuscle.run.drawing import Drawing
+from vtkmuscle.run.options import RunOptions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.scenes import run_scene
 from vtkmuscle.scene.checks import checked
 from vtkmuscle.scene.data import Muscle, SceneData
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.reading import read_fields
-from vtkmuscle.scene.sense import check_sense
 from vtkmuscle.scene.writing import write_scene
 
 if TYPE_CHECKING:
@@ -164,18 +160,10 @@ class Scene(SceneData):
         self,
         out: str | PathLike[str] | None = None,
         *,
-        frames: str | slice | range | int | None = None,
-        figures: bool = True,
-        report: bool = True,
-        progress: Callable[[str, str, float], None] | None = None,
-        workers: int | None = None,
-        series: str = "pvd",
-        observe: Callable[[str, Mapping[str, Any]], None] | None = None,
-        overwrite: bool = False,
-        fresh: bool = False,
         errors: bool | Iterable[str] = (),
         landmark_error: float = 5.0,
         landmark_samples: int = 8,
+        **options: Any,
     ) -> Result:
         """Deform all muscles over the motion, carry their fibres along, and measure.
 
@@ -187,32 +175,6 @@ class Scene(SceneData):
             same scene is in it, killed or not, muscles that it has finished with the same inputs and settings
             are taken over, and all others are computed; other files are left alone. Without it nothing is
             written.
-        frames : str, slice, range or int, optional
-            Which frames to keep and write, e.g. ``"0:10"`` for the first ten (the end is not
-            included, as in Python); default all. Frames before them are computed, for the deformation
-            depends on its past; frames after them are not.
-        figures : bool, optional
-            Draw figures; where there is no OpenGL, a warning says so and all else is written.
-        report : bool, optional
-            Write report.html: the scene to be turned and moved, curves, tables and verdicts in one file that
-            a browser opens.
-        progress : callable, optional
-            Called with the muscle's name, what is being done, and the part that is done, 0 to 1; from
-            several threads.
-        workers : int, optional
-            Muscles that run at the same time; default the number of processors. The result does not
-            depend on it.
-        series : str, optional
-            How frames are written: ``"pvd"`` (a .vtp file per frame) or ``"vtkhdf"`` (one file per muscle,
-            for its fibres and for the bones).
-        observe : callable, optional
-            Called with the muscle's name and the figures of each frame that is done, as they are in the
-            report; from several threads.
-        overwrite : bool, optional
-            Whether results of another scene in that folder, or files that no run has written, may be
-            replaced. The scene's own files never are.
-        fresh : bool, optional
-            Compute muscles again that are finished in that folder.
         errors : bool or iterable of str, optional
             What part of the error of lengths, moment arms and areas is found by further solves beside the
             run's own: ``"model"`` (paths against the volume), ``"mesh"`` (edges half as long), ``"slices"``
@@ -222,6 +184,9 @@ class Scene(SceneData):
             By how much landmarks are moved for ``"landmarks"`` [mm].
         landmark_samples : int, optional
             How often, 3 or more.
+        **options
+            Of :class:`vtkmuscle.run.RunOptions`: ``frames``, ``workers``, ``fresh``, ``overwrite``,
+            ``figures``, ``report``, ``series``, ``progress``, ``observe``, ``sense`` and ``clock``.
 
         Returns
         -------
@@ -234,8 +199,10 @@ class Scene(SceneData):
         SceneError
             If a stage cannot be done, or something in the scene is surely not meant; the message names the
             muscle and the remedy.
+        TypeError
+            For an option that there is not.
         ValueError
-            If no such frames exist, or something in the folder would be lost.
+            If no such frames exist, an option is not allowed, or something in the folder would be lost.
         OSError
             If the folder cannot be written to, or another run writes to it.
         KeyboardInterrupt
@@ -245,29 +212,7 @@ class Scene(SceneData):
             raise ValueError("out is empty; give the name of a folder")
         kinds = () if errors is False else SOLVED if errors is True else tuple(errors)
         study = ErrorStudy(self, kinds, landmark_error=landmark_error, landmark_samples=landmark_samples)
-        target = None if out is None else Path(out)
-        with ExitStack() as stack:
-            stack.enter_context(held())
-            drawing = None
-            if target is not None and figures:
-                drawing = stack.enter_context(Drawing(target, self))
-            odd = check_sense(self)
-            if target is not None:
-                stack.enter_context(claimed(target, self, overwrite=overwrite))
-            return run_scene(
-                self,
-                target,
-                frames=frames,
-                drawing=drawing,
-                page=report,
-                odd=odd,
-                progress=progress,
-                workers=workers,
-                series=series,
-                observe=observe,
-                fresh=fresh,
-                errors=study,
-            )
+        return run_scene(self, None if out is None else Path(out), RunOptions.of(options), errors=study)
 
     def __repr__(self) -> str:
         muscles = ", ".join(self.muscles)

@@ -19,8 +19,8 @@ from vtkmuscle.cohort.running import REPORT
 from vtkmuscle.cohort.tables import read_table
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.io import read_polydata, write_polydata
-from vtkmuscle.run.claim import locked
-from vtkmuscle.run.scenes import run_scene
+from vtkmuscle.io.writing import locked
+from vtkmuscle.run import RunOptions, run_scene
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +100,7 @@ def test_the_numbers_are_those_of_a_run(done):
     )
     (file.parent / "anna/scene.toml").write_text(text)
     scene = Scene.load(file.parent / "anna/scene.toml")
-    result = run_scene(scene, None, frames=None, progress=None, workers=1)
+    result = run_scene(scene, None, RunOptions(workers=1, sense=False))
     mine = [row for row in rows(out) if (row["subject"], row["muscle"]) == ("anna", "other")]
     lengths = [float(row["length_mm"]) for row in mine]
     np.testing.assert_allclose(lengths, result.lengths["other"].mean(axis=1), rtol=1e-14)

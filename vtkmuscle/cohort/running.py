@@ -24,11 +24,10 @@ from vtkmuscle.cohort.tables import write_tables
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.processors import processors
 from vtkmuscle.io.parts import Part, Parts
-from vtkmuscle.io.writing import check_no_links, left_behind, write_text
+from vtkmuscle.io.writing import check_no_links, left_behind, locked, write_text
 from vtkmuscle.isolation import workers_leave_out_working_folder
-from vtkmuscle.run.claim import locked
-from vtkmuscle.run.keys import code_digest
 from vtkmuscle.run.report import versions
+from vtkmuscle.run.store.keys import code_digest
 
 #: The file that says what a folder of results is of.
 REPORT = "study.json"

@@ -18,9 +18,10 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.core.motion.fitted_lengths import group_fibres
 from vtkmuscle.io.parts import Part, Parts, file_digest
-from vtkmuscle.run.keys import code_digest, digest_of, muscle_keys
+from vtkmuscle.run.options import RunOptions, frame_numbers
 from vtkmuscle.run.result import Result
-from vtkmuscle.run.scenes import frame_numbers, run_scene
+from vtkmuscle.run.scenes import run_scene
+from vtkmuscle.run.store.keys import code_digest, digest_of, muscle_keys
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.reading import read_fields
 from vtkmuscle.scene.sense import check_sense
@@ -171,15 +172,8 @@ def _solved(task: Task, loaded: _TaskScene) -> Part:
     before = names[: names.index(task.muscle) + 1] if scene.muscle_contact != "off" else [task.muscle]
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")
-        result = run_scene(
-            scene,
-            None,
-            frames=task.frames,
-            page=False,
-            progress=None,
-            workers=1,
-            muscles=before,
-        )
+        options = RunOptions(frames=task.frames, workers=1, sense=False)
+        result = run_scene(scene.with_muscles(*before), None, options)
     report = result.report["muscles"][task.muscle]
     arrays, facts = _measured(result, task.muscle, task.groups)
     if task.pictures:

@@ -1,7 +1,7 @@
 """Finished parts of a piece of work on disk, so that none is made again.
 
-A part has a name and a key, a digest of all that it depends on (:mod:`vtkmuscle.run.keys`). One of another
-key, or one that is damaged, counts as none.
+A part has a name and a key, a digest of all that it depends on (:mod:`vtkmuscle.run.store.keys`). One of
+another key, or one that is damaged, counts as none.
 """
 
 from __future__ import annotations

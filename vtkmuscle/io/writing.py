@@ -1,4 +1,4 @@
-"""Write files beside their place and move them in when they are complete."""
+"""Write files beside their place and move them in when they are complete; hold a folder while at it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import re
 import secrets
 import time
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +15,9 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
 from vtkmuscle.io.messages import vtk_messages
+
+#: The file that is held while a folder is written to.
+LOCK = ".vtkmuscle.lock"
 
 #: How files and folders are called while they are written: the number is that of the process.
 _PARTIAL = re.compile(r"\..+\.(?P<process>\d+)(-[0-9a-f]+)?\.partial")
@@ -152,3 +156,41 @@ def write_polydata(path: Path, data: vtkPolyData) -> None:
             written = writer.Write()
         if not written or writer.GetErrorCode():
             raise OSError(f"{path}: the file could not be written; is the disk full?")
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold the lock of a folder; the system lets go of it where the process is killed."""
+    path = folder / LOCK
+    if os.name != "posix":
+        yield
+        return
+    import fcntl  # noqa: PLC0415 -- Windows has none
+
+    while True:
+        descriptor = os.open(path, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o666)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            holder = os.read(descriptor, 20).decode("ascii", "replace").strip() or "unknown"
+            os.close(descriptor)
+            raise BlockingIOError(
+                f"{folder}: another run is writing to it (process {holder}); wait for it to end, or give "
+                "another folder with --out"
+            ) from None
+        except OSError as error:  # a file system without locks
+            warnings.warn(f"{folder} cannot be locked ({error.strerror}); start no second run", stacklevel=6)
+            break
+        try:
+            if os.stat(path).st_ino == os.fstat(descriptor).st_ino:
+                break
+        except FileNotFoundError:  # the run before has just ended and removed it
+            pass
+        os.close(descriptor)
+    try:
+        os.ftruncate(descriptor, 0)
+        os.write(descriptor, f"{os.getpid()}\n".encode("ascii"))
+        yield
+    finally:
+        path.unlink(missing_ok=True)
+        os.close(descriptor)

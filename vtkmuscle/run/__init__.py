@@ -1,9 +1,18 @@
 """Running a scene: every muscle over the motion, measured, written to a folder."""
 
 from vtkmuscle.run.moment_arms import MomentArmTable
+from vtkmuscle.run.options import RunOptions, frame_numbers
 from vtkmuscle.run.pipeline import muscle_pipeline
 from vtkmuscle.run.result import Result
-from vtkmuscle.run.scenes import frame_numbers, run_scene
+from vtkmuscle.run.scenes import run_scene
 from vtkmuscle.run.table import Table
 
-__all__ = ["MomentArmTable", "Result", "Table", "frame_numbers", "muscle_pipeline", "run_scene"]
+__all__ = [
+    "MomentArmTable",
+    "Result",
+    "RunOptions",
+    "Table",
+    "frame_numbers",
+    "muscle_pipeline",
+    "run_scene",
+]

@@ -6,7 +6,6 @@ import json
 import os
 import re
 import shutil
-import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from itertools import chain
@@ -17,14 +16,11 @@ from xml.etree import ElementTree
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import check_is_file
 from vtkmuscle.io.temporal import SERIES_SUFFIXES
-from vtkmuscle.io.writing import check_no_links, left_behind
+from vtkmuscle.io.writing import check_no_links, left_behind, locked
 from vtkmuscle.scene.names import checked_name
 
 if TYPE_CHECKING:
     from vtkmuscle.scene.data import SceneData
-
-#: The file that a run holds while it writes to a folder.
-LOCK = ".vtkmuscle.lock"
 
 #: The page with all that a run has found.
 PAGE = "report.html"
@@ -217,41 +213,3 @@ def read_report(folder: Path) -> dict[str, Any] | None:
         return None
     good = isinstance(report, dict) and isinstance(report.get("muscles"), dict) and "complete" in report
     return report if good else None
-
-
-@contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder; the system lets go of it where the process is killed."""
-    path = folder / LOCK
-    if os.name != "posix":
-        yield
-        return
-    import fcntl  # noqa: PLC0415 -- Windows has none
-
-    while True:
-        descriptor = os.open(path, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW, 0o666)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            holder = os.read(descriptor, 20).decode("ascii", "replace").strip() or "unknown"
-            os.close(descriptor)
-            raise BlockingIOError(
-                f"{folder}: another run is writing to it (process {holder}); wait for it to end, or give "
-                "another folder with --out"
-            ) from None
-        except OSError as error:  # a file system without locks
-            warnings.warn(f"{folder} cannot be locked ({error.strerror}); start no second run", stacklevel=6)
-            break
-        try:
-            if os.stat(path).st_ino == os.fstat(descriptor).st_ino:
-                break
-        except FileNotFoundError:  # the run before has just ended and removed it
-            pass
-        os.close(descriptor)
-    try:
-        os.ftruncate(descriptor, 0)
-        os.write(descriptor, f"{os.getpid()}\n".encode("ascii"))
-        yield
-    finally:
-        path.unlink(missing_ok=True)
-        os.close(descriptor)

@@ -12,7 +12,6 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle._version import __version__
-from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import blocks_of, set_field_array
 from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.parts import plain
@@ -33,8 +32,6 @@ if TYPE_CHECKING:
     from vtkmuscle.scene.data import SceneData
 
 
-#: How frames are written: a list of .vtp files per series, or one file per series.
-FORMATS = ("pvd", "vtkhdf")
 #: Digits of the numbers in tables; the lengths have all of theirs.
 DIGITS = 10
 
@@ -62,13 +59,9 @@ class RunFolder:
     ------
     OSError
         If it cannot be made, or is a file.
-    ValueError
-        If there is no such format.
     """
 
     def __init__(self, path: Path, *, series: str = "pvd") -> None:
-        if series not in FORMATS:
-            raise InputError("", f"series is {series!r}, but must be one of {', '.join(map(repr, FORMATS))}")
         if path.exists() and not path.is_dir():
             raise NotADirectoryError(f"{path} is a file; give another folder for the results")
         path.mkdir(parents=True, exist_ok=True)

@@ -33,6 +33,7 @@ from vtkmuscle.run.architecture import architecture_of
 from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.limits import CHECKS, FULL_SIZE
 from vtkmuscle.run.measure import MuscleMeasure
+from vtkmuscle.run.options import Observe, Progress
 from vtkmuscle.run.pipeline import muscle_pipeline
 from vtkmuscle.run.report import fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.sliding import slides_of
@@ -40,8 +41,6 @@ from vtkmuscle.run.track import MuscleTrack
 from vtkmuscle.run.verdict import judge
 from vtkmuscle.scene.data import SceneData
 
-Progress = Callable[[str, str, float], None]
-Observe = Callable[[str, Mapping[str, Any]], None]
 Clock = Callable[[], float]
 
 

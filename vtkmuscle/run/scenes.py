@@ -4,133 +4,100 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from vtkmuscle.core.bones.bone import Bone, bone_of
-from vtkmuscle.core.errors import InputError, fault_of
+from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.mesh.shared import held
 from vtkmuscle.core.processors import processors
 from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.parts import file_digest
-from vtkmuscle.run.claim import PAGE, scene_file
+from vtkmuscle.run.claim import PAGE, claimed, scene_file
 from vtkmuscle.run.drawing import Drawing
-from vtkmuscle.run.errors import ErrorStudy
 from vtkmuscle.run.folder import RunFolder
-from vtkmuscle.run.keys import muscle_keys
 from vtkmuscle.run.memory import check_memory
 from vtkmuscle.run.moment_arms import MomentArmTable
-from vtkmuscle.run.muscles import Clock, MuscleRun, Observe, Progress
+from vtkmuscle.run.muscles import MuscleRun
+from vtkmuscle.run.options import ErrorStudy, Progress, RunOptions, frame_numbers
 from vtkmuscle.run.report import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
+from vtkmuscle.run.store.keys import muscle_keys
 from vtkmuscle.run.track import MuscleTrack
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.faults import SceneError
+from vtkmuscle.scene.sense import check_sense
 
 #: How often the main thread looks up from waiting [s]: on some systems Ctrl-C arrives only then.
 _LOOK_UP = 0.2
 
 
-def frame_numbers(frames: str | slice | range | int | None, count: int) -> range:
-    """Return which frames of a motion are wanted.
-
-    Parameters
-    ----------
-    frames : str, slice, range, int or None
-        ``"A:B"`` or ``"A:B:STEP"`` as in Python (B is not included), ``"A"`` or an int for one frame, None
-        for all.
-    count : int
-        Number of frames of the motion.
-
-    Returns
-    -------
-    range
-        Ascending, not empty.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be understood, or there are no such frames.
-
-    Examples
-    --------
-    >>> from vtkmuscle.run import frame_numbers
-    >>> frame_numbers("40:", 46)
-    range(40, 46)
-    """
-    allowed = f"give A:B with 0 <= A < B <= {count} (B is not included), or one frame, 0 to {count - 1}"
-    wanted = frames
-    if isinstance(wanted, str):
-        parts = wanted.split(":")
-        try:
-            bounds = [int(part) if part.strip() else None for part in parts]
-            wanted = slice(*bounds) if len(parts) > 1 else int(parts[0])
-        except (ValueError, TypeError):
-            raise InputError("", f"frames {frames!r} cannot be understood", allowed) from None
-    if wanted is None:
-        return range(count)
-    if isinstance(wanted, slice):
-        if wanted.step is not None and wanted.step <= 0:
-            raise InputError("", f"frames {frames!r} must ascend", allowed)
-        numbers = range(*wanted.indices(count))
-    else:
-        numbers = wanted if isinstance(wanted, range) else range(wanted, wanted + 1)
-    if not len(numbers) or numbers.step < 0 or numbers[0] < 0 or numbers[-1] >= count:
-        raise InputError("", f"frames {frames!r}: the motion has {count} frames", allowed)
-    return numbers
-
-
 @held()
 def run_scene(
-    scene: SceneData,
-    out: Path | None,
-    *,
-    frames: str | slice | range | int | None,
-    drawing: Drawing | None = None,
-    page: bool = True,
-    odd: Sequence[str] = (),
-    progress: Progress | None,
-    workers: int | None,
-    series: str = "pvd",
-    observe: Observe | None = None,
-    clock: Clock = time.perf_counter,
-    fresh: bool = False,
-    muscles: Sequence[str] | None = None,
-    errors: ErrorStudy | None = None,
+    scene: SceneData, out: Path | None, options: RunOptions, *, errors: ErrorStudy | None = None
 ) -> Result:
     """Run a scene; see :meth:`vtkmuscle.Scene.run`.
 
-    Figures are drawn by ``drawing``. What is ``odd`` about the scene goes into the report. The clock [s]
-    times the muscles' stages. With ``muscles`` only these are run, as they are in a run of all.
+    Parameters
+    ----------
+    scene : SceneData
+        Checked.
+    out : Path or None
+        Folder to write to.
+    options : RunOptions
+        What is asked for.
+    errors : ErrorStudy, optional
+        Further solves beside the run's own, and estimates of the errors.
     """
+    with ExitStack() as stack:
+        drawing = None
+        if out is not None and options.figures:
+            drawing = stack.enter_context(Drawing(out, scene))
+        odd = check_sense(scene) if options.sense else []
+        numbers = frame_numbers(options.frames, len(scene.motion.times))
+        check_memory(scene, numbers)
+        folder = None
+        if out is not None:
+            stack.enter_context(claimed(out, scene, overwrite=options.overwrite))
+            folder = RunFolder(out, series=options.series)
+        return _run(scene, numbers, options, folder, drawing, errors, odd)
+
+
+def _run(
+    scene: SceneData,
+    numbers: range,
+    options: RunOptions,
+    folder: RunFolder | None,
+    drawing: Drawing | None,
+    errors: ErrorStudy | None,
+    odd: list[str],
+) -> Result:
+    """Run a scene that is checked, into a folder that is held."""
     began = time.perf_counter()
-    numbers = frame_numbers(frames, len(scene.motion.times))
-    _check_workers(workers)
-    check_memory(scene, numbers)
-    folder = None if out is None else RunFolder(out, series=series)
     shapes = bone_shapes(scene)
-    keys, kept = _kept(folder, scene, numbers, fresh=fresh)
-    tracks = {name: kept.get(name) or MuscleTrack() for name in muscles or scene.muscles}
-    report = _first_report(scene, numbers, tracks) | {"taken_over": list(kept), "sense": list(odd)}
-    stop, report_progress, seen = threading.Event(), _one_at_a_time(progress), observe or (lambda *_: None)
+    keys, kept = _kept(folder, scene, numbers, fresh=options.fresh)
+    tracks = {name: kept.get(name) or MuscleTrack() for name in scene.muscles}
+    report = _first_report(scene, numbers, tracks) | {"taken_over": list(kept), "sense": odd}
+    stop, report_progress = threading.Event(), _one_at_a_time(options.progress)
+    seen = options.observe or (lambda *_: None)
     further = {} if errors is None else errors.jobs(numbers, stop)
 
     def muscle_run(name: str, others: tuple[MuscleRun, ...]) -> MuscleRun:
         return MuscleRun(
-            scene, name, tracks[name], shapes, folder, stop, report_progress, seen, others, clock
+            scene, name, tracks[name], shapes, folder, stop, report_progress, seen, others, options.clock
         )
 
     result_of = partial(_result, scene, numbers, report, DrawnBones(scene.bones_data()))
     draw = partial(_draw, drawing, tracks, result_of)
     try:
         jobs: dict[str, Future[None]] = {}
-        count = _side_by_side(workers, scene, len(further))
+        count = _side_by_side(options.workers, scene, len(further))
         with ThreadPoolExecutor(count) as pool, _setting_if_interrupted(stop):
             if folder is not None:
                 folder.begin(report, scene, keys, kept)
@@ -160,16 +127,11 @@ def run_scene(
         folder.write_moment_arms(arms, tracks)
         folder.write_tables(report, scene, numbers, tracks)
         with _unfinished_if_it_fails(folder, report):
-            _show(folder, result, report, drawing, page=page)
+            _show(folder, result, report, drawing, page=options.report)
     report["seconds"]["total"] = time.perf_counter() - began
     if folder is not None:
         folder.write_report(report)
     return result
-
-
-def _check_workers(workers: int | None) -> None:
-    if workers is not None and workers < 1:
-        raise InputError("", f"workers is {workers}, but must be an integer >= 1")
 
 
 def _runs(

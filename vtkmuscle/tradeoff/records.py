@@ -10,7 +10,7 @@ from typing import Any
 
 from vtkmuscle.io.parts import Part, Parts
 from vtkmuscle.io.writing import check_no_links
-from vtkmuscle.run.keys import code_digest, digest_of
+from vtkmuscle.run.store.keys import code_digest, digest_of
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.tradeoff.trial import Trial
 

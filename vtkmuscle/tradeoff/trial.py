@@ -12,7 +12,7 @@ import numpy as np
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of
-from vtkmuscle.run import run_scene
+from vtkmuscle.run import RunOptions, run_scene
 from vtkmuscle.scene.data import Muscle, SceneData
 from vtkmuscle.tradeoff.settings import Setting
 
@@ -73,7 +73,8 @@ def tried(
         muscles={name: _with(scene.muscles[name], setting, own.get(name)) for name in needed},
     )
     # All muscles in one thread, one after the other: so the processor's time of a stage is the muscle's own.
-    result = run_scene(changed, None, frames=None, progress=None, workers=1, clock=time.process_time)
+    options = RunOptions(workers=1, sense=False, clock=time.process_time)
+    result = run_scene(changed, None, options)
     times = [float(scene.motion.times[number]) for number in compared]
     kept = [i for i, at in enumerate(result.times) if at in times]
     trials: dict[str, Trial | None] = {}

@@ -116,7 +116,7 @@ def _feed_surface(digest: Any, data: vtkPolyData) -> None:
 @cache
 def code_digest() -> str:
     """Return a digest of what computes: the package's source, without what only shows, and other packages."""
-    root = Path(__file__).parents[1]
+    root = Path(__file__).parents[2]
     digest = hashlib.sha256()
     for package in _PACKAGES:
         try:

@@ -1,0 +1,153 @@
+"""What a run is asked for: the frames, what is written, and who is kept informed."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Protocol, Self
+
+from vtkmuscle.core.accuracy.estimate import Estimate
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.words import suggestion
+from vtkmuscle.run.track import MuscleTrack
+
+Progress = Callable[[str, str, float], None]
+Observe = Callable[[str, Mapping[str, Any]], None]
+
+#: How frames are written: a list of .vtp files per series, or one file per series.
+FORMATS = ("pvd", "vtkhdf")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """The options of a run.
+
+    Attributes
+    ----------
+    frames : str, slice, range, int or None
+        Which frames to keep and write, e.g. ``"0:10"`` for the first ten (the end is not included, as in
+        Python); default all. Frames before them are computed, for the deformation depends on its past; frames
+        after them are not.
+    workers : int or None
+        Muscles that run at the same time; default the number of processors. The result does not depend on it.
+    figures : bool
+        Draw figures; where there is no OpenGL, a warning says so and all else is written.
+    report : bool
+        Write report.html: the scene to be turned and moved, curves, tables and verdicts in one file that a
+        browser opens.
+    series : str
+        How frames are written: ``"pvd"`` (a .vtp file per frame) or ``"vtkhdf"`` (one file per muscle, for
+        its fibres and for the bones).
+    overwrite : bool
+        Whether results of another scene in the folder, or files that no run has written, may be replaced. The
+        scene's own files never are.
+    fresh : bool
+        Compute muscles again that are finished in the folder.
+    sense : bool
+        Check before the run what can be run but cannot be meant.
+    progress : callable or None
+        Called with the muscle's name, what is being done, and the part that is done, 0 to 1; from several
+        threads.
+    observe : callable or None
+        Called with the muscle's name and the figures of each frame that is done, as they are in the report;
+        from several threads.
+    clock : callable
+        What the stages of muscles are timed by [s].
+
+    Raises
+    ------
+    ValueError
+        If an option is not allowed; the message says what is.
+    """
+
+    frames: str | slice | range | int | None = None
+    workers: int | None = None
+    figures: bool = True
+    report: bool = True
+    series: str = "pvd"
+    overwrite: bool = False
+    fresh: bool = False
+    sense: bool = True
+    progress: Progress | None = None
+    observe: Observe | None = None
+    clock: Callable[[], float] = time.perf_counter
+
+    def __post_init__(self) -> None:
+        if self.workers is not None and self.workers < 1:
+            raise InputError("", f"workers is {self.workers}, but must be an integer >= 1")
+        if self.series not in FORMATS:
+            allowed = ", ".join(map(repr, FORMATS))
+            raise InputError("", f"series is {self.series!r}, but must be one of {allowed}")
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> Self:
+        """Return options by their names; raise a TypeError for one that there is not."""
+        names = [field.name for field in fields(cls)]
+        for name in given:
+            if name not in names:
+                raise TypeError(f"a run has no option {name!r}; {suggestion(name, names)}")
+        return cls(**given)
+
+
+class ErrorStudy(Protocol):
+    """Further solves beside the run's own, and estimates; :class:`vtkmuscle.accuracy.ErrorStudy` is one."""
+
+    def jobs(self, numbers: range, stop: threading.Event) -> Mapping[str, Callable[[], None]]:
+        """Return what is to be done beside the muscles, by its names."""
+        ...
+
+    def estimates(self, name: str, track: MuscleTrack, motion: RigidMotion) -> Mapping[str, Estimate]:
+        """Return a muscle's quantities with their errors, and put them into its report."""
+        ...
+
+
+def frame_numbers(frames: str | slice | range | int | None, count: int) -> range:
+    """Return which frames of a motion are wanted.
+
+    Parameters
+    ----------
+    frames : str, slice, range, int or None
+        ``"A:B"`` or ``"A:B:STEP"`` as in Python (B is not included), ``"A"`` or an int for one frame, None
+        for all.
+    count : int
+        Number of frames of the motion.
+
+    Returns
+    -------
+    range
+        Ascending, not empty.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be understood, or there are no such frames.
+
+    Examples
+    --------
+    >>> from vtkmuscle.run import frame_numbers
+    >>> frame_numbers("40:", 46)
+    range(40, 46)
+    """
+    allowed = f"give A:B with 0 <= A < B <= {count} (B is not included), or one frame, 0 to {count - 1}"
+    wanted = frames
+    if isinstance(wanted, str):
+        parts = wanted.split(":")
+        try:
+            bounds = [int(part) if part.strip() else None for part in parts]
+            wanted = slice(*bounds) if len(parts) > 1 else int(parts[0])
+        except (ValueError, TypeError):
+            raise InputError("", f"frames {frames!r} cannot be understood", allowed) from None
+    if wanted is None:
+        return range(count)
+    if isinstance(wanted, slice):
+        if wanted.step is not None and wanted.step <= 0:
+            raise InputError("", f"frames {frames!r} must ascend", allowed)
+        numbers = range(*wanted.indices(count))
+    else:
+        numbers = wanted if isinstance(wanted, range) else range(wanted, wanted + 1)
+    if not len(numbers) or numbers.step < 0 or numbers[0] < 0 or numbers[-1] >= count:
+        raise InputError("", f"frames {frames!r}: the motion has {count} frames", allowed)
+    return numbers

@@ -1,0 +1,1 @@
+"""The folder of a run's results: what is in it, and whose it is."""
