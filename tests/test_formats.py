@@ -16,7 +16,7 @@ from vtkmuscle.filters import provenance_of
 from vtkmuscle.io import read_series
 from vtkmuscle.plotting import can_render, export_scene
 from vtkmuscle.run import RunOptions
-from vtkmuscle.run.poses import read_pose
+from vtkmuscle.run.store.reading import ResultFolder
 
 
 @pytest.fixture(scope="module")
@@ -103,17 +103,17 @@ def test_an_unknown_format_is_refused():
 
 @pytest.mark.parametrize("series", ["pvd", "vtkhdf"])
 def test_a_pose_is_read_back(runs, series):
-    pose = read_pose(runs / series, 11.0)
+    pose = ResultFolder(runs / series).pose(11.0)
     assert pose.time == 10.0
     assert np.array_equal(
         points_of(pose.muscles[0]), points_of(read_series(runs / "pvd/spindle.pvd").frame(2))
     )
     assert [fibres.GetNumberOfLines() for fibres in pose.fibres] == [6]
-    assert read_pose(runs / series).time == 20.0
+    assert ResultFolder(runs / series).pose().time == 20.0
     with pytest.raises(InputError, match="no time 400; give one from 0 to 20"):
-        read_pose(runs / series, 400.0)
+        ResultFolder(runs / series).pose(400.0)
     with pytest.raises(FileNotFoundError, match="give the folder of a run's results"):
-        read_pose(runs)
+        ResultFolder(runs).pose()
 
 
 @pytest.mark.parametrize("series", ["pvd", "vtkhdf"])
@@ -129,7 +129,7 @@ def test_a_pose_is_exported_for_the_web(runs, tmp_path, series):
     reader = vtkGLTFReader()
     reader.SetFileName(str(out))
     reader.Update()
-    pose = read_pose(runs / series, 10.0)
+    pose = ResultFolder(runs / series).pose(10.0)
     box = np.zeros(6)
     reader.GetOutput().GetBounds(box)
     parts = [*(block for _, block in blocks_of(pose.bones)), *pose.muscles]
@@ -148,7 +148,7 @@ def test_a_series_is_exported_as_one_file(runs, tmp_path):
 
 def test_what_cannot_be_exported_is_said(runs, tmp_path):
     with pytest.raises(ValueError, match=r"to a \.gltf file"):
-        export_scene(tmp_path / "a.html", read_pose(runs / "pvd").bones, [])
+        export_scene(tmp_path / "a.html", ResultFolder(runs / "pvd").pose().bones, [])
     assert "there is no such file" in call(["export", str(tmp_path), str(tmp_path / "a.gltf")], 2)
 
 
@@ -156,7 +156,7 @@ def test_several_muscles_are_exported_together(runs, tmp_path):
     reason = can_render()
     if reason is not None:
         pytest.skip(reason)
-    pose = read_pose(runs / "pvd", 0.0)
+    pose = ResultFolder(runs / "pvd").pose(0.0)
     export_scene(tmp_path / "one.gltf", pose.bones, pose.muscles)
     export_scene(tmp_path / "two.gltf", pose.bones, pose.muscles * 2, fibres=pose.fibres * 2)
     meshes = [len(json.loads((tmp_path / name).read_text())["meshes"]) for name in ("one.gltf", "two.gltf")]

@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 from faults import check_whole, results
 from tiny_scene import write_tiny_scene
+from typer.testing import CliRunner
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle import InputError, Result, Scene
+from vtkmuscle.cli import BAD_INPUT, app
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.aponeuroses import Aponeurosis
@@ -47,9 +49,9 @@ def computed(monkeypatch):
     names = []
     go = MuscleRun.go
 
-    def noted(self, numbers):
+    def noted(self):
         names.append(self.name)
-        go(self, numbers)
+        go(self)
 
     monkeypatch.setattr(MuscleRun, "go", noted)
     return names
@@ -132,7 +134,6 @@ def test_a_folder_without_a_finished_run_is_one_clear_error(scene, tmp_path):
             "finished/thin.npz",
             "finished/thin_fibres.vtp",
             "finished/scene.npz",
-            "finished/errors/thin.npz",
             "finished/bones/lower.vtp",
             "report.json",
         ):
@@ -142,6 +143,47 @@ def test_a_folder_without_a_finished_run_is_one_clear_error(scene, tmp_path):
                 Result.load(out)
             (out / name).write_bytes(kept)
     Result.load(out)
+
+
+@pytest.fixture(scope="module")
+def report_of_a_run(scene, tmp_path_factory):
+    """The report.json of a run, and its text."""
+    out = tmp_path_factory.mktemp("changed")
+    run(scene, out, frames="0:2", report=False)
+    return out / "report.json", (out / "report.json").read_text()
+
+
+def places_in(value, path=()):
+    """Give the way to each thing in a report."""
+    for key in value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ():
+        yield (*path, key)
+        yield from places_in(value[key], (*path, key))
+
+
+@pytest.mark.parametrize("new", [None, [], {}, "text", -1.5, "gone"], ids=repr)
+def test_a_report_that_was_changed_by_hand_is_one_clear_error(report_of_a_run, new):
+    file, text = report_of_a_run
+    places = [place for place in places_in(json.loads(text)) if len(place) < 5 and place[0] != "definitions"]
+    for place in np.random.default_rng(7).permutation(np.array(places, dtype=object))[:20]:
+        report = json.loads(text)
+        held = report
+        for key in place[:-1]:
+            held = held[key]
+        if new == "gone":
+            del held[place[-1]]
+        else:
+            held[place[-1]] = new
+        if report == json.loads(text):
+            continue
+        file.write_text(json.dumps(report, indent=1) + "\n")
+        with pytest.raises(InputError, match="run the scene again") as failure:
+            Result.load(file.parent)
+        assert len(str(failure.value).splitlines()) == 1
+        for command in ("report", "info"):
+            done = CliRunner().invoke(app, [command, str(file.parent)], catch_exceptions=False)
+            assert done.exit_code in (0, BAD_INPUT)
+    file.write_text(text)
+    Result.load(file.parent)
 
 
 def test_what_is_finished_is_not_computed_again_and_what_is_changed_is_computed_alone(

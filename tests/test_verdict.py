@@ -28,8 +28,8 @@ from vtkmuscle.plotting import can_render
 from vtkmuscle.run.limits import BEYOND, CHECKS, FULL_SIZE, LONGEST, SHORTEST
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report import DEFINITIONS
-from vtkmuscle.run.scenes import bone_shapes
 from vtkmuscle.run.verdict import judge, reasons_of
+from vtkmuscle.scene.anatomy import Anatomy
 
 #: What a good frame has.
 GOOD = {
@@ -337,13 +337,16 @@ def test_an_open_bone_is_measured_with_its_holes_closed(tmp_path):
     scene = Scene.load(write_tiny_scene(tmp_path))
     whole = scene.bones["upper"]
     opened = surface_from(points_of(whole), triangles_of(whole, "bone")[3:])
-    distances = bone_shapes(replace(scene, bones={**scene.bones, "upper": opened}))
+    distances = Anatomy.of(replace(scene, bones={**scene.bones, "upper": opened})).solid_bones
     assert set(distances) == {"upper", "lower"}
     middle = points_of(whole).mean(axis=0)[None]
     exact = solids_of(*checked_surface(whole, "test")).depth(middle)
     np.testing.assert_allclose(distances["upper"].depth(middle), exact, rtol=0.05)
     sheet = surface_from(np.array([[0.0, 0, 0], [9, 0, 0], [0, 9, 0]]), np.array([[0, 1, 2]]))
-    assert set(bone_shapes(replace(scene, bones={**scene.bones, "plate": sheet}))) == {"upper", "lower"}
+    assert set(Anatomy.of(replace(scene, bones={**scene.bones, "plate": sheet})).solid_bones) == {
+        "upper",
+        "lower",
+    }
 
 
 # ------------------------------------------------------------------------------- runs

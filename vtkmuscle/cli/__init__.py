@@ -180,15 +180,15 @@ def export(
             typer.echo(f"wrote {out}")
         elif out.suffix.lower() == ".vtkhdf":
             from vtkmuscle.io import read_series, write_vtkhdf
-            from vtkmuscle.run.poses import merged
+            from vtkmuscle.run.store.writing import merged
 
             series = read_series(source)
             write_vtkhdf(out, series.times, lambda number: merged(series.frame(number)))
         else:
             from vtkmuscle.plotting import export_scene
-            from vtkmuscle.run.poses import read_pose
+            from vtkmuscle.run.store.reading import ResultFolder
 
-            pose = read_pose(source, time)
+            pose = ResultFolder(source).pose(time)
             export_scene(out, pose.bones, pose.muscles, fibres=pose.fibres)
             typer.echo(f"wrote {out}: the pose at {pose.time:g}")
 
@@ -206,7 +206,7 @@ def report(
     """Write the page of a finished run again: the scene, curves, tables and verdicts in one file."""
     with one_clear_error(out):
         from vtkmuscle.run import Result
-        from vtkmuscle.run.claim import PAGE
+        from vtkmuscle.run.store.reading import PAGE
 
         typer.echo(f"wrote {Result.load(results).write_report(out or results / PAGE)}")
 

@@ -10,8 +10,7 @@ from vtkmuscle.cli.text_facts import text_facts
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.io import read_polydata
-from vtkmuscle.run.claim import read_report
-from vtkmuscle.run.unfinished import frames_there
+from vtkmuscle.run.store.reading import ResultFolder
 
 #: Bones and muscles are 20 mm to 2 m long; what is shorter than this in its file is not in millimetres.
 _SHORTEST_IN_MILLIMETRES = 10.0
@@ -20,11 +19,11 @@ _LONGEST_IN_METRES = 2.5
 
 def _facts_of_run(folder: Path) -> dict[str, str]:
     """Return what is in the folder of a run, also of one that was killed."""
-    report = read_report(folder)
+    report = ResultFolder(folder).report()
     if report is None:
         raise ValueError(f"{folder}: this is a folder without the report.json of a run")
     ended = "yes" if report["complete"] else f"no: {report.get('stopped_by') or 'it was killed'}"
-    frames = {name: f"{count} frames" for name, count in frames_there(folder).items()}
+    frames = {name: f"{count} frames" for name, count in ResultFolder(folder).frames_there().items()}
     return {"scene": str(report.get("scene")), "complete": ended, **frames}
 
 

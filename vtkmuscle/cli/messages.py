@@ -70,13 +70,12 @@ def one_line(words: str) -> str:
 
 
 def _what_is_finished(out: Path | None) -> str:
-    from vtkmuscle.run.claim import read_report
-    from vtkmuscle.run.unfinished import frames_there
+    from vtkmuscle.run.store.reading import ResultFolder
 
-    report = None if out is None else read_report(out)
+    report = None if out is None else ResultFolder(out).report()
     if out is None or report is None or report["complete"]:
         return "Nothing was written."
-    counts = frames_there(out)
+    counts = ResultFolder(out).frames_there()
     if not any(counts.values()):
         return f"No frame was finished; {out} holds a report.json that says so."
     listed = ", ".join(f"{name} {count}" for name, count in counts.items())

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
     """Run a scene, and print what was found and where it is."""
-    from vtkmuscle.run.claim import PAGE
+    from vtkmuscle.run.store.reading import PAGE, ResultFolder
     from vtkmuscle.run.verdict import reasons_of
 
     with one_clear_error(None):
@@ -29,12 +29,11 @@ def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
             scene = scene.with_quality(options.quality)
     console = Console(stderr=True)
     with one_clear_error(out):
-        from vtkmuscle.run.unfinished import unfinished
-
-        left = unfinished(out)
+        left = ResultFolder(out).unfinished()
         if left is not None:
             then = "it is replaced" if options.fresh else "what it has finished is taken over"
-            console.print(f"{one_line(left)}; {then}", markup=False, style="yellow", soft_wrap=True)
+            words = one_line(f"{out} {left}; {then}")
+            console.print(words, markup=False, style="yellow", soft_wrap=True)
     with one_clear_error(out), _progress_bars(list(scene.muscles), console, quiet=options.quiet) as progress:
         result = scene.run(
             out,

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import threading
-import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -30,18 +30,51 @@ from vtkmuscle.filters.deformer.shape_report import read_shape
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.pipelines import MusclePipeline
 from vtkmuscle.run.architecture import architecture_of
-from vtkmuscle.run.folder import RunFolder
 from vtkmuscle.run.limits import CHECKS, FULL_SIZE
 from vtkmuscle.run.measure import MuscleMeasure
-from vtkmuscle.run.options import Observe, Progress
+from vtkmuscle.run.options import RunOptions
 from vtkmuscle.run.pipeline import muscle_pipeline
 from vtkmuscle.run.report import fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.sliding import slides_of
+from vtkmuscle.run.store.writing import ResultWriter
 from vtkmuscle.run.track import MuscleTrack
 from vtkmuscle.run.verdict import judge
 from vtkmuscle.scene.data import SceneData
 
-Clock = Callable[[], float]
+
+@dataclass(frozen=True, eq=False)
+class SceneRun:
+    """What the muscles of a run share.
+
+    Attributes
+    ----------
+    scene : SceneData
+        What they belong to.
+    numbers : range
+        Of the frames that are kept.
+    bones : dict of str to Bone
+        The bones that have an inside, at rest.
+    store : ResultWriter or None
+        Where to write to.
+    options : RunOptions
+        What is asked for.
+    stop : threading.Event
+        Set to end the run early.
+    """
+
+    scene: SceneData
+    numbers: range
+    bones: Mapping[str, Bone]
+    store: ResultWriter | None
+    options: RunOptions
+    stop: threading.Event = field(default_factory=threading.Event)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def report_progress(self, muscle: str, stage: str, fraction: float) -> None:
+        """Tell who asked for it what is done of a muscle, one thread at a time."""
+        if self.options.progress is not None:
+            with self._lock:
+                self.options.progress(muscle, stage, fraction)
 
 
 class MuscleRun:
@@ -49,59 +82,35 @@ class MuscleRun:
 
     Parameters
     ----------
-    scene : SceneData
-        What the muscle belongs to.
+    run : SceneRun
+        What it is a part of.
     name : str
         Which muscle.
     track : MuscleTrack
         Where finished frames go.
-    shapes : dict of str to Bone
-        The bones of the scene that have an inside, at rest.
-    folder : RunFolder or None
-        Where to write to.
-    stop : threading.Event
-        Set from outside to end the run early.
-    progress : callable
-        Called with the muscle, the stage and the part that is done.
-    observe : callable
-        Called with the muscle and the figures of each frame that is done.
     others : sequence of MuscleRun, optional
         Muscles that this one may meet, whose runs are done: overlap with them is measured, and where the
         scene's ``muscle_contact`` is ``"on"`` this muscle is kept out of them.
-    clock : callable, optional
-        What times are measured by [s].
     """
 
     def __init__(
-        self,
-        scene: SceneData,
-        name: str,
-        track: MuscleTrack,
-        shapes: dict[str, Bone],
-        folder: RunFolder | None,
-        stop: threading.Event,
-        progress: Progress,
-        observe: Observe,
-        others: Sequence[MuscleRun] = (),
-        clock: Clock = time.perf_counter,
+        self, run: SceneRun, name: str, track: MuscleTrack, others: Sequence[MuscleRun] = ()
     ) -> None:
-        self.observe, self.clock = observe, clock
-        self.scene, self.name, self.track = scene, name, track
-        self.shapes, self.folder = shapes, folder
-        self.stop, self.progress = stop, progress
-        self.others = others
+        self.run, self.scene, self.clock = run, run.scene, run.options.clock
+        self.name, self.track, self.others = name, track, others
         self.deformer: PBDDeformer | None = None
         self.seconds: dict[str, float] = {}
         track.report["seconds"] = self.seconds
 
-    def go(self, numbers: range) -> None:
-        """Run all stages, and keep the frames of these numbers.
+    def go(self) -> None:
+        """Run all stages, and keep the frames that are asked for.
 
         Raises
         ------
         AbortedError
             If it was stopped; the frames before are complete.
         """
+        numbers = self.run.numbers
         scene, name, track = self.scene, self.name, self.track
         neighbours = self._deformers() if scene.muscle_contact == "on" else None
         pipeline = muscle_pipeline(scene, name, neighbours=neighbours)
@@ -111,7 +120,7 @@ class MuscleRun:
             rest = track.rest = pipeline.fixed.update().output
         _warn_if_none_is_free(name, rest)
         with self._timed("measuring"):
-            measure = MuscleMeasure(track.rest, list(scene.bones), self.shapes, scene.millimetres)
+            measure = MuscleMeasure(track.rest, list(scene.bones), self.run.bones, scene.millimetres)
             track.report.update(measure.at_rest())
         areas = scene.muscles[name].attachments
         track.report["estimated_attachments"] = sum(area.estimated for area in areas)
@@ -130,9 +139,9 @@ class MuscleRun:
                 if track.failure is not None:
                     break
         self._judge(numbers, measure)
-        if self.folder is not None:
+        if self.run.store is not None:
             with self._timed("writing"):
-                self.folder.finish(self.name, self.track)
+                self.run.store.finish(self.name, self.track)
         if scene.muscle_contact == "off":
             self.deformer = None  # with all that it keeps of the frames; later muscles do not ask for it
         self._report_progress("done", 1.0)
@@ -234,9 +243,9 @@ class MuscleRun:
     def _keep(self, row: dict[str, Any], deformed: vtkPolyData | None, fibres: vtkPolyData | None) -> None:
         """Write a frame and keep it: all of it is there then, or nothing."""
         number, now = row["frame"], row["time"]
-        if self.folder is not None:
+        if self.run.store is not None:
             with self._timed("writing"):
-                self.folder.write_frame(self.scene, self.name, number, now, deformed, fibres)
+                self.run.store.write_frame(self.name, number, deformed, fibres)
         if deformed is not None:
             self.track.points.append(points_of(deformed))
         if fibres is not None:
@@ -244,7 +253,8 @@ class MuscleRun:
             measures = measures_of_fibres(fibres, self.scene.millimetres)
             self.track.report["fibre_measures"].append({"frame": number, "time": now, **measures})
         self.track.report["frames"].append(row)
-        self.observe(self.name, row)
+        if self.run.options.observe is not None:
+            self.run.options.observe(self.name, row)
 
     def _judge(self, numbers: range, measure: MuscleMeasure) -> None:
         """Add the verdict on the frames that are there to the report."""
@@ -284,7 +294,7 @@ class MuscleRun:
         jump = CHECKS["jumps"].look * min(1.0, measure.size / FULL_SIZE)
         points = [one.points.reshape(len(one), -1, 3) for one in lines]
         millimetres = self.scene.millimetres
-        return slides_of(lengths, points, motion, self.shapes, jump=jump, millimetres=millimetres)
+        return slides_of(lengths, points, motion, self.run.bones, jump=jump, millimetres=millimetres)
 
     def _deformers(self) -> dict[str, PBDDeformer]:
         """Return the deformers of the other muscles, without those that failed on the way."""
@@ -298,9 +308,9 @@ class MuscleRun:
             raise InputError(f"frame {number}", problem, remedy)
 
     def _report_progress(self, stage: str, fraction: float) -> None:
-        if self.stop.is_set():
+        if self.run.stop.is_set():
             raise AbortedError(f"{self.name} was stopped")
-        self.progress(self.name, stage, fraction)
+        self.run.report_progress(self.name, stage, fraction)
 
     @contextmanager
     def _timed(self, stage: str, last: Filter | None = None) -> Iterator[None]:
@@ -319,7 +329,7 @@ class MuscleRun:
             self.seconds[stage] = self.seconds.get(stage, 0.0) + self.clock() - before
 
     def _on_progress(self, algorithm: Any, _event: str) -> None:
-        if self.stop.is_set():
+        if self.run.stop.is_set():
             algorithm.SetAbortExecute(1)
 
 

@@ -17,8 +17,8 @@ from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.run.frames import KeptFrames
 from vtkmuscle.run.lengths import length_table
 from vtkmuscle.run.limits import CHECKS
-from vtkmuscle.run.loading import read_result
 from vtkmuscle.run.moment_arms import MomentArmTable
+from vtkmuscle.run.store.reading import ResultFolder
 from vtkmuscle.run.table import Table
 from vtkmuscle.run.verdict import VERDICTS
 from vtkmuscle.scene.data import MILLIMETRES
@@ -130,7 +130,7 @@ class Result(KeptFrames):
         >>> Result.load(out)
         Result('spindle_over_hinge': 2 frames of spindle (ok))
         """
-        return cls(**read_result(Path(folder)))
+        return cls(**ResultFolder(Path(folder)).result())
 
     def __repr__(self) -> str:
         verdicts = list(self.verdicts.values())

@@ -11,25 +11,28 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from vtkmuscle.core.bones.bone import Bone, bone_of
+import numpy as np
+
 from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.mesh.shared import held
 from vtkmuscle.core.processors import processors
-from vtkmuscle.data.arrays import checked_surface
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.parts import file_digest
-from vtkmuscle.run.claim import PAGE, claimed, scene_file
+from vtkmuscle.run.architecture import architecture_table
 from vtkmuscle.run.drawing import Drawing
-from vtkmuscle.run.folder import RunFolder
+from vtkmuscle.run.lengths import length_table
 from vtkmuscle.run.memory import check_memory
 from vtkmuscle.run.moment_arms import MomentArmTable
-from vtkmuscle.run.muscles import MuscleRun
-from vtkmuscle.run.options import ErrorStudy, Progress, RunOptions, frame_numbers
-from vtkmuscle.run.report import DEFINITIONS, versions
+from vtkmuscle.run.muscles import MuscleRun, SceneRun
+from vtkmuscle.run.options import ErrorStudy, RunOptions, frame_numbers
+from vtkmuscle.run.report import DEFINITIONS, fibre_table, versions
 from vtkmuscle.run.result import Result
-from vtkmuscle.run.store.keys import muscle_keys
+from vtkmuscle.run.store.claim import claimed, scene_file
+from vtkmuscle.run.store.reading import PAGE
+from vtkmuscle.run.store.writing import ResultWriter
 from vtkmuscle.run.track import MuscleTrack
+from vtkmuscle.scene.anatomy import Anatomy
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense import check_sense
@@ -37,17 +40,21 @@ from vtkmuscle.scene.sense import check_sense
 #: How often the main thread looks up from waiting [s]: on some systems Ctrl-C arrives only then.
 _LOOK_UP = 0.2
 
+Tracks = dict[str, MuscleTrack]
+
 
 @held()
 def run_scene(
     scene: SceneData, out: Path | None, options: RunOptions, *, errors: ErrorStudy | None = None
 ) -> Result:
-    """Run a scene; see :meth:`vtkmuscle.Scene.run`.
+    """Run a scene: open it, check it, solve and measure its muscles, and write what was found.
+
+    See :meth:`vtkmuscle.Scene.run`.
 
     Parameters
     ----------
     scene : SceneData
-        Checked.
+        As it was read and checked.
     out : Path or None
         Folder to write to.
     options : RunOptions
@@ -55,110 +62,145 @@ def run_scene(
     errors : ErrorStudy, optional
         Further solves beside the run's own, and estimates of the errors.
     """
+    began = time.perf_counter()
     with ExitStack() as stack:
         drawing = None
-        if out is not None and options.figures:
+        if out is not None and options.figures:  # a process of its own, which has much to load
             drawing = stack.enter_context(Drawing(out, scene))
-        odd = check_sense(scene) if options.sense else []
         numbers = frame_numbers(options.frames, len(scene.motion.times))
+        anatomy = Anatomy.of(scene)
+        odd = check_sense(scene, anatomy) if options.sense else []
         check_memory(scene, numbers)
-        folder = None
+        store = None
         if out is not None:
             stack.enter_context(claimed(out, scene, overwrite=options.overwrite))
-            folder = RunFolder(out, series=options.series)
-        return _run(scene, numbers, options, folder, drawing, errors, odd)
-
-
-def _run(
-    scene: SceneData,
-    numbers: range,
-    options: RunOptions,
-    folder: RunFolder | None,
-    drawing: Drawing | None,
-    errors: ErrorStudy | None,
-    odd: list[str],
-) -> Result:
-    """Run a scene that is checked, into a folder that is held."""
-    began = time.perf_counter()
-    shapes = bone_shapes(scene)
-    keys, kept = _kept(folder, scene, numbers, fresh=options.fresh)
-    tracks = {name: kept.get(name) or MuscleTrack() for name in scene.muscles}
-    report = _first_report(scene, numbers, tracks) | {"taken_over": list(kept), "sense": odd}
-    stop, report_progress = threading.Event(), _one_at_a_time(options.progress)
-    seen = options.observe or (lambda *_: None)
-    further = {} if errors is None else errors.jobs(numbers, stop)
-
-    def muscle_run(name: str, others: tuple[MuscleRun, ...]) -> MuscleRun:
-        return MuscleRun(
-            scene, name, tracks[name], shapes, folder, stop, report_progress, seen, others, options.clock
-        )
-
-    result_of = partial(_result, scene, numbers, report, DrawnBones(scene.bones_data()))
-    draw = partial(_draw, drawing, tracks, result_of)
-    try:
-        jobs: dict[str, Future[None]] = {}
-        count = _side_by_side(options.workers, scene, len(further))
-        with ThreadPoolExecutor(count) as pool, _setting_if_interrupted(stop):
-            if folder is not None:
-                folder.begin(report, scene, keys, kept)
-            for name in kept:
-                report_progress(name, "done", 1.0)
-            runs = _runs(scene, tracks, kept, muscle_run)
-            jobs |= {f"muscles.{name}": pool.submit(run.go, numbers) for name, run in runs.items()}
-            jobs |= {key: pool.submit(job) for key, job in further.items()}
-            if folder is not None:
-                folder.write_bones(scene, numbers, stop.is_set)
-            _wait_for(jobs, stop, draw)
-        _raise_first_failure(jobs, scene)
-        result = result_of(tracks)
-        report["seconds"] = {"muscles": time.perf_counter() - began}
-        arms = _moment_arms(result, report)
-        arms = _with_errors(arms, errors, result, tracks, report)
-        if drawing is not None:
-            drawing.others(result)
-    except BaseException as error:
-        report["stopped_by"] = f"{type(error).__name__}: {error}".rstrip(": ")
-        if folder is not None:
-            with suppress(OSError):  # the disk may be what failed; the first error says more
-                folder.write_tables(report, scene, numbers, tracks)
-        raise
-    report["complete"] = True
-    if folder is not None:
-        folder.write_moment_arms(arms, tracks)
-        folder.write_tables(report, scene, numbers, tracks)
-        with _unfinished_if_it_fails(folder, report):
-            _show(folder, result, report, drawing, page=options.report)
-    report["seconds"]["total"] = time.perf_counter() - began
-    if folder is not None:
-        folder.write_report(report)
+            store = ResultWriter(out, scene, numbers, options.series)
+        kept = {} if store is None or options.fresh else store.kept()
+        run = SceneRun(scene, numbers, anatomy.solid_bones, store, options)
+        tracks = {name: kept.get(name) or MuscleTrack() for name in scene.muscles}
+        report = _first_report(run, tracks) | {"taken_over": list(kept), "sense": odd}
+        result_of = partial(_result, run, report, DrawnBones(scene.bones_data()))
+        with _reported(run, tracks, report):
+            _solve(run, tracks, list(kept), report, errors, partial(_draw, drawing, tracks, result_of))
+            result = result_of(tracks)
+            arms = _measure(result, tracks, report, errors)
+            if store is not None:
+                _write_tables(run, store, tracks, report)
+                _write(store, result, arms, drawing, options, report)
+            report["complete"] = True
+            report["seconds"]["total"] = time.perf_counter() - began
+            if store is not None:
+                store.complete(report, tracks)
     return result
 
 
-def _runs(
-    scene: SceneData,
-    names: Iterable[str],
-    kept: Mapping[str, MuscleTrack],
-    make: Callable[[str, tuple[MuscleRun, ...]], MuscleRun],
-) -> dict[str, MuscleRun]:
-    """Return the runs of the muscles that are not kept from an earlier one; each may meet those before it."""
-    runs: dict[str, MuscleRun] = {}
-    for name in names:
-        if name not in kept:
-            runs[name] = make(name, tuple(runs.values()) if scene.muscle_contact != "off" else ())
-    return runs
+def _solve(
+    run: SceneRun,
+    tracks: Tracks,
+    kept: Iterable[str],
+    report: dict[str, Any],
+    errors: ErrorStudy | None,
+    draw: Callable[[Iterable[str]], None],
+) -> None:
+    """Solve the muscles that are not kept, side by side, and what the errors take beside them."""
+    began = time.perf_counter()
+    met = run.scene.muscle_contact != "off"
+    further = {} if errors is None else errors.jobs(run.numbers, run.stop)
+    # Where muscles may meet each waits for those before it, and shares their filters.
+    count = 1 if met else min(run.options.workers or processors(), len(tracks) + len(further))
+    jobs: dict[str, Future[None]] = {}
+    with ThreadPoolExecutor(count) as pool, _stopping(run.stop):
+        if run.store is not None:
+            run.store.begin(report, list(kept))
+        muscles: list[MuscleRun] = []
+        for name, track in tracks.items():
+            if name in kept:
+                run.report_progress(name, "done", 1.0)
+                continue
+            muscles.append(MuscleRun(run, name, track, tuple(muscles) if met else ()))
+            jobs[f"muscles.{name}"] = pool.submit(muscles[-1].go)
+        jobs |= {key: pool.submit(job) for key, job in further.items()}
+        if run.store is not None:
+            run.store.write_bones(run.stop.is_set)
+        _wait_for(jobs, run.stop, draw)
+    _raise_first_failure(jobs, run.scene)
+    report["seconds"] = {"muscles": time.perf_counter() - began}
 
 
-def _side_by_side(workers: int | None, scene: SceneData, n_further: int) -> int:
-    """Return how many threads to use for the muscles, and for further solves."""
-    if scene.muscle_contact != "off":
-        return 1  # each muscle waits for those before it, and shares their filters
-    return min(workers or processors(), len(scene.muscles) + n_further)
+def _measure(
+    result: Result, tracks: Tracks, report: dict[str, Any], errors: ErrorStudy | None
+) -> MomentArmTable:
+    """Return the moment arms; report them, or why there are none, and the errors of all muscles."""
+    arms = MomentArmTable({})
+    if result.lengths and result.motion.coordinates:
+        try:
+            arms = result.moment_arms()
+        except ValueError as error:
+            report["moment_arms"] = {"reason": str(error)}
+        else:
+            report["moment_arms"] = {"refused": arms.refused}
+            for name in arms:
+                report["muscles"][name]["moment_arms"] = arms.report(name)
+    if errors is None:
+        return arms
+    before = time.perf_counter()
+    motion = result.motion.part(result.frames)
+    for name, track in tracks.items():
+        track.errors = errors.estimates(name, track, motion)
+    report["seconds"]["errors"] = time.perf_counter() - before
+    return MomentArmTable(arms, arms.refused, result.errors)
+
+
+def _write(
+    store: ResultWriter,
+    result: Result,
+    arms: MomentArmTable,
+    drawing: Drawing | None,
+    options: RunOptions,
+    report: dict[str, Any],
+) -> None:
+    """Write tables, the page and the figures."""
+    if drawing is not None:
+        drawing.others(result)
+    if arms:
+        store.write_table("moment_arms.csv", arms.table())
+        store.write_table("moment_arms_summary.csv", arms.summary())
+    if options.report:
+        bones = None if drawing is None else drawing.bones()
+        if bones is not None:
+            result.drawn_bones.by_name = dict(bones)
+        before = time.perf_counter()
+        result.write_report(store.path / PAGE)
+        report["seconds"]["page"] = time.perf_counter() - before
+    if drawing is not None:
+        report["figures"] = drawing.finish()
+        report["seconds"]["figures"] = drawing.seconds
+
+
+def _write_tables(run: SceneRun, store: ResultWriter, tracks: Tracks, report: Mapping[str, Any]) -> None:
+    """Write what is there of lengths, architecture and fibres, of all frames or some."""
+    times = [float(run.scene.motion.times[number]) for number in run.numbers]
+    errors = {name: track.errors for name, track in tracks.items()}
+    paths = {name: np.array(track.lengths) for name, track in tracks.items() if track.lengths}
+    fibres = {name: np.array(one.fibre_lengths) for name, one in tracks.items() if one.fibre_lengths}
+    for file, lengths, quantity in (
+        ("lengths.csv", paths, "each_length"),
+        ("fibre_lengths.csv", fibres, "each_fibre_length"),
+    ):
+        table = length_table(lengths, errors, quantity, run.numbers, times)
+        store.write_table(file, table, digits=None)
+    if any("architecture" in muscle for muscle in report["muscles"].values()):
+        store.write_table("architecture.csv", architecture_table(report["muscles"]))
+    for name, track in tracks.items():
+        if track.fibres:
+            table = fibre_table(track.fibres, times[: len(track.fibres)], run.scene.millimetres)
+            store.write_table(f"{name}_fibres.csv", table)
 
 
 def _draw(
     drawing: Drawing | None,
-    tracks: Mapping[str, MuscleTrack],
-    result_of: Callable[[dict[str, MuscleTrack]], Result],
+    tracks: Tracks,
+    result_of: Callable[[Tracks], Result],
     done: Iterable[str],
 ) -> None:
     """Let what can be drawn be drawn, after some more jobs."""
@@ -169,19 +211,14 @@ def _draw(
                 drawing.muscle(result_of({name: tracks[name]}), name)
 
 
-def _result(
-    scene: SceneData,
-    numbers: range,
-    report: dict[str, Any],
-    drawn_bones: DrawnBones,
-    tracks: dict[str, MuscleTrack],
-) -> Result:
+def _result(run: SceneRun, report: dict[str, Any], drawn_bones: DrawnBones, tracks: Tracks) -> Result:
+    scene = run.scene
     return Result(
         scene.name,
         scene.units,
         scene.bones_data(),
         scene.motion,
-        numbers,
+        run.numbers,
         tracks,
         report,
         literature={name: muscle.literature for name, muscle in scene.muscles.items()},
@@ -190,59 +227,8 @@ def _result(
     )
 
 
-def _kept(
-    folder: RunFolder | None, scene: SceneData, numbers: range, *, fresh: bool
-) -> tuple[dict[str, str], dict[str, MuscleTrack]]:
-    """Return the keys of the muscles, and those that the folder has finished."""
-    if folder is None:
-        return {}, {}
-    keys = muscle_keys(scene, numbers)
-    kept = {} if fresh else folder.finished(keys, scene.millimetres)
-    if scene.muscle_contact != "off" and len(kept) < len(scene.muscles):
-        kept = {}  # the others are kept out of these, and ask their filters for it
-    return keys, kept
-
-
-def _moment_arms(result: Result, report: dict[str, Any]) -> MomentArmTable:
-    """Return the moment arms, and report them; where there are none, why."""
-    if not result.lengths or not result.motion.coordinates:
-        return MomentArmTable({})
-    try:
-        arms = result.moment_arms()
-    except ValueError as error:
-        report["moment_arms"] = {"reason": str(error)}
-        return MomentArmTable({})
-    report["moment_arms"] = {"refused": arms.refused}
-    for name in arms:
-        report["muscles"][name]["moment_arms"] = arms.report(name)
-    return arms
-
-
-def _with_errors(
-    arms: MomentArmTable,
-    study: ErrorStudy | None,
-    result: Result,
-    tracks: dict[str, MuscleTrack],
-    report: dict[str, Any],
-) -> MomentArmTable:
-    """Estimate the errors of all muscles, and return the moment arms with theirs."""
-    if study is None:
-        return arms
-    before = time.perf_counter()
-    motion = result.motion.part(result.frames)
-    for name, track in tracks.items():
-        track.errors = study.estimates(name, track, motion)
-    report["seconds"]["errors"] = time.perf_counter() - before
-    return MomentArmTable(arms, arms.refused, result.errors)
-
-
-def bone_shapes(scene: SceneData) -> dict[str, Bone]:
-    """Return the bones that have an inside, holes closed."""
-    shapes = {name: bone_of(*checked_surface(bone, name)) for name, bone in scene.bones.items()}
-    return {name: bone for name, bone in shapes.items() if bone.solids.trees}
-
-
-def _first_report(scene: SceneData, numbers: range, tracks: dict[str, MuscleTrack]) -> dict[str, Any]:
+def _first_report(run: SceneRun, tracks: Tracks) -> dict[str, Any]:
+    scene = run.scene
     return {
         "scene": scene.name,
         "model": scene.model,
@@ -252,39 +238,30 @@ def _first_report(scene: SceneData, numbers: range, tracks: dict[str, MuscleTrac
         "versions": versions(),
         "files": {key or "scene": str(path) for key, path in scene.files.items()},
         "sha256": {key or "scene": file_digest(path) for key, path in scene.files.items() if path.is_file()},
-        "frames": list(numbers),
-        "times": [float(scene.motion.times[number]) for number in numbers],
+        "frames": list(run.numbers),
+        "times": [float(scene.motion.times[number]) for number in run.numbers],
         "definitions": dict(DEFINITIONS),
         "muscles": {name: track.report for name, track in tracks.items()},
     }
 
 
-def _one_at_a_time(progress: Progress | None) -> Progress:
-    lock = threading.Lock()
-
-    def report_progress(muscle: str, stage: str, fraction: float) -> None:
-        if progress is not None:
-            with lock:
-                progress(muscle, stage, fraction)
-
-    return report_progress
-
-
 @contextmanager
-def _unfinished_if_it_fails(folder: RunFolder, report: dict[str, Any]) -> Iterator[None]:
-    """Say in the report that the run was stopped, where it is in what comes after the frames."""
+def _reported(run: SceneRun, tracks: Tracks, report: dict[str, Any]) -> Iterator[None]:
+    """Where a run fails, or is stopped, write what there is of it, and say so in the report."""
     try:
         yield
     except BaseException as error:
         report["complete"] = False
         report["stopped_by"] = f"{type(error).__name__}: {error}".rstrip(": ")
-        with suppress(OSError):  # the disk may be what failed; the first error says more
-            folder.write_report(report)
+        if run.store is not None:
+            with suppress(OSError):  # the disk may be what failed; the first error says more
+                _write_tables(run, run.store, tracks, report)
+                run.store.write_report(report)
         raise
 
 
 @contextmanager
-def _setting_if_interrupted(stop: threading.Event) -> Iterator[None]:
+def _stopping(stop: threading.Event) -> Iterator[None]:
     """Tell the threads to stop where the main thread is interrupted (Ctrl-C) or fails."""
     try:
         yield
@@ -317,19 +294,3 @@ def _raise_first_failure(jobs: dict[str, Future[None]], scene: SceneData) -> Non
             problem, remedy = fault_of(error, placed=True)
             raise SceneError(problem, key, remedy, scene.files.get("")) from error
         raise error
-
-
-def _show(
-    folder: RunFolder, result: Result, report: dict[str, Any], drawing: Drawing | None, *, page: bool
-) -> None:
-    """Write the page of a run, and wait for its figures."""
-    if page:
-        bones = None if drawing is None else drawing.bones()
-        if bones is not None:
-            result.drawn_bones.by_name = dict(bones)
-        before = time.perf_counter()
-        result.write_report(folder.path / PAGE)
-        report["seconds"]["page"] = time.perf_counter() - before
-    if drawing is not None:
-        report["figures"] = drawing.finish()
-        report["seconds"]["figures"] = drawing.seconds

@@ -12,10 +12,9 @@ import numpy as np
 
 from vtkmuscle.core.attachments.rings import ring_area, ring_length, short_ring
 from vtkmuscle.core.mesh.closed_shells import closed_shells
-from vtkmuscle.core.mesh.solids import Solids, solids_of
 from vtkmuscle.core.mesh.surface import signed_volume
-from vtkmuscle.data.arrays import checked_surface, points_of
 from vtkmuscle.data.attachments import AttachmentArea
+from vtkmuscle.scene.anatomy import Anatomy, Surface
 from vtkmuscle.scene.data import MILLIMETRES, Muscle, SceneData
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense_motion import motion_findings
@@ -57,8 +56,8 @@ _MOST_LANDMARKS = 150
 Finding = tuple[str, str, str, bool]
 
 
-def check_sense(scene: SceneData) -> list[str]:
-    """Say what cannot be meant of a scene, and return the warnings.
+def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[str]:
+    """Say what cannot be meant of a scene, and return the warnings; its surfaces may be open already.
 
     Raises
     ------
@@ -71,7 +70,9 @@ def check_sense(scene: SceneData) -> list[str]:
         For each thing that is probably wrong.
     """
     said = []
-    for key, problem, remedy, sure in sorted(findings(scene), key=lambda one: not one[-1]):
+    for key, problem, remedy, sure in sorted(
+        findings(scene, anatomy or Anatomy.of(scene)), key=lambda one: not one[-1]
+    ):
         file = scene.files.get(key, scene.files.get(""))
         error = SceneError(problem, key, remedy, file)
         if sure:
@@ -81,31 +82,29 @@ def check_sense(scene: SceneData) -> list[str]:
     return said
 
 
-def findings(scene: SceneData) -> Iterator[Finding]:
+def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
     """Give a finding for each thing that cannot be meant."""
-    strayed = list(_strays(scene))
+    strayed = list(_strays(scene, anatomy))
     yield from strayed
     if any(finding[-1] for finding in strayed):
         return  # measures of the rest would mean nothing
-    yield from _sizes(scene)
-    yield from _twice(scene)
-    yield from _bones_without_inside(scene)
-    solids = {name: solids_of(*checked_surface(bone, name)) for name, bone in scene.bones.items()}
+    yield from _sizes(scene, anatomy)
+    yield from _twice(anatomy)
+    yield from _bones_without_inside(anatomy)
     for name, muscle in scene.muscles.items():
+        surface = anatomy.muscles[name]
         for number, area in enumerate(muscle.attachments):
-            yield from _ring(f"muscles.{name}.attachments[{number}].landmarks", area, muscle, scene)
-        yield from _on_bones(scene, name, muscle, solids)
+            yield from _ring(f"muscles.{name}.attachments[{number}].landmarks", area, surface, scene.units)
+        yield from _on_bones(scene.millimetres, name, muscle, anatomy)
         yield from _estimates(name, muscle)
-        yield from _in_bones(scene, name, muscle, solids)
-    yield from motion_findings(scene)
+        yield from _in_bones(scene.millimetres, name, anatomy)
+    yield from motion_findings(scene, anatomy)
 
 
-def _strays(scene: SceneData) -> Iterator[Finding]:
+def _strays(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
     """Give surfaces with a point that is nowhere near the others, or that lie nowhere near the origin."""
-    surfaces = {f"bones.{name}.surface": bone for name, bone in scene.bones.items()}
-    surfaces |= {f"muscles.{name}.surface": muscle.surface for name, muscle in scene.muscles.items()}
-    for key, surface in surfaces.items():
-        points = points_of(surface)
+    for key, surface in anatomy.surfaces.items():
+        points = surface.points
         centre = np.median(points, axis=0)
         with np.errstate(over="ignore"):
             away = np.linalg.norm(points - centre, axis=1)
@@ -125,12 +124,9 @@ def _strays(scene: SceneData) -> Iterator[Finding]:
             yield key, problem, "move the scene to the origin", True
 
 
-def _sizes(scene: SceneData) -> Iterator[Finding]:
-    surfaces = [*scene.bones.values(), *(muscle.surface for muscle in scene.muscles.values())]
-    longest = max(float(np.ptp(points_of(surface), axis=0).max()) for surface in surfaces)
-    volumes = {
-        name: abs(signed_volume(*checked_surface(one.surface, name))) for name, one in scene.muscles.items()
-    }
+def _sizes(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
+    longest = max(float(np.ptp(one.points, axis=0).max()) for one in anatomy.surfaces.values())
+    volumes = {name: abs(signed_volume(*surface)) for name, surface in anatomy.muscles.items()}
     largest = max(volumes, key=lambda name: volumes[name])
 
     def fits(unit: str) -> bool:
@@ -149,31 +145,28 @@ def _sizes(scene: SceneData) -> Iterator[Finding]:
     yield "units", f"{problem} in this unit", (remedies or ["check the unit of the files"])[0], False
 
 
-def _twice(scene: SceneData) -> Iterator[Finding]:
+def _twice(anatomy: Anatomy) -> Iterator[Finding]:
     """Give surfaces that stand for two things."""
     seen: dict[bytes, str] = {}
-    named = [(f"bones.{name}.surface", bone) for name, bone in scene.bones.items()]
-    named += [(f"muscles.{name}.surface", muscle.surface) for name, muscle in scene.muscles.items()]
-    for key, surface in named:
-        points = points_of(surface)
-        other = seen.setdefault(np.ascontiguousarray(points).tobytes(), key)
+    for key, surface in anatomy.surfaces.items():
+        other = seen.setdefault(np.ascontiguousarray(surface.points).tobytes(), key)
         if other != key and other.startswith("bones."):  # two muscles may be one, solved in two ways
             yield key, f"it is the same surface as {other}", "name the file that belongs to it", False
 
 
-def _bones_without_inside(scene: SceneData) -> Iterator[Finding]:
-    for name, bone in scene.bones.items():
-        if not any(closed_shells(*checked_surface(bone, name)).solid):
+def _bones_without_inside(anatomy: Anatomy) -> Iterator[Finding]:
+    for name, bone in anatomy.bones.items():
+        if not any(closed_shells(bone.points, bone.triangles).solid):
             problem = "the bone encloses no volume: no muscle will be kept out of it"
             remedy = "export it again as a closed surface, if a muscle can meet it"
             yield f"bones.{name}.surface", problem, remedy, False
 
 
-def _ring(key: str, area: AttachmentArea, muscle: Muscle, scene: SceneData) -> Iterator[Finding]:
+def _ring(key: str, area: AttachmentArea, muscle: Surface, units: str) -> Iterator[Finding]:
     """Give what is odd about the order and place of landmarks."""
     landmarks = np.asarray(area.landmarks, dtype=np.float64)
     size = float(np.linalg.norm(np.ptp(landmarks, axis=0)))
-    if len(landmarks) > 1 and size <= 1e-9 * float(np.linalg.norm(np.ptp(points_of(muscle.surface), axis=0))):
+    if len(landmarks) > 1 and size <= 1e-9 * float(np.linalg.norm(np.ptp(muscle.points, axis=0))):
         yield key, f"all {len(landmarks)} landmarks are one point", "give the boundary of the area", True
         return
     if area.estimated or not area.closed or len(landmarks) < 4:
@@ -184,7 +177,7 @@ def _ring(key: str, area: AttachmentArea, muscle: Muscle, scene: SceneData) -> I
     remedy = "put them in order along the boundary"
     if length > RING * shortest:
         problem = (
-            f"the ring through the landmarks is {length:.4g} {scene.units} long, {length / shortest:.3g} "
+            f"the ring through the landmarks is {length:.4g} {units} long, {length / shortest:.3g} "
             "times as long as in another order: they are not in the order of the boundary"
         )
         yield key, problem, remedy, length > SURE_RING * shortest
@@ -207,11 +200,11 @@ def _estimates(name: str, muscle: Muscle) -> Iterator[Finding]:
             return
 
 
-def _in_bones(scene: SceneData, name: str, muscle: Muscle, solids: dict[str, Solids]) -> Iterator[Finding]:
+def _in_bones(millimetres: float, name: str, anatomy: Anatomy) -> Iterator[Finding]:
     """Give bones that a muscle lies deep in at rest."""
-    points = points_of(muscle.surface)
-    for bone, solid in solids.items():
-        depths = scene.millimetres * solid.depth(points)
+    points = anatomy.muscles[name].points
+    for bone, surface in anatomy.bones.items():
+        depths = millimetres * surface.solids.depth(points)
         if depths.max() > DEEP:
             where = ", ".join(f"{value:.4g}" for value in points[np.argmax(depths)])
             problem = f"at rest it is up to {depths.max():.2g} mm deep in the bone {bone!r}, at ({where}), "
@@ -220,14 +213,16 @@ def _in_bones(scene: SceneData, name: str, muscle: Muscle, solids: dict[str, Sol
             yield f"muscles.{name}.surface", problem, remedy, False
 
 
-def _on_bones(scene: SceneData, name: str, muscle: Muscle, solids: dict[str, Solids]) -> Iterator[Finding]:
+def _on_bones(scale: float, name: str, muscle: Muscle, anatomy: Anatomy) -> Iterator[Finding]:
     """Give landmarks that are not on the bone that they name."""
-    scale = scene.millimetres
-    length = float(np.linalg.norm(np.ptp(points_of(muscle.surface), axis=0))) * scale
+    length = float(np.linalg.norm(np.ptp(anatomy.muscles[name].points, axis=0))) * scale
     numbered = [(n, area) for n, area in enumerate(muscle.attachments) if area.role in ENDS]
     areas = [area for _, area in numbered]
     away = [
-        {bone: scale * np.abs(surface.distances(area.landmarks)) for bone, surface in solids.items()}
+        {
+            bone: scale * np.abs(surface.solids.distances(area.landmarks))
+            for bone, surface in anatomy.bones.items()
+        }
         for area in areas
     ]
     meant: dict[int, str] = {}

@@ -9,7 +9,7 @@ import numpy as np
 
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import points_of
+from vtkmuscle.scene.anatomy import Anatomy
 from vtkmuscle.scene.data import SceneData
 
 #: Turn of a bone from one frame to the next that is a jump rather than a step [degrees].
@@ -20,12 +20,12 @@ FAR, SURE_FAR = 0.5, 20.0
 TORN, SURE_TORN = 2.0, 5.0
 
 
-def motion_findings(scene: SceneData) -> Iterator[tuple[str, str, str, bool]]:
+def motion_findings(scene: SceneData, anatomy: Anatomy) -> Iterator[tuple[str, str, str, bool]]:
     """Give the fields of a finding for each thing that cannot be meant of a motion."""
     key = "motion"
     motion = scene.motion
     for bone, transforms in motion.transforms.items():
-        corners = _corners(points_of(scene.bones[bone]))
+        corners = _corners(anatomy.bones[bone].points)
         size = float(np.linalg.norm(corners[-1] - corners[0]))
         poses = np.concatenate([np.eye(4)[None], transforms])
         # From rest to the first frame, and from each to the next.
@@ -52,7 +52,7 @@ def motion_findings(scene: SceneData) -> Iterator[tuple[str, str, str, bool]]:
         middles = [(area.bone, np.asarray(area.landmarks).mean(axis=0)) for area in muscle.attachments]
         if len({bone for bone, _ in middles}) < 2:
             continue
-        length = float(np.linalg.norm(np.ptp(points_of(muscle.surface), axis=0)))
+        length = float(np.linalg.norm(np.ptp(anatomy.muscles[name].points, axis=0)))
         frames = [motion.at(float(time)) for time in motion.times]
         spans = np.array([_span(middles, frame) for frame in frames])
         longest = int(np.argmax(spans))
