@@ -17,8 +17,9 @@ import pyvista as pv
 import tomli_w
 
 from vtkmuscle import Scene
-from vtkmuscle.export import osim_of
-from vtkmuscle.phantoms.leg import JOINTS, leg, leg_tree
+from vtkmuscle.opensim import osim_of
+from vtkmuscle.opensim.leg_tree import leg_tree
+from vtkmuscle.phantoms.leg import JOINTS, leg
 
 folder = Path(tempfile.mkdtemp())
 scene_file = Scene.from_phantom(leg(coordinates=[(0, 0, 0)]), n_fibres=4).save(folder)

@@ -17,10 +17,10 @@ import numpy as np
 import tomli_w
 
 from vtkmuscle import Scene
-from vtkmuscle.core.motion.muscle_paths import moment_arm
-from vtkmuscle.export import osim_of, write_opensim
-from vtkmuscle.io import read_osim
-from vtkmuscle.phantoms.leg import leg, leg_tree
+from vtkmuscle.opensim import osim_of, read_osim, write_opensim
+from vtkmuscle.opensim.leg_tree import leg_tree
+from vtkmuscle.opensim.muscle_paths import moment_arm
+from vtkmuscle.phantoms.leg import leg
 
 folder = Path(tempfile.mkdtemp())
 scene_file = Scene.from_phantom(leg(coordinates=[(0, 0, 0)]), n_fibres=12).save(folder)

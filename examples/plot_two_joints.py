@@ -18,9 +18,8 @@ import matplotlib.pyplot as plt
 import tomli_w
 
 from vtkmuscle import Scene
-from vtkmuscle.core.motion.muscle_paths import moment_arm
-from vtkmuscle.export import write_opensim
-from vtkmuscle.io import read_osim
+from vtkmuscle.opensim import read_osim, write_opensim
+from vtkmuscle.opensim.muscle_paths import moment_arm
 from vtkmuscle.phantoms import strap_over_two_joints
 
 phantom = strap_over_two_joints()

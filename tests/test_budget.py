@@ -16,35 +16,35 @@ ROOT = Path(vtkmuscle.__file__).parent
 #: Most lines of code of each package: those that it had when they were last counted, and 2 %.
 BUDGETS = {
     "accuracy": 431,  # 427: errors of a run's results
-    "cli": 876,  # 859: the command line
-    "cohort": 1198,  # 1182: studies of many subjects
-    "core": 11450,  # 11275: the mathematics; 9500 is what it is to come to
+    "cli": 873,  # 856: the command line
+    "cohort": 1198,  # 1175: studies of many subjects
+    "core": 10701,  # 10492: the mathematics; 9500 is what it is to come to
     "core/accuracy": 68,  # 67: errors by parts
     "core/algorithm_2": 200,  # 197: the published solver
     "core/attachments": 390,  # 383: areas and fixed points
     "core/bones": 343,  # 341: signed distances
     "core/collision": 932,  # 914: points kept out of bones and muscles
     "core/deformation": 295,  # 290: carrying and settling
-    "core/fibres": 1983,  # 1945: architecture, mean value coordinates, spreading, trimming, directions
+    "core/fibres": 2009,  # 1970: architecture, mean value coordinates, spreading, trimming, directions
     "core/mesh": 1897,  # 1860: surfaces, trees, solids
     "core/moment_arms": 493,  # 484: levers and slopes
     "core/morphing": 1484,  # 1455: a template taken into a muscle, section by section
-    "core/motion": 1194,  # 1171: rigid motions, joints, lengths by coordinates
+    "core/motion": 370,  # 363: rigid motions and coordinates
     "core/paths": 1430,  # 1429: the sheet of paths, and the muscle that it takes along
     "core/template": 339,  # 333: templates of fibres
     "data": 903,  # 886: VTK to arrays and back
-    "export": 638,  # 626: OpenSim and MuJoCo
     "fetch": 326,  # 320: public data
     "filters": 3823,  # 3749: VTK filters; FibreField is 84 of them
-    "io": 2612,  # 2599: readers and writers; a folder held against others is 28 of them
+    "io": 1944,  # 1944: readers and writers
+    "opensim": 2367,  # 2321: joints, OpenSim and MuJoCo, in and out
     "paraview": 392,  # 385: the plugin
-    "phantoms": 1373,  # 1347: bodies with known answers; pennate_belly is 57 of them
+    "phantoms": 1361,  # 1335: bodies with known answers; pennate_belly is 57 of them
     "pipelines": 212,  # 210: filters connected
     "plotting": 1214,  # 1191: figures
     "report": 856,  # 848: the page of a run
-    "run": 2980,  # 2976: a run of a scene
-    "scene": 2153,  # 2148: scene.toml
-    "tradeoff": 496,  # 489: accuracy against time
+    "run": 2890,  # 2834: a run of a scene
+    "scene": 1976,  # 1959: scene.toml
+    "tradeoff": 496,  # 490: accuracy against time
     "view": 175,  # 172: the viewer
 }
 

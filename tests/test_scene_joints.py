@@ -1,9 +1,7 @@
 """Joints in a scene: pins, balls and custom ones, models of OpenSim, files, grids and mirrors."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
+import osim_texts as texts
 import pytest
 from two_joint_scene import CENTRE, JOINTS, save_strap, scene_with
 
@@ -14,9 +12,6 @@ from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.phantoms import strap_over_two_joints
 from vtkmuscle.phantoms.two_joint_strap import AXIS
 from vtkmuscle.scene.reading import read_motion
-
-sys.path.insert(0, str(Path(__file__).parent / "io"))
-import osim_texts as texts
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +121,7 @@ def test_a_model_of_opensim_moves_the_bones(strap_folder, tmp_path):
     motion = read_motion(path)
     np.testing.assert_allclose(motion.transforms["distal"][0], np.eye(4), atol=1e-9)
     assert "middle" not in motion.transforms
-    from vtkmuscle.io import read_osim
+    from vtkmuscle.opensim import read_osim
 
     poses = read_osim(path.parent / "leg.osim").tree.poses({"knee_angle": np.radians([10.0, 40.0])})
     in_femur = np.linalg.inv(poses["femur"]) @ poses["tibia"]

@@ -11,7 +11,8 @@ import osim_texts as texts
 import pytest
 import test_io_msf as trees
 
-from vtkmuscle.io import landmarks_of, read_landmarks, read_motion_file, read_msf, read_osim
+from vtkmuscle.io import landmarks_of, read_landmarks, read_msf
+from vtkmuscle.opensim import read_motion_file, read_osim
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from mutations import mutated

@@ -169,7 +169,7 @@ def export(
     """
     with one_clear_error(None):
         if out.suffix.lower() in (".osim", ".xml"):
-            from vtkmuscle.export import write_mujoco, write_opensim
+            from vtkmuscle.opensim import write_mujoco, write_opensim
 
             if out.suffix.lower() == ".xml":
                 written = write_mujoco(source, out, groups=groups)

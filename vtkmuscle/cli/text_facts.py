@@ -8,19 +8,18 @@ from pathlib import Path
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.motion.tree import KinematicTree
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io import (
     TREE_SUFFIXES,
     MsfNode,
     landmarks_of,
     read_landmarks,
-    read_motion_file,
     read_msf,
     read_named_points,
-    read_osim,
 )
-from vtkmuscle.io.osim import OsimModel
+from vtkmuscle.opensim.model import OsimModel, read_osim
+from vtkmuscle.opensim.motion_file import read_motion_file
+from vtkmuscle.opensim.tree import KinematicTree
 
 #: Suffixes of what is known here.
 LANDMARKS = (".csv", ".json", ".fcsv", ".nrrd")

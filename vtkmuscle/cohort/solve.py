@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from vtkmuscle.cohort.pictures import strip
 from vtkmuscle.cohort.study import Task
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.fibres.groups import group_fibres
 from vtkmuscle.core.moment_arms.of_joints import joint_arms
-from vtkmuscle.core.motion.fitted_lengths import group_fibres
 from vtkmuscle.io.parts import Part, Parts, file_digest
 from vtkmuscle.run.options import RunOptions, frame_numbers
 from vtkmuscle.run.result import Result

@@ -20,10 +20,8 @@ if TYPE_CHECKING:
         read_literature,
         write_literature,
     )
-    from vtkmuscle.io.motion_file import MotionFile, read_motion_file
     from vtkmuscle.io.motion_table import motion_columns, read_motion_table, write_motion_table
     from vtkmuscle.io.msf import TREE_SUFFIXES, MsfNode, landmarks_of, read_msf, surfaces_of
-    from vtkmuscle.io.osim import OsimModel, read_osim
     from vtkmuscle.io.series import Collection, Series
     from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, read_polydata, read_surface
     from vtkmuscle.io.temporal import SERIES_SUFFIXES, TimeSeries, read_series, write_vtkhdf
@@ -38,10 +36,8 @@ _NAMES = {
         *("LITERATURE_COLUMNS", "LiteratureCurve", "curves_for"),
         *("read_literature", "write_literature"),
     ),
-    "motion_file": ("MotionFile", "read_motion_file"),
     "motion_table": ("motion_columns", "read_motion_table", "write_motion_table"),
     "msf": ("TREE_SUFFIXES", "MsfNode", "landmarks_of", "read_msf", "surfaces_of"),
-    "osim": ("OsimModel", "read_osim"),
     "series": ("Collection", "Series"),
     "surfaces": ("SURFACE_SUFFIXES", "read_polydata", "read_surface"),
     "temporal": ("SERIES_SUFFIXES", "TimeSeries", "read_series", "write_vtkhdf"),
@@ -56,9 +52,7 @@ __all__ = [
     "TREE_SUFFIXES",
     "Collection",
     "LiteratureCurve",
-    "MotionFile",
     "MsfNode",
-    "OsimModel",
     "Series",
     "TimeSeries",
     "curves_for",
@@ -70,11 +64,9 @@ __all__ = [
     "read_aponeurosis",
     "read_landmarks",
     "read_literature",
-    "read_motion_file",
     "read_motion_table",
     "read_msf",
     "read_named_points",
-    "read_osim",
     "read_polydata",
     "read_series",
     "read_surface",

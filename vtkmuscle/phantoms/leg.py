@@ -7,10 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vtkmuscle.core.motion.frames import frame_at
-from vtkmuscle.core.motion.functions import IDENTITY
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
-from vtkmuscle.core.motion.tree import Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.phantoms.coordinates import checked_poses
@@ -180,25 +177,6 @@ def leg(*, coordinates: ArrayLike | None = None) -> Phantom:
             "head_radius": HEAD_RADIUS,
         },
     )
-
-
-def leg_tree() -> KinematicTree:
-    """Return the joints of :func:`leg` as other programs take them: bodies on hinges, in metres.
-
-    Examples
-    --------
-    >>> from vtkmuscle.phantoms.leg import leg_tree
-    >>> leg_tree().bodies
-    ('pelvis', 'femur', 'tibia', 'foot')
-    """
-    joints = []
-    for name, (parent, child, centre, axis) in JOINTS.items():
-        place = frame_at(np.array(centre) / 1000.0)
-        turn = JointAxis(np.array(axis), IDENTITY, name)
-        joints.append(Joint(f"{child}_joint", parent, child, [turn], (), place, place))
-    limits = {name: (float(np.radians(low)), float(np.radians(high))) for name, (low, high) in LIMITS.items()}
-    coordinates = [JointCoordinate(name, range=limits[name]) for name in JOINTS]
-    return KinematicTree("pelvis", joints, coordinates)
 
 
 @cache

@@ -4,19 +4,36 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, hinge
-from vtkmuscle.core.motion.tree_motion import steps_of
+from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io import motion_columns, read_motion_table
 from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.files import SceneFiles
-from vtkmuscle.scene.joints import joints_of, motion_by_joints
 from vtkmuscle.scene.schema import ALONE, Hinge, SceneTable
+
+if TYPE_CHECKING:
+    from vtkmuscle.opensim.scene_joints import SceneJoints
+
+
+def joints_of(scene: SceneTable, files: SceneFiles) -> SceneJoints | None:
+    """Return the joints of a scene, None where it has none.
+
+    Raises
+    ------
+    SceneError
+        If a file cannot be read, or the joints are no tree.
+    """
+    if scene.opensim is None and not scene.joints:
+        return None
+    from vtkmuscle.opensim.scene_joints import joints_in  # noqa: PLC0415 -- scenes with joints alone need it
+
+    return joints_in(scene, files)
 
 
 def motion_from(scene: SceneTable, files: SceneFiles) -> RigidMotion:
@@ -30,7 +47,7 @@ def motion_from(scene: SceneTable, files: SceneFiles) -> RigidMotion:
     table = scene.motion
     joints = joints_of(scene, files)
     if joints is not None:
-        return motion_by_joints(scene, joints, files)
+        return joints.motion(scene, files)
     if table.hinge is not None:
         return _turned(table.hinge)
     coordinates = table.coordinates
@@ -101,3 +118,22 @@ def _of_several(
         raise SceneError(problem, "motion.coordinates", suggestion(missing[0], sorted(seen)), scene)
     found = {bone: one.centre_of(bone) for bone, one in zip(tables, motions, strict=True)}
     return RigidMotion(motions[0].times, transforms, found if centres else None, coordinates)
+
+
+def steps_of(start: float, stop: float, step: float) -> Floats:
+    """Return values from start to stop, which is the last one also where it is no whole number of steps away.
+
+    Examples
+    --------
+    >>> from vtkmuscle.scene.motion import steps_of
+    >>> steps_of(0.0, 5.0, 2.0).tolist()
+    [0.0, 2.0, 4.0, 5.0]
+    """
+    # A stop that is a whole number of steps away, up to rounding, is reached by the last step.
+    count = (stop - start) / step
+    whole = int(np.floor(count + 1e-9))
+    values = start + step * np.arange(whole + 1)
+    if count - whole > 1e-9:
+        return np.append(values, stop)
+    values[-1] = stop
+    return np.asarray(values, dtype=np.float64)

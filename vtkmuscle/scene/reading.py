@@ -29,9 +29,8 @@ from vtkmuscle.io import (
 from vtkmuscle.scene.data import MILLIMETRES, Muscle
 from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.files import SceneFiles, parsed
-from vtkmuscle.scene.joints import SceneJoints, joints_of
 from vtkmuscle.scene.mirror import mirrored_fields
-from vtkmuscle.scene.motion import motion_from
+from vtkmuscle.scene.motion import joints_of, motion_from
 from vtkmuscle.scene.schema import Aponeuroses, Area, Estimate, MuscleTable, SceneTable
 from vtkmuscle.scene.validation import validated
 
@@ -61,7 +60,8 @@ def read_fields(path: Path, values: Mapping[str, Any] | None = None) -> dict[str
     joints = joints_of(table, files)
     for name, made in muscles.items():
         with faults.gathered():
-            crosses = _crossed(name, table.muscles[name], made, motion, joints, path)
+            between = None if joints is None else joints.crossed(area.bone for area in made.attachments)
+            crosses = _crossed(name, table.muscles[name], motion, between, path)
             muscles[name] = replace(made, crosses=crosses)
     faults.raise_any()
     fields = {
@@ -142,7 +142,7 @@ def _muscle(
 
 
 def _crossed(
-    name: str, table: MuscleTable, muscle: Muscle, motion: RigidMotion, joints: SceneJoints | None, path: Path
+    name: str, table: MuscleTable, motion: RigidMotion, between: tuple[str, ...] | None, path: Path
 ) -> tuple[str, ...] | None:
     """Return the coordinates that a muscle crosses: those it names, or those between its bones."""
     if table.crosses is not None:
@@ -153,9 +153,7 @@ def _crossed(
                     problem, f"muscles.{name}.crosses", suggestion(one, motion.coordinates), path
                 )
         return tuple(table.crosses)
-    if joints is None:
-        return None
-    return joints.tree.crossed([joints.bodies[area.bone] for area in muscle.attachments])
+    return between
 
 
 def _areas(

@@ -11,11 +11,11 @@ from vtkmuscle.core.moment_arms.differences import differences_by
 from vtkmuscle.core.moment_arms.levers import levers, twists_by
 from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.core.motion.coordinates import Coordinate
-from vtkmuscle.core.motion.functions import IDENTITY
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, hinge, rotation_about
-from vtkmuscle.core.motion.tree import Joint, JointAxis, JointCoordinate, KinematicTree
-from vtkmuscle.core.motion.tree_motion import grid_of, motion_of_tree
 from vtkmuscle.core.paths.wrenches import path_wrenches
+from vtkmuscle.opensim.functions import IDENTITY
+from vtkmuscle.opensim.tree import Joint, JointAxis, JointCoordinate, KinematicTree
+from vtkmuscle.opensim.tree_motion import grid_of, motion_of_tree
 
 CENTRE, AXIS = np.array([5.0, -20.0, 300.0]), np.array([1.0, 0.0, 0.0])
 #: Where straight paths leave the bone that stays, and the one that moves, at rest [mm].

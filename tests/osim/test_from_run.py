@@ -1,0 +1,130 @@
+"""Muscles of a run in OpenSim: lengths of fibres, and what groups and paths cost."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+from two_joint_scene import save_strap, scene_with
+from typer.testing import CliRunner
+
+from vtkmuscle import Scene, SceneError
+from vtkmuscle.cli import app
+from vtkmuscle.opensim import read_osim, write_mujoco, write_opensim
+from vtkmuscle.opensim.muscle_paths import PointPath
+
+GRID = {"grid": {"upper": [-10, 30, 10], "lower": [0, 40, 10]}}
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """A scene of a strap over two joints, run by its paths: its file and the result."""
+    folder = tmp_path_factory.mktemp("strap")
+    save_strap(folder, n_fibres=10)
+    path = scene_with(folder, tmp_path_factory.mktemp("joints"), motion=GRID, model="paths")
+    return path, Scene.load(path).run(figures=False)
+
+
+def values_of(result):
+    return {name: one.natural for name, one in result.motion.coordinates.items()}
+
+
+def test_functions_have_the_lengths_of_the_run(ran, tmp_path):
+    path, result = ran
+    (found,) = write_opensim(path, tmp_path / "strap.osim", result=result)
+    model = read_osim(tmp_path / "strap.osim")
+    lengths = 1000.0 * model.muscle("strap").path.lengths(model.tree, values_of(result))
+    mean = result.lengths["strap"].mean(axis=1)
+    assert np.abs(lengths - mean).max() == pytest.approx(found.largest_fit_error, abs=1e-6)
+    assert found.fit_error < 0.3
+    assert found.held_back_error < 0.6
+    assert set(found.out.path.names) == {"upper", "lower"}
+    assert len(found.fibres) == 10
+
+
+def test_more_groups_stand_for_the_fibres_better(ran, tmp_path):
+    path, result = ran
+    force = {"strap": {"max_isometric_force": 500.0}}
+    one = write_opensim(path, tmp_path / "one.osim", result=result, parameters=force)
+    four = write_opensim(path, tmp_path / "four.osim", result=result, groups=4, parameters=force)
+    assert sorted(fibre for group in four for fibre in group.fibres) == list(range(10))
+    assert max(group.group_error for group in four) < one[0].group_error
+    assert sum(group.out.parameters["max_isometric_force"] for group in four) == pytest.approx(500.0)
+    assert list(read_osim(tmp_path / "four.osim").muscles) == [f"strap_{i}" for i in range(1, len(four) + 1)]
+
+
+def test_points_lengthen_as_their_fibre_does(ran, tmp_path):
+    path, result = ran
+    (found,) = write_opensim(path, tmp_path / "points.osim", result=result, form="points")
+    assert isinstance(found.out.path, PointPath)
+    assert {point.body for point in found.out.path.points} <= {"proximal", "middle", "distal"}
+    assert found.fit_error < 1.0
+    model = read_osim(tmp_path / "points.osim")
+    lengths = 1000.0 * model.muscle("strap").path.lengths(model.tree, values_of(result))
+    changes = lengths - lengths.mean()
+    fibres = result.lengths["strap"] - result.lengths["strap"].mean(axis=0)
+    errors = np.sqrt(((changes[:, None] - fibres) ** 2).mean(axis=0))
+    assert errors.min() == pytest.approx(found.fit_error, rel=1e-3)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("opensim") is None, reason="the extra opensim is not installed")
+@pytest.mark.parametrize("form", ["functions", "points"])
+def test_opensim_gives_what_vtkmuscle_gave(ran, tmp_path, form):
+    import opensim
+
+    from vtkmuscle.opensim.muscle_paths import moment_arm
+
+    opensim.Logger.setLevelString("error")
+    path, result = ran
+    (found,) = write_opensim(path, tmp_path / "strap.osim", result=result, form=form)
+    ours = read_osim(tmp_path / "strap.osim")
+    model = opensim.Model(str(tmp_path / "strap.osim"))
+    state = model.initSystem()
+    values = values_of(result)
+    arms = result.moment_arms()["strap"]
+    for i in range(0, len(result.frames), 4):
+        for name, column in values.items():
+            model.updCoordinateSet().get(name).setValue(state, float(column[i]))
+        model.realizePosition(state)
+        now = {name: column[i : i + 1] for name, column in values.items()}
+        theirs = model.getMuscles().get("strap").getPath()
+        assert theirs.getLength(state) == pytest.approx(found.out.path.lengths(ours.tree, now)[0], abs=1e-5)
+        for name in values:
+            arm = theirs.computeMomentArm(state, model.getCoordinateSet().get(name))
+            assert arm == pytest.approx(moment_arm(found.out.path, ours.tree, now, name)[0], abs=1e-4)
+            if form == "functions" and i in arms[name].frames:
+                # Two ways to take slopes of the same lengths, a polynomial and local cubics.
+                mean = arms[name].mean[list(arms[name].frames).index(i)]
+                assert 1000.0 * arm == pytest.approx(mean, abs=4.0)
+
+
+def test_mujoco_gives_the_length_of_the_path(ran, tmp_path):
+    mujoco = pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
+    path, result = ran
+    (found,) = write_mujoco(path, tmp_path / "strap.xml", result=result)
+    assert not any(point.moves for point in found.out.path.points)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "strap.xml"))
+    data = mujoco.MjData(model)
+    write_opensim(path, tmp_path / "strap.osim", result=result)
+    tree = read_osim(tmp_path / "strap.osim").tree
+    values = values_of(result)
+    lengths = found.out.path.lengths(tree, values)
+    for i in range(0, len(lengths), 5):
+        for name, column in values.items():
+            data.qpos[model.joint(name).qposadr[0]] = column[i]
+        mujoco.mj_forward(model, data)
+        assert data.ten_length[0] == pytest.approx(lengths[i], abs=1e-9)
+
+
+def test_a_scene_without_joints_is_not_exported(tmp_path):
+    path = save_strap(tmp_path / "strap")
+    with pytest.raises(SceneError, match="no joints"):
+        write_opensim(path, tmp_path / "strap.osim")
+
+
+def test_the_command_line_says_what_paths_cost(ran, tmp_path):
+    path, _ = ran
+    said = CliRunner().invoke(app, ["export", str(path), str(tmp_path / "strap.osim"), "--groups", "2"])
+    assert said.exit_code == 0, said.output
+    assert "strap_1: " in said.output
+    assert "fibres as a polynomial of" in said.output
+    assert read_osim(tmp_path / "strap.osim").muscles

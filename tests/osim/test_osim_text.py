@@ -1,0 +1,182 @@
+"""What is written for OpenSim is what OpenSim reads: transforms, lengths and moment arms."""
+
+import importlib.util
+
+import numpy as np
+import osim_texts as texts
+import pytest
+
+from vtkmuscle.core.motion.frames import frame_at
+from vtkmuscle.opensim import MuscleOut, enriched, osim_of, read_osim
+from vtkmuscle.opensim.fitted_lengths import fit_length
+from vtkmuscle.opensim.functions import IDENTITY, CubicSpline, Multiplier, PiecewiseLinear, Polynomial
+from vtkmuscle.opensim.muscle_paths import PathPoint, PointPath, moment_arm
+from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
+from vtkmuscle.opensim.tree_motion import grid_of
+
+needs_opensim = pytest.mark.skipif(
+    importlib.util.find_spec("opensim") is None, reason="the extra opensim is not installed"
+)
+
+
+def leg():
+    hip = Joint(
+        "hip_joint",
+        "ground",
+        "femur",
+        [JointAxis((0.1, 0.2, 1), IDENTITY, "hip"), JointAxis((1, 0, 0), IDENTITY, "adduction")],
+        parent_frame=frame_at((0.1, 0.9, 0.0), (0.1, -0.4, 0.2)),
+        child_frame=frame_at((0.0, 0.05, 0.01), (0.3, 0.1, 0.0)),
+    )
+    knee = Joint(
+        "knee_joint",
+        "femur",
+        "tibia",
+        [JointAxis((0, 0, 1), IDENTITY, "knee"), JointAxis((1, 0, 0), Polynomial([0.05, 0.1, 0.0]), "knee")],
+        [
+            JointAxis((1, 0, 0), CubicSpline([-2, -1, 0, 1, 2], [0.01, 0.005, 0, 0.004, 0.006]), "knee"),
+            JointAxis((0, 1, 0), Multiplier(PiecewiseLinear([-2, -0.23, 2], [1, 0, 2]), 0.003), "knee"),
+        ],
+        parent_frame=frame_at((0.0, -0.4, 0.0)),
+    )
+    patella = Joint(
+        "patella_joint",
+        "femur",
+        "patella",
+        [JointAxis((0, 0, 1), IDENTITY, "slide")],
+        parent_frame=frame_at((0.0, -0.4, 0.0)),
+    )
+    sole = Joint("ankle_joint", "tibia", "foot", parent_frame=frame_at((0.02, -0.4, 0.0), (0.1, 0.2, 0.3)))
+    names = [JointCoordinate(name, range=(-2.0, 2.0)) for name in ("hip", "adduction", "knee", "slide")]
+    following = Coupling("slide", "knee", Polynomial([0.6, 0.05]))
+    return KinematicTree("ground", [hip, knee, patella, sole], names, [following])
+
+
+GRID = grid_of({"hip": np.linspace(-0.5, 1.0, 5), "knee": np.linspace(-1.5, 0.5, 5)})
+
+
+def muscles():
+    points = PointPath(
+        [
+            PathPoint("ground", (0.05, 1.0, 0.02)),
+            PathPoint("femur", (0.05, -0.38, 0.0), only_in=("knee", -2.0, -0.3)),
+            PathPoint("patella", (0.06, 0.01, 0.0)),
+            PathPoint("foot", (0.03, 0.3, 0.0)),
+        ]
+    )
+    spline = CubicSpline(np.linspace(-2, 2, 6), [0.05, 0.052, 0.06, 0.058, 0.05, 0.04])
+    moving = PointPath(
+        [
+            PathPoint("femur", (0.05, -0.1, 0.0)),
+            PathPoint("tibia", (0.0, 0.02, 0.01), (spline, None, Polynomial([0.002, 0.01])), ("knee",) * 3),
+        ]
+    )
+    lengths = points.lengths(leg(), GRID)
+    function = fit_length(lengths, GRID).path
+    return [
+        MuscleOut("over_points", points, {"max_isometric_force": 900.0, "optimal_fiber_length": 0.08}),
+        MuscleOut("moving", moving, kind="Thelen2003Muscle"),
+        MuscleOut("by_function", function, {"pennation_angle_at_optimal": 0.2}, "DeGrooteFregly2016Muscle"),
+        MuscleOut("without_force", function, kind="PathActuator"),
+    ]
+
+
+def test_a_written_model_is_read_again_as_it_was(tmp_path):
+    path = tmp_path / "leg.osim"
+    path.write_text(osim_of(leg(), muscles(), name='a "leg" & more'))
+    again = read_osim(path)
+    assert again.name == 'a "leg" & more'
+    before, after = leg().poses(GRID), again.tree.poses(GRID)
+    for body in before:
+        np.testing.assert_allclose(after[body], before[body], atol=1e-12)
+    for muscle in muscles():
+        lengths = muscle.path.lengths(leg(), GRID)
+        np.testing.assert_allclose(
+            again.muscle(muscle.name).path.lengths(again.tree, GRID), lengths, atol=1e-12
+        )
+    assert again.muscle("over_points").parameters["max_isometric_force"] == 900.0
+
+
+@needs_opensim
+@pytest.mark.parametrize("way", ["new", "into a model"])
+def test_opensim_has_the_same_lengths_and_moment_arms(tmp_path, way):
+    import opensim
+
+    opensim.Logger.setLevelString("error")
+    path = tmp_path / "leg.osim"
+    if way == "new":
+        path.write_text(osim_of(leg(), muscles()))
+    else:
+        (tmp_path / "bare.osim").write_text(osim_of(leg()))
+        path.write_text(enriched(tmp_path / "bare.osim", muscles()))
+    model = opensim.Model(str(path))
+    state = model.initSystem()
+    coordinates = model.updCoordinateSet()
+    tree = leg()
+    for i in range(25):
+        for name in GRID:
+            coordinates.get(name).setValue(state, float(GRID[name][i]), False)
+        model.assemble(state)
+        model.realizePosition(state)
+        now = {name: column[i : i + 1] for name, column in GRID.items()}
+        for muscle in muscles():
+            force = opensim.PathActuator.safeDownCast(model.getForceSet().get(muscle.name))
+            theirs = force.getPath()
+            assert theirs.getLength(state) == pytest.approx(muscle.path.lengths(tree, now)[0], abs=1e-5)
+            for name in muscle.path.coordinates(tree):
+                arm = theirs.computeMomentArm(state, coordinates.get(name))
+                assert arm == pytest.approx(moment_arm(muscle.path, tree, now, name)[0], abs=1e-4)
+
+
+def test_muscles_are_put_into_a_model_that_stays_as_it_is(tmp_path):
+    bare = tmp_path / "bare.osim"
+    bare.write_text(texts.model_4(forces=texts.muscle("")).replace("leg", "caf\u00e9"), encoding="utf-8")
+    path = PointPath([PathPoint("femur", (0, 0, 0)), PathPoint("tibia", (0, 0, 0))])
+    text = enriched(bare, [MuscleOut("new", path)])
+    end = text.index('<Millard2012EquilibriumMuscle name="new">')
+    plain = bare.read_text(encoding="utf-8")
+    assert text.startswith(plain[:end])
+    assert text.endswith(plain[end:])
+    (tmp_path / "more.osim").write_text(text, encoding="utf-8")
+    assert list(read_osim(tmp_path / "more.osim").muscles) == ["vastus", "new"]
+    with pytest.raises(ValueError, match="has a muscle 'vastus' already"):
+        enriched(bare, [MuscleOut("vastus", path)])
+    (tmp_path / "less.osim").write_text(enriched(bare, [MuscleOut("vastus", path)], replace=["vastus"]))
+    assert read_osim(tmp_path / "less.osim").muscle("vastus").kind == "Millard2012EquilibriumMuscle"
+
+
+def test_what_opensim_cannot_take_is_told(tmp_path):
+    path = PointPath([PathPoint("femur"), PathPoint("nobody")])
+    with pytest.raises(ValueError, match="no body 'nobody'"):
+        osim_of(leg(), [MuscleOut("m", path)])
+    with pytest.raises(ValueError, match="cannot be called 'a muscle'"):
+        MuscleOut("a muscle", path)
+    with pytest.raises(ValueError, match="no kind of muscle"):
+        MuscleOut("m", path, kind="Hill")
+    (tmp_path / "old.osim").write_bytes(texts.model_3().encode("latin-1"))
+    with pytest.raises(ValueError, match="version 30000"):
+        enriched(tmp_path / "old.osim", [])
+
+
+@needs_opensim
+def test_gait2392_takes_a_muscle_of_functions(tmp_path, opensim_data):
+    import opensim
+
+    opensim.Logger.setLevelString("error")
+    bare = opensim_data / "gait2392_thelen2003muscle.osim"
+    model = read_osim(bare)
+    grid = grid_of({"hip_flexion_r": np.linspace(-0.3, 1.2, 9), "knee_angle_r": np.linspace(-1.6, 0.0, 9)})
+    path = model.muscle("semiten_r").path
+    fit = fit_length(path.lengths(model.tree, grid), grid)
+    (tmp_path / "more.osim").write_text(enriched(bare, [MuscleOut("semiten_function_r", fit.path)]))
+    theirs = opensim.Model(str(tmp_path / "more.osim"))
+    state = theirs.initSystem()
+    assert theirs.getMuscles().getSize() == 93
+    for i in range(0, 81, 10):
+        for name in grid:
+            theirs.updCoordinateSet().get(name).setValue(state, float(grid[name][i]))
+        theirs.realizePosition(state)
+        now = {name: column[i : i + 1] for name, column in grid.items()}
+        length = theirs.getMuscles().get("semiten_function_r").getPath().getLength(state)
+        assert length == pytest.approx(fit.path.lengths(model.tree, now)[0], abs=1e-9)
+    assert fit.error < 1e-3

@@ -1,0 +1,224 @@
+"""Joints and couplings of OpenSim's files, of the forms before and since version 4."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vtkmuscle.core.motion.frames import frame_at
+from vtkmuscle.core.types import Floats
+from vtkmuscle.io.xml_elements import Element
+from vtkmuscle.opensim.function_elements import FUNCTIONS, function_in, function_of
+from vtkmuscle.opensim.functions import IDENTITY, CoordinateFunction, Multiplier
+from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate
+
+#: Joints that are made of turns about, then slides along x, y and z of the joint's frame.
+_PLAIN = {
+    "WeldJoint": ("", ""),
+    "PinJoint": ("z", ""),
+    "SliderJoint": ("", "x"),
+    "UniversalJoint": ("xy", ""),
+    "BallJoint": ("xyz", ""),
+    "GimbalJoint": ("xyz", ""),
+    "PlanarJoint": ("z", "xy"),
+    "FreeJoint": ("xyz", "xyz"),
+}
+_AXES = dict(zip("xyz", np.eye(3), strict=True))
+JOINTS = ("CustomJoint", *_PLAIN)
+
+_JOINT_KEYS = (
+    *("socket_parent_frame", "socket_child_frame", "socket_parent_offset_frame", "socket_child_offset_frame"),
+    *("coordinates", "CoordinateSet", "frames", "SpatialTransform", "reverse", "components"),
+    *("parent_body", "location_in_parent", "orientation_in_parent", "location", "orientation"),
+)
+_COORDINATE_KEYS = (
+    *("motion_type", "default_value", "default_speed_value", "initial_value", "initial_speed_value", "range"),
+    *("clamped", "locked", "prescribed", "prescribed_function", "is_free_to_satisfy_constraints"),
+)
+_FRAME_KEYS = (
+    *("FrameGeometry", "attached_geometry", "WrapObjectSet", "socket_parent", "translation", "orientation"),
+    *("components",),
+)
+
+
+@dataclass
+class Frames:
+    """Frames of a model by name: the body of each, and where it is on it."""
+
+    ground: str = "ground"
+    on_bodies: dict[str, tuple[str, Floats]] = field(default_factory=dict)
+
+    def find(
+        self, path: str, asking: Element, own: dict[str, tuple[str, Floats]] | None = None
+    ) -> tuple[str, Floats]:
+        """Return the body and the place on it of the frame that a path of OpenSim ends with.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        name = path.strip().rstrip("/").rpartition("/")[2]
+        for known in (own or {}, self.on_bodies):
+            if name in known:
+                return known[name]
+        if name == self.ground:
+            return name, np.eye(4)
+        raise asking.error(f"there is no body or frame {name!r}")
+
+
+def offset_frames(holder: Element | None, frames: Frames) -> dict[str, tuple[str, Floats]]:
+    """Return the PhysicalOffsetFrames that an element holds, by name."""
+    own: dict[str, tuple[str, Floats]] = {}
+    for element in [] if holder is None else holder.children:
+        if element.tag != "PhysicalOffsetFrame":
+            raise element.error("is not understood among frames")
+        element.only(_FRAME_KEYS)
+        body, place = frames.find(element.need("socket_parent").text, element, own)
+        offset = frame_at(element.vector("translation"), element.vector("orientation"))
+        own[element.name] = (body, place @ offset)
+    return own
+
+
+def joint_in(
+    element: Element, frames: Frames, child: str | None = None
+) -> tuple[Joint, list[JointCoordinate]]:
+    """Return a joint and its coordinates.
+
+    Parameters
+    ----------
+    element : Element
+        Of a joint.
+    frames : Frames
+        Of the model.
+    child : str, optional
+        Its body, in files before version 4, in which joints stand in their bodies.
+
+    Raises
+    ------
+    InputError
+        If there is something in it that is not understood; the message names it.
+    """
+    if element.tag not in JOINTS:
+        raise element.error("this kind of joint is not understood", f"understood: {', '.join(JOINTS)}")
+    element.only(_JOINT_KEYS)
+    if element.flag("reverse"):
+        raise element.error("joints with reverse = true are not understood", "exchange parent and child")
+    names = _coordinate_elements(element)
+    if element.tag == "CustomJoint":
+        rotations, translations = _spatial_transform(element)
+    else:
+        turns, slides = _PLAIN[element.tag]
+        if len(names) != len(turns + slides):
+            raise element.error(f"has {len(names)} coordinates, but must have {len(turns + slides)}")
+        found = [
+            JointAxis(_AXES[letter], IDENTITY, one.name)
+            for letter, one in zip(turns + slides, names, strict=True)
+        ]
+        rotations, translations = found[: len(turns)], found[len(turns) :]
+    if child is None:
+        own = offset_frames(element.find("frames"), frames)
+        asked = element.need("socket_parent_frame", "socket_parent_offset_frame")
+        parent, parent_frame = frames.find(asked.text, asked, own)
+        asked = element.need("socket_child_frame", "socket_child_offset_frame")
+        child, child_frame = frames.find(asked.text, asked, own)
+    else:
+        asked = element.need("parent_body")
+        parent, _ = frames.find(asked.text, asked)
+        parent_frame = frame_at(element.vector("location_in_parent"), element.vector("orientation_in_parent"))
+        child_frame = frame_at(element.vector("location"), element.vector("orientation"))
+    coordinates = [_coordinate(one, rotations) for one in names]
+    joint = Joint(
+        element.name, parent, child, rotations, translations, parent_frame, child_frame, element.tag
+    )
+    return joint, coordinates
+
+
+def _coordinate_elements(element: Element) -> list[Element]:
+    plain, as_set = element.find("coordinates"), element.find("CoordinateSet")
+    found = plain.children if plain is not None else list(as_set.objects()) if as_set is not None else []
+    for one in found:
+        if one.tag != "Coordinate":
+            raise one.error("is not understood among coordinates")
+    return found
+
+
+def _coordinate(element: Element, rotations: Sequence[JointAxis]) -> JointCoordinate:
+    element.only(_COORDINATE_KEYS)
+    if element.flag("prescribed"):
+        raise element.error("coordinates that are prescribed by a function of time are not understood")
+    turns = any(axis.coordinate == element.name for axis in rotations)
+    given = element.find("range")
+    low, high = (0.0, 0.0) if given is None else given.numbers(2)
+    return JointCoordinate(
+        element.name,
+        "rad" if turns else "m",
+        element.number("default_value" if element.find("default_value") else "initial_value", 0.0),
+        None if given is None else (float(low), float(high)),
+    )
+
+
+def _spatial_transform(element: Element) -> tuple[list[JointAxis], list[JointAxis]]:
+    transform = element.need("SpatialTransform")
+    transform.only(("TransformAxis", "objects", "groups"))
+    holder = transform if transform.find("objects") is None else transform.need("objects")
+    found: dict[str, JointAxis] = {}
+    for axis in holder.children:
+        if axis.tag != "TransformAxis":
+            raise axis.error("is not understood in a SpatialTransform")
+        found[axis.name] = _transform_axis(axis)
+    known = [kind + number for kind in ("rotation", "translation") for number in "123"]
+    for name in found:
+        if name not in known:
+            raise transform.error(f"there is no axis {name!r}", f"the axes are {', '.join(known)}")
+    rotations, translations = known[:3], known[3:]
+    return [found[name] for name in rotations if name in found], [
+        found[name] for name in translations if name in found
+    ]
+
+
+def _transform_axis(element: Element) -> JointAxis:
+    element.only(("coordinates", "axis", "function", *FUNCTIONS))
+    names = element.words("coordinates")
+    if len(names) > 1:
+        raise element.error(f"depends on {len(names)} coordinates; functions of one are understood")
+    function: CoordinateFunction
+    holder = element.find("function")
+    if holder is not None:
+        function = function_in(holder)
+    else:
+        functions = [child for child in element.children if child.tag not in ("coordinates", "axis")]
+        if len(functions) != 1:
+            raise element.error(f"has {len(functions)} functions, but must have one")
+        function = function_of(functions[0])
+    try:
+        return JointAxis(element.need("axis").numbers(3), function, names[0] if names else None)
+    except ValueError as error:
+        raise element.placed(error) from error
+
+
+def coupling_in(element: Element) -> Coupling | None:
+    """Return what a CoordinateCouplerConstraint says; None where it is switched off.
+
+    Raises
+    ------
+    InputError
+        If it is another constraint, or there is something in it that is not understood.
+    """
+    if not element.flag("isEnforced", default=True) or element.flag("isDisabled"):
+        return None
+    if element.tag != "CoordinateCouplerConstraint":
+        raise element.error(
+            "this constraint is not understood", "understood: CoordinateCouplerConstraint; or switch it off"
+        )
+    keys = ("isEnforced", "isDisabled", "coupled_coordinates_function", "independent_coordinate_names")
+    element.only((*keys, "dependent_coordinate_name", "scale_factor"))
+    names = element.words("independent_coordinate_names")
+    if len(names) != 1:
+        raise element.error(f"depends on {len(names)} coordinates; functions of one are understood")
+    function = function_in(element.need("coupled_coordinates_function"))
+    scale = element.number("scale_factor", 1.0)
+    dependent = element.need("dependent_coordinate_name").text.strip()
+    return Coupling(dependent, names[0], function if scale == 1.0 else Multiplier(function, scale))

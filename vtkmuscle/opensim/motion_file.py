@@ -1,0 +1,223 @@
+"""Motions and other tables of OpenSim: .mot and .sto files, with all their headers."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.files import MOST_TEXT, check_is_file
+from vtkmuscle.core.types import Floats
+from vtkmuscle.core.words import shown
+from vtkmuscle.io.motion_table import MOST_FRAMES
+from vtkmuscle.opensim.tree import KinematicTree
+
+#: Lines of a header, at most.
+_LONGEST_HEADER = 1000
+#: What the headers call the number of rows and of columns.
+_ROWS, _COLUMNS = ("nrows", "datarows"), ("ncolumns", "datacolumns")
+
+
+@dataclass(frozen=True, eq=False)
+class MotionFile:
+    """The table of a .mot or .sto file.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    times : (f,) array
+        Ascending [s].
+    labels : tuple of str
+        Of the other columns, as in the file: a label may appear several times.
+    table : (f, k) array
+        The other columns.
+    degrees : bool or None
+        Whether angles are in degrees; None where the file does not say.
+    """
+
+    path: Path
+    times: Floats
+    labels: tuple[str, ...]
+    table: Floats
+    degrees: bool | None
+
+    def values(self, tree: KinematicTree, *, degrees: bool | None = None) -> dict[str, Floats]:
+        """Return the values of a tree's coordinates that are in the file.
+
+        Parameters
+        ----------
+        tree : KinematicTree
+            Whose coordinates they are. Columns are found by the coordinate's name, or by its path in the
+            model (``/jointset/knee_r/knee_angle_r/value``); other columns are left out.
+        degrees : bool, optional
+            Whether angles are in degrees; default as the file says.
+
+        Returns
+        -------
+        dict of str to (f,) array
+            By coordinate: angles in radians, translations as in the file.
+
+        Raises
+        ------
+        ValueError
+            If no column is a coordinate, two are the same, or the file has angles and does not say their
+            unit.
+        """
+        kinds = {one.name: one for one in tree.coordinates}
+        found: dict[str, Floats] = {}
+        in_degrees = self.degrees if degrees is None else degrees
+        for label, column in zip(self.labels, self.table.T, strict=True):
+            parts = label.split("/")
+            name = parts[-2] if len(parts) > 2 and parts[-1] == "value" else parts[-1]
+            if name not in kinds or (len(parts) > 1 and parts[-1] not in ("value", name)):
+                continue
+            if name in found:
+                raise InputError(self.path, f"two columns are the coordinate {name!r}", "remove one")
+            if kinds[name].is_angle and in_degrees is None:
+                problem = "the header does not say whether angles are in degrees"
+                raise InputError(self.path, problem, "add a line inDegrees=yes, or inDegrees=no")
+            found[name] = np.radians(column) if kinds[name].is_angle and in_degrees else column
+        if not found:
+            problem = f"no column is a coordinate; the columns are {', '.join(self.labels[:8])}"
+            raise InputError(self.path, problem, f"the coordinates are {', '.join(kinds) or 'none'}")
+        return found
+
+
+def read_motion_file(path: str | PathLike[str]) -> MotionFile:
+    r"""Read a .mot or .sto file of OpenSim or SIMM.
+
+    The header may have the lines of either program; what counts are the labels after ``endheader`` and the
+    rows below. Where the header counts other rows a warning says so. A file without a version is old, and
+    has its angles in degrees, as OpenSim takes it.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    MotionFile
+        Its table.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is no such table, or has rows that are not of finite numbers, or times that do not ascend; the
+        message names the line.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import mkdtemp
+    >>> from vtkmuscle.opensim import read_motion_file
+    >>> file = Path(mkdtemp()) / "knee.mot"
+    >>> _ = file.write_text("knee\ninDegrees=yes\nendheader\ntime knee_angle\n0 10\n0.1 20\n")
+    >>> read_motion_file(file).table.tolist()
+    [[10.0], [20.0]]
+    """
+    path = Path(path)
+    check_is_file(path, most=MOST_TEXT)
+    data = path.read_bytes()
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    lines = text.splitlines()
+    header, start = _header(lines, path)
+    labels = _labels(lines, start, path)
+    rows: list[list[float]] = []
+    numbers: list[int] = []
+    for number, line in enumerate(lines[start + 1 :], start=start + 2):
+        cells = line.replace(",", " ").split()
+        if not cells:
+            continue
+        if len(cells) != len(labels):
+            problem = f"line {number} has {len(cells)} numbers, but there are {len(labels)} labels"
+            raise InputError(path, problem, "correct it")
+        if len(rows) == MOST_FRAMES:
+            raise InputError(path, f"the table has more than {MOST_FRAMES} rows", "leave some out")
+        rows.append(_row(cells, labels, number, path))
+        numbers.append(number)
+    if not rows:
+        raise InputError(path, "the table has no rows", "export it again")
+    table = np.array(rows)
+    late = np.flatnonzero(np.diff(table[:, 0]) <= 0.0)
+    if len(late):
+        row = int(late[0]) + 1
+        problem = f"line {numbers[row]}: time {table[row, 0]:g} comes after {table[row - 1, 0]:g}"
+        raise InputError(path, problem, "sort the rows, each time once")
+    _check_counts(header, len(rows), len(labels), path)
+    return MotionFile(path, table[:, 0], tuple(labels[1:]), table[:, 1:], _in_degrees(header, path))
+
+
+def _header(lines: list[str], path: Path) -> tuple[dict[str, str], int]:
+    """Return the header's keys, lower case, and the number of lines up to its end."""
+    found: dict[str, str] = {}
+    for number, line in enumerate(lines[:_LONGEST_HEADER]):
+        plain = line.strip()
+        if plain.lower() == "endheader":
+            return found, number + 1
+        key, equals, value = plain.partition("=")
+        if not equals:
+            key, _, value = plain.partition(" ")
+        key = key.strip().lower()
+        if key in (*_ROWS, *_COLUMNS, "indegrees", "version", "datatype"):
+            found[key] = value.strip()
+    raise InputError(path, "there is no line 'endheader'", "export it again as a .mot or .sto file")
+
+
+def _labels(lines: list[str], start: int, path: Path) -> list[str]:
+    line = next((line for line in lines[start:] if line.strip()), "")
+    labels = line.strip().split("\t") if "\t" in line.strip() else line.split()
+    labels = [label.strip() for label in labels]
+    if start < len(lines) and not lines[start].strip():
+        raise InputError(path, f"line {start + 1}: the labels do not follow the header", "remove empty lines")
+    if len(labels) < 2 or labels[0].lower() != "time":
+        problem = f"line {start + 1}: the labels begin with {shown(line[:40])}, but must be time and others"
+        raise InputError(path, problem, "export it again")
+    if "" in labels:
+        raise InputError(path, f"line {start + 1}: a label is empty", "correct it")
+    return labels
+
+
+def _row(cells: list[str], labels: list[str], number: int, path: Path) -> list[float]:
+    row = []
+    for cell, label in zip(cells, labels, strict=True):
+        try:
+            value = float(cell)
+        except ValueError:
+            value = np.nan
+        if not np.isfinite(value):
+            problem = f"line {number}: {shown(label)} is {shown(cell)}, but must be a finite number"
+            raise InputError(path, problem)
+        row.append(value)
+    return row
+
+
+def _check_counts(header: dict[str, str], rows: int, columns: int, path: Path) -> None:
+    for keys, count, what in ((_ROWS, rows, "rows"), (_COLUMNS, columns, "columns")):
+        for key in keys:
+            said = header.get(key, str(count))
+            if said != str(count):
+                words = f"{path}: the header says {key}={said}, but there are {count} {what}; these were read"
+                warnings.warn(words, stacklevel=4)
+
+
+def _in_degrees(header: dict[str, str], path: Path) -> bool | None:
+    kind = header.get("datatype", "double")
+    if kind.lower() != "double":
+        raise InputError(path, f"the file holds {shown(kind)}, but numbers are read", "export joint angles")
+    word = header.get("indegrees")
+    if word is None:
+        return None if "version" in header else True
+    if word.lower() not in ("yes", "no", "true", "false"):
+        raise InputError(path, f"inDegrees is {shown(word)}, but must be yes or no")
+    return word.lower() in ("yes", "true")

@@ -1,0 +1,139 @@
+"""Paths of muscles and other actuators in OpenSim's files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vtkmuscle.core.types import Floats
+from vtkmuscle.io.xml_elements import Element
+from vtkmuscle.opensim.function_elements import function_in
+from vtkmuscle.opensim.functions import CoordinateFunction
+from vtkmuscle.opensim.joint_elements import Frames
+from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, powers
+
+#: Numbers of a muscle that are kept where they are given.
+PARAMETERS = (
+    "max_isometric_force",
+    "optimal_fiber_length",
+    "tendon_slack_length",
+    "pennation_angle_at_optimal",
+    "max_contraction_velocity",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class OsimMuscle:
+    """A muscle, or another actuator along a path.
+
+    Attributes
+    ----------
+    name, kind : str
+        Its name, and its class in OpenSim.
+    path : PointPath or FunctionPath
+        Where it runs, in the model's unit.
+    parameters : dict of str to float
+        Those of :data:`PARAMETERS` that the file gives, in its units.
+    """
+
+    name: str
+    kind: str
+    path: PointPath | FunctionPath
+    parameters: dict[str, float] = field(default_factory=dict)
+
+
+def muscle_in(element: Element, frames: Frames) -> OsimMuscle | None:
+    """Return the muscle that a force is; None where it has no path.
+
+    Raises
+    ------
+    InputError
+        If there is something in its path that is not understood.
+    """
+    geometry = element.find("GeometryPath", "FunctionBasedPath")
+    holder = element.find("path")
+    if geometry is None and holder is not None:
+        geometry = holder.find("GeometryPath", "FunctionBasedPath")
+    if geometry is None:
+        return None
+    path = _function_path(geometry) if geometry.tag == "FunctionBasedPath" else _point_path(geometry, frames)
+    given = {name: element.number(name, 0.0) for name in PARAMETERS if element.find(name) is not None}
+    return OsimMuscle(element.name, element.tag, path, given)
+
+
+def _point_path(element: Element, frames: Frames) -> PointPath:
+    element.only(("PathPointSet", "PathWrapSet", "Appearance", "default_color", "VisibleObject", "display"))
+    points = [_point(one, frames) for one in element.need("PathPointSet").objects()]
+    if len(points) < 2:
+        raise element.error(f"has {len(points)} points, but a path needs two or more")
+    wraps = element.find("PathWrapSet")
+    names = [] if wraps is None else [one.word("wrap_object") or one.name for one in wraps.objects()]
+    return PointPath(points, names)
+
+
+_POINT_KEYS = ("socket_parent_frame", "body", "location", "VisibleObject", "display")
+_CONDITIONAL = ("range", "coordinate", "socket_coordinate")
+_MOVING = [f"{axis}_{what}" for axis in "xyz" for what in ("location", "coordinate")]
+_MOVING += [f"socket_{axis}_coordinate" for axis in "xyz"]
+
+
+def _point(element: Element, frames: Frames) -> PathPoint:
+    body_element = element.need("socket_parent_frame", "body")
+    body, frame = frames.find(body_element.text, body_element)
+    if element.tag == "PathPoint":
+        element.only(_POINT_KEYS)
+        return PathPoint(body, _placed(element, frame))
+    if element.tag == "ConditionalPathPoint":
+        element.only((*_POINT_KEYS, *_CONDITIONAL))
+        low, high = element.need("range").numbers(2)
+        name = _coordinate_name(element.need("coordinate", "socket_coordinate"))
+        return PathPoint(body, _placed(element, frame), only_in=(name, float(low), float(high)))
+    if element.tag == "MovingPathPoint":
+        element.only((*_POINT_KEYS, *_MOVING))
+        if not np.array_equal(frame, np.eye(4)):
+            raise element.error("points that move on an offset frame are not understood", "give its body")
+        functions: list[CoordinateFunction | None] = []
+        names: list[str | None] = []
+        for axis in "xyz":
+            functions.append(function_in(element.need(f"{axis}_location")))
+            named = element.find(f"{axis}_coordinate", f"socket_{axis}_coordinate")
+            names.append(None if named is None else _coordinate_name(named) or None)
+        return PathPoint(body, np.zeros(3), functions, names)
+    raise element.error(
+        "this kind of path point is not understood",
+        "understood: PathPoint, ConditionalPathPoint, MovingPathPoint",
+    )
+
+
+def _placed(element: Element, frame: Floats) -> Floats:
+    place: Floats = frame[:3, :3] @ element.need("location").numbers(3) + frame[:3, 3]
+    return place
+
+
+def _coordinate_name(element: Element) -> str:
+    return element.text.strip().rpartition("/")[2]
+
+
+def _function_path(element: Element) -> FunctionPath:
+    names = [path.rpartition("/")[2] for path in element.words("coordinate_paths")]
+    holder = element.find("length_function")
+    held = [] if holder is None else holder.children
+    candidates = held or [
+        child for child in element.children if child.tag == "MultivariatePolynomialFunction"
+        and child.name == "length_function"
+    ]  # fmt: skip
+    if len(candidates) != 1 or candidates[0].tag != "MultivariatePolynomialFunction":
+        raise element.error(
+            "its length function is not understood", "understood: MultivariatePolynomialFunction"
+        )
+    function = candidates[0]
+    function.only(("coefficients", "dimension", "order"))
+    dimension, order = function.number("dimension", 0.0), function.number("order", 0.0)
+    if dimension != len(names) or order != int(order) or not 0 <= order <= 20:
+        raise function.error(f"has dimension {dimension:g} and order {order:g} for {len(names)} coordinates")
+    coefficients = function.need("coefficients").numbers()
+    expected = len(powers(len(names), int(order)))
+    if len(coefficients) != expected:
+        raise function.error(f"has {len(coefficients)} coefficients, but needs {expected}")
+    return FunctionPath(tuple(names), int(order), coefficients)

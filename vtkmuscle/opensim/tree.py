@@ -1,0 +1,390 @@
+"""A kinematic tree: bodies that joints hang on each other, and where they are for given coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.motion.coordinates import ANGLES, TRANSLATIONS
+from vtkmuscle.core.motion.frames import inverses, turns
+from vtkmuscle.core.motion.rigid import is_rigid
+from vtkmuscle.core.types import Floats
+from vtkmuscle.core.words import suggestion
+from vtkmuscle.opensim.functions import CoordinateFunction, Multiplier
+
+
+@dataclass(frozen=True)
+class JointCoordinate:
+    """A coordinate of a joint.
+
+    Parameters
+    ----------
+    name : str
+        Its name, which is no other coordinate's of the tree.
+    unit : str, optional
+        ``"rad"`` for an angle; ``"mm"``, ``"cm"`` or ``"m"`` for a translation: of its values here.
+    rest : float, optional
+        Its value where nothing else is said, in its unit.
+    range : (float, float), optional
+        Its least and largest value, in its unit.
+    positive : str, optional
+        What its positive direction is, in words.
+    """
+
+    name: str
+    unit: str = "rad"
+    rest: float = 0.0
+    range: tuple[float, float] | None = None
+    positive: str = ""
+
+    def __post_init__(self) -> None:
+        if self.unit not in ("rad", *TRANSLATIONS):
+            raise InputError(
+                "", f"the unit of coordinate {self.name!r} must be rad, mm, cm or m, not {self.unit!r}"
+            )
+        if not np.isfinite([self.rest, *(self.range or ())]).all():
+            raise InputError("", f"the rest and range of coordinate {self.name!r} must be finite numbers")
+
+    @property
+    def is_angle(self) -> bool:
+        """Whether it is an angle."""
+        return self.unit in ANGLES
+
+
+@dataclass(frozen=True, eq=False)
+class JointAxis:
+    """One turn or slide of a joint.
+
+    Parameters
+    ----------
+    axis : (3,) array
+        Direction, of any length.
+    function : CoordinateFunction
+        How far [radians, or the tree's unit of length].
+    coordinate : str or None
+        What it is a function of; None for a constant.
+    """
+
+    axis: Floats
+    function: CoordinateFunction
+    coordinate: str | None = None
+
+    def __post_init__(self) -> None:
+        axis = np.array(self.axis, dtype=np.float64)
+        with np.errstate(over="ignore"):
+            length = float(np.linalg.norm(axis)) if axis.shape == (3,) else np.nan
+        if not (np.isfinite(length) and length > 0.0):
+            raise InputError(
+                "", f"the axis of a joint must be 3 finite numbers and have a length, but is {axis}"
+            )
+        object.__setattr__(self, "axis", axis / length)
+
+    def at(self, values: Mapping[str, Floats], frames: int) -> Floats:
+        """Return how far (f,) for values (f,) of the coordinates."""
+        return self.function(np.zeros(frames) if self.coordinate is None else values[self.coordinate])
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """How a body moves against its parent.
+
+    The child's joint frame is turned against the parent's about each axis in turn, the later axes going along
+    with the earlier turns, and is shifted along axes of the parent's joint frame.
+
+    Parameters
+    ----------
+    name, parent, child : str
+        Of the joint and of its bodies.
+    rotations, translations : sequence of JointAxis
+        In this order; none for a joint that is stiff.
+    parent_frame, child_frame : (4, 4) arrays, optional
+        The joint's frames in either body; default the bodies' own.
+    kind : str, optional
+        What it was made as, for whoever writes it again.
+    """
+
+    name: str
+    parent: str
+    child: str
+    rotations: Sequence[JointAxis] = ()
+    translations: Sequence[JointAxis] = ()
+    parent_frame: Floats = field(default_factory=lambda: np.eye(4))
+    child_frame: Floats = field(default_factory=lambda: np.eye(4))
+    kind: str = "custom"
+
+    def __post_init__(self) -> None:
+        for name in ("parent_frame", "child_frame"):
+            if not is_rigid(getattr(self, name)):
+                raise InputError("", f"joint {self.name!r}: its {name} must be a rotation and a translation")
+
+    @property
+    def axes(self) -> tuple[JointAxis, ...]:
+        """Turns, then slides."""
+        return (*self.rotations, *self.translations)
+
+    def transforms(self, values: Mapping[str, Floats], frames: int) -> Floats:
+        """Return the child's frame in its parent's (f, 4, 4) for values (f,) of the coordinates."""
+        result = np.tile(np.eye(4), (frames, 1, 1))
+        for axis in self.rotations:
+            result[:, :3, :3] = result[:, :3, :3] @ turns(axis.axis, axis.at(values, frames))
+        for axis in self.translations:
+            result[:, :3, 3] += axis.at(values, frames)[:, None] * axis.axis
+        placed: Floats = self.parent_frame @ result @ inverses(self.child_frame[None])[0]
+        return placed
+
+
+@dataclass(frozen=True, eq=False)
+class Coupling:
+    """A coordinate that follows another one, as a patella's angle follows that of the knee.
+
+    Parameters
+    ----------
+    dependent, independent : str
+        Names of coordinates.
+    function : CoordinateFunction
+        The former's value for the latter's.
+    """
+
+    dependent: str
+    independent: str
+    function: CoordinateFunction
+
+
+@dataclass(frozen=True, eq=False)
+class KinematicTree:
+    """Bodies on joints, and their poses for given coordinates.
+
+    Parameters
+    ----------
+    root : str
+        The body that all hang on.
+    joints : sequence of Joint
+        In any order; each body but the root is the child of one.
+    coordinates : sequence of JointCoordinate
+        Of all joints.
+    couplings : sequence of Coupling, optional
+        Coordinates that follow others.
+
+    Raises
+    ------
+    ValueError
+        If the joints are no tree, or name a coordinate that there is not; the message says which.
+
+    Examples
+    --------
+    >>> from vtkmuscle.opensim.functions import IDENTITY
+    >>> from vtkmuscle.opensim.tree import Joint, JointAxis, JointCoordinate, KinematicTree
+    >>> knee = Joint("knee", "femur", "tibia", [JointAxis((0, 0, 1), IDENTITY, "knee_angle")])
+    >>> leg = KinematicTree("femur", [knee], [JointCoordinate("knee_angle")])
+    >>> leg.poses({"knee_angle": [0.0, 0.5]})["tibia"].shape
+    (2, 4, 4)
+    """
+
+    root: str
+    joints: Sequence[Joint]
+    coordinates: Sequence[JointCoordinate]
+    couplings: Sequence[Coupling] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "joints", tuple(_in_order(self.root, self.joints)))
+        known = {one.name for one in self.coordinates}
+        for what, names in (
+            ("coordinate", [one.name for one in self.coordinates]),
+            ("joint", [one.name for one in self.joints]),
+            ("coupled coordinate", [one.dependent for one in self.couplings]),
+        ):
+            twice = next((name for name in names if names.count(name) > 1), None)
+            if twice is not None:
+                raise InputError("", f"there are two of the {what} {twice!r}")
+        for joint in self.joints:
+            for axis in joint.axes:
+                if axis.coordinate is not None and axis.coordinate not in known:
+                    raise InputError(
+                        "",
+                        f"joint {joint.name!r}: there is no coordinate {axis.coordinate!r}; "
+                        + suggestion(axis.coordinate, sorted(known)),
+                    )
+        for one in self.couplings:
+            for name in (one.dependent, one.independent):
+                if name not in known:
+                    raise InputError("", f"a coupling names the coordinate {name!r}, which there is not")
+        object.__setattr__(self, "couplings", tuple(_coupled_in_order(self.couplings)))
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The root, then each body after its parent."""
+        return (self.root, *(joint.child for joint in self.joints))
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Coordinates that follow no other."""
+        dependent = {one.dependent for one in self.couplings}
+        return tuple(one.name for one in self.coordinates if one.name not in dependent)
+
+    def coordinate(self, name: str) -> JointCoordinate:
+        """Return a coordinate by its name.
+
+        Raises
+        ------
+        ValueError
+            If there is none of that name.
+        """
+        for one in self.coordinates:
+            if one.name == name:
+                return one
+        known = [one.name for one in self.coordinates]
+        raise InputError("", f"there is no coordinate {name!r}; {suggestion(name, known)}")
+
+    def completed(self, values: Mapping[str, ArrayLike]) -> dict[str, Floats]:
+        """Return the values (f,) of all coordinates: those given, the coupled ones, the others at rest.
+
+        Parameters
+        ----------
+        values : mapping of str to (f,) array_like
+            By coordinate, in its unit; numbers hold for all frames.
+
+        Raises
+        ------
+        ValueError
+            If there is no such coordinate, lengths differ, or a value is not finite.
+        """
+        known = [one.name for one in self.coordinates]
+        given = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
+        lengths = {value.shape for value in given.values() if value.ndim}
+        if len(lengths) > 1 or any(len(shape) != 1 for shape in lengths):
+            raise InputError(
+                "", f"coordinates have values of the shapes {sorted(lengths)}, but must be alike"
+            )
+        frames = lengths.pop()[0] if lengths else 1
+        for name, value in given.items():
+            if name not in known:
+                raise InputError("", f"there is no coordinate {name!r}; {suggestion(name, known)}")
+            if not np.isfinite(value).all():
+                raise InputError("", f"coordinate {name!r} has a value that is not finite")
+        result = {one.name: np.full(frames, one.rest) for one in self.coordinates}
+        result |= {name: np.broadcast_to(value, (frames,)) for name, value in given.items()}
+        for one in self.couplings:
+            with np.errstate(over="ignore", invalid="ignore"):
+                result[one.dependent] = one.function(result[one.independent])
+            if not np.isfinite(result[one.dependent]).all():
+                raise InputError(
+                    "", f"coordinate {one.dependent!r} follows {one.independent!r} beyond all numbers"
+                )
+        return result
+
+    def poses(self, values: Mapping[str, ArrayLike]) -> dict[str, Floats]:
+        """Return where the bodies are for values of the coordinates.
+
+        Parameters
+        ----------
+        values : mapping of str to (f,) array_like
+            As of :meth:`completed`. What a coupled coordinate is given does not count.
+
+        Returns
+        -------
+        dict of str to (f, 4, 4) array
+            Each body's frame in the root's.
+        """
+        full = self.completed(values)
+        frames = len(next(iter(full.values()))) if full else 1
+        result = {self.root: np.tile(np.eye(4), (frames, 1, 1))}
+        for joint in self.joints:
+            with np.errstate(over="ignore", invalid="ignore"):
+                result[joint.child] = result[joint.parent] @ joint.transforms(full, frames)
+            if not np.isfinite(result[joint.child]).all():
+                raise InputError(
+                    "",
+                    f"joint {joint.name!r} puts {joint.child!r} beyond all numbers; check its frames, "
+                    "functions and coordinates",
+                )
+        return result
+
+    def scaled(self, factor: float) -> KinematicTree:
+        """Return the tree in another unit of length; coordinates keep their units."""
+        return replace(
+            self,
+            joints=[
+                replace(
+                    joint,
+                    translations=[
+                        replace(axis, function=Multiplier(axis.function, factor))
+                        for axis in joint.translations
+                    ],
+                    parent_frame=_scaled(joint.parent_frame, factor),
+                    child_frame=_scaled(joint.child_frame, factor),
+                )
+                for joint in self.joints
+            ],
+        )
+
+    def crossed(self, bodies: Sequence[str]) -> tuple[str, ...]:
+        """Return the free coordinates that move some bodies against each other."""
+        parents = {joint.child: joint for joint in self.joints}
+
+        def way_up(body: str) -> list[Joint]:
+            found = []
+            while body in parents:
+                found.append(parents[body])
+                body = parents[body].parent
+            return found
+
+        ways = [way_up(body) for body in dict.fromkeys(bodies)]
+        names = {joint.name for way in ways for joint in way}
+        common = {name for name in names if all(name in {joint.name for joint in way} for way in ways)}
+        moved = {
+            axis.coordinate
+            for way in ways
+            for joint in way
+            if joint.name not in common
+            for axis in joint.axes
+            if axis.coordinate is not None
+        }
+        for one in reversed(self.couplings):
+            if one.dependent in moved:
+                moved.add(one.independent)
+        return tuple(name for name in self.free if name in moved)
+
+
+def _scaled(frame: Floats, factor: float) -> Floats:
+    result = np.array(frame)
+    result[:3, 3] *= factor
+    return result
+
+
+def _in_order(root: str, joints: Sequence[Joint]) -> Iterator[Joint]:
+    """Give each joint after that of its parent."""
+    waiting: dict[str, list[Joint]] = {}
+    seen: dict[str, str] = {root: ""}
+    for joint in joints:
+        if joint.child in seen:
+            other = f"hangs on joint {seen[joint.child]!r} as well" if seen[joint.child] else "is the root"
+            raise InputError("", f"joint {joint.name!r}: its child {joint.child!r} {other}")
+        seen[joint.child] = joint.name
+        waiting.setdefault(joint.parent, []).append(joint)
+    todo = [root]
+    while todo:
+        for joint in waiting.pop(todo.pop(0), []):
+            todo.append(joint.child)
+            yield joint
+    for parent, left in waiting.items():
+        why = (
+            "there is no such body"
+            if parent not in seen
+            else f"it does not hang on {root!r}: a ring of joints"
+        )
+        raise InputError("", f"joint {left[0].name!r}: its parent is {parent!r}, but {why}")
+
+
+def _coupled_in_order(couplings: Sequence[Coupling]) -> Iterator[Coupling]:
+    """Give each coupling after that which its independent coordinate depends on."""
+    left = {one.dependent: one for one in couplings}
+    while left:
+        ready = [one for one in left.values() if one.independent not in left]
+        if not ready:
+            raise InputError("", f"couplings go round in a ring: {', '.join(left)}")
+        for one in ready:
+            yield left.pop(one.dependent)
