@@ -5,7 +5,13 @@ import pytest
 
 from vtkmuscle.core.paths.bone_contact import add_contacts, pressure_at
 from vtkmuscle.core.paths.equilibrium import add_neighbours, add_springs, newton_step
-from vtkmuscle.core.paths.neighbours import MODULUS, NEIGHBOURS, Neighbours, neighbours_of
+from vtkmuscle.core.paths.neighbours import (
+    MODULUS,
+    NEIGHBOURS,
+    SHEAR_MODULUS,
+    Neighbours,
+    neighbours_of,
+)
 from vtkmuscle.core.paths.ring_contact import add_rings, hold_in_rings, rings_at
 from vtkmuscle.core.paths.via_rings import via_ring
 from vtkmuscle.core.types import Floats
@@ -67,9 +73,10 @@ class Sheet:
         now = self.x.reshape(-1, 3)
         tangents = (now[pairs + 1] - now[pairs - 1]).sum(axis=1)
         tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
-        apart = np.linalg.norm(np.cross(ways, tangents), axis=1)
-        wide = self.widths[pairs // n].mean(axis=1) * self.neighbours.distances
-        total += 0.5 * (self.neighbours.stiffness * (apart - wide) ** 2).sum()
+        apart, ahead = np.linalg.norm(np.cross(ways, tangents), axis=1), (ways * tangents).sum(axis=1)
+        width = self.widths[pairs // n].mean(axis=1)
+        strains = apart - width * self.neighbours.distances, ahead - self.neighbours.ahead / width**2
+        total += 0.5 * (self.neighbours.stiffness * np.stack(strains, axis=1) ** 2).sum()
         total += pressed(self.contacts(x)[0][:, :, 1:-1]).sum()
         centre, normal, *axes = self.rings.frames[0]
         for path in np.flatnonzero(self.points[0]):
@@ -83,9 +90,9 @@ class Sheet:
         return total
 
     def slopes(self, x):
-        """Return the gradient (f, n, 3), and blocks (f, n, 6) and directions (m, 3) of its stiffness."""
+        """Return the gradient (f, n, 3), and blocks (f, n, 6) and directions (m, 2, 3) of its stiffness."""
         gradient, blocks = np.zeros_like(x), np.zeros((*x.shape[:2], 6))
-        directions = np.empty((len(self.neighbours.pairs), 3))
+        directions = np.empty((len(self.neighbours.pairs), 2, 3))
         add_springs(x, self.held, self.pull, gradient, blocks)
         flat = x.reshape(-1, 3), gradient.reshape(-1, 3), blocks.reshape(-1, 6)
         add_neighbours(*flat, self.neighbours, self.widths, directions)
@@ -119,9 +126,9 @@ def stiffness(blocks, neighbours: Neighbours, directions: Floats):
         matrix[a, i, :, a, i] = full(blocks)[a, i]
         if i < n - 1:
             matrix[a, i, :, a, i + 1] = matrix[a, i + 1, :, a, i] = -np.eye(3)
-    for (p, q), c, way in zip(neighbours.pairs, neighbours.stiffness, directions, strict=True):
+    for (p, q), held, ways in zip(neighbours.pairs, neighbours.stiffness, directions, strict=True):
         (a, i), (b, j) = divmod(p, n), divmod(q, n)
-        matrix[a, i, :, b, j] = matrix[b, j, :, a, i] = -c * np.outer(way, way)
+        matrix[a, i, :, b, j] = matrix[b, j, :, a, i] = -np.einsum("d,di,dj->ij", held, ways, ways)
     return matrix[:, 1:-1, :, :, 1:-1].reshape(f * (n - 2) * 3, -1)
 
 
@@ -143,7 +150,7 @@ def test_a_step_of_newtons_method_solves_its_equations(rng, left_over, off):
 
 
 def test_the_stiffness_of_springs_contacts_and_neighbours_is_the_slope_of_their_forces(rng):
-    """Along a line in which springs, contacts and neighbours have no curvature across: a flat bone, a row."""
+    """Across a flat bone and a row, along which nothing curves; what turns the tangents is not in it."""
     x = np.zeros((2, 5, 3))
     x[..., 2], x[1, :, 0] = np.linspace(0.0, 40.0, 5), 6.0
     neighbours = neighbours_of(x)
@@ -151,7 +158,7 @@ def test_the_stiffness_of_springs_contacts_and_neighbours_is_the_slope_of_their_
 
     def forces(x):
         gradient, blocks = np.zeros_like(x), np.zeros((2, 5, 6))
-        directions = np.empty((len(neighbours.pairs), 3))
+        directions = np.empty((len(neighbours.pairs), 2, 3))
         add_springs(x, held, pull, gradient, blocks)
         flat = gradient.reshape(-1, 3), blocks.reshape(-1, 6)
         add_neighbours(x.reshape(-1, 3), *flat, neighbours, np.ones(2), directions)
@@ -164,9 +171,9 @@ def test_the_stiffness_of_springs_contacts_and_neighbours_is_the_slope_of_their_
     move = np.zeros_like(x)
     move[:, 1:-1, 0] = rng.normal(size=(2, 3))
     there, back = (forces(x + 1e-6 * sign * move)[0][:, 1:-1] for sign in (1.0, -1.0))
-    np.testing.assert_allclose(
-        matrix @ move[:, 1:-1].ravel(), (there - back).ravel() / 2e-6, rtol=1e-6, atol=1e-6
-    )
+    known = (there - back)[..., 0] / 2e-6
+    found = (matrix @ move[:, 1:-1].ravel()).reshape(there.shape)[..., 0]
+    np.testing.assert_allclose(found, known, rtol=1e-6, atol=1e-6)
 
 
 def test_the_force_of_a_bone_is_smooth_and_none_before_it_touches():
@@ -184,7 +191,7 @@ def test_the_force_of_a_bone_is_smooth_and_none_before_it_touches():
 
 @pytest.mark.parametrize(("rows", "n", "size"), [(4, 9, 1.0), (6, 9, 1.0), (4, 33, 1.0), (4, 9, 1e-3)])
 def test_a_strained_pair_has_the_energy_of_its_modulus(rows, n, size):
-    """However many paths there are, or points on each, and whatever the unit is."""
+    """And a sheared one; however many paths there are, or points on each, and whatever the unit is."""
     x = np.zeros((rows * rows, n, 3))
     x[..., :2] = np.stack(np.meshgrid(*[np.linspace(0.0, 16.0, rows)] * 2), axis=-1).reshape(-1, 1, 2)
     x[..., 2] = np.linspace(0.0, 80.0, n)
@@ -193,8 +200,10 @@ def test_a_strained_pair_has_the_energy_of_its_modulus(rows, n, size):
     assert (points[:, 0] == points[:, 1]).all()
     assert np.bincount(paths.ravel(), minlength=rows * rows).min() >= NEIGHBOURS * (n - 2)
     # Of a spring between n points along a path of length L and tension 1 per length: (L / (n - 1))^2.
-    energy = 0.5 * found.stiffness * (0.1 * found.distances) ** 2 * (n - 1) ** 2
-    np.testing.assert_allclose(energy, 0.5 * MODULUS * (0.1 * size * 80.0) ** 2, rtol=1e-9)
+    energy = 0.5 * found.stiffness * (0.1 * found.distances[:, None]) ** 2 * (n - 1) ** 2
+    known = 0.5 * np.array([MODULUS, SHEAR_MODULUS]) * (0.1 * size * 80.0) ** 2
+    np.testing.assert_allclose(energy, np.broadcast_to(known, energy.shape), rtol=1e-9)
+    np.testing.assert_allclose(found.ahead, 0.0, atol=1e-9 * size)
 
 
 def test_where_paths_meet_they_are_no_stiffer_than_half_as_far_apart():
@@ -205,4 +214,4 @@ def test_where_paths_meet_they_are_no_stiffer_than_half_as_far_apart():
     assert found.distances.min() < 1.0
     least = 0.5 * np.median(found.distances)
     length = np.linalg.norm(np.diff(x, axis=1), axis=2).sum(axis=1).mean()
-    assert found.stiffness.max() == pytest.approx(MODULUS * (length / (8.0 * least)) ** 2)
+    assert found.stiffness[:, 0].max() == pytest.approx(MODULUS * (length / (8.0 * least)) ** 2)

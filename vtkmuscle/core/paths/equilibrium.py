@@ -2,7 +2,7 @@
 
 The unknowns are the points of f paths of n points each, the ends of which are given. One energy has all that
 acts on them. Newton's method needs its gradient and a positive part of its second derivatives: a block 3 x 3
-of each point, -1 between neighbours along a path, and a spring's along its own direction between neighbours
+of each point, -1 between neighbours along a path, and a spring's along its own directions between neighbours
 across. Its steps are solved by conjugate gradients, preconditioned by the paths one by one, which are block
 tridiagonal.
 """
@@ -16,9 +16,8 @@ from vtkmuscle.core.paths.neighbours import Neighbours
 from vtkmuscle.core.types import Floats
 
 #: Part of the residual that conjugate gradients leave in a step of Newton's method: of 0.1 and 0.01 the same
-#: number of these results. And where the response to a move of a bone is asked for, which nothing corrects:
-#: of a strap over two rollers, 0.01 has moment arms 0.69 mm off -dl/dq (rms of means), 1e-3 to 1e-6 0.35.
-STEP_LEFT, RESPONSE_LEFT = 0.1, 1e-3
+#: number of these results.
+STEP_LEFT = 0.1
 
 #: Steps of conjugate gradients in a step of Newton's, at most.
 STEPS = 60
@@ -66,44 +65,47 @@ def add_springs(x: Floats, held: Floats, pull: Floats, gradient: Floats, blocks:
 def add_neighbours(
     x: Floats, gradient: Floats, blocks: Floats, neighbours: Neighbours, widths: Floats, directions: Floats
 ) -> None:
-    """Add the springs between neighbours, and write their directions (m, 3).
+    """Add the springs between neighbours, and write their directions (m, 2, 3): across the paths, and along.
 
-    E = sum c (a - w d)^2 / 2, with a the distance of x_i and x_j across the paths, at right angles to the
-    mean of their tangents there, and w the mean of the paths' ``widths`` (f,). Along each other they slide: a
-    sheet that is sheared does not get narrower. Arrays of points are (f n, ...) here. Of a spring's second
-    derivatives those along it count, and tangents are taken as they are.
+    E = sum c (a - w d)^2 / 2 + k (s - h / w^2)^2 / 2: a is the distance of x_i and x_j across the paths, at
+    right angles to the mean of their tangents there, s how far x_i lies ahead of x_j along that, and w the
+    mean of the paths' ``widths`` (f,); d and h are those at rest. A sheet that is sheared does not get
+    narrower. Of a spring's second derivatives those along it count, and tangents and widths are taken as they
+    are. Arrays of points are (f n, ...) here.
     """
     n = len(x) // len(widths)
     for e in range(len(neighbours.pairs)):
         i, j = neighbours.pairs[e, 0], neighbours.pairs[e, 1]
-        u, v, w = across(x, i, j)
-        length = math.sqrt(u * u + v * v + w * w)
-        c = neighbours.stiffness[e]
         width = 0.5 * (widths[i // n] + widths[j // n])
-        force = c * (length - width * neighbours.distances[e])
-        if length > 0.0:
-            u, v, w = u / length, v / length, w / length
-        directions[e, 0], directions[e, 1], directions[e, 2] = u, v, w
-        for k, sign in ((i, 1.0), (j, -1.0)):
-            s = sign * force
-            gradient[k, 0], gradient[k, 1], gradient[k, 2] = (
-                gradient[k, 0] + s * u,
-                gradient[k, 1] + s * v,
-                gradient[k, 2] + s * w,
-            )
-            add_direction(blocks[k], c, u, v, w)
+        across, along = directions[e, 0], directions[e, 1]
+        ahead = 0.0
+        for c in range(3):
+            across[c] = x[i, c] - x[j, c]
+            along[c] = x[i + 1, c] - x[i - 1, c] + x[j + 1, c] - x[j - 1, c]
+        _normalise(along)
+        for c in range(3):
+            ahead += across[c] * along[c]
+        for c in range(3):
+            across[c] -= ahead * along[c]
+        apart = _normalise(across)
+        press = neighbours.stiffness[e, 0] * (apart - width * neighbours.distances[e])
+        shear = neighbours.stiffness[e, 1] * (ahead - neighbours.ahead[e] / (width * width))
+        for c in range(3):
+            force = press * across[c] + shear * along[c]
+            gradient[i, c], gradient[j, c] = gradient[i, c] + force, gradient[j, c] - force
+        for d in range(2):
+            u, v, w = directions[e, d, 0], directions[e, d, 1], directions[e, d, 2]
+            add_direction(blocks[i], neighbours.stiffness[e, d], u, v, w)
+            add_direction(blocks[j], neighbours.stiffness[e, d], u, v, w)
 
 
 @kernel
-def across(x: Floats, i: int, j: int) -> tuple[float, float, float]:
-    """Return the way from point j to point i of two paths less what of it is along these [mm]."""
-    u, v, w = x[i, 0] - x[j, 0], x[i, 1] - x[j, 1], x[i, 2] - x[j, 2]
-    p = x[i + 1, 0] - x[i - 1, 0] + x[j + 1, 0] - x[j - 1, 0]
-    q = x[i + 1, 1] - x[i - 1, 1] + x[j + 1, 1] - x[j - 1, 1]
-    r = x[i + 1, 2] - x[i - 1, 2] + x[j + 1, 2] - x[j - 1, 2]
-    length2 = p * p + q * q + r * r
-    along = (u * p + v * q + w * r) / length2 if length2 > 0.0 else 0.0
-    return u - along * p, v - along * q, w - along * r
+def _normalise(v: Floats) -> float:
+    """Make a vector (3,) one of length 1, in place, and return its length; 0 stays 0."""
+    length = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    if length > 0.0:
+        v[0], v[1], v[2] = v[0] / length, v[1] / length, v[2] / length
+    return length
 
 
 @kernel
@@ -225,8 +227,9 @@ def _invert_sections(
             coarse[0, i, c] = total / f
     for e in range(len(neighbours.pairs)):
         i = neighbours.pairs[e, 0] % n
-        stiffness = -2.0 * neighbours.stiffness[e] / f
-        add_direction(coarse[0, i], stiffness, directions[e, 0], directions[e, 1], directions[e, 2])
+        for d in range(2):
+            u, v, w = directions[e, d, 0], directions[e, d, 1], directions[e, d, 2]
+            add_direction(coarse[0, i], -2.0 * neighbours.stiffness[e, d] / f, u, v, w)
     _invert(coarse, sections)
 
 
@@ -295,9 +298,9 @@ def _multiply(blocks: Floats, neighbours: Neighbours, directions: Floats, x: Flo
     a, b = x.reshape(f * n, 3), y.reshape(f * n, 3)
     for e in range(len(neighbours.pairs)):
         i, j = neighbours.pairs[e, 0], neighbours.pairs[e, 1]
-        c = neighbours.stiffness[e]
-        u, v, w = directions[e, 0], directions[e, 1], directions[e, 2]
-        on_i = c * (u * a[j, 0] + v * a[j, 1] + w * a[j, 2])
-        on_j = c * (u * a[i, 0] + v * a[i, 1] + w * a[i, 2])
-        b[i, 0], b[i, 1], b[i, 2] = b[i, 0] - on_i * u, b[i, 1] - on_i * v, b[i, 2] - on_i * w
-        b[j, 0], b[j, 1], b[j, 2] = b[j, 0] - on_j * u, b[j, 1] - on_j * v, b[j, 2] - on_j * w
+        for d in range(2):
+            u, v, w = directions[e, d, 0], directions[e, d, 1], directions[e, d, 2]
+            on_i = neighbours.stiffness[e, d] * (u * a[j, 0] + v * a[j, 1] + w * a[j, 2])
+            on_j = neighbours.stiffness[e, d] * (u * a[i, 0] + v * a[i, 1] + w * a[i, 2])
+            b[i, 0], b[i, 1], b[i, 2] = b[i, 0] - on_i * u, b[i, 1] - on_i * v, b[i, 2] - on_i * w
+            b[j, 0], b[j, 1], b[j, 2] = b[j, 0] - on_j * u, b[j, 1] - on_j * v, b[j, 2] - on_j * w

@@ -16,6 +16,9 @@ from vtkmuscle.core.types import Floats, Ints
 #: double change is in the documentation.
 MODULUS = 0.3
 
+#: Shear modulus of muscle along its fibres, likewise: 3.87 kPa (Morrow et al. 2010) of 225 kPa.
+SHEAR_MODULUS = 0.017
+
 #: Neighbours of a path in a section: those that a point of an even pattern has.
 NEIGHBOURS = 6
 
@@ -35,7 +38,7 @@ SAME = 1e-9
 
 
 class Neighbours(NamedTuple):
-    """Pairs of points of a sheet that keep their distance.
+    """Pairs of points of a sheet that keep their distance, and resist being sheared.
 
     Attributes
     ----------
@@ -43,12 +46,15 @@ class Neighbours(NamedTuple):
         Numbers of points, those of one path after those of another.
     distances : (m,) array
         At rest, across the paths [mm].
-    stiffness : (m,) array
-        In stiffnesses of a path's springs [1].
+    ahead : (m,) array
+        How far the first lies ahead of the other at rest, along the paths [mm].
+    stiffness : (m, 2) array
+        Across and along, in stiffnesses of a path's springs [1].
     """
 
     pairs: Ints
     distances: Floats
+    ahead: Floats
     stiffness: Floats
 
 
@@ -56,8 +62,9 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     """Return which points of fibres (f, n, 3) lie beside each other, as far along, and how they are held.
 
     A pair strained by e has the energy m (L e)^2 / 2 per length of path, of a path of length L whose tension
-    is 1 per length: m is :data:`MODULUS`. As paths shorten by l the distances that they keep grow by
-    l^(-1/2): the muscle keeps its volume. How many paths there are, or points on each, does not matter.
+    is 1 per length: m is :data:`MODULUS`, and of the shear e :data:`SHEAR_MODULUS`. As paths shorten by l the
+    distances that they keep grow by l^(-1/2): the muscle keeps its volume. How many paths there are, or
+    points on each, does not matter.
     """
     f, n, _ = fibres.shape
     length = float(np.linalg.norm(np.diff(fibres, axis=1), axis=2).sum(axis=1).mean())
@@ -82,10 +89,12 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     along += points[np.minimum(other + 1, len(points) - 1)] - points[other - 1]
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), np.finfo(float).tiny)
     ways = points[one] - points[other]
-    ways -= np.einsum("mi,mi->m", ways, along)[:, None] * along
+    ahead = np.einsum("mi,mi->m", ways, along)
+    ways -= ahead[:, None] * along
     distances = np.linalg.norm(ways, axis=1)
     usual = float(np.median(distances)) if len(distances) else 0.0
     apart = (distances > SAME * length) & (distances > TOO_NEAR * usual)
     pairs, distances = pairs[apart], distances[apart]
-    stiff = np.maximum(distances, LEAST_SPACING * usual)
-    return Neighbours(pairs, distances, MODULUS * (length / (stiff * (n - 1))) ** 2)
+    spacing = np.maximum(distances, LEAST_SPACING * usual)
+    stiffness = (length / (spacing * (n - 1))) ** 2
+    return Neighbours(pairs, distances, ahead[apart], np.outer(stiffness, (MODULUS, SHEAR_MODULUS)))

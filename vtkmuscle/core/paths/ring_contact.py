@@ -51,16 +51,24 @@ def hold_in_rings(x: Floats, rings: Rings, points: Ints) -> None:
     """Write which point of each path each ring holds, (r, f), 0 for none.
 
     A path that crosses a ring's plane outside of it is held there by the point next to that: only a point in
-    the plane bends where the ring is. One that is held stays so in a pose; inside, nothing presses it.
+    the plane bends where the ring is. One that is held stays so in a pose; inside, nothing presses it. Where
+    the paths cross is rounded to points together, on the mean: neighbours are held by neighbours.
     """
     for ring in range(len(rings.frames)):
         corners = rings.corners[rings.offsets[ring] : rings.offsets[ring + 1]]
+        mean, count = 0.0, 0
+        for a in range(len(x)):
+            segment, part, _, _ = crossing(rings.frames[ring], x[a])
+            if segment >= 0:
+                mean, count = mean + segment + part, count + 1
+        mean /= max(count, 1)
+        rounded = np.floor(mean + 0.5) - mean
         for a in range(len(x)):
             if points[ring, a] > 0:
                 continue
             segment, part, s, t = crossing(rings.frames[ring], x[a])
             if segment >= 0 and way_to_edge(corners, s, t)[2] > rings.outside[ring, a]:
-                i = segment if part < 0.5 else segment + 1
+                i = int(np.floor(segment + part + rounded + 0.5))
                 points[ring, a] = min(max(i, 1), x.shape[1] - 2)
 
 
