@@ -11,8 +11,7 @@ from vtkmuscle.phantoms import leg
 from vtkmuscle.phantoms.implicit import thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution
 from vtkmuscle.run.limits import CHECKS
-from vtkmuscle.run.sliding import slides_of
-from vtkmuscle.run.verdict import judge
+from vtkmuscle.run.verdict import judge, slides_of
 from vtkmuscle.scene.data import Muscle
 
 #: A cord beside the front of the femur, which the knee draws over the side of the condyle as it flexes and

@@ -104,7 +104,7 @@ def demo(
     folder = out or Path("vtkmuscle_demo")
     with one_clear_error(folder):
         from vtkmuscle import phantoms
-        from vtkmuscle.run.unchanged import save_unless_changed
+        from vtkmuscle.scene.writing import save_unless_changed
         from vtkmuscle.scenes import Scene
 
         scene = Scene.from_phantom(phantoms.hip(angles=DEMO_ANGLES))

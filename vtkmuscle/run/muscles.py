@@ -33,12 +33,10 @@ from vtkmuscle.run.architecture import architecture_of
 from vtkmuscle.run.limits import CHECKS, FULL_SIZE
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.options import RunOptions
-from vtkmuscle.run.pipeline import muscle_pipeline
 from vtkmuscle.run.report import fibres_at_rest, measures_of_fibres
-from vtkmuscle.run.sliding import slides_of
 from vtkmuscle.run.store.writing import ResultWriter
 from vtkmuscle.run.track import MuscleTrack
-from vtkmuscle.run.verdict import judge
+from vtkmuscle.run.verdict import judge, slides_of
 from vtkmuscle.scene.data import SceneData
 
 
@@ -331,6 +329,46 @@ class MuscleRun:
     def _on_progress(self, algorithm: Any, _event: str) -> None:
         if self.run.stop.is_set():
             algorithm.SetAbortExecute(1)
+
+
+def muscle_pipeline(
+    scene: SceneData,
+    name: str,
+    *,
+    neighbours: Mapping[str, Any] | None = None,
+) -> MusclePipeline:
+    """Return the filters that a run of a scene sends a muscle through.
+
+    Parameters
+    ----------
+    scene, name : SceneData, str
+        Which muscle, of which scene.
+    neighbours : mapping of str to algorithm, optional
+        Deformers of the muscles that this one is kept out of.
+
+    Examples
+    --------
+    >>> from vtkmuscle import Scene, phantoms
+    >>> from vtkmuscle.run import muscle_pipeline
+    >>> scene = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=8)
+    >>> pipeline = muscle_pipeline(scene, "spindle")
+    >>> pipeline.fibres.update().output.GetNumberOfCells()
+    8
+    """
+    muscle = scene.muscles[name]
+    return MusclePipeline(
+        muscle.surface,
+        scene.bones_data(),  # one per muscle: threads must not share what VTK writes to
+        scene.motion,
+        scene.attachments_data(name),
+        superficial=muscle.superficial_fibres,
+        aponeuroses=scene.aponeuroses_data(name),
+        neighbours=neighbours,
+        model=scene.model,
+        fixing=scene.fixing_of(name),
+        fibres=muscle.fibres,
+        solver=None if scene.model == "paths" else scene.solver_of(name),
+    )
 
 
 def _chain(last: Filter) -> list[Any]:

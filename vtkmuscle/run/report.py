@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -189,16 +189,11 @@ def fibre_table(frames: Sequence[vtkPolyData], times: Sequence[float], millimetr
 
     ``millimetres`` is the length of the scene's unit.
     """
-    arrays = [array for array in FIBRE_MEASURES if array in fibre_columns(frames[0])]
-    names = [FIBRE_MEASURES[array] for array in arrays]
+    known = [name for array, name in FIBRE_MEASURES.items() if array in fibre_columns(frames[0])]
 
-    def rows() -> Iterator[tuple[Any, ...]]:
-        for time, fibres in zip(times, frames, strict=True):
-            columns = fibre_columns(fibres)
-            scaled = [
-                columns[array] * _scale(name, millimetres) for array, name in zip(arrays, names, strict=True)
-            ]
-            for fibre, row in enumerate(zip(*scaled, strict=True)):
-                yield fibre, time, *row
+    def measures(time: float, fibres: vtkPolyData) -> dict[str, Any]:
+        columns = {FIBRE_MEASURES.get(array): values for array, values in fibre_columns(fibres).items()}
+        scaled = {name: columns[name] * _scale(name, millimetres) for name in known}
+        return {"fibre": np.arange(fibres.GetNumberOfCells()), "time": time, **scaled}
 
-    return Table(("fibre", "time", *names), rows())
+    return Table.stacked(("fibre", "time", *known), map(measures, times, frames))

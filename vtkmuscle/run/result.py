@@ -15,11 +15,9 @@ from vtkmuscle.core.fibres.measures import smoothed_curve
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.run.frames import KeptFrames
-from vtkmuscle.run.lengths import length_table
 from vtkmuscle.run.limits import CHECKS
-from vtkmuscle.run.moment_arms import MomentArmTable
 from vtkmuscle.run.store.reading import ResultFolder
-from vtkmuscle.run.table import Table
+from vtkmuscle.run.table import MomentArmTable, Table, length_table
 from vtkmuscle.run.verdict import VERDICTS
 from vtkmuscle.scene.data import MILLIMETRES
 

@@ -20,10 +20,8 @@ from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.parts import file_digest
 from vtkmuscle.run.architecture import architecture_table
-from vtkmuscle.run.drawing import Drawing
-from vtkmuscle.run.lengths import length_table
+from vtkmuscle.run.figures import Drawing
 from vtkmuscle.run.memory import check_memory
-from vtkmuscle.run.moment_arms import MomentArmTable
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
 from vtkmuscle.run.options import ErrorStudy, RunOptions, frame_numbers
 from vtkmuscle.run.report import DEFINITIONS, fibre_table, versions
@@ -31,6 +29,7 @@ from vtkmuscle.run.result import Result
 from vtkmuscle.run.store.claim import claimed, scene_file
 from vtkmuscle.run.store.reading import PAGE
 from vtkmuscle.run.store.writing import ResultWriter
+from vtkmuscle.run.table import MomentArmTable, length_table
 from vtkmuscle.run.track import MuscleTrack
 from vtkmuscle.scene.anatomy import Anatomy
 from vtkmuscle.scene.data import SceneData

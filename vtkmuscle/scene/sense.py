@@ -11,7 +11,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from vtkmuscle.core.attachments.rings import ring_area, ring_length, short_ring
-from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.scene.anatomy import Anatomy, Surface
@@ -155,8 +154,8 @@ def _twice(anatomy: Anatomy) -> Iterator[Finding]:
 
 
 def _bones_without_inside(anatomy: Anatomy) -> Iterator[Finding]:
-    for name, bone in anatomy.bones.items():
-        if not any(closed_shells(bone.points, bone.triangles).solid):
+    for name in anatomy.bones:
+        if name not in anatomy.solid_bones:
             problem = "the bone encloses no volume: no muscle will be kept out of it"
             remedy = "export it again as a closed surface, if a muscle can meet it"
             yield f"bones.{name}.surface", problem, remedy, False
