@@ -213,11 +213,8 @@ def _draw(
 def _result(run: SceneRun, report: dict[str, Any], drawn_bones: DrawnBones, tracks: Tracks) -> Result:
     scene = run.scene
     return Result(
-        scene.name,
-        scene.units,
         scene.bones_data(),
         scene.motion,
-        run.numbers,
         tracks,
         report,
         literature={name: muscle.literature for name, muscle in scene.muscles.items()},

@@ -70,13 +70,32 @@ class Reason:
         return f"{self.verdict}, frame {self.frame} (time {self.time:g}): {self.says}{beyond}; {self.do}"
 
 
+@dataclass(frozen=True, eq=False)
+class FibreHistory:
+    """What a verdict is given of a muscle's fibres.
+
+    Attributes
+    ----------
+    lengths : (f, k) array
+        In each frame [mm].
+    rest_lengths : (k,) array
+        At rest [mm].
+    at_rest : mapping or None
+        What :func:`~vtkmuscle.run.report.fibres_at_rest` says of them.
+    slides : sequence of (float, str) or None
+        Per frame how far a fibre slid aside on a bone [mm], and on which, as :func:`slides_of` gives it.
+    """
+
+    lengths: Floats
+    rest_lengths: Floats
+    at_rest: Mapping[str, Any] | None = None
+    slides: Sequence[tuple[float, str] | None] = ()
+
+
 def judge(
     rows: Sequence[Mapping[str, Any]],
+    fibres: FibreHistory | None = None,
     *,
-    lengths: Floats | None = None,
-    rest_lengths: Floats | None = None,
-    slides: Sequence[tuple[float, str] | None] = (),
-    at_rest: Mapping[str, Any] | None = None,
     motion: RigidMotion | None = None,
     n_edges: int = 1,
     size: float = FULL_SIZE,
@@ -88,15 +107,8 @@ def judge(
     ----------
     rows : sequence of mapping
         Per frame, as in the report.
-    lengths : (f, k) array, optional
-        Of the fibres in these frames [mm].
-    rest_lengths : (k,) array, optional
-        At rest [mm].
-    slides : sequence of (float, str) or None, optional
-        Per frame how far a fibre slid aside on a bone [mm], and on which, as
-        :func:`slides_of` gives it.
-    at_rest : mapping, optional
-        What :func:`~vtkmuscle.run.report.fibres_at_rest` says of the fibres.
+    fibres : FibreHistory, optional
+        In these frames.
     motion : RigidMotion, optional
         At the times of the rows: where it turns back, lengths may too.
     n_edges : int, optional
@@ -112,7 +124,7 @@ def judge(
         JSON-able: ``verdict``, the worst of its ``reasons``, which are those of :class:`Reason` from the
         worst on, and ``not_checked``, what was not judged and why.
     """
-    values, missing = _series(rows, lengths, rest_lengths, slides, at_rest, motion, n_edges)
+    values, missing = _series(rows, fibres, motion, n_edges)
     reasons = [
         reason
         for name, series in values.items()
@@ -120,6 +132,7 @@ def judge(
     ]
     for number, reason in enumerate(reasons):
         if reason.check == "slid off":
+            slides = () if fibres is None else fibres.slides
             bone = next(one[1] for one in slides if one is not None and one[0] == reason.value)
             reasons[number] = replace(reason, says=reason.says.replace("a bone", f"the bone {bone!r}"))
     if failure is not None:
@@ -143,10 +156,7 @@ def reasons_of(verdict: Mapping[str, Any]) -> list[Reason]:
 
 def _series(
     rows: Sequence[Mapping[str, Any]],
-    lengths: Floats | None,
-    rest_lengths: Floats | None,
-    slides: Sequence[tuple[float, str] | None],
-    at_rest: Mapping[str, Any] | None,
+    fibres: FibreHistory | None,
     motion: RigidMotion | None,
     n_edges: int,
 ) -> tuple[dict[str, Floats], dict[str, str]]:
@@ -168,22 +178,22 @@ def _series(
         "widespread penetration": column("penetration_new_p95_mm"),
     }
     missing = {"penetration": "no bone has an inside", "widespread penetration": "no bone has an inside"}
-    if lengths is None or rest_lengths is None or not len(lengths):
+    if fibres is None or not len(fibres.lengths):
         missing |= dict.fromkeys((*_OF_FIBRES, *_AT_REST), "it has no fibres")
     else:
-        ratios = lengths / np.maximum(rest_lengths, 1e-12)
+        ratios = fibres.lengths / np.maximum(fibres.rest_lengths, 1e-12)
         values["long fibres"] = np.percentile(ratios, 95, axis=1)
         values["short fibres"] = np.percentile(ratios, 5, axis=1)
         times = np.array([row["time"] for row in rows], dtype=np.float64)
         of_motion = () if motion is None else (even_stretches(motion), largest_turns(motion))
-        jumps = length_jumps(lengths, times, *of_motion)
+        jumps = length_jumps(fibres.lengths, times, *of_motion)
         values["jumps"] = np.concatenate([[0.0], jumps.max(axis=1)]) if len(jumps) else np.zeros(len(times))
         values["slid off"] = np.array(
-            [0.0 if one is None else one[0] for one in slides or [None] * len(times)]
+            [0.0 if one is None else one[0] for one in fibres.slides or [None] * len(times)]
         )
-    if at_rest is not None:  # the same in all frames: the first is named
+    if fibres is not None and fibres.at_rest is not None:  # the same in all frames: the first is named
         for name, (key, scale) in _AT_REST.items():
-            values[name] = np.full(len(rows), scale * at_rest[key])
+            values[name] = np.full(len(rows), scale * fibres.at_rest[key])
     unknown = [name for name in CHECKS if name not in values or np.isnan(values[name]).all()]
     values = {name: series for name, series in values.items() if name not in unknown}
     return values, {name: missing.get(name, "it was not measured") for name in unknown}

@@ -168,11 +168,8 @@ class ResultFolder:
             return read
 
         return {
-            "name": facts["name"],
-            "units": report["units"],
             "bones": multiblock_from(bones),
             "motion": _motion(noted),
-            "frames": report["frames"],
             "tracks": _Tracks({name: reader(name) for name in report["muscles"]}),
             "report": report,
             "literature": {name: tuple(map(_curve, one)) for name, one in facts["literature"].items()},

@@ -151,7 +151,6 @@ class ResultWriter(ResultFolder):
                 arrays[f"{name}/{what}"] = np.asarray(error.value)
                 arrays |= {f"{name}/{what}/{cause}": part for cause, part in error.parts.items()}
         facts = {
-            "name": scene.name,
             "bones": list(scene.bones),
             "moving": list(motion.transforms),
             "centre": _plain(motion.centre),
