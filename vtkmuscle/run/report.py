@@ -127,12 +127,15 @@ _PACKAGES = ("vtkmuscle", "numpy", "scipy", "numba", "vtk", "pyvista")
 def versions() -> dict[str, str]:
     """Return the versions of Python and of the packages that have a part in the numbers."""
     found = {"python": platform.python_version(), "platform": platform.platform()}
-    for package in _PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:  # e.g. VTK built from source, as in ParaView
-            found[package] = "unknown"
-    return found
+    return found | {package: version_of(package) for package in _PACKAGES}
+
+
+def version_of(package: str) -> str:
+    """Return the version of a package."""
+    try:
+        return version(package)
+    except PackageNotFoundError:  # e.g. VTK built from source, as in ParaView
+        return "unknown"
 
 
 def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float) -> dict[str, Any]:

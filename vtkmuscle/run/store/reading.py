@@ -9,7 +9,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.accuracy.estimate import Estimate
@@ -151,9 +150,9 @@ class ResultFolder:
     def result(self) -> dict[str, Any]:
         """Return what a :class:`~vtkmuscle.Result` is made of; see :meth:`vtkmuscle.Result.load`."""
         report = self._finished_report()
-        noted = self._note(SCENE)
-        facts, arrays, millimetres = noted.facts, noted.arrays, MILLIMETRES[report["units"]]
-        bones = {name: self._at_rest(f"bones/{name}") for name in facts["bones"]}
+        noted, millimetres = self._note(SCENE).values, MILLIMETRES[report["units"]]
+        bones = {name: self._at_rest(f"bones/{name}") for name in noted["bones"]}
+        coordinates = {name: Coordinate(**one) for name, one in noted["motion"]["coordinates"].items()}
 
         def reader(name: str) -> Callable[[], MuscleTrack]:
             note = self._note(name)
@@ -162,18 +161,21 @@ class ResultFolder:
             def read() -> MuscleTrack:
                 track = self._track(name, note, millimetres)
                 track.report = report["muscles"][name]
-                track.errors = _errors(name, facts["errors"][name], arrays)
+                track.errors = {what: Estimate(**one) for what, one in noted["errors"][name].items()}
                 return track
 
             return read
 
         return {
             "bones": multiblock_from(bones),
-            "motion": _motion(noted),
+            "motion": RigidMotion(**noted["motion"] | {"coordinates": coordinates}),
             "tracks": _Tracks({name: reader(name) for name in report["muscles"]}),
             "report": report,
-            "literature": {name: tuple(map(_curve, one)) for name, one in facts["literature"].items()},
-            "crosses": {name: tuple(one) for name, one in facts["crosses"].items()},
+            "literature": {
+                name: tuple(LiteratureCurve(**curve) for curve in curves)
+                for name, curves in noted["literature"].items()
+            },
+            "crosses": {name: tuple(one) for name, one in noted["crosses"].items()},
         }
 
     def finished(self, keys: Mapping[str, str], millimetres: float) -> dict[str, MuscleTrack]:
@@ -266,39 +268,3 @@ def _without_stamps(data: vtkPolyData, names: Iterable[str]) -> vtkPolyData:
     for name in names:
         data.GetFieldData().RemoveArray(name)
     return data
-
-
-def _errors(name: str, known: Mapping[str, Any], arrays: Mapping[str, Any]) -> dict[str, Estimate]:
-    return {
-        what: Estimate(
-            arrays[f"{name}/{what}"],
-            unit,
-            {cause: arrays[f"{name}/{what}/{cause}"] for cause in causes},
-        )
-        for what, (unit, causes) in known.items()
-    }
-
-
-def _motion(noted: Part) -> RigidMotion:
-    facts, arrays = noted.facts, noted.arrays
-    centre = facts["centre"]
-    return RigidMotion(
-        arrays["times"],
-        {bone: arrays[f"transforms/{bone}"] for bone in facts["moving"]},
-        {bone: np.array(one) for bone, one in centre.items()} if isinstance(centre, dict) else centre,
-        {
-            name: Coordinate(
-                arrays[f"coordinate/{name}"],
-                unit,
-                positive,
-                None if bones is None else {bone: arrays[f"twists/{name}/{bone}"] for bone in bones},
-            )
-            for name, (unit, positive, bones) in facts["coordinates"].items()
-        },
-    )
-
-
-def _curve(facts: Mapping[str, Any]) -> LiteratureCurve:
-    values: dict[str, Any] = dict(facts)
-    arrays = {name: np.array(values[name]) for name in ("angles", "arms")}
-    return LiteratureCurve(**values | arrays)
