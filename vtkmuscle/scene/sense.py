@@ -77,7 +77,7 @@ def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[str]:
         if sure:
             raise error
         said.append(str(error))
-        warnings.warn(said[-1], stacklevel=3)
+        warnings.warn(said[-1], stacklevel=5)  # through run_scene, to who runs a scene
     return said
 
 
@@ -154,8 +154,9 @@ def _twice(anatomy: Anatomy) -> Iterator[Finding]:
 
 
 def _bones_without_inside(anatomy: Anatomy) -> Iterator[Finding]:
+    solid = anatomy.solid_bones
     for name in anatomy.bones:
-        if name not in anatomy.solid_bones:
+        if name not in solid:
             problem = "the bone encloses no volume: no muscle will be kept out of it"
             remedy = "export it again as a closed surface, if a muscle can meet it"
             yield f"bones.{name}.surface", problem, remedy, False

@@ -15,7 +15,6 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.data.arrays import points_of
 from vtkmuscle.run.report import version_of
 from vtkmuscle.scene.data import Muscle, SceneData
 
@@ -99,7 +98,8 @@ def _feed(digest: Any, value: Any) -> None:
 
 
 def _feed_surface(digest: Any, data: vtkPolyData) -> None:
-    _feed(digest, points_of(data))
+    points = data.GetPoints()
+    _feed(digest, None if points is None else vtk_to_numpy(points.GetData()).astype(np.float64))
     for cells in (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()):
         for ids in (cells.GetOffsetsArray(), cells.GetConnectivityArray()):
             _feed(digest, vtk_to_numpy(ids).astype(np.int64))  # VTK chooses how it keeps them
