@@ -16,7 +16,7 @@ from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.run.frames import KeptFrames
 from vtkmuscle.run.limits import CHECKS
-from vtkmuscle.run.store.reading import ResultFolder
+from vtkmuscle.run.store import ResultFolder
 from vtkmuscle.run.table import MomentArmTable, Table, length_table
 from vtkmuscle.run.verdict import VERDICTS
 from vtkmuscle.scene.data import MILLIMETRES

@@ -26,8 +26,8 @@ from vtkmuscle.run.muscles import MuscleRun, SceneRun
 from vtkmuscle.run.options import ErrorStudy, RunOptions, frame_numbers
 from vtkmuscle.run.report import DEFINITIONS, fibre_table, versions
 from vtkmuscle.run.result import Result
+from vtkmuscle.run.store import PAGE
 from vtkmuscle.run.store.claim import claimed, scene_file
-from vtkmuscle.run.store.reading import PAGE
 from vtkmuscle.run.store.writing import ResultWriter
 from vtkmuscle.run.table import MomentArmTable, length_table
 from vtkmuscle.run.track import MuscleTrack

@@ -19,9 +19,9 @@ from vtkmuscle.io.series import Collection as Pvd
 from vtkmuscle.io.series import Series
 from vtkmuscle.io.temporal import read_series, write_vtkhdf
 from vtkmuscle.io.writing import write_polydata, write_text
+from vtkmuscle.run.store import FINISHED, REPORT, SCENE, STAMPS, ResultFolder
 from vtkmuscle.run.store.claim import remove_if_empty, remove_results
 from vtkmuscle.run.store.keys import muscle_keys
-from vtkmuscle.run.store.reading import FINISHED, REPORT, SCENE, STAMPS, ResultFolder
 from vtkmuscle.run.table import Table
 from vtkmuscle.run.track import MuscleTrack
 from vtkmuscle.scene.data import SceneData
