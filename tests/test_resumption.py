@@ -382,8 +382,11 @@ def test_an_option_that_there_is_not_names_the_nearest(scene):
 def test_sense_is_not_checked_where_that_is_asked_for(scene):
     turned = scene.motion.transforms["lower"].copy()
     turned[1:, 0, 3] += 1e6
-    lost = replace(scene, motion=RigidMotion(scene.motion.times, {"lower": turned}), model="paths")
-    lost = replace(lost, muscles={"spindle": scene.muscles["spindle"]})
+    motion, muscles = (
+        RigidMotion(scene.motion.times, {"lower": turned}),
+        {"spindle": scene.muscles["spindle"]},
+    )
+    lost = replace(scene, motion=motion, muscles=muscles, model="paths")
     with pytest.raises(SceneError, match="lower"):
         lost.run(frames="0:1")
     assert len(lost.run(frames="0:1", sense=False).times) == 1
