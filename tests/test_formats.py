@@ -16,7 +16,7 @@ from vtkmuscle.filters import provenance_of
 from vtkmuscle.io import read_series
 from vtkmuscle.plotting import can_render, export_scene
 from vtkmuscle.run import RunOptions
-from vtkmuscle.run.store.reading import ResultFolder
+from vtkmuscle.run.store import ResultFolder
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from tiny_scene import write_tiny_scene
 from typer.testing import CliRunner
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle import InputError, Result, Scene
+from vtkmuscle import InputError, Result, Scene, SceneError
 from vtkmuscle.cli import BAD_INPUT, app
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion
@@ -372,3 +372,21 @@ def test_the_frames_of_a_muscle_are_read_when_they_are_asked_for(scene, tmp_path
     assert loaded.verdicts.keys() == loaded.report["muscles"].keys()
     with pytest.raises(InputError, match="is not what the run"):
         loaded.lengths["thin"]
+
+
+def test_an_option_that_there_is_not_names_the_nearest(scene):
+    with pytest.raises(TypeError, match="no option 'frame'; did you mean 'frames'"):
+        scene.run(frame="0:1")
+
+
+def test_sense_is_not_checked_where_that_is_asked_for(scene):
+    turned = scene.motion.transforms["lower"].copy()
+    turned[1:, 0, 3] += 1e6
+    motion, muscles = (
+        RigidMotion(scene.motion.times, {"lower": turned}),
+        {"spindle": scene.muscles["spindle"]},
+    )
+    lost = replace(scene, motion=motion, muscles=muscles, model="paths")
+    with pytest.raises(SceneError, match="lower"):
+        lost.run(frames="0:1")
+    assert len(lost.run(frames="0:1", sense=False).times) == 1

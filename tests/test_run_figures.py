@@ -13,8 +13,8 @@ from vtkmuscle import Scene
 from vtkmuscle.data import drawn_bones
 from vtkmuscle.plotting import can_render, in_child, preflight
 from vtkmuscle.plotting.order import FigureOrder
-from vtkmuscle.run import drawing
-from vtkmuscle.run.drawing import Drawing
+from vtkmuscle.run import figures as drawing
+from vtkmuscle.run.figures import Drawing
 
 
 @pytest.fixture

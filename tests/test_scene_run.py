@@ -275,12 +275,9 @@ def test_everything_is_written_and_nothing_else(result, out):
             *(f"bones/lower/lower_{i:04d}.vtp" for i in frames),
             *(f"{name}.pvd" for name in ("spindle", "spindle_fibres", "plain")),
             *(f"{n}/{n}_{i:04d}.vtp" for n in ("spindle", "spindle_fibres", "plain") for i in frames),
-            *(
-                f"finished/{name}"
-                for name in ("scene.npz", "bones/upper.vtp", "bones/lower.vtp", "errors/spindle.npz")
-            ),
+            *(f"finished/{name}" for name in ("scene.npz", "bones/upper.vtp", "bones/lower.vtp")),
             *(f"finished/{name}" for name in ("spindle.npz", "spindle.vtp", "spindle_fibres.vtp")),
-            *(f"finished/{name}" for name in ("plain.npz", "plain.vtp", "errors/plain.npz")),
+            *(f"finished/{name}" for name in ("plain.npz", "plain.vtp")),
         ]
     )
 

@@ -11,8 +11,7 @@ from vtkmuscle.phantoms import leg
 from vtkmuscle.phantoms.implicit import thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution
 from vtkmuscle.run.limits import CHECKS
-from vtkmuscle.run.sliding import slides_of
-from vtkmuscle.run.verdict import judge
+from vtkmuscle.run.verdict import FibreHistory, judge, slides_of
 from vtkmuscle.scene.data import Muscle
 
 #: A cord beside the front of the femur, which the knee draws over the side of the condyle as it flexes and
@@ -68,7 +67,7 @@ def test_the_verdict_names_the_bone_the_frame_and_the_remedy():
     rows = [{"frame": 3 * i, "time": float(i)} for i in range(4)]
     slides = [None, None, (8.5, "femur"), None]
     lengths = np.full((4, 2), 100.0)
-    verdict = judge(rows, lengths=lengths, rest_lengths=lengths[0], slides=slides)
+    verdict = judge(rows, FibreHistory(lengths, lengths[0], slides=slides))
     assert verdict["verdict"] == "look"
     (reason,) = verdict["reasons"]
     assert (reason["check"], reason["frame"], reason["value"]) == ("slid off", 6, 8.5)

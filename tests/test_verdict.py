@@ -28,7 +28,7 @@ from vtkmuscle.plotting import can_render
 from vtkmuscle.run.limits import BEYOND, CHECKS, FULL_SIZE, LONGEST, SHORTEST
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report import DEFINITIONS
-from vtkmuscle.run.verdict import judge, reasons_of
+from vtkmuscle.run.verdict import FibreHistory, judge, reasons_of
 from vtkmuscle.scene.anatomy import Anatomy
 
 #: What a good frame has.
@@ -69,9 +69,10 @@ AT_REST = {"crossing_share": 0.1, "hooked_share": 0.0, "turning_p95_deg": 150.0,
 
 
 def verdict(table=None, **given):
-    fibres = {"lengths": lengths(), "rest_lengths": lengths()[0]}
-    fibres["at_rest"] = AT_REST
-    return judge(table or rows(), **{**fibres, "motion": MOTION, "n_edges": 1000, **given})
+    fibres = {"lengths": lengths(), "rest_lengths": lengths()[0], "at_rest": AT_REST}
+    fibres |= {name: given.pop(name) for name in [*given] if name in (*fibres, "slides")}
+    history = None if fibres["lengths"] is None else FibreHistory(**fibres)
+    return judge(table or rows(), history, **{"motion": MOTION, "n_edges": 1000, **given})
 
 
 def test_a_good_muscle_is_ok_and_all_was_checked():
@@ -174,9 +175,10 @@ def test_what_has_no_figure_is_not_judged_and_told():
 
 def test_what_could_not_be_computed_failed_also_in_the_first_frame_kept():
     for count in (5, 0):
-        whole = {"lengths": lengths()[:count]}
         failure = (5, 10.0, InputError("", "out of range", "use less force"))
-        found = judge(rows()[:count], **whole, rest_lengths=lengths()[0], n_edges=1000, failure=failure)
+        found = judge(
+            rows()[:count], FibreHistory(lengths()[:count], lengths()[0]), n_edges=1000, failure=failure
+        )
         (reason,) = reasons_of(found)
         assert (found["verdict"], reason.frame, reason.do) == ("failed", 5, "use less force")
         assert "out of range" in reason.says

@@ -20,9 +20,8 @@ if TYPE_CHECKING:
     from vtkmuscle import filters, phantoms, pipelines, plotting
     from vtkmuscle.core.errors import InputError
     from vtkmuscle.core.motion.rigid import RigidMotion, hinge
-    from vtkmuscle.run.moment_arms import MomentArmTable
     from vtkmuscle.run.result import Result
-    from vtkmuscle.run.table import Table
+    from vtkmuscle.run.table import MomentArmTable, Table
     from vtkmuscle.scene.data import Muscle
     from vtkmuscle.scene.faults import SceneError
     from vtkmuscle.scenes import Scene
@@ -35,7 +34,7 @@ _SOURCES = {
     "InputError": "vtkmuscle.core.errors",
     "Spread": "vtkmuscle.sensitivity",
     "sensitivities": "vtkmuscle.sensitivity",
-    "MomentArmTable": "vtkmuscle.run.moment_arms",
+    "MomentArmTable": "vtkmuscle.run.table",
     "Muscle": "vtkmuscle.scene.data",
     "Result": "vtkmuscle.run.result",
     "Scene": "vtkmuscle.scenes",

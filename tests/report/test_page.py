@@ -158,8 +158,7 @@ def test_a_muscle_that_failed_on_the_way_shows_the_frames_it_has(run_folder):
     track.points, track.fibres, track.lengths = track.points[:2], track.fibres[:2], track.lengths[:2]
     report = copy.deepcopy(dict(result.report))
     report["muscles"]["spindle"]["frames"] = report["muscles"]["spindle"]["frames"][:2]
-    arguments = result.name, result.units, result.rest_bones(), result.motion, result.frames
-    other = Result(*arguments, {**result._tracks, "spindle": track}, report)
+    other = Result(result.rest_bones(), result.motion, {**result._tracks, "spindle": track}, report)
     words = " ".join(words_of(page_of(other, CHECKS)).split())
     assert "frames 2 of 5" in words
 
@@ -171,8 +170,7 @@ def test_a_muscle_without_any_frame_has_a_page_too(run_folder):
     track.points, track.fibres, track.lengths = [], [], []
     report = copy.deepcopy(dict(result.report))
     report["muscles"]["spindle"] |= {"frames": [], "fibre_measures": []}
-    arguments = result.name, result.units, result.rest_bones(), result.motion, result.frames
-    other = Result(*arguments, {**result._tracks, "spindle": track}, report)
+    other = Result(result.rest_bones(), result.motion, {**result._tracks, "spindle": track}, report)
     assert "spindle" in words_of(page_of(other, CHECKS))
 
 

@@ -16,7 +16,7 @@ from vtkmuscle.data.attachments import VIA
 from vtkmuscle.data.paths import wrenches_over_time
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
-from vtkmuscle.run.pipeline import muscle_pipeline
+from vtkmuscle.run.muscles import muscle_pipeline
 from vtkmuscle.run.track import MuscleTrack
 from vtkmuscle.scene.data import Muscle, SceneData
 

@@ -104,7 +104,7 @@ def demo(
     folder = out or Path("vtkmuscle_demo")
     with one_clear_error(folder):
         from vtkmuscle import phantoms
-        from vtkmuscle.run.unchanged import save_unless_changed
+        from vtkmuscle.scene.writing import save_unless_changed
         from vtkmuscle.scenes import Scene
 
         scene = Scene.from_phantom(phantoms.hip(angles=DEMO_ANGLES))
@@ -186,7 +186,7 @@ def export(
             write_vtkhdf(out, series.times, lambda number: merged(series.frame(number)))
         else:
             from vtkmuscle.plotting import export_scene
-            from vtkmuscle.run.store.reading import ResultFolder
+            from vtkmuscle.run.store import ResultFolder
 
             pose = ResultFolder(source).pose(time)
             export_scene(out, pose.bones, pose.muscles, fibres=pose.fibres)
@@ -206,7 +206,7 @@ def report(
     """Write the page of a finished run again: the scene, curves, tables and verdicts in one file."""
     with one_clear_error(out):
         from vtkmuscle.run import Result
-        from vtkmuscle.run.store.reading import PAGE
+        from vtkmuscle.run.store import PAGE
 
         typer.echo(f"wrote {Result.load(results).write_report(out or results / PAGE)}")
 

@@ -10,7 +10,7 @@ from vtkmuscle.cli.text_facts import text_facts
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.io import read_polydata
-from vtkmuscle.run.store.reading import ResultFolder
+from vtkmuscle.run.store import ResultFolder
 
 #: Bones and muscles are 20 mm to 2 m long; what is shorter than this in its file is not in millimetres.
 _SHORTEST_IN_MILLIMETRES = 10.0

@@ -70,7 +70,7 @@ def one_line(words: str) -> str:
 
 
 def _what_is_finished(out: Path | None) -> str:
-    from vtkmuscle.run.store.reading import ResultFolder
+    from vtkmuscle.run.store import ResultFolder
 
     report = None if out is None else ResultFolder(out).report()
     if out is None or report is None or report["complete"]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
     """Run a scene, and print what was found and where it is."""
-    from vtkmuscle.run.store.reading import PAGE, ResultFolder
+    from vtkmuscle.run.store import PAGE, ResultFolder
     from vtkmuscle.run.verdict import reasons_of
 
     with one_clear_error(None):

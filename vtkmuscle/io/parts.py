@@ -11,9 +11,9 @@ import json
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ from vtkmuscle.io.writing import replacing
 
 #: Entry of a file that holds the key and the facts; no array is called so.
 _FACTS = "facts"
+#: What stands in facts for an array.
+_ARRAY = "array of this name"
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,44 @@ class Part:
 
     facts: Mapping[str, Any] = field(default_factory=dict)
     arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> Self:
+        """Return a part of values with arrays and dataclasses at any depth, which :attr:`values` gives back.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from vtkmuscle.io.parts import Part
+        >>> Part.of({"motion": {"times": np.arange(2.0), "centre": None}}).values
+        {'motion': {'times': array([0., 1.]), 'centre': None}}
+        """
+        arrays: dict[str, NDArray[Any]] = {}
+
+        def plain_of(value: Any) -> Any:
+            if isinstance(value, np.ndarray):
+                arrays[f"array{len(arrays)}"] = value
+                return {_ARRAY: f"array{len(arrays) - 1}"}
+            if is_dataclass(value):
+                value = {one.name: getattr(value, one.name) for one in fields(value)}
+            if isinstance(value, Mapping):
+                return {key: plain_of(one) for key, one in value.items()}
+            return [plain_of(one) for one in value] if isinstance(value, list | tuple) else value
+
+        return cls(plain_of(values), arrays)
+
+    @property
+    def values(self) -> Any:
+        """What :meth:`of` was given: dataclasses as mappings of their fields, tuples as lists."""
+
+        def whole_of(value: Any) -> Any:
+            if isinstance(value, dict):
+                if value.keys() == {_ARRAY}:
+                    return self.arrays[value[_ARRAY]]
+                return {key: whole_of(one) for key, one in value.items()}
+            return [whole_of(one) for one in value] if isinstance(value, list) else value
+
+        return whole_of(self.facts)
 
 
 class Parts:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -37,27 +37,60 @@ class Limit(Protocol):
         """From where on it has failed."""
 
 
-#: Measures of the shape that are drawn: the key in a report's frames, what it is, the check whose limits it
-#: has, and factor and offset to the limits' unit.
-CHECKS = (
-    ("volume_ratio", "change of the volume [%]", "volume", 100.0, -100.0),
-    ("misshapen_area", "surface out of shape, share of its area [%]", "misshapen", 100.0, 0.0),
-    (
-        "dihedral_error_p95_deg",
-        "change of angles between triangles, 95th percentile [deg]",
-        "crumpled",
-        1.0,
-        0.0,
+#: Words that are long.
+_SHARE = "surface out of shape, largest share [%]"
+_BENT = "change of angles between triangles, 95th percentile [deg]"
+_DEEPER = "depth in a bone that was not there at rest [mm]"
+_OUTSIDE = "fibres out of their muscle [mm]"
+_IN_BONE = "fibres in bone that were not there at rest [mm]"
+
+
+def _largest(values: Floats) -> float:
+    return float(np.abs(values).max())
+
+
+class Measure(NamedTuple):
+    """A measure of the shape: its key in a report's frames, and how a page has it.
+
+    Attributes
+    ----------
+    key, check : str
+        In the rows of frames; and the check whose limits it has, if any.
+    curve, head : str
+        What it is called beside its curve, and above its column; those without are not drawn, or not listed.
+    factor, offset : float
+        What it is times the one plus the other has the limits' unit.
+    of_all : callable
+        Which value of all frames a table has.
+    """
+
+    key: str
+    check: str
+    curve: str
+    head: str
+    factor: float = 1.0
+    offset: float = 0.0
+    of_all: Callable[[Floats], Any] = _largest
+
+    def __call__(self, values: Floats) -> Floats:
+        """Return values in the limits' unit."""
+        return self.factor * values + self.offset
+
+
+#: The measures of a page.
+MEASURES = (
+    Measure(
+        "volume_ratio", "volume", "change of the volume [%]", "volume, largest change [%]", 100.0, -100.0
     ),
-    ("penetration_new_max_mm", "depth in a bone that was not there at rest [mm]", "penetration", 1.0, 0.0),
-    ("fibres_outside_max_mm", "fibres out of their muscle [mm]", "fibres outside", 1.0, 0.0),
-    (
-        "fibres_penetration_new_max_mm",
-        "fibres in bone that were not there at rest [mm]",
-        "fibres in bone",
-        1.0,
-        0.0,
-    ),
+    Measure("misshapen_area", "misshapen", "surface out of shape, share of its area [%]", _SHARE, 100.0),
+    Measure("dihedral_error_p95_deg", "crumpled", _BENT, "angles changed, 95th percentile [deg]"),
+    Measure("penetration_new_max_mm", "penetration", _DEEPER, "deeper in a bone than at rest [mm]"),
+    Measure("fibres_outside_max_mm", "fibres outside", _OUTSIDE, "fibres out of the muscle [mm]"),
+    Measure("fibres_penetration_new_max_mm", "fibres in bone", _IN_BONE, ""),
+    Measure("fixed_error_max_mm", "fixed points", "", "fixed points off their bone [mm]"),
+    Measure("overlap_max_mm", "", "", "in another muscle [mm]"),
+    Measure("iterations", "", "", "iterations, mean", of_all=np.mean),
+    Measure("ms", "", "", "time per frame [ms], median", of_all=np.median),
 )
 
 
@@ -90,13 +123,13 @@ def curves_of(
         "coordinates": _coordinates(result, arms),
         "checks": [
             {
-                "key": key,
-                "label": label,
-                "flat": _flat(result, key, factor, offset, limits.get(check)),
-                **_limits(limits.get(check), check),
+                "key": one.key,
+                "label": one.curve,
+                "flat": _flat(result, one, limits.get(one.check)),
+                **_limits(limits.get(one.check), one.check),
             }
-            for key, label, check, factor, offset in CHECKS
-            if any(key in muscle["checks"] for muscle in muscles)
+            for one in MEASURES
+            if any(one.key in muscle["checks"] for muscle in muscles)
         ],
     }
 
@@ -125,13 +158,11 @@ def _muscle(result: RunResult, number: int, arms: Mapping[str, JointArms], pack:
     name = result.muscle_names[number]
     frames = result.report["muscles"][name]["frames"]
     checks = {}
-    for key, _, _, factor, offset in CHECKS:
-        values = [row.get(key) for row in frames]
-        if any(value is not None for value in values):
-            found = np.array([np.nan if value is None else value for value in values], dtype=np.float64)
-            checks[key] = rounded(
-                np.where(np.abs(factor * found + offset) < 1e-9, 0.0, factor * found + offset)
-            )
+    for one in MEASURES:
+        values = [row.get(one.key) for row in frames]
+        if one.curve and any(value is not None for value in values):
+            found = one(np.array([np.nan if value is None else value for value in values], dtype=np.float64))
+            checks[one.key] = rounded(np.where(np.abs(found) < 1e-9, 0.0, found))
     errors = result.errors.get(name, {})
     published = result.literature.get(name, ())
     found_arms = {
@@ -238,10 +269,11 @@ def _coordinates(result: RunResult, arms: Mapping[str, Mapping[str, JointArms]])
     return listed
 
 
-def _flat(result: RunResult, key: str, factor: float, offset: float, limit: Limit | None) -> str | None:
+def _flat(result: RunResult, one: Measure, limit: Limit | None) -> str | None:
     """Return in words what a curve would not show: that a measure hardly changes, and what it is."""
-    rows = [row.get(key) for name in result.muscle_names for row in result.report["muscles"][name]["frames"]]
-    values = factor * np.array([value for value in rows if value is not None], dtype=np.float64) + offset
+    muscles = (result.report["muscles"][name]["frames"] for name in result.muscle_names)
+    found = (row.get(one.key) for frames in muscles for row in frames)
+    values = one(np.array([value for value in found if value is not None], dtype=np.float64))
     if limit is None or not len(values) or not np.ptp(values) <= _FLAT * abs(limit.look):
         return None
     ends = [f"{value:.2g}".replace("-", "\u2212") for value in (values.min(), values.max())]

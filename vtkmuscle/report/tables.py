@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from vtkmuscle.report.curves import label_of
+from vtkmuscle.report.curves import MEASURES, label_of
 
 #: Architecture: the key in a report, what stands above the column, and the factor to its unit.
 ARCHITECTURE = (
@@ -32,19 +32,6 @@ FIBRES = (
     ("pennation_insertion_deg", "pennation, insertion [deg]", 1.0),
     ("tortuosity", "length / distance of ends", 1.0),
 )
-#: Quality: the key in the rows of frames, what stands above the column, and which value of all frames.
-QUALITY = (
-    ("volume_ratio", "volume, largest change [%]", lambda v: 100.0 * np.abs(v - 1.0).max()),
-    ("misshapen_area", "surface out of shape, largest share [%]", lambda v: 100.0 * v.max()),
-    ("dihedral_error_p95_deg", "angles changed, 95th percentile [deg]", np.max),
-    ("penetration_new_max_mm", "deeper in a bone than at rest [mm]", np.max),
-    ("fibres_outside_max_mm", "fibres out of the muscle [mm]", np.max),
-    ("fixed_error_max_mm", "fixed points off their bone [mm]", np.max),
-    ("overlap_max_mm", "in another muscle [mm]", np.max),
-    ("iterations", "iterations, mean", np.mean),
-    ("ms", "time per frame [ms], median", np.median),
-)
-
 
 #: What stands where there is no number, and before one that is negative.
 DASH, MINUS = "\u2013", "\u2212"
@@ -270,23 +257,26 @@ def _moment_arms(muscles: Mapping[str, Any]) -> Sheet:
 
 
 def _quality(muscles: Mapping[str, Any]) -> Sheet:
+    listed = [one for one in MEASURES if one.head]
     series = {
-        name: {key: _column(muscle["frames"], key) for key, _, _ in QUALITY}
+        name: {one: one(_column(muscle["frames"], one.key)) for one in listed}
         for name, muscle in muscles.items()
     }
-    columns = [column for column in QUALITY if any(len(one[column[0]]) for one in series.values())]
+    columns = [one for one in listed if any(len(found[one]) for found in series.values())]
     rows = []
     for name, muscle in muscles.items():
-        marks = _marks(muscle)
-        found = [(key, series[name][key], worst) for key, _, worst in columns]
+        reasons = muscle.get("verdict", {}).get("reasons", ())
+        marks = {reason["check"]: reason["verdict"] for reason in reasons}
         cells = [
-            Cell(number(float(worst(values))) if len(values) else DASH, marks.get(key, ""))
-            for key, values, worst in found
+            Cell(number(float(one.of_all(values))), marks.get(one.check, ""))
+            if len(values := series[name][one])
+            else Cell(DASH)
+            for one in columns
         ]
         rows.append([Cell(label_of(name)), Cell(str(len(muscle["frames"]))), *cells])
     return Sheet(
         "Quality",
-        ["muscle", "frames", *(head for _, head, _ in columns)],
+        ["muscle", "frames", *(one.head for one in columns)],
         rows,
         "The worst of all frames where nothing else is said; coloured where it is a reason to look.",
     )
@@ -294,19 +284,3 @@ def _quality(muscles: Mapping[str, Any]) -> Sheet:
 
 def _column(frames: Iterable[Mapping[str, Any]], key: str) -> Any:
     return np.array([row[key] for row in frames if row.get(key) is not None], dtype=np.float64)
-
-
-#: The checks that the columns of the quality belong to.
-_CHECKS = {
-    "volume": "volume_ratio",
-    "misshapen": "misshapen_area",
-    "crumpled": "dihedral_error_p95_deg",
-    "penetration": "penetration_new_max_mm",
-    "fibres outside": "fibres_outside_max_mm",
-    "fixed points": "fixed_error_max_mm",
-}
-
-
-def _marks(muscle: Mapping[str, Any]) -> dict[str, str]:
-    reasons = muscle.get("verdict", {}).get("reasons", ())
-    return {_CHECKS[one["check"]]: one["verdict"] for one in reasons if one["check"] in _CHECKS}

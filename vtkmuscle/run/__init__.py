@@ -1,11 +1,10 @@
 """Running a scene: every muscle over the motion, measured, written to a folder."""
 
-from vtkmuscle.run.moment_arms import MomentArmTable
+from vtkmuscle.run.muscles import muscle_pipeline
 from vtkmuscle.run.options import RunOptions, frame_numbers
-from vtkmuscle.run.pipeline import muscle_pipeline
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.scenes import run_scene
-from vtkmuscle.run.table import Table
+from vtkmuscle.run.table import MomentArmTable, Table
 
 __all__ = [
     "MomentArmTable",

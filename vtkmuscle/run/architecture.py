@@ -176,12 +176,10 @@ def architecture_table(muscles: Mapping[str, Mapping[str, Any]]) -> Table:
     muscles : mapping of str to mapping
         ``report["muscles"]``; those without fibres are left out.
     """
+    columns = ["muscle", "tendon_from"]
+    for quantity, unit, _ in _COLUMNS:
+        columns += [f"{quantity}_{unit}", *([f"{quantity}_err_{unit}"] if quantity in _WITH_ERRORS else [])]
     known = {name: muscle for name, muscle in muscles.items() if "architecture" in muscle}
-    columns = (
-        "muscle",
-        "tendon_from",
-        *(column for quantity, unit, _ in _COLUMNS for column in _named(quantity, unit)),
-    )
     return Table(columns, (_row(name, muscle) for name, muscle in known.items()))
 
 
@@ -199,11 +197,6 @@ _COLUMNS = (
 )
 #: Those whose error is known.
 _WITH_ERRORS = ("volume", "pcsa", "fascicle_length", "pcsa_without_tendon")
-
-
-def _named(quantity: str, unit: str) -> tuple[str, ...]:
-    errors = (f"{quantity}_err_{unit}",) if quantity in _WITH_ERRORS else ()
-    return (f"{quantity}_{unit}", *errors)
 
 
 def _row(name: str, muscle: Mapping[str, Any]) -> list[Any]:

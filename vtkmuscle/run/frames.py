@@ -28,11 +28,8 @@ class KeptFrames:
 
     def __init__(
         self,
-        name: str,
-        units: str,
         bones: vtkMultiBlockDataSet,
         motion: RigidMotion,
-        frames: Sequence[int],
         tracks: Mapping[str, MuscleTrack],
         report: dict[str, Any],
         *,
@@ -40,14 +37,14 @@ class KeptFrames:
         crosses: Mapping[str, Sequence[str]] | None = None,
         drawn_bones: DrawnBones | None = None,
     ) -> None:
-        self.name = name
+        self.name: str = report["scene"]
         self.motion = motion
         self.time_label = time_label(motion)
         self.literature: Mapping[str, Sequence[LiteratureCurve]] = dict(literature or {})
         self.crosses: Mapping[str, Sequence[str]] = dict(crosses or {})
-        self.units = units
+        self.units: str = report["units"]
         self.report: Mapping[str, Any] = report
-        self.frames: Sequence[int] = list(frames)
+        self.frames: Sequence[int] = list(report["frames"])
         self.times: Sequence[float] = [float(motion.times[frame]) for frame in self.frames]
         self.muscle_names: Sequence[str] = list(tracks)
         self.verdicts: Mapping[str, str] = {

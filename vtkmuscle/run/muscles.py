@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,7 +15,6 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     field_array,
@@ -33,12 +32,10 @@ from vtkmuscle.run.architecture import architecture_of
 from vtkmuscle.run.limits import CHECKS, FULL_SIZE
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.options import RunOptions
-from vtkmuscle.run.pipeline import muscle_pipeline
 from vtkmuscle.run.report import fibres_at_rest, measures_of_fibres
-from vtkmuscle.run.sliding import slides_of
 from vtkmuscle.run.store.writing import ResultWriter
 from vtkmuscle.run.track import MuscleTrack
-from vtkmuscle.run.verdict import judge
+from vtkmuscle.run.verdict import FibreHistory, judge, slides_of
 from vtkmuscle.scene.data import SceneData
 
 
@@ -110,38 +107,38 @@ class MuscleRun:
         AbortedError
             If it was stopped; the frames before are complete.
         """
-        numbers = self.run.numbers
-        scene, name, track = self.scene, self.name, self.track
+        scene, track, last = self.scene, self.track, self.run.numbers[-1] + 1
         neighbours = self._deformers() if scene.muscle_contact == "on" else None
-        pipeline = muscle_pipeline(scene, name, neighbours=neighbours)
+        pipeline = muscle_pipeline(scene, self.name, neighbours=neighbours)
         self.deformer = pipeline.deformer
         self._report_progress("fixed points", 0.0)
         with self._timed("fixing", pipeline.fixed):
             rest = track.rest = pipeline.fixed.update().output
-        _warn_if_none_is_free(name, rest)
+        _warn_if_none_is_free(self.name, rest)
         with self._timed("measuring"):
-            measure = MuscleMeasure(track.rest, list(scene.bones), self.run.bones, scene.millimetres)
-            track.report.update(measure.at_rest())
-        areas = scene.muscles[name].attachments
-        track.report["estimated_attachments"] = sum(area.estimated for area in areas)
+            measure = MuscleMeasure(rest, list(scene.bones), self.run.bones, scene.millimetres)
+        areas = scene.muscles[self.name].attachments
         sureness = [area.sureness for area in areas if area.sureness is not None]
-        track.report["attachment_sureness"] = min(sureness, default=None)
+        track.report |= {
+            **measure.at_rest(),
+            "estimated_attachments": sum(area.estimated for area in areas),
+            "attachment_sureness": min(sureness, default=None),
+        }
         if pipeline.fibres is not None:
             self._fill(rest, pipeline.fibres, measure)
-        track.report["parameters"] = self._parameters(pipeline)
-        track.report["frames"] = []
+        track.report |= {"parameters": self._parameters(pipeline), "frames": []}
+        stage, step, numbers = "deforming", self._deform, range(last)
         if pipeline.deformer is None:
-            self._pull(numbers, pipeline, measure)
-        else:
-            for number in range(numbers[-1] + 1):
-                self._report_progress("deforming", number / (numbers[-1] + 1))
-                self._frame(number, number in numbers, pipeline, measure)
-                if track.failure is not None:
-                    break
-        self._judge(numbers, measure)
+            stage, step, numbers = "pulling fibres", self._pull, self.run.numbers
+        for number in numbers:
+            self._report_progress(stage, number / last)
+            step(number, pipeline, measure)
+            if track.failure is not None:
+                break
+        self._judge(measure)
         if self.run.store is not None:
             with self._timed("writing"):
-                self.run.store.finish(self.name, self.track)
+                self.run.store.finish(self.name, track)
         if scene.muscle_contact == "off":
             self.deformer = None  # with all that it keeps of the frames; later muscles do not ask for it
         self._report_progress("done", 1.0)
@@ -158,87 +155,71 @@ class MuscleRun:
             "fibres": None if fibres is None else dict(fibres),
         }
 
-    def _fill(self, rest: vtkPolyData, fibres: Filter, measure: MuscleMeasure) -> None:
+    def _fill(self, rest: vtkPolyData, source: Filter, measure: MuscleMeasure) -> None:
         """Fill the muscle with fibres, and measure them at rest."""
-        track, millimetres = self.track, self.scene.millimetres
+        scene, track = self.scene, self.track
         self._report_progress("fibres", 0.0)
-        with self._timed("fibres", fibres):
-            track.rest_fibres = fibres.update().output
+        with self._timed("fibres", source):
+            fibres = track.rest_fibres = source.update().output
         with self._timed("measuring"):
-            rested = polylines_of(track.rest_fibres, "fibres")
-            measure.take_fibres_at_rest(rested.points, rested.offsets)
-            areas = self.scene.attachments_data(self.name)
-            track.report["fibres"] = fibres_at_rest(track.rest_fibres, rest, millimetres)
-            hill, sheets = self.scene.muscles[self.name].hill, self.scene.aponeuroses_data(self.name)
-            track.report["architecture"] = architecture_of(
-                track.rest_fibres, rest, areas, millimetres, hill, sheets
-            )
-        track.report["fibre_measures"] = []
-
-    def _pull(self, numbers: range, pipeline: MusclePipeline, measure: MuscleMeasure) -> None:
-        """Run model ``"paths"``: the fibres pulled taut in each frame, and nothing else."""
-        assert pipeline.metrics is not None
-        for number in numbers:
-            self._report_progress("pulling fibres", number / (numbers[-1] + 1))
-            now = float(self.scene.motion.times[number])
-            before = self.clock()
-            with self._timed("pulling fibres", pipeline.metrics):
-                found = _copy(pipeline.metrics.update(time=now).output)
-            took = self.clock() - before
-            _add_penetration(found, measure, self.scene.motion.at(now))
-            unsettled = field_array(found, "Unsettled")
-            row = {
-                "frame": number,
-                "time": now,
-                "unsettled": 0 if unsettled is None else int(unsettled[0]),
+            lines = polylines_of(fibres, "fibres")
+            measure.take_fibres_at_rest(lines.points, lines.offsets)
+            hill, sheets = scene.muscles[self.name].hill, scene.aponeuroses_data(self.name)
+            areas = scene.attachments_data(self.name)
+            track.report |= {
+                "fibres": fibres_at_rest(fibres, rest, scene.millimetres),
+                "architecture": architecture_of(fibres, rest, areas, scene.millimetres, hill, sheets),
+                "fibre_measures": [],
             }
-            self._keep(row | {"ms": 1000.0 * took}, None, found)
 
-    def _frame(self, number: int, wanted: bool, pipeline: MusclePipeline, measure: MuscleMeasure) -> None:
+    def _pull(self, number: int, pipeline: MusclePipeline, measure: MuscleMeasure) -> None:
+        """Run a frame of model ``"paths"``: the fibres pulled taut, and nothing else."""
+        assert pipeline.metrics is not None
         now = float(self.scene.motion.times[number])
+        with self._timed("pulling fibres", pipeline.metrics) as took:
+            fibres = _copy(pipeline.metrics.update(time=now).output)
+        _add_penetration(fibres, measure, self.scene.motion.at(now))
+        unsettled = field_array(fibres, "Unsettled")
+        row = {"frame": number, "time": now, "unsettled": 0 if unsettled is None else int(unsettled[0])}
+        self._keep(row | {"ms": 1000.0 * took()}, None, fibres)
+
+    def _deform(self, number: int, pipeline: MusclePipeline, measure: MuscleMeasure) -> None:
+        """Run a frame of model ``"volume"``; it is measured and kept where it is asked for."""
         assert pipeline.deformer is not None
-        before = self.clock()
+        now = float(self.scene.motion.times[number])
         try:
-            with self._timed("deforming", pipeline.deformer):
+            with self._timed("deforming", pipeline.deformer) as took:
                 deformed = pipeline.deformer.update(time=now).output
-            self._check_finite(points_of(deformed), number)
+            points = points_of(deformed)
+            _check_finite(points, number)
         except ValueError as error:
             # In the first frame it is what was given that is wrong; later the muscle has gone astray.
             if number == 0:
                 raise
             self.track.failure = number, now, error
             return
-        took = self.clock() - before
-        if not wanted:
+        if number not in self.run.numbers:
             return
-        points = points_of(deformed)
-        transforms = self.scene.motion.at(now)
-        fibres = None
-        before = self.clock()
+        transforms, fibres, of_fibres = self.scene.motion.at(now), None, 0.0
         if pipeline.transport is not None and pipeline.metrics is not None:
-            with self._timed("transport", pipeline.transport):
+            with self._timed("transport", pipeline.transport) as carried:
                 pipeline.transport.update(time=now)
-            with self._timed("metrics", pipeline.metrics):
+            with self._timed("metrics", pipeline.metrics) as measured:
                 fibres = _copy(pipeline.metrics.update(time=now).output)
-        fibres_took = self.clock() - before
+            of_fibres = carried() + measured()
         with self._timed("measuring"):
-            row = {
-                "frame": number,
-                "time": now,
-                **read_shape(deformed, self.scene.millimetres),
-                **measure.frame(points, transforms),
-            }
+            row = {"frame": number, "time": now, **read_shape(deformed, self.scene.millimetres)}
+            row |= measure.frame(points, transforms)
             if fibres is not None:
                 depths = _add_penetration(fibres, measure, transforms)
                 lines = polylines_of(fibres, "fibres")
                 row |= measure.fibres(lines.points, lines.offsets, points, depths)
-                row["ms_fibres"] = 1000.0 * fibres_took
+                row["ms_fibres"] = 1000.0 * of_fibres
         if self.scene.muscle_contact != "off":
             with self._timed("measuring overlap"):
-                others = self._deformers().values()
-                row.update(measure.overlap(points, (other.update(time=now).output for other in others)))
-        row["ms"] = 1000.0 * took
-        self._keep(row, deformed, fibres)
+                others = (other.update(time=now).output for other in self._deformers().values())
+                row |= measure.overlap(points, others)
+        self._keep(row | {"ms": 1000.0 * took()}, deformed, fibres)
 
     def _keep(self, row: dict[str, Any], deformed: vtkPolyData | None, fibres: vtkPolyData | None) -> None:
         """Write a frame and keep it: all of it is there then, or nothing."""
@@ -256,56 +237,36 @@ class MuscleRun:
         if self.run.options.observe is not None:
             self.run.options.observe(self.name, row)
 
-    def _judge(self, numbers: range, measure: MuscleMeasure) -> None:
+    def _judge(self, measure: MuscleMeasure) -> None:
         """Add the verdict on the frames that are there to the report."""
         track, millimetres = self.track, self.scene.millimetres
         rows = track.report["frames"]
-        lengths = rest_lengths = None
-        slides: list[tuple[float, str] | None] = []
-        motion = self.scene.motion.part(numbers[: len(rows)]) if rows else None
-        if track.fibre_lengths and track.rest_fibres is not None:
-            lines = polylines_of(track.rest_fibres, "fibres")
-            lengths, rest_lengths = (
-                np.array(track.fibre_lengths),
-                polyline_lengths(lines.points, lines.offsets),
-            )
-            rest_lengths = rest_lengths * millimetres
-            slides = self._slides(lengths, motion, measure)
+        motion = self.scene.motion.part(self.run.numbers[: len(rows)]) if rows else None
+        history = None
+        if track.fibre_lengths and track.rest_fibres is not None and motion is not None:
+            rest = polylines_of(track.rest_fibres, "fibres")
+            lines = [polylines_of(fibres, "fibres") for fibres in track.fibres]
+            lengths, slides = np.array(track.fibre_lengths), list[tuple[float, str] | None]()
+            if len({size for one in lines for size in np.diff(one.offsets).tolist()}) == 1:
+                points = [one.points.reshape(len(one), -1, 3) for one in lines]
+                jump = CHECKS["jumps"].look * min(1.0, measure.size / FULL_SIZE)
+                bones = self.run.bones
+                slides = slides_of(lengths, points, motion, bones, jump=jump, millimetres=millimetres)
+            rest_lengths = polyline_lengths(rest.points, rest.offsets) * millimetres
+            history = FibreHistory(lengths, rest_lengths, track.report["fibres"], slides)
         track.report["verdict"] = judge(
             rows,
-            lengths=lengths,
-            rest_lengths=rest_lengths,
-            slides=slides,
-            at_rest=None if lengths is None else track.report["fibres"],
+            history,
             motion=motion,
             n_edges=measure.n_edges,
             size=measure.size,
             failure=track.failure,
         )
 
-    def _slides(
-        self, lengths: Floats, motion: RigidMotion | None, measure: MuscleMeasure
-    ) -> list[tuple[float, str] | None]:
-        """Return how far fibres whose length jumps have slid aside on bones; nothing where it is unknown."""
-        lines = [polylines_of(fibres, "fibres") for fibres in self.track.fibres]
-        sizes = {size for one in lines for size in np.diff(one.offsets).tolist()}
-        if motion is None or len(sizes) != 1:
-            return []
-        jump = CHECKS["jumps"].look * min(1.0, measure.size / FULL_SIZE)
-        points = [one.points.reshape(len(one), -1, 3) for one in lines]
-        millimetres = self.scene.millimetres
-        return slides_of(lengths, points, motion, self.run.bones, jump=jump, millimetres=millimetres)
-
     def _deformers(self) -> dict[str, PBDDeformer]:
         """Return the deformers of the other muscles, without those that failed on the way."""
         whole = [other for other in self.others if other.track.failure is None]
         return {other.name: other.deformer for other in whole if other.deformer is not None}
-
-    def _check_finite(self, points: Any, number: int) -> None:
-        if not np.isfinite(points).all():
-            problem = "the deformed muscle has coordinates that are not finite"
-            remedy = "lower the stiffnesses, or use smaller steps of the motion"
-            raise InputError(f"frame {number}", problem, remedy)
 
     def _report_progress(self, stage: str, fraction: float) -> None:
         if self.run.stop.is_set():
@@ -313,24 +274,64 @@ class MuscleRun:
         self.run.report_progress(self.name, stage, fraction)
 
     @contextmanager
-    def _timed(self, stage: str, last: Filter | None = None) -> Iterator[None]:
-        """Add the time to a stage, and let the stop flag abort the filters in it."""
-        before = self.clock()
-        observed = (
-            []
-            if last is None
-            else [(f, f.AddObserver("ProgressEvent", self._on_progress)) for f in _chain(last)]
-        )
+    def _timed(self, stage: str, last: Filter | None = None) -> Iterator[Callable[[], float]]:
+        """Add the time to a stage, and let the stop flag abort the filters in it; gives what the time was."""
+        before = after = self.clock()
+        observed = [
+            (one, one.AddObserver("ProgressEvent", self._on_progress))
+            for one in (() if last is None else _chain(last))
+        ]
         try:
-            yield
+            yield lambda: after - before
         finally:
             for algorithm, tag in observed:
                 algorithm.RemoveObserver(tag)
-            self.seconds[stage] = self.seconds.get(stage, 0.0) + self.clock() - before
+            after = self.clock()
+            self.seconds[stage] = self.seconds.get(stage, 0.0) + after - before
 
     def _on_progress(self, algorithm: Any, _event: str) -> None:
         if self.run.stop.is_set():
             algorithm.SetAbortExecute(1)
+
+
+def muscle_pipeline(
+    scene: SceneData,
+    name: str,
+    *,
+    neighbours: Mapping[str, Any] | None = None,
+) -> MusclePipeline:
+    """Return the filters that a run of a scene sends a muscle through.
+
+    Parameters
+    ----------
+    scene, name : SceneData, str
+        Which muscle, of which scene.
+    neighbours : mapping of str to algorithm, optional
+        Deformers of the muscles that this one is kept out of.
+
+    Examples
+    --------
+    >>> from vtkmuscle import Scene, phantoms
+    >>> from vtkmuscle.run import muscle_pipeline
+    >>> scene = Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=8)
+    >>> pipeline = muscle_pipeline(scene, "spindle")
+    >>> pipeline.fibres.update().output.GetNumberOfCells()
+    8
+    """
+    muscle = scene.muscles[name]
+    return MusclePipeline(
+        muscle.surface,
+        scene.bones_data(),  # one per muscle: threads must not share what VTK writes to
+        scene.motion,
+        scene.attachments_data(name),
+        superficial=muscle.superficial_fibres,
+        aponeuroses=scene.aponeuroses_data(name),
+        neighbours=neighbours,
+        model=scene.model,
+        fixing=scene.fixing_of(name),
+        fibres=muscle.fibres,
+        solver=None if scene.model == "paths" else scene.solver_of(name),
+    )
 
 
 def _chain(last: Filter) -> list[Any]:
@@ -346,6 +347,14 @@ def _chain(last: Filter) -> list[Any]:
             indices = range(algorithm.GetNumberOfInputConnections(port))
             waiting.extend(algorithm.GetInputAlgorithm(port, index) for index in indices)
     return found
+
+
+def _check_finite(points: Floats, number: int) -> None:
+    if not np.isfinite(points).all():
+        problem = "the deformed muscle has coordinates that are not finite"
+        raise InputError(
+            f"frame {number}", problem, "lower the stiffnesses, or use smaller steps of the motion"
+        )
 
 
 def _warn_if_none_is_free(name: str, muscle: vtkPolyData) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -127,12 +127,15 @@ _PACKAGES = ("vtkmuscle", "numpy", "scipy", "numba", "vtk", "pyvista")
 def versions() -> dict[str, str]:
     """Return the versions of Python and of the packages that have a part in the numbers."""
     found = {"python": platform.python_version(), "platform": platform.platform()}
-    for package in _PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:  # e.g. VTK built from source, as in ParaView
-            found[package] = "unknown"
-    return found
+    return found | {package: version_of(package) for package in _PACKAGES}
+
+
+def version_of(package: str) -> str:
+    """Return the version of a package."""
+    try:
+        return version(package)
+    except PackageNotFoundError:  # e.g. VTK built from source, as in ParaView
+        return "unknown"
 
 
 def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float) -> dict[str, Any]:
@@ -189,16 +192,11 @@ def fibre_table(frames: Sequence[vtkPolyData], times: Sequence[float], millimetr
 
     ``millimetres`` is the length of the scene's unit.
     """
-    arrays = [array for array in FIBRE_MEASURES if array in fibre_columns(frames[0])]
-    names = [FIBRE_MEASURES[array] for array in arrays]
+    known = [name for array, name in FIBRE_MEASURES.items() if array in fibre_columns(frames[0])]
 
-    def rows() -> Iterator[tuple[Any, ...]]:
-        for time, fibres in zip(times, frames, strict=True):
-            columns = fibre_columns(fibres)
-            scaled = [
-                columns[array] * _scale(name, millimetres) for array, name in zip(arrays, names, strict=True)
-            ]
-            for fibre, row in enumerate(zip(*scaled, strict=True)):
-                yield fibre, time, *row
+    def measures(time: float, fibres: vtkPolyData) -> dict[str, Any]:
+        columns = {FIBRE_MEASURES.get(array): values for array, values in fibre_columns(fibres).items()}
+        scaled = {name: columns[name] * _scale(name, millimetres) for name in known}
+        return {"fibre": np.arange(fibres.GetNumberOfCells()), "time": time, **scaled}
 
-    return Table(("fibre", "time", *names), rows())
+    return Table.stacked(("fibre", "time", *known), map(measures, times, frames))

@@ -15,11 +15,9 @@ from vtkmuscle.core.fibres.measures import smoothed_curve
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.moment_arms.of_joints import joint_arms
 from vtkmuscle.run.frames import KeptFrames
-from vtkmuscle.run.lengths import length_table
 from vtkmuscle.run.limits import CHECKS
-from vtkmuscle.run.moment_arms import MomentArmTable
-from vtkmuscle.run.store.reading import ResultFolder
-from vtkmuscle.run.table import Table
+from vtkmuscle.run.store import ResultFolder
+from vtkmuscle.run.table import MomentArmTable, Table, length_table
 from vtkmuscle.run.verdict import VERDICTS
 from vtkmuscle.scene.data import MILLIMETRES
 
@@ -34,20 +32,14 @@ class Result(KeptFrames):
 
     Parameters
     ----------
-    name : str
-        Name of the scene.
-    units : str
-        Unit of all coordinates.
     bones : vtkMultiBlockDataSet
         The bones at rest.
     motion : RigidMotion
         How they move.
-    frames : sequence of int
-        Numbers of the frames that were kept.
     tracks : dict of str to MuscleTrack
         The finished frames of each muscle.
     report : dict
-        What was measured; ``report["definitions"]`` says what each number means.
+        What was run and measured; ``report["definitions"]`` says what each number means.
     literature : mapping of str to sequence of LiteratureCurve, optional
         Published moment arms per muscle.
     crosses : mapping of str to sequence of str, optional
@@ -55,8 +47,10 @@ class Result(KeptFrames):
 
     Attributes
     ----------
-    name, units, report, motion, literature, crosses
+    report, motion, literature, crosses
         As given.
+    name, units : str
+        Of the scene; the unit is that of all coordinates.
     frames : list of int
         Numbers of the kept frames in the motion, counted from 0.
     times : list of float

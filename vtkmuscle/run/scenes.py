@@ -20,17 +20,16 @@ from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.parts import file_digest
 from vtkmuscle.run.architecture import architecture_table
-from vtkmuscle.run.drawing import Drawing
-from vtkmuscle.run.lengths import length_table
+from vtkmuscle.run.figures import Drawing
 from vtkmuscle.run.memory import check_memory
-from vtkmuscle.run.moment_arms import MomentArmTable
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
 from vtkmuscle.run.options import ErrorStudy, RunOptions, frame_numbers
 from vtkmuscle.run.report import DEFINITIONS, fibre_table, versions
 from vtkmuscle.run.result import Result
+from vtkmuscle.run.store import PAGE
 from vtkmuscle.run.store.claim import claimed, scene_file
-from vtkmuscle.run.store.reading import PAGE
 from vtkmuscle.run.store.writing import ResultWriter
+from vtkmuscle.run.table import MomentArmTable, length_table
 from vtkmuscle.run.track import MuscleTrack
 from vtkmuscle.scene.anatomy import Anatomy
 from vtkmuscle.scene.data import SceneData
@@ -214,11 +213,8 @@ def _draw(
 def _result(run: SceneRun, report: dict[str, Any], drawn_bones: DrawnBones, tracks: Tracks) -> Result:
     scene = run.scene
     return Result(
-        scene.name,
-        scene.units,
         scene.bones_data(),
         scene.motion,
-        run.numbers,
         tracks,
         report,
         literature={name: muscle.literature for name, muscle in scene.muscles.items()},

@@ -1,4 +1,4 @@
-"""Tables of results: columns of one length, by name."""
+"""Tables of results, columns of one length by name: of lengths, of moment arms, and any others."""
 
 from __future__ import annotations
 
@@ -12,9 +12,30 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
+from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.writing import write_text
+
+#: What is known of errors: per muscle and quantity.
+Errors = Mapping[str, Mapping[str, Estimate]]
+
+#: Columns of the tables of lengths: a row per muscle, fibre and frame; a path has the number of its fibre.
+LENGTHS = ("muscle", "fibre", "frame", "time", "length_mm", "length_err_mm")
+#: Columns of the table of moment arms: a row per muscle, coordinate, fibre and value of the coordinate.
+#: ``slope_mm`` is -dl/dq by differences; ``moment_arm_err_mm`` all that is known of the error, with 95 %
+#: confidence: the one error that tables, figures and the page of a run have.
+ARMS = (
+    *("muscle", "coordinate", "unit", "fibre", "value"),
+    *("moment_arm_mm", "slope_mm", "quartic_mm", "moment_arm_err_mm"),
+)
+#: Columns of its summary: a row per muscle, coordinate and value.
+SUMMARY = (
+    *("muscle", "coordinate", "unit", "value"),
+    *("mean_mm", "slope_mean_mm", "min_mm", "max_mm", "quartic_mean_mm", "mean_err_mm"),
+)
 
 
 class Table(Mapping[str, NDArray[Any]]):
@@ -40,6 +61,32 @@ class Table(Mapping[str, NDArray[Any]]):
     def __init__(self, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
         listed = [[np.nan if value is None else value for value in row] for row in rows]
         self._columns = {name: np.array([row[i] for row in listed]) for i, name in enumerate(columns)}
+
+    @classmethod
+    def stacked(cls, columns: Sequence[str], parts: Iterable[Mapping[str, Any]]) -> Self:
+        """Return a table of parts, one below the other.
+
+        Parameters
+        ----------
+        columns : sequence of str
+            Names of the columns.
+        parts : iterable of mapping of str to array
+            By column its values, or one for all rows; arrays are broadcast against each other, and read with
+            the last index running fastest.
+
+        Examples
+        --------
+        >>> from vtkmuscle import Table
+        >>> Table.stacked(("fibre", "time"), [{"fibre": [[0], [1]], "time": [0.0, 2.0]}])["time"]
+        array([0., 2., 0., 2.])
+        """
+        table = cls(columns, ())
+        found = [np.broadcast_arrays(*(part[name] for name in columns)) for part in parts]
+        if found:
+            table._columns = {
+                name: np.concatenate([part[i].ravel() for part in found]) for i, name in enumerate(columns)
+            }
+        return table
 
     def __getitem__(self, column: str) -> NDArray[Any]:
         return self._columns[column]
@@ -69,7 +116,7 @@ class Table(Mapping[str, NDArray[Any]]):
             column = self._columns[name]
             floats = np.issubdtype(column.dtype, np.floating)
             kept &= np.isclose(column, value, rtol=1e-9, atol=1e-9) if floats else column == value
-        return type(self)(tuple(self), zip(*(column[kept] for column in self._columns.values()), strict=True))
+        return self.stacked(tuple(self), [{name: column[kept] for name, column in self._columns.items()}])
 
     def write(self, path: str | PathLike[str], *, digits: int | None = None) -> Path:
         """Write the table as comma-separated values, NaN as nothing, and return the file.
@@ -103,6 +150,169 @@ class Table(Mapping[str, NDArray[Any]]):
                 "a DataFrame needs pandas: python -m pip install pandas; dict(table) gives the same as arrays"
             ) from error
         return pandas.DataFrame(self._columns)
+
+
+class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
+    """Moment arms of muscles by coordinates: ``table["iliacus"]["hip_flexion_r"].mean``.
+
+    Parameters
+    ----------
+    arms : mapping of str to mapping of str to JointArms
+        Per muscle, per coordinate.
+    refused : mapping of str to str, optional
+        Coordinates by which there are none, and why.
+    errors : mapping of str to mapping of str to Estimate, optional
+        Per muscle ``moment_arm_NAME`` of the paths' mean and ``each_moment_arm_NAME``, by coordinates.
+
+    Attributes
+    ----------
+    refused : dict of str to str
+        As given.
+    """
+
+    def __init__(
+        self,
+        arms: Mapping[str, Mapping[str, JointArms]],
+        refused: Mapping[str, str] | None = None,
+        errors: Mapping[str, Mapping[str, Estimate]] | None = None,
+    ) -> None:
+        self._errors = dict(errors or {})
+        self._arms = {muscle: dict(found) for muscle, found in arms.items()}
+        self.refused = dict(refused or {})
+
+    def __getitem__(self, muscle: str) -> Mapping[str, JointArms]:
+        if muscle not in self._arms:
+            known = ", ".join(self._arms) or "none"
+            raise KeyError(f"there are no moment arms of {muscle!r}; there are those of: {known}")
+        return self._arms[muscle]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._arms)
+
+    def __len__(self) -> int:
+        return len(self._arms)
+
+    def __repr__(self) -> str:
+        lines = ["MomentArmTable [mm], mean (least to largest of all fibres and values):"]
+        for muscle, found in self._arms.items():
+            for name, one in found.items():
+                low, high = one.values.min(), one.values.max()
+                lines.append(
+                    f"  {muscle} by {name}, {low:g} to {high:g} {one.unit}: {one.arms.mean():.1f} "
+                    f"({one.arms.min():.1f} to {one.arms.max():.1f}), {one.arms.shape[1]} paths"
+                )
+        return "\n".join(lines if len(lines) > 1 else ["MomentArmTable: empty"])
+
+    def table(self) -> Table:
+        """Return the whole table, with the columns :data:`ARMS`; NaN where no quartic is."""
+        return Table.stacked(
+            ARMS,
+            (
+                {
+                    "muscle": muscle,
+                    "coordinate": name,
+                    "unit": one.unit,
+                    "fibre": np.arange(one.arms.shape[1])[:, None],
+                    "value": one.values,
+                    "moment_arm_mm": one.arms.T,
+                    "slope_mm": one.slopes.T,
+                    "quartic_mm": np.nan if one.quartic is None else one.quartic.T,
+                    "moment_arm_err_mm": _total(self._errors, muscle, f"each_moment_arm_{name}", one.arms).T,
+                }
+                for muscle, name, one in self._each()
+            ),
+        )
+
+    def summary(self) -> Table:
+        """Return per muscle, coordinate and value the mean of the paths, its error and their range."""
+        return Table.stacked(
+            SUMMARY,
+            (
+                {
+                    "muscle": muscle,
+                    "coordinate": name,
+                    "unit": one.unit,
+                    "value": one.values,
+                    "mean_mm": one.mean,
+                    "slope_mean_mm": one.mean_slope,
+                    "min_mm": one.arms.min(axis=1),
+                    "max_mm": one.arms.max(axis=1),
+                    "quartic_mean_mm": np.nan if one.quartic is None else one.quartic.mean(axis=1),
+                    "mean_err_mm": _total(self._errors, muscle, f"moment_arm_{name}", one.mean),
+                }
+                for muscle, name, one in self._each()
+            ),
+        )
+
+    def report(self, muscle: str) -> dict[str, Any]:
+        """Return in short what is known of a muscle's moment arms, JSON-able."""
+        return {
+            name: {
+                "unit": found.unit,
+                "positive": found.positive,
+                "values": [float(found.values.min()), float(found.values.max())],
+                "mean_mm": float(found.arms.mean()),
+                "min_mm": float(found.arms.min()),
+                "max_mm": float(found.arms.max()),
+                "slope_difference_mm": _root_mean_square(found.arms - found.slopes),
+                "quartic_residual_mean_mm": (
+                    None if found.quartic_residuals is None else float(found.quartic_residuals.mean())
+                ),
+            }
+            for name, found in self._arms.get(muscle, {}).items()
+        }
+
+    def _each(self) -> Iterator[tuple[str, str, JointArms]]:
+        return ((muscle, name, one) for muscle, found in self._arms.items() for name, one in found.items())
+
+
+def length_table(
+    lengths: Mapping[str, Floats],
+    errors: Errors,
+    quantity: str,
+    frames: Sequence[int],
+    times: Sequence[float],
+) -> Table:
+    """Return lengths as a table.
+
+    Parameters
+    ----------
+    lengths : mapping of str to (f, k) array
+        Per muscle, in the first f of the frames [mm].
+    errors : mapping of str to mapping of str to Estimate
+        What is known of the errors of each muscle.
+    quantity : str
+        ``"each_length"`` or ``"each_fibre_length"``: what is known of the lengths' errors.
+    frames, times : sequences
+        Numbers and times of the frames.
+    """
+    return Table.stacked(
+        LENGTHS,
+        (
+            {
+                "muscle": name,
+                "fibre": np.arange(one.shape[1])[:, None],
+                "frame": frames[: len(one)],
+                "time": times[: len(one)],
+                "length_mm": one.T,
+                "length_err_mm": _total(errors, name, quantity, one).T,
+            }
+            for name, one in lengths.items()
+        ),
+    )
+
+
+def _total(errors: Errors, muscle: str, quantity: str, like: Floats) -> Floats:
+    """Return the errors of a quantity, NaN where they are not known, or those of other frames."""
+    known = errors.get(muscle, {}).get(quantity)
+    unknown = known is None or known.total.shape != like.shape
+    return np.full(like.shape, np.nan) if known is None or unknown else known.total
+
+
+def _root_mean_square(values: Floats) -> float | None:
+    """Return that of the values that are known, None where none is."""
+    known = values[~np.isnan(values)]
+    return float(np.sqrt((known**2).mean())) if len(known) else None
 
 
 def _cells(column: NDArray[Any], digits: int | None) -> Iterable[Any]:

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.moment_arms.length_jumps import even_stretches, largest_turns, length_jumps
-from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, inverse
 from vtkmuscle.core.types import Floats
 from vtkmuscle.run.limits import CHECKS, FULL_SIZE, STEPS
 
@@ -27,6 +28,12 @@ _AT_REST = {
 }
 #: The checks that need fibres.
 _OF_FIBRES = ("long fibres", "short fibres", "jumps", "slid off", "fibres outside", "fibres in bone")
+
+
+#: A point of a fibre lies on a bone where nothing but muscle is between them: nearer than this [mm].
+_ON_BONE = 12.0
+#: Parts of a fibre beside its ends, which are attached, that are not looked at.
+_ENDS = 0.15
 
 
 @dataclass(frozen=True)
@@ -63,13 +70,32 @@ class Reason:
         return f"{self.verdict}, frame {self.frame} (time {self.time:g}): {self.says}{beyond}; {self.do}"
 
 
+@dataclass(frozen=True, eq=False)
+class FibreHistory:
+    """What a verdict is given of a muscle's fibres.
+
+    Attributes
+    ----------
+    lengths : (f, k) array
+        In each frame [mm].
+    rest_lengths : (k,) array
+        At rest [mm].
+    at_rest : mapping or None
+        What :func:`~vtkmuscle.run.report.fibres_at_rest` says of them.
+    slides : sequence of (float, str) or None
+        Per frame how far a fibre slid aside on a bone [mm], and on which, as :func:`slides_of` gives it.
+    """
+
+    lengths: Floats
+    rest_lengths: Floats
+    at_rest: Mapping[str, Any] | None = None
+    slides: Sequence[tuple[float, str] | None] = ()
+
+
 def judge(
     rows: Sequence[Mapping[str, Any]],
+    fibres: FibreHistory | None = None,
     *,
-    lengths: Floats | None = None,
-    rest_lengths: Floats | None = None,
-    slides: Sequence[tuple[float, str] | None] = (),
-    at_rest: Mapping[str, Any] | None = None,
     motion: RigidMotion | None = None,
     n_edges: int = 1,
     size: float = FULL_SIZE,
@@ -81,15 +107,8 @@ def judge(
     ----------
     rows : sequence of mapping
         Per frame, as in the report.
-    lengths : (f, k) array, optional
-        Of the fibres in these frames [mm].
-    rest_lengths : (k,) array, optional
-        At rest [mm].
-    slides : sequence of (float, str) or None, optional
-        Per frame how far a fibre slid aside on a bone [mm], and on which, as
-        :func:`~vtkmuscle.run.sliding.slides_of` gives it.
-    at_rest : mapping, optional
-        What :func:`~vtkmuscle.run.report.fibres_at_rest` says of the fibres.
+    fibres : FibreHistory, optional
+        In these frames.
     motion : RigidMotion, optional
         At the times of the rows: where it turns back, lengths may too.
     n_edges : int, optional
@@ -105,7 +124,7 @@ def judge(
         JSON-able: ``verdict``, the worst of its ``reasons``, which are those of :class:`Reason` from the
         worst on, and ``not_checked``, what was not judged and why.
     """
-    values, missing = _series(rows, lengths, rest_lengths, slides, at_rest, motion, n_edges)
+    values, missing = _series(rows, fibres, motion, n_edges)
     reasons = [
         reason
         for name, series in values.items()
@@ -113,6 +132,7 @@ def judge(
     ]
     for number, reason in enumerate(reasons):
         if reason.check == "slid off":
+            slides = () if fibres is None else fibres.slides
             bone = next(one[1] for one in slides if one is not None and one[0] == reason.value)
             reasons[number] = replace(reason, says=reason.says.replace("a bone", f"the bone {bone!r}"))
     if failure is not None:
@@ -136,10 +156,7 @@ def reasons_of(verdict: Mapping[str, Any]) -> list[Reason]:
 
 def _series(
     rows: Sequence[Mapping[str, Any]],
-    lengths: Floats | None,
-    rest_lengths: Floats | None,
-    slides: Sequence[tuple[float, str] | None],
-    at_rest: Mapping[str, Any] | None,
+    fibres: FibreHistory | None,
     motion: RigidMotion | None,
     n_edges: int,
 ) -> tuple[dict[str, Floats], dict[str, str]]:
@@ -161,22 +178,22 @@ def _series(
         "widespread penetration": column("penetration_new_p95_mm"),
     }
     missing = {"penetration": "no bone has an inside", "widespread penetration": "no bone has an inside"}
-    if lengths is None or rest_lengths is None or not len(lengths):
+    if fibres is None or not len(fibres.lengths):
         missing |= dict.fromkeys((*_OF_FIBRES, *_AT_REST), "it has no fibres")
     else:
-        ratios = lengths / np.maximum(rest_lengths, 1e-12)
+        ratios = fibres.lengths / np.maximum(fibres.rest_lengths, 1e-12)
         values["long fibres"] = np.percentile(ratios, 95, axis=1)
         values["short fibres"] = np.percentile(ratios, 5, axis=1)
         times = np.array([row["time"] for row in rows], dtype=np.float64)
         of_motion = () if motion is None else (even_stretches(motion), largest_turns(motion))
-        jumps = length_jumps(lengths, times, *of_motion)
+        jumps = length_jumps(fibres.lengths, times, *of_motion)
         values["jumps"] = np.concatenate([[0.0], jumps.max(axis=1)]) if len(jumps) else np.zeros(len(times))
         values["slid off"] = np.array(
-            [0.0 if one is None else one[0] for one in slides or [None] * len(times)]
+            [0.0 if one is None else one[0] for one in fibres.slides or [None] * len(times)]
         )
-    if at_rest is not None:  # the same in all frames: the first is named
+    if fibres is not None and fibres.at_rest is not None:  # the same in all frames: the first is named
         for name, (key, scale) in _AT_REST.items():
-            values[name] = np.full(len(rows), scale * at_rest[key])
+            values[name] = np.full(len(rows), scale * fibres.at_rest[key])
     unknown = [name for name in CHECKS if name not in values or np.isnan(values[name]).all()]
     values = {name: series for name, series in values.items() if name not in unknown}
     return values, {name: missing.get(name, "it was not measured") for name in unknown}
@@ -215,3 +232,74 @@ def _worded(value: float, unit: str) -> str:
     if not unit:
         return f"{value:.2f}"
     return f"{value:.2g} %" if unit == "%" else f"{value:.3g} {unit.replace('deg', 'degrees')}"
+
+
+def slides_of(
+    lengths: Floats,
+    lines: Sequence[Floats],
+    motion: RigidMotion,
+    shapes: Mapping[str, Bone],
+    *,
+    jump: float,
+    millimetres: float = 1.0,
+) -> list[tuple[float, str] | None]:
+    """Return how far the fibre whose length jumps most has slid aside on a bone, frame by frame.
+
+    Parameters
+    ----------
+    lengths : (f, k) array
+        Of the fibres in each frame [mm].
+    lines : sequence of (k, n, 3) array
+        Their points in each frame, in the scene's unit.
+    motion : RigidMotion
+        At the times of the frames.
+    shapes : mapping of str to Bone
+        The bones at rest.
+    jump : float
+        Only steps in which a length jumps by more than this are looked at [mm].
+    millimetres : float, optional
+        Of the scene's unit.
+
+    Returns
+    -------
+    list of (float, str) or None
+        Per frame millimetres since the frame before, and the bone; None where nothing jumps, or the fibre lay
+        on no bone.
+    """
+    found: list[tuple[float, str] | None] = [None] * len(lengths)
+    jumps = length_jumps(lengths, motion.times, even_stretches(motion), largest_turns(motion))
+    for step in np.flatnonzero(jumps.max(axis=1, initial=0.0) > jump).tolist():
+        fibre = int(jumps[step].argmax())
+        before, after = (motion.at(time) for time in motion.times[step : step + 2])
+        slid = {}
+        for bone, shape in shapes.items():
+            here = apply_transform(inverse(before.get(bone, np.eye(4))), lines[step][fibre])
+            there = apply_transform(inverse(after.get(bone, np.eye(4))), lines[step + 1][fibre])
+            slid[bone] = millimetres * _aside(here, there, shape, _ON_BONE / millimetres)
+        if slid and max(slid.values()) > 0.0:
+            bone = max(slid, key=lambda name: slid[name])
+            found[step + 1] = slid[bone], bone
+    return found
+
+
+def _aside(before: Floats, after: Floats, shape: Bone, near: float) -> float:
+    """Return how far points (n, 3) that lie on a bone move across their line and along the bone.
+
+    Both are in the frame of the bone. What moves along the line slides as it may, what moves off lifts.
+    """
+    skip = int(np.ceil(_ENDS * len(before)))
+    inner = slice(skip, len(before) - skip)
+    low, high = shape.box
+    places = before[inner]
+    if ((places < low - near) | (places > high + near)).any(axis=1).all():
+        return 0.0
+    apart, outward = shape.exact(places)
+    on = (np.abs(apart) < near) & (apart != 0.0)
+    if not on.any():
+        return 0.0
+    along = np.gradient(before, axis=0)[inner][on]
+    aside = np.cross(along, outward[on])
+    sizes = np.linalg.norm(aside, axis=1)
+    moved = (after[inner] - places)[on]
+    steps = np.abs(np.einsum("ij,ij->i", moved, aside)) / np.maximum(sizes, 1e-300)
+    return float(steps[sizes > 0.0].max(initial=0.0))

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from vtkmuscle.core.attachments.rings import ring_area, ring_length, short_ring
-from vtkmuscle.core.mesh.closed_shells import closed_shells
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.scene.anatomy import Anatomy, Surface
@@ -78,7 +77,7 @@ def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[str]:
         if sure:
             raise error
         said.append(str(error))
-        warnings.warn(said[-1], stacklevel=3)
+        warnings.warn(said[-1], stacklevel=5)  # through run_scene, to who runs a scene
     return said
 
 
@@ -155,8 +154,9 @@ def _twice(anatomy: Anatomy) -> Iterator[Finding]:
 
 
 def _bones_without_inside(anatomy: Anatomy) -> Iterator[Finding]:
-    for name, bone in anatomy.bones.items():
-        if not any(closed_shells(bone.points, bone.triangles).solid):
+    solid = anatomy.solid_bones
+    for name in anatomy.bones:
+        if name not in solid:
             problem = "the bone encloses no volume: no muscle will be kept out of it"
             remedy = "export it again as a closed surface, if a muscle can meet it"
             yield f"bones.{name}.surface", problem, remedy, False

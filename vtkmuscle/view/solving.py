@@ -7,7 +7,7 @@ from typing import Any
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.plotting import MovingScene, Pose
 from vtkmuscle.run.frames import time_label
-from vtkmuscle.run.pipeline import muscle_pipeline
+from vtkmuscle.run.muscles import muscle_pipeline
 from vtkmuscle.scenes import Scene
 
 

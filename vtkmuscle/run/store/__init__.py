@@ -1,1 +1,270 @@
-"""The folder of a run's results: what is in it, and whose it is."""
+"""A folder of results as it is: its report, its series of frames, its notes, and the result in it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+
+from vtkmuscle.core.accuracy.estimate import Estimate
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.files import check_is_file
+from vtkmuscle.core.motion.coordinates import Coordinate
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.data.arrays import multiblock_from, points_of
+from vtkmuscle.io.literature import LiteratureCurve
+from vtkmuscle.io.parts import Part, Parts, file_digest
+from vtkmuscle.io.surfaces import read_polydata
+from vtkmuscle.io.temporal import SERIES_SUFFIXES, TimeSeries, read_series
+from vtkmuscle.run.track import MuscleTrack
+from vtkmuscle.scene.data import MILLIMETRES
+
+#: The report of a run, and the page with all that it has found.
+REPORT, PAGE = "report.json", "report.html"
+#: The folder of notes in that of a run: of each finished muscle, and of the whole run under the name "scene".
+FINISHED, SCENE = "finished", "scene"
+#: Field arrays that say what a file is part of.
+STAMPS = ("Scene", "Units", "Version")
+#: Field array that VTK's writer adds to data that a pipeline made for a time.
+_TIME = "TimeValue"
+#: What to do where files are missing or damaged, and where a folder is another one.
+_AGAIN = "run the scene again: what is whole is kept"
+_GIVE = "give the folder of a run's results, its --out"
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A frame of a run's results.
+
+    Attributes
+    ----------
+    time : float
+        Pipeline time.
+    bones : vtkMultiBlockDataSet
+        Where they are; one block where they were written as one file.
+    muscles : list of vtkPolyData
+        Deformed.
+    fibres : list of vtkPolyData
+        Of the muscles that have some.
+    """
+
+    time: float
+    bones: vtkMultiBlockDataSet
+    muscles: list[vtkPolyData]
+    fibres: list[vtkPolyData]
+
+
+class ResultFolder:
+    """The results of a run, finished or not; nothing of them is changed.
+
+    Parameters
+    ----------
+    path : Path
+        Of the folder.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.notes = Parts(path / FINISHED)
+
+    def report(self) -> dict[str, Any] | None:
+        """Return the report, None where there is none or it is damaged."""
+        try:
+            check_is_file(self.path / REPORT)
+            report = json.loads((self.path / REPORT).read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError):
+            return None
+        good = isinstance(report, dict) and isinstance(report.get("muscles"), dict) and "complete" in report
+        return report if good else None
+
+    def series(self, name: str) -> TimeSeries | None:
+        """Return a series of frames, in either format; None where there is none."""
+        for suffix in SERIES_SUFFIXES:
+            if (self.path / f"{name}{suffix}").is_file():
+                return read_series(self.path / f"{name}{suffix}")
+        return None
+
+    def frames_there(self) -> dict[str, int]:
+        """Return how many frames of each muscle are listed, whatever the report says."""
+
+        def count(name: str) -> int:
+            try:
+                series = self.series(name)
+            except ValueError:  # damaged
+                return 0
+            return 0 if series is None else len(series.times)
+
+        return {name: count(name) for name in (self.report() or {}).get("muscles", {})}
+
+    def unfinished(self) -> str | None:
+        """Return in words what a run that did not end has left; None where there is nothing of the kind."""
+        report = self.report()
+        if report is None or report["complete"]:
+            return None
+        frames = report.get("frames")
+        total = f" of {len(frames)}" if isinstance(frames, list) else ""
+        listed = ", ".join(f"{name} {count}{total}" for name, count in self.frames_there().items())
+        why = report.get("stopped_by") or "it was killed"
+        return f"holds a run that did not end ({why}); frames there: {listed or 'none'}"
+
+    def pose(self, time: float | None = None) -> Pose:
+        """Return the frame that is nearest to a time, by default the last.
+
+        Raises
+        ------
+        InputError
+            If the run ends before that time, or begins after it.
+        FileNotFoundError
+            If it is not the folder of a run, or one that finished no frame.
+        """
+        report = self.report()
+        if report is None:
+            what = "it is no report of a run" if (self.path / REPORT).exists() else "there is no such file"
+            raise FileNotFoundError(f"{self.path / REPORT}: {what}; give the folder of a run's results")
+        names = ["bones", *report["muscles"]]
+        found = {name: self.series(name) for name in names}
+        missing = [name for name, series in found.items() if series is None]
+        bones, *muscles = (series for series in found.values() if series is not None)
+        if missing:
+            raise FileNotFoundError(
+                f"{self.path}: no frame was written of {', '.join(missing)}; run the scene again"
+            )
+        if time is not None and not bones.times[0] <= time <= bones.times[-1]:
+            there = f"from {bones.times[0]:g} to {bones.times[-1]:g}"
+            raise InputError(self.path, f"it has no time {time:g}", f"give one {there}")
+        at = bones.times[-1] if time is None else min(bones.times, key=lambda t: abs(t - time))
+        moved = bones.at(at)
+        fibres = (self.series(f"{name}_fibres") for name in names[1:])
+        return Pose(
+            at,
+            moved if isinstance(moved, vtkMultiBlockDataSet) else multiblock_from({"bones": moved}),
+            [series.at(at) for series in muscles],
+            [series.at(at) for series in fibres if series is not None],
+        )
+
+    def result(self) -> dict[str, Any]:
+        """Return what a :class:`~vtkmuscle.Result` is made of; see :meth:`vtkmuscle.Result.load`."""
+        report = self._finished_report()
+        noted, millimetres = self._note(SCENE).values, MILLIMETRES[report["units"]]
+        bones = {name: self._at_rest(f"bones/{name}") for name in noted["bones"]}
+        coordinates = {name: Coordinate(**one) for name, one in noted["motion"]["coordinates"].items()}
+
+        def reader(name: str) -> Callable[[], MuscleTrack]:
+            note = self._note(name)
+
+            @cache
+            def read() -> MuscleTrack:
+                track = self._track(name, note, millimetres)
+                track.report = report["muscles"][name]
+                track.errors = {what: Estimate(**one) for what, one in noted["errors"][name].items()}
+                return track
+
+            return read
+
+        return {
+            "bones": multiblock_from(bones),
+            "motion": RigidMotion(**noted["motion"] | {"coordinates": coordinates}),
+            "tracks": _Tracks({name: reader(name) for name in report["muscles"]}),
+            "report": report,
+            "literature": {
+                name: tuple(LiteratureCurve(**curve) for curve in curves)
+                for name, curves in noted["literature"].items()
+            },
+            "crosses": {name: tuple(one) for name, one in noted["crosses"].items()},
+        }
+
+    def finished(self, keys: Mapping[str, str], millimetres: float) -> dict[str, MuscleTrack]:
+        """Return the muscles that are finished under these keys, and as they were written."""
+        tracks = {}
+        for name, key in keys.items():
+            note = self.notes.read(name, key)
+            if note is not None:
+                try:
+                    tracks[name] = self._track(name, note, millimetres)
+                except (ValueError, OSError):  # damaged: it is computed again
+                    continue
+        return tracks
+
+    def digests(self, files: Iterable[Path]) -> dict[str, str]:
+        """Return the digests of files by their paths in the folder."""
+        return {file.relative_to(self.path).as_posix(): file_digest(file) for file in dict.fromkeys(files)}
+
+    def _finished_report(self) -> dict[str, Any]:
+        """Return the report of a run that has ended."""
+        report, there = self.report(), (self.path / REPORT).exists()
+        if not self.path.is_dir():
+            what = "this is a file, not a folder" if self.path.exists() else "there is no such folder"
+            raise InputError(self.path, what, _GIVE)
+        if report is None:
+            what = "its report.json is damaged" if there else "it holds no results of a run: no report.json"
+            raise InputError(self.path, what, _AGAIN if there else _GIVE)
+        if not report["complete"]:
+            raise InputError(self.path, f"it {self.unfinished()}", _AGAIN)
+        return report
+
+    def _note(self, name: str) -> Part:
+        """Return a note whose files are as they were written."""
+        note = self.notes.read(name)
+        if note is None:
+            there = self.notes.path(name).exists()
+            problem = "the file is damaged" if there else "the file is missing"
+            raise InputError(self.notes.path(name), problem, _AGAIN)
+        self._check_files(note)
+        return note
+
+    def _check_files(self, note: Part) -> None:
+        for name, digest in note.facts["files"].items():
+            if not (self.path / name).is_file():
+                raise InputError(self.path / name, "the file is missing", _AGAIN)
+            if file_digest(self.path / name) != digest:
+                raise InputError(self.path / name, "the file is not what the run has written", _AGAIN)
+
+    def _track(self, name: str, note: Part, millimetres: float) -> MuscleTrack:
+        """Return a finished muscle from its files, which are checked."""
+        self._check_files(note)
+        track = MuscleTrack(rest=self._at_rest(name), report=dict(note.facts["report"]))
+        track.points = [points_of(frame) for frame in self._frames(name)]
+        if note.facts["fibres"]:
+            track.rest_fibres = self._at_rest(f"{name}_fibres")
+            for fibres in self._frames(f"{name}_fibres"):
+                track.keep(fibres, millimetres)
+        count = len(track.report["frames"])
+        if any(len(one) not in (0, count) for one in (track.points, track.fibres)):
+            raise InputError(self.path, f"it has not all frames of {name!r}", _AGAIN)
+        return track
+
+    def _at_rest(self, name: str) -> vtkPolyData:
+        return _without_stamps(read_polydata(self.path / FINISHED / f"{name}.vtp"), (_TIME,))
+
+    def _frames(self, name: str) -> list[vtkPolyData]:
+        series = self.series(name)
+        if series is None:
+            return []
+        return [_without_stamps(series.frame(i), (*STAMPS, _TIME)) for i in range(len(series.times))]
+
+
+class _Tracks(Mapping[str, MuscleTrack]):
+    """The muscles of a result, each read when it is first asked for."""
+
+    def __init__(self, readers: Mapping[str, Callable[[], MuscleTrack]]) -> None:
+        self._readers = readers
+
+    def __getitem__(self, name: str) -> MuscleTrack:
+        return self._readers[name]()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._readers)
+
+    def __len__(self) -> int:
+        return len(self._readers)
+
+
+def _without_stamps(data: vtkPolyData, names: Iterable[str]) -> vtkPolyData:
+    for name in names:
+        data.GetFieldData().RemoveArray(name)
+    return data

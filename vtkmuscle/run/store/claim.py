@@ -14,7 +14,7 @@ from typing import Any
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.io.temporal import SERIES_SUFFIXES
 from vtkmuscle.io.writing import check_no_links, left_behind, locked
-from vtkmuscle.run.store.reading import FINISHED, PAGE, REPORT, SCENE, ResultFolder
+from vtkmuscle.run.store import FINISHED, PAGE, REPORT, SCENE, ResultFolder
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.names import checked_name
 

@@ -6,7 +6,6 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -16,7 +15,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.data.arrays import points_of
+from vtkmuscle.run.report import version_of
 from vtkmuscle.scene.data import Muscle, SceneData
 
 #: Parts of the package that only start runs or show what came out of them.
@@ -99,7 +98,8 @@ def _feed(digest: Any, value: Any) -> None:
 
 
 def _feed_surface(digest: Any, data: vtkPolyData) -> None:
-    _feed(digest, points_of(data))
+    points = data.GetPoints()
+    _feed(digest, None if points is None else vtk_to_numpy(points.GetData()).astype(np.float64))
     for cells in (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()):
         for ids in (cells.GetOffsetsArray(), cells.GetConnectivityArray()):
             _feed(digest, vtk_to_numpy(ids).astype(np.int64))  # VTK chooses how it keeps them
@@ -119,10 +119,7 @@ def code_digest() -> str:
     root = Path(__file__).parents[2]
     digest = hashlib.sha256()
     for package in _PACKAGES:
-        try:
-            digest.update(f"{package} {version(package)}\n".encode())
-        except PackageNotFoundError:  # e.g. VTK built from source, as in ParaView
-            digest.update(f"{package} unknown\n".encode())
+        digest.update(f"{package} {version_of(package)}\n".encode())
     for file in sorted(root.rglob("*.py")):
         name = file.relative_to(root).as_posix()
         if not name.startswith(_SHOWING):

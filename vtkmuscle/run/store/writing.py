@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkAppendPolyData
 
@@ -20,9 +19,9 @@ from vtkmuscle.io.series import Collection as Pvd
 from vtkmuscle.io.series import Series
 from vtkmuscle.io.temporal import read_series, write_vtkhdf
 from vtkmuscle.io.writing import write_polydata, write_text
+from vtkmuscle.run.store import FINISHED, REPORT, SCENE, STAMPS, ResultFolder
 from vtkmuscle.run.store.claim import remove_if_empty, remove_results
 from vtkmuscle.run.store.keys import muscle_keys
-from vtkmuscle.run.store.reading import FINISHED, REPORT, SCENE, STAMPS, ResultFolder
 from vtkmuscle.run.table import Table
 from vtkmuscle.run.track import MuscleTrack
 from vtkmuscle.scene.data import SceneData
@@ -139,42 +138,18 @@ class ResultWriter(ResultFolder):
         of the bones at rest.
         """
         self.write_report(report)
-        scene, motion = self._scene, self._scene.motion
+        scene = self._scene
         bones = [self.path / FINISHED / "bones" / f"{name}.vtp" for name in scene.bones]
-        arrays: dict[str, NDArray[Any]] = {"times": motion.times}
-        arrays |= {f"transforms/{bone}": table for bone, table in motion.transforms.items()}
-        for name, one in motion.coordinates.items():
-            arrays[f"coordinate/{name}"] = one.values
-            arrays |= {f"twists/{name}/{bone}": found for bone, found in (one.twists or {}).items()}
-        for name, track in tracks.items():
-            for what, error in track.errors.items():
-                arrays[f"{name}/{what}"] = np.asarray(error.value)
-                arrays |= {f"{name}/{what}/{cause}": part for cause, part in error.parts.items()}
-        facts = {
-            "name": scene.name,
+        muscles = scene.muscles.items()
+        noted = {
             "bones": list(scene.bones),
-            "moving": list(motion.transforms),
-            "centre": _plain(motion.centre),
-            "coordinates": {
-                name: [one.unit, one.positive, None if one.twists is None else list(one.twists)]
-                for name, one in motion.coordinates.items()
-            },
-            "literature": {
-                name: [_plain(vars(one)) for one in muscle.literature]
-                for name, muscle in scene.muscles.items()
-            },
-            "crosses": {
-                name: list(muscle.crosses)
-                for name, muscle in scene.muscles.items()
-                if muscle.crosses is not None
-            },
-            "errors": {
-                name: {what: [one.unit, list(one.parts)] for what, one in track.errors.items()}
-                for name, track in tracks.items()
-            },
+            "motion": scene.motion,
+            "literature": {name: muscle.literature for name, muscle in muscles},
+            "crosses": {name: muscle.crosses for name, muscle in muscles if muscle.crosses is not None},
+            "errors": {name: track.errors for name, track in tracks.items()},
             "files": self.digests([*bones, self.path / REPORT]),
         }
-        self.notes.write(SCENE, "", Part(facts, arrays))
+        self.notes.write(SCENE, "", Part.of(noted))
 
     def _gathered(self, name: str) -> list[Path]:
         """Turn a collection of files into one file, and return that."""
@@ -215,10 +190,3 @@ def merged(data: Any) -> vtkPolyData:
         merged.GetFieldData().AddArray(blocks[0][1].GetFieldData().GetAbstractArray(name))
     set_field_array(merged, "BoneNames", ", ".join(name for name, _ in blocks))
     return merged
-
-
-def _plain(value: Any) -> Any:
-    """Return arrays, and mappings of arrays, as lists."""
-    if isinstance(value, Mapping):
-        return {name: _plain(one) for name, one in value.items()}
-    return value.tolist() if hasattr(value, "tolist") else value
