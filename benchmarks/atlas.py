@@ -19,10 +19,10 @@ import numpy as np
 from made import ATLAS, note
 
 from vtkmuscle import Scene, SceneError
-from vtkmuscle.cohort import Study, run_study
-from vtkmuscle.cohort.statistics import curves
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.phantoms.hip_joint import HipShape, varied_hip
+from vtkmuscle.studies.cohort import Study, run_study
+from vtkmuscle.studies.cohort.table import curves
 
 #: What is varied, its mean, its standard deviation and its unit: choices, about what adults have.
 VARIED = {

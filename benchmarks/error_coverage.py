@@ -23,7 +23,7 @@ import numpy as np
 from how_right import N_FIBRES, Known, Table, known_phantoms
 from numpy.typing import NDArray
 
-from vtkmuscle import Scene, phantoms
+from vtkmuscle import Scene, phantoms, run_with_errors
 from vtkmuscle.core.accuracy.estimate import Estimate, root_of_squares
 from vtkmuscle.core.template.kinds import KINDS
 
@@ -60,13 +60,13 @@ class Compared:
 
 
 def compared(case: Known, *, every: int = 1, **asked: Any) -> Iterator[Compared]:
-    """Run a phantom along its way, and yield its quantities; ``asked`` goes to ``Scene.run``."""
+    """Run a phantom along its way, and yield its quantities; ``asked`` is of ``run_with_errors``."""
     chosen = slice(None, None, every)
     places, answers = case.places[chosen], case.answers[chosen]
     way = case.motion.part(np.arange(len(case.places))[chosen])
     motion = replace(way, times=np.arange(float(len(places))))
     whole = Scene.from_phantom(case.phantom, n_fibres=N_FIBRES)
-    result = replace(whole, motion=motion).run(figures=False, **asked)
+    result = run_with_errors(replace(whole, motion=motion), figures=False, **({"errors": ()} | asked))
     ((_, errors),) = result.errors.items()
     if case.quantity == "length":
         yield Compared(case.name, "length", errors["length"], answers)
@@ -81,7 +81,8 @@ def compared(case: Known, *, every: int = 1, **asked: Any) -> Iterator[Compared]
 def compared_block(kind: str, **asked: Any) -> Iterator[Compared]:
     """Yield the fibre length at rest and the area of a block of known fibres."""
     phantom = phantoms.fibre_block(kind)
-    result = Scene.from_phantom(phantom, n_fibres=N_FIBRES).run(figures=False, frames="0:1", **asked)
+    scene = Scene.from_phantom(phantom, n_fibres=N_FIBRES)
+    result = run_with_errors(scene, figures=False, frames="0:1", **({"errors": ()} | asked))
     length: Any = phantom.known["fibre_length"]
     if callable(length):
         places = (np.arange(20) + 0.5) / 20.0

@@ -17,7 +17,7 @@ one clear error of one line that says what to change; anything else (a signal, a
 than 60 s, a file where none was asked for, a damaged file under a final name) fails the tests.
 
 {total} cases, {form} form, planted seeds. The page is written by ``pytest --long tests/test_fuzz.py
-tests/test_faults.py tests/io/test_damaged_files.py tests/cohort --tried-table
+tests/test_faults.py tests/io/test_damaged_files.py tests/studies --tried-table
 docs/validation/reliability.rst``; with some of these files their rows alone. The normal run of tests has a
 short form.
 

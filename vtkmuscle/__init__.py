@@ -25,15 +25,17 @@ if TYPE_CHECKING:
     from vtkmuscle.scene.data import Muscle
     from vtkmuscle.scene.faults import SceneError
     from vtkmuscle.scenes import Scene
-    from vtkmuscle.sensitivity import Spread, sensitivities
+    from vtkmuscle.studies.errors import run_with_errors
+    from vtkmuscle.studies.sensitivity import Spread, sensitivities
 
 _MODULES = ("filters", "phantoms", "pipelines", "plotting")
 _SOURCES = {
     "RigidMotion": "vtkmuscle.core.motion.rigid",
     "hinge": "vtkmuscle.core.motion.rigid",
     "InputError": "vtkmuscle.core.errors",
-    "Spread": "vtkmuscle.sensitivity",
-    "sensitivities": "vtkmuscle.sensitivity",
+    "Spread": "vtkmuscle.studies.sensitivity",
+    "run_with_errors": "vtkmuscle.studies.errors",
+    "sensitivities": "vtkmuscle.studies.sensitivity",
     "MomentArmTable": "vtkmuscle.run.table",
     "Muscle": "vtkmuscle.scene.data",
     "Result": "vtkmuscle.run.result",
@@ -58,6 +60,7 @@ __all__ = [
     "phantoms",
     "pipelines",
     "plotting",
+    "run_with_errors",
     "sensitivities",
 ]
 

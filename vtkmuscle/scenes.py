@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
-from vtkmuscle.accuracy import SOLVED, ErrorStudy
+from vtkmuscle.accuracy import StatedErrors
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.filters.deformer.quality import PRESETS
@@ -159,10 +158,6 @@ class Scene(SceneData):
     def run(
         self,
         out: str | PathLike[str] | None = None,
-        *,
-        errors: bool | Iterable[str] = (),
-        landmark_error: float = 5.0,
-        landmark_samples: int = 8,
         **options: Any,
     ) -> Result:
         """Deform all muscles over the motion, carry their fibres along, and measure.
@@ -175,15 +170,6 @@ class Scene(SceneData):
             same scene is in it, killed or not, muscles that it has finished with the same inputs and settings
             are taken over, and all others are computed; other files are left alone. Without it nothing is
             written.
-        errors : bool or iterable of str, optional
-            What part of the error of lengths, moment arms and areas is found by further solves beside the
-            run's own: ``"model"`` (paths against the volume), ``"mesh"`` (edges half as long), ``"slices"``
-            (of the fibres at rest), ``"pruning"`` (of the weights that carry them), ``"landmarks"`` (moved
-            about); True is all but the last. The parts that take no further solve are always there.
-        landmark_error : float, optional
-            By how much landmarks are moved for ``"landmarks"`` [mm].
-        landmark_samples : int, optional
-            How often, 3 or more.
         **options
             Of :class:`vtkmuscle.run.RunOptions`: ``frames``, ``workers``, ``fresh``, ``overwrite``,
             ``figures``, ``report``, ``series``, ``progress``, ``observe``, ``sense`` and ``clock``.
@@ -191,7 +177,8 @@ class Scene(SceneData):
         Returns
         -------
         Result
-            With ``report`` (a plain dict), ``verdicts``, ``lengths``, ``moment_arms()``, and the muscles,
+            With ``report`` (a plain dict), ``verdicts``, ``errors`` (those that take no further solve; see
+            :func:`vtkmuscle.run_with_errors`), ``lengths``, ``moment_arms()``, and the muscles,
             fibres and bones per frame. A muscle that went astray is ``"failed"`` and has the frames before.
 
         Raises
@@ -210,9 +197,12 @@ class Scene(SceneData):
         """
         if out is not None and not str(out):
             raise ValueError("out is empty; give the name of a folder")
-        kinds = () if errors is False else SOLVED if errors is True else tuple(errors)
-        study = ErrorStudy(self, kinds, landmark_error=landmark_error, landmark_samples=landmark_samples)
-        return run_scene(self, None if out is None else Path(out), RunOptions.of(options), errors=study)
+        if "errors" in options:
+            raise TypeError(
+                "errors by further solves are a study: vtkmuscle.run_with_errors(scene, errors=...)"
+            )
+        target = None if out is None else Path(out)
+        return run_scene(self, target, RunOptions.of(options), errors=StatedErrors(self))
 
     def __repr__(self) -> str:
         muscles = ", ".join(self.muscles)

@@ -9,11 +9,7 @@ import numpy as np
 
 from vtkmuscle.accuracy.causes import Cause
 from vtkmuscle.core.accuracy.convergence import convergence_error
-from vtkmuscle.core.accuracy.estimate import (
-    Estimate,
-    expanded_of_bounds,
-    expanded_of_samples,
-)
+from vtkmuscle.core.accuracy.estimate import Estimate, expanded_of_bounds, expanded_of_samples
 from vtkmuscle.core.accuracy.polylines import segment_errors
 from vtkmuscle.core.mesh.halving import rounded_volume
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths

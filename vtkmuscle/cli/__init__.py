@@ -268,7 +268,8 @@ def tradeoff(
     with one_clear_error(None):
         from vtkmuscle.run import frame_numbers
         from vtkmuscle.scenes import Scene
-        from vtkmuscle.tradeoff import thinned, trade_off, write_plots, write_tables
+        from vtkmuscle.studies.tradeoff import trade_off, write_trade_off
+        from vtkmuscle.studies.variation import thinned
 
         if scene == "demo":
             from vtkmuscle import phantoms
@@ -276,10 +277,10 @@ def tradeoff(
             loaded = Scene.from_phantom(phantoms.hip())
         else:
             loaded = Scene.load(scene)
-        motion = thinned(loaded.motion, every, len(loaded.motion.times) - 1)
+        motion = thinned(loaded.motion, every)
         loaded = replace(loaded, motion=motion)
         compared = None if frames is None else frame_numbers(frames, len(motion.times))
-        study = trade_off(
+        found = trade_off(
             loaded,
             out,
             only=only or (),
@@ -288,7 +289,7 @@ def tradeoff(
             fresh=fresh,
             announce=lambda words: say(quiet, words),
         )
-        for path in [*write_tables(out, study), *write_plots(out, study)]:
+        for path in write_trade_off(out, found):
             say(quiet, f"wrote {path}")
 
 

@@ -15,14 +15,13 @@ from vtkmuscle.cli.messages import FAILED, INTERRUPTED, TerminatedError, one_cle
 from vtkmuscle.cli.options import QuietOption, named
 
 if TYPE_CHECKING:
-    from vtkmuscle.cohort import Progress
+    from vtkmuscle.studies.study import Progress
 
 
 def cohort(
     study: Annotated[Path, typer.Argument(help="A STUDY.toml.")],
     out: Annotated[
-        Path,
-        typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to."),
+        Path, typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to.")
     ],
     scheduler: Annotated[
         str | None,
@@ -41,8 +40,7 @@ def cohort(
         typer.Option("--memory", metavar="4GB", help="What each of them may take. Default: its share."),
     ] = None,
     retries: Annotated[
-        int,
-        typer.Option("--retries", metavar="N", min=0, help="How often a muscle may lose its worker."),
+        int, typer.Option("--retries", metavar="N", min=0, help="How often a muscle may lose its worker.")
     ] = 2,
     fresh: Annotated[bool, typer.Option("--fresh", help="Run again what is finished in the folder.")] = False,
     quiet: QuietOption = False,
@@ -52,7 +50,7 @@ def cohort(
     What is finished is kept in OUT and not run again; stop and start it as you like.
     """
     with one_clear_error(None):
-        from vtkmuscle.cohort import Study, run_study
+        from vtkmuscle.studies.cohort import Study, run_study
 
         loaded = Study.load(study)
         _silence_dask()
@@ -107,20 +105,19 @@ def _progress_bars(*, quiet: bool) -> Iterator[Callable[[Progress], None]]:
 
     console = Console(stderr=True, highlight=False)
     columns = TextColumn("muscles"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[left]}")
-    with Bars(*columns, console=console, disable=quiet) as bars:
+    seen = console.is_terminal
+    with Bars(*columns, console=console, disable=quiet or not seen) as bars:
         bar = bars.add_task("muscles", total=None, left="")
 
         def show(ended: Progress) -> None:
-            if ended.state == "failed":
-                task = ended.task
-                words = (
-                    f"{task.subject}, {task.motion}, {task.muscle or 'all muscles'}: {one_line(ended.words)}"
-                )
-                console.print(words, markup=False, style="bold red", soft_wrap=True)
             left = "" if ended.seconds_left is None else f"{_in_words(ended.seconds_left)} left"
             bars.update(bar, total=ended.total, completed=ended.done, left=left)
-            if not quiet and ended.subject_done == ended.subject_total:
-                words = f"{ended.task.subject}: {ended.subject_total} done{', ' + left if left else ''}"
+            who = ", ".join(part for part in (*ended.case.labels.values(), ended.case.muscle) if part)
+            if ended.state == "failed":
+                words = f"{who}: {one_line(ended.words)}"
+                console.print(words, markup=False, style="bold red", soft_wrap=True)
+            elif not quiet and not seen:  # a file has no bar
+                words = f"{ended.done} of {ended.total}: {who}: {ended.words}{', ' + left if left else ''}"
                 console.print(words, markup=False, soft_wrap=True)
 
         yield show

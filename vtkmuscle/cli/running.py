@@ -14,6 +14,7 @@ from vtkmuscle.cli.messages import FAILED, one_clear_error, one_line, say
 from vtkmuscle.cli.options import RunOptions
 
 if TYPE_CHECKING:
+    from vtkmuscle.run import Result
     from vtkmuscle.scenes import Scene
 
 
@@ -35,8 +36,10 @@ def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
             words = one_line(f"{out} {left}; {then}")
             console.print(words, markup=False, style="yellow", soft_wrap=True)
     with one_clear_error(out), _progress_bars(list(scene.muscles), console, quiet=options.quiet) as progress:
-        result = scene.run(
+        result = _run(
+            scene,
             out,
+            options,
             frames=options.frames,
             figures=options.figures,
             report=options.report,
@@ -46,9 +49,6 @@ def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
             observe=_table(list(scene.muscles), console) if options.verbose else None,
             overwrite=options.overwrite,
             fresh=options.fresh,
-            errors=options.errors == "all" or [one for one in (options.errors or "").split(",") if one],
-            landmark_error=options.landmark_error,
-            landmark_samples=options.landmark_samples,
         )
     if result.report["taken_over"]:
         words = ", ".join(result.report["taken_over"])
@@ -73,6 +73,22 @@ def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
         )
     if "failed" in result.verdicts.values():
         raise typer.Exit(FAILED)
+
+
+def _run(scene: Scene, out: Path, options: RunOptions, **given: Any) -> Result:
+    """Run a scene, with further solves for its errors where they are asked for."""
+    if options.errors is None:
+        return scene.run(out, **given)
+    from vtkmuscle.studies.errors import run_with_errors
+
+    return run_with_errors(
+        scene,
+        out,
+        errors=options.errors == "all" or [one for one in options.errors.split(",") if one],
+        landmark_error=options.landmark_error,
+        landmark_samples=options.landmark_samples,
+        **given,
+    )
 
 
 def _found(muscle: Mapping[str, Any]) -> str:

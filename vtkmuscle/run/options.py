@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
@@ -92,12 +91,8 @@ class RunOptions:
         return cls(**given)
 
 
-class ErrorStudy(Protocol):
-    """Further solves beside the run's own, and estimates; :class:`vtkmuscle.accuracy.ErrorStudy` is one."""
-
-    def jobs(self, numbers: range, stop: threading.Event) -> Mapping[str, Callable[[], None]]:
-        """Return what is to be done beside the muscles, by its names."""
-        ...
+class Errors(Protocol):
+    """What states the errors of a run's numbers; :class:`vtkmuscle.accuracy.StatedErrors` does."""
 
     def estimates(self, name: str, track: MuscleTrack, motion: RigidMotion) -> Mapping[str, Estimate]:
         """Return a muscle's quantities with their errors, and put them into its report."""

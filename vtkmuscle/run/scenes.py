@@ -23,7 +23,7 @@ from vtkmuscle.run.architecture import architecture_table
 from vtkmuscle.run.figures import Drawing
 from vtkmuscle.run.memory import check_memory
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
-from vtkmuscle.run.options import ErrorStudy, RunOptions, frame_numbers
+from vtkmuscle.run.options import Errors, RunOptions, frame_numbers
 from vtkmuscle.run.report import DEFINITIONS, fibre_table, versions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.store import PAGE
@@ -44,7 +44,7 @@ Tracks = dict[str, MuscleTrack]
 
 @held()
 def run_scene(
-    scene: SceneData, out: Path | None, options: RunOptions, *, errors: ErrorStudy | None = None
+    scene: SceneData, out: Path | None, options: RunOptions, *, errors: Errors | None = None
 ) -> Result:
     """Run a scene: open it, check it, solve and measure its muscles, and write what was found.
 
@@ -58,8 +58,8 @@ def run_scene(
         Folder to write to.
     options : RunOptions
         What is asked for.
-    errors : ErrorStudy, optional
-        Further solves beside the run's own, and estimates of the errors.
+    errors : Errors, optional
+        What states the errors of its numbers.
     """
     began = time.perf_counter()
     with ExitStack() as stack:
@@ -80,7 +80,7 @@ def run_scene(
         report = _first_report(run, tracks) | {"taken_over": list(kept), "sense": odd}
         result_of = partial(_result, run, report, DrawnBones(scene.bones_data()))
         with _reported(run, tracks, report):
-            _solve(run, tracks, list(kept), report, errors, partial(_draw, drawing, tracks, result_of))
+            _solve(run, tracks, list(kept), report, partial(_draw, drawing, tracks, result_of))
             result = result_of(tracks)
             arms = _measure(result, tracks, report, errors)
             if store is not None:
@@ -98,15 +98,13 @@ def _solve(
     tracks: Tracks,
     kept: Iterable[str],
     report: dict[str, Any],
-    errors: ErrorStudy | None,
     draw: Callable[[Iterable[str]], None],
 ) -> None:
-    """Solve the muscles that are not kept, side by side, and what the errors take beside them."""
+    """Solve the muscles that are not kept, side by side."""
     began = time.perf_counter()
     met = run.scene.muscle_contact != "off"
-    further = {} if errors is None else errors.jobs(run.numbers, run.stop)
     # Where muscles may meet each waits for those before it, and shares their filters.
-    count = 1 if met else min(run.options.workers or processors(), len(tracks) + len(further))
+    count = 1 if met else min(run.options.workers or processors(), len(tracks))
     jobs: dict[str, Future[None]] = {}
     with ThreadPoolExecutor(count) as pool, _stopping(run.stop):
         if run.store is not None:
@@ -118,7 +116,6 @@ def _solve(
                 continue
             muscles.append(MuscleRun(run, name, track, tuple(muscles) if met else ()))
             jobs[f"muscles.{name}"] = pool.submit(muscles[-1].go)
-        jobs |= {key: pool.submit(job) for key, job in further.items()}
         if run.store is not None:
             run.store.write_bones(run.stop.is_set)
         _wait_for(jobs, run.stop, draw)
@@ -126,9 +123,7 @@ def _solve(
     report["seconds"] = {"muscles": time.perf_counter() - began}
 
 
-def _measure(
-    result: Result, tracks: Tracks, report: dict[str, Any], errors: ErrorStudy | None
-) -> MomentArmTable:
+def _measure(result: Result, tracks: Tracks, report: dict[str, Any], errors: Errors | None) -> MomentArmTable:
     """Return the moment arms; report them, or why there are none, and the errors of all muscles."""
     arms = MomentArmTable({})
     if result.lengths and result.motion.coordinates:

@@ -1,0 +1,8 @@
+"""Vary a scene and run it: errors, sensitivity, trade-off and cohorts are settings of one mechanism.
+
+Open :mod:`~vtkmuscle.studies.variation` for what is changed in a scene, :mod:`~vtkmuscle.studies.case` for
+one muscle of one varied scene, :mod:`~vtkmuscle.studies.study` for how they are run, resumed and kept,
+:mod:`~vtkmuscle.studies.outcome` for what is kept of each, :mod:`~vtkmuscle.studies.table` and
+:mod:`~vtkmuscle.studies.page` for what is written. No other part of the package imports this one, but for the
+command line.
+"""

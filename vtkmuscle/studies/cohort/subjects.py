@@ -1,0 +1,208 @@
+"""A study: its subjects, and the work that is to be done for each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from os import PathLike
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from pydantic import ValidationError
+from pydantic_core import PydanticCustomError
+
+from vtkmuscle.core.errors import InputError, fault_of
+from vtkmuscle.core.words import suggestion
+from vtkmuscle.io.csv_table import filled_rows
+from vtkmuscle.scene.faults import Faults, SceneError
+from vtkmuscle.scene.files import parsed
+from vtkmuscle.scene.names import checked_name
+from vtkmuscle.scene.validation import faults_in_words
+from vtkmuscle.studies.case import Case, SceneText
+from vtkmuscle.studies.cohort.schema import StudyTable
+from vtkmuscle.studies.cohort.template import filled, laid_over
+from vtkmuscle.studies.variation import AS_IT_IS, CAUSES, Variation, samples_of
+
+#: The columns of a table of subjects that mean something to a study.
+ID, FOLDER = "id", "folder"
+#: What a study is compared by where it is not a column.
+BY_SETTING = "setting"
+#: The motion of a study that names none, as in the template.
+ONLY = "motion"
+#: More subjects than this are a slip.
+_MOST_SUBJECTS = 100_000
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Subjects, and what is done for each.
+
+    Attributes
+    ----------
+    name : str
+        Of the study.
+    file : Path
+        The STUDY.toml.
+    subjects : tuple of dict
+        The rows of the table of subjects: texts by column, ``id`` and others.
+    table : StudyTable
+        What is in the STUDY.toml.
+    """
+
+    name: str
+    file: Path
+    subjects: tuple[Mapping[str, str], ...]
+    table: StudyTable
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> Self:
+        """Read a STUDY.toml and its table of subjects, and check every key.
+
+        Raises
+        ------
+        ValueError
+            With file, key, problem and remedy for all that is wrong in the study. What is wrong with a single
+            subject's files does not stop a study.
+        """
+        file = Path(path)
+        try:
+            table = StudyTable.model_validate(parsed(file))
+        except ValidationError as error:
+            found = faults_in_words(error.errors(include_url=False), StudyTable)
+            Faults(SceneError(problem, key, remedy, file) for key, problem, remedy in found).raise_any()
+            raise
+        subjects = _subjects(file, file.parent / table.subjects)
+        study = cls(table.name or file.stem, file, subjects, table)
+        study._check()
+        return study
+
+    @property
+    def columns(self) -> dict[str, type]:
+        """Other columns of the table of subjects, those of numbers alone as such."""
+        names = [name for name in self.subjects[0] if name not in (ID, FOLDER)]
+        texts = {name: [row[name] for row in self.subjects if row[name]] for name in names}
+        return {name: float if all(map(_is_number, found)) else str for name, found in texts.items()}
+
+    def variations(self) -> list[Variation]:
+        """Return the samples of all causes, and before them the one of nothing."""
+        asked = self.table.sensitivity
+        if asked is None:
+            return [AS_IT_IS]
+        amounts = {cause: getattr(asked, cause) for cause in CAUSES if getattr(asked, cause) > 0.0}
+        moved = (samples_of(cause, one, asked.samples, asked.seed) for cause, one in amounts.items())
+        return [AS_IT_IS, *chain.from_iterable(moved)]
+
+    def cases(self) -> list[list[Case]]:
+        """Return what is to be run, those together that share a scene."""
+        return [
+            list(self._cases(row, motion, setting, variation))
+            for row in self.subjects
+            for motion in self.table.motions or {ONLY: {}}
+            for setting in self.table.settings or {"": {}}
+            for variation in self.variations()
+        ]
+
+    def _cases(
+        self, row: Mapping[str, str], motion: str, setting: str, variation: Variation
+    ) -> Iterator[Case]:
+        scene, problem = SceneText("", {}), ""
+        muscles: Sequence[str] = self.table.muscles or ()
+        try:
+            scene = self._scene(row, motion, self.table.settings.get(setting, {}))
+            muscles = _muscles(scene, muscles)
+        except (ValueError, OSError) as error:
+            problem = str(error).splitlines()[0]
+        labels = {"subject": row[ID], "motion": motion, "setting": setting, "sample": variation.name}
+        asked, picture = self.table, self.table.pictures and not variation.name
+        whole = Case(labels, "", scene, variation, asked.frames, asked.groups, (), picture, problem)
+        yield from (replace(whole, muscle=muscle) for muscle in muscles or ("",))
+
+    def _scene(self, row: Mapping[str, str], motion: str, changes: Mapping[str, Any]) -> SceneText:
+        """Return what is in the scene's file, filled in."""
+        template = self.file.parent / filled(self.table.scene, row, self.file, "scene")
+        values = filled(parsed(template), row, template)
+        if motion in self.table.motions:
+            values["motion"] = filled(self.table.motions[motion], row, self.file, f"motions.{motion}")
+        values = laid_over(values, filled(dict(changes), row, self.file, "settings"))
+        return SceneText(str(template.absolute()), values)
+
+    def _check(self) -> None:
+        """Raise an error for keys that do not agree with each other or with the table of subjects."""
+        columns, compare = list(self.subjects[0]), self.table.compare
+        if compare is None or (compare.by == BY_SETTING and len(self.table.settings) == 2):
+            return
+        if compare.by == BY_SETTING:
+            problem = f"compares settings, of which there are {len(self.table.settings)}"
+            raise SceneError(problem, "compare.by", "add two tables [settings.NAME]", self.file)
+        for key, column in (("by", compare.by), ("pair", compare.pair)):
+            if column is not None and column not in columns:
+                problem = f"the table of subjects has no column {column!r}"
+                raise SceneError(problem, f"compare.{key}", suggestion(column, columns), self.file)
+        groups = sorted({row[compare.by] for row in self.subjects})
+        if len(groups) != 2:
+            shown = ", ".join(map(repr, groups[:5]))
+            problem = f"column {compare.by!r} has {len(groups)} different values ({shown}), not 2"
+            raise SceneError(problem, "compare.by", "name a column that has two", self.file)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return bool(np.isfinite(float(cell)))
+    except ValueError:
+        return False
+
+
+def _muscles(scene: SceneText, wanted: Sequence[str]) -> Sequence[str]:
+    found, file = scene.values.get("muscles"), Path(scene.file)
+    if not isinstance(found, dict) or not found:
+        raise SceneError("the scene has no muscles", "muscles", "add a table [muscles.NAME]", file)
+    for name in (*found, *wanted):
+        _check_name(name, file, f"muscles: the name {name!r}")
+    for name in wanted:
+        if name not in found:
+            raise SceneError(f"there is no muscle {name!r}", "muscles", suggestion(name, found), file)
+    return wanted or list(found)
+
+
+def _check_name(name: str, file: Path, what: str) -> None:
+    """Raise an error for a name that cannot be part of a file's."""
+    try:
+        checked_name(name)
+    except PydanticCustomError as error:
+        context = error.context or {}
+        raise InputError(file, f"{what} {context.get('problem')}", str(context.get("remedy"))) from None
+
+
+def _subjects(study: Path, path: Path) -> tuple[Mapping[str, str], ...]:
+    """Return the rows of a table of subjects, each with an id of its own."""
+    try:
+        rows = filled_rows(path, _MOST_SUBJECTS)
+    except (ValueError, OSError) as error:
+        problem, remedy = fault_of(error)
+        raise SceneError(problem, "subjects", remedy, path) from error
+    if len(rows) < 2:
+        raise InputError(path, "the table has no subject", "write a line of columns and a line per subject")
+    _, columns = rows[0]
+    for column in columns:
+        if not column or columns.count(column) > 1:
+            problem = f"there are two columns {column!r}" if column else "a column has no name"
+            raise InputError(path, problem, "give each a name of its own")
+    if ID not in columns:
+        raise InputError(path, f"the table has no column {ID!r}", f"it has: {', '.join(columns)}")
+    subjects: dict[str, Mapping[str, str]] = {}
+    for line, cells in rows[1:]:
+        if len(cells) != len(columns):
+            problem = f"line {line} has {len(cells)} cells, but there are {len(columns)} columns"
+            raise InputError(path, problem, "correct that line")
+        row = dict(zip(columns, cells, strict=True))
+        name = row[ID]
+        _check_name(name, path, f"line {line}: the id")
+        if name.casefold() in subjects:
+            problem = f"line {line}: the id {name!r} stands in the table twice"
+            raise InputError(path, problem, "give each subject an id of its own")
+        if row.get(FOLDER):
+            row[FOLDER] = str((path.parent / row[FOLDER]).absolute())
+        subjects[name.casefold()] = row
+    return tuple(subjects.values())

@@ -1,0 +1,120 @@
+"""What lengths and moment arms owe to their inputs: landmarks, axes and surfaces moved about."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.processors import processors
+from vtkmuscle.core.types import Floats
+from vtkmuscle.scenes import Scene
+from vtkmuscle.studies.case import Case
+from vtkmuscle.studies.outcome import Outcome
+from vtkmuscle.studies.study import outcomes_of, study, threads
+from vtkmuscle.studies.variation import CAUSES, FEWEST, samples_of
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Standard deviations of a muscle's mean length and moment arms over samples of one cause.
+
+    Attributes
+    ----------
+    lengths : (f,) array
+        Of the mean length of the paths in each frame [mm].
+    moment_arms : dict of str to (m,) array
+        By coordinate, of the paths' mean moment arm at each value [mm].
+    values : dict of str to (m,) array
+        The values of each coordinate, in its unit.
+    """
+
+    lengths: Floats
+    moment_arms: Mapping[str, Floats]
+    values: Mapping[str, Floats]
+
+
+def sensitivities(
+    scene: Scene, *, samples: int = 8, seed: int = 0, **amounts: float
+) -> dict[str, dict[str, Spread]]:
+    """Return how lengths and moment arms change where inputs are moved about, one cause at a time.
+
+    The scene is run ``samples`` times for each cause, with its own model: ``replace(scene, model="paths")``
+    takes a small part of the time. Studies of many subjects have it as ``[sensitivity]``.
+
+    Parameters
+    ----------
+    scene : Scene
+        Muscles without fibres are left out.
+    samples : int, optional
+        Runs for each cause, 3 or more.
+    seed : int, optional
+        The same again for the same seed.
+    **amounts : float
+        By how much what is varied, ``landmarks=5.0`` for instance; see
+        :class:`~vtkmuscle.studies.variation.Variation`.
+
+    Returns
+    -------
+    dict of str to dict of str to Spread
+        By muscle, then by cause, that with the largest spread of moment arms first.
+
+    Raises
+    ------
+    ValueError
+        If there is no such cause, an amount is not positive, there are fewer than 3 samples, no muscle has
+        fibres, or a sample cannot be run.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from vtkmuscle import Scene, phantoms, sensitivities
+    >>> scene = replace(Scene.from_phantom(phantoms.spindle_over_hinge(), n_fibres=8), model="paths")
+    >>> found = sensitivities(scene, samples=3, landmarks=2.0)
+    >>> float(found["spindle"]["landmarks"].lengths.max()) < 2.0
+    True
+    """
+    if samples < FEWEST:
+        raise InputError("", f"samples is {samples!r}, but must be {FEWEST} or more")
+    if not amounts:
+        raise InputError("", "nothing is varied", f"give an amount of one or more of {', '.join(CAUSES)}")
+    muscles = {name: muscle for name, muscle in scene.muscles.items() if muscle.fibres is not None}
+    if not muscles:
+        raise InputError("", "no muscle of the scene has fibres, so there are no lengths")
+    alone = replace(scene, muscles=muscles, muscle_contact="off", files={})
+    cases = {
+        (name, cause): [
+            Case({"sample": one.name}, name, alone, one) for one in samples_of(cause, amount, samples, seed)
+        ]
+        for cause, amount in amounts.items()
+        for name in muscles
+    }
+    found: dict[str, dict[str, Spread]] = {name: {} for name in muscles}
+    with TemporaryDirectory() as folder:
+        study(list(cases.values()), Path(folder), workers=threads(processors()))
+        for (name, cause), outcomes in outcomes_of(cases, Path(folder)).items():
+            if failures := [one.failure for one in outcomes if one.failure]:
+                raise InputError("", f"{name}, {cause} moved about: {failures[0]}")
+            if "lengths" in outcomes[0].arrays:  # a muscle on one bone has no paths
+                found[name][cause] = _spread(outcomes)
+    return {name: dict(sorted(causes.items(), key=_by_arms)) for name, causes in found.items()}
+
+
+def _spread(outcomes: Sequence[Outcome]) -> Spread:
+    lengths = [one.arrays["lengths"].mean(axis=1) for one in outcomes]
+    arms = [one.arms for one in outcomes]
+    first = arms[0]
+    return Spread(
+        np.std(lengths, axis=0, ddof=1),
+        {name: np.std([one[name].mean for one in arms], axis=0, ddof=1) for name in first},
+        {name: one.values for name, one in first.items()},
+    )
+
+
+def _by_arms(cause: tuple[str, Spread]) -> float:
+    arms = cause[1].moment_arms.values()
+    return -max((float(one.mean()) for one in arms), default=float(cause[1].lengths.mean()))
