@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
@@ -109,10 +109,13 @@ class Polylines:
         Positions.
     offsets : (k + 1,) int array
         First point of each line, and n.
+    data : vtkPolyData or None
+        Where they are from.
     """
 
     points: Floats
     offsets: Ints
+    data: vtkPolyData | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
         return len(self.offsets) - 1
@@ -120,6 +123,14 @@ class Polylines:
     def line(self, i: int) -> Floats:
         """Return the points of line i, a view."""
         return self.points[self.offsets[i] : self.offsets[i + 1]]
+
+    def moved(self, points: Floats, offsets: Ints | None = None) -> vtkPolyData:
+        """Return lines with other points, and the arrays of where they are from (:func:`with_polylines`)."""
+        return with_polylines(self.data, Polylines(points, self.offsets if offsets is None else offsets))
+
+    def copy(self) -> vtkPolyData:
+        """Return the lines with the arrays of where they are from, to add more to."""
+        return with_polylines(self.data, self)
 
 
 def polylines_of(data: vtkPolyData, where: str) -> Polylines:
@@ -140,7 +151,7 @@ def polylines_of(data: vtkPolyData, where: str) -> Polylines:
     points = points_of(data)[vtk_to_numpy(lines.GetConnectivityArray())]
     if not np.isfinite(points).all():
         raise InputError(where, "some points are not finite", "correct them")
-    return Polylines(points, np.array(vtk_to_numpy(lines.GetOffsetsArray()), dtype=np.int64))
+    return Polylines(points, np.array(vtk_to_numpy(lines.GetOffsetsArray()), dtype=np.int64), data)
 
 
 def polylines_from(lines: Polylines) -> vtkPolyData:
@@ -151,7 +162,7 @@ def polylines_from(lines: Polylines) -> vtkPolyData:
     return data
 
 
-def with_polylines(data: vtkPolyData, lines: Polylines) -> vtkPolyData:
+def with_polylines(data: Any, lines: Polylines) -> vtkPolyData:
     """Return polylines that keep the cell and field data of another set of as many lines.
 
     Point data is kept where the number of points of every line is the same as before.

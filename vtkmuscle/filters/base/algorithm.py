@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
@@ -44,7 +45,9 @@ class Algorithm(VTKPythonAlgorithmBase):
     def execute(self, *inputs: Any) -> Any:
         """Compute the output(s) from the inputs, given in port order (None for an open optional port).
 
-        Inputs must not be changed. The result is a new data object (or a tuple, one per output port).
+        An input is what its port takes of the data. Errors name a port, or "" for the filter as such: the
+        filter's name is put before that. Inputs must not be changed. The result is a new data object (or a
+        tuple, one per output port).
         """
         raise NotImplementedError
 
@@ -163,7 +166,13 @@ class Algorithm(VTKPythonAlgorithmBase):
         # quick to report progress themselves.
         self.report_progress(0.0)
         inputs = self._inputs(inInfo)
-        self._publish(self.execute(*inputs), inputs, outInfo)
+        try:
+            taken = [port.take(data) for port, data in zip(self.input_ports, inputs, strict=True)]
+            result = self.execute(*taken)
+        except InputError as error:
+            self._name(error)
+            raise
+        self._publish(result, inputs, outInfo)
         return 1
 
     def _begin(self, outInfo: Any) -> None:
@@ -171,6 +180,13 @@ class Algorithm(VTKPythonAlgorithmBase):
         self._progress_reached = 0.0
         info = outInfo.GetInformationObject(0)
         self.request_time = requested_time(info)
+
+    def _name(self, error: InputError) -> None:
+        """Put the filter's name before the place of an error that is at one of its ports, or nowhere."""
+        place = re.split(r"\W", error.where)[0]
+        if place in ("", *(port.name for port in self.input_ports)):
+            where = ": ".join(filter(None, (type(self).__name__, error.where)))
+            error.__init__(where, error.problem, error.remedy)  # type: ignore[misc]
 
     def _inputs(self, inInfo: Any) -> list[Any]:
         inputs: list[Any] = []

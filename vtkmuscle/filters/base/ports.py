@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataObjectTypes, vtkMultiBlockDataSet
@@ -88,6 +88,9 @@ class InputPort(Port):
     ----------
     kind : type
         The VTK class that the port takes.
+    taken : callable, optional
+        Given the data, and the name of the port for errors, returns what ``execute`` is given: arrays and the
+        like, checked. By default the data.
     optional : bool, optional
         May the port stay unconnected? The filter is then given ``None``.
     doc : str
@@ -108,9 +111,21 @@ class InputPort(Port):
     TypeError: FibreSmoother.muscle is 3, but must be a vtkPolyData, an algorithm or a chain of them or None
     """
 
-    def __init__(self, kind: type[Any], *, optional: bool = False, doc: str) -> None:
+    def __init__(
+        self,
+        kind: type[Any],
+        taken: Callable[[Any, str], Any] | None = None,
+        *,
+        optional: bool = False,
+        doc: str,
+    ) -> None:
         super().__init__(kind, doc=doc)
         self.optional = optional
+        self._taken = taken
+
+    def take(self, data: Any) -> Any:
+        """Return what ``execute`` is given of data, None for None; raises a ValueError where it cannot be."""
+        return data if data is None or self._taken is None else self._taken(data, self.name)
 
     def read(self, instance: Filter) -> Any:
         """Return the data set or the algorithm that is connected, None where the port is open."""

@@ -148,7 +148,7 @@ def check_together(settings: Mapping[str, Any]) -> None:
     """Raise a ValueError where values of the parameters do not go together."""
     if settings["collision"] == "voxel" and settings["quality"] != PUBLISHED:
         raise InputError(
-            "PBDDeformer",
+            "",
             f"collision is 'voxel', which goes with quality '{PUBLISHED}' only, but quality is "
             f"{settings['quality']!r}",
             "use collision 'sdf' or 'off'",
