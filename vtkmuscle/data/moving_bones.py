@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +15,9 @@ from vtkmuscle.core.collision.obstacles import Obstacle, VoxelObstacle
 from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, is_rigid
-from vtkmuscle.core.types import Floats
+from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array
+from vtkmuscle.data.muscle_geometry import Surface
 
 #: How far a bone's points may be off its transform, as a part of its size and distance from the origin
 #: (coordinates may be float32).
@@ -113,6 +115,30 @@ def transforms_of(bones: dict[str, vtkPolyData], where: str) -> Floats:
             )
         transforms[index] = values.reshape(4, 4)
     return transforms
+
+
+def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
+    """Return the point array ``FixedTo`` of a muscle, (n,): -1 for a free point, else a bone's number.
+
+    Raises
+    ------
+    ValueError
+        If there is none, or it has other numbers.
+    """
+    array = muscle.array("FixedTo")
+    where = f"{muscle.where}, point array 'FixedTo'"
+    if array.ndim != 1 or not np.isfinite(array).all() or (array != np.floor(array)).any():
+        raise InputError(where, "it must be one whole number per point", "FixedPointDetector makes it")
+    fixed_to = array.astype(np.int64)
+    bad = fixed_to[(fixed_to < -1) | (fixed_to >= len(bones))]
+    if len(bad):
+        raise InputError(
+            where,
+            f"{bad[0]} is neither -1 (free) nor the index of one of the {len(bones)} bones "
+            f"({', '.join(map(repr, bones))})",
+            "detect the fixed points with these bones",
+        )
+    return fixed_to
 
 
 class RestBones:

@@ -6,8 +6,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.data.attachments import attachments_from
 from vtkmuscle.data.estimated_areas import NEAR, estimated_areas
-from vtkmuscle.data.moving_bones import bones_of
-from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
 
 class AttachmentEstimator(Filter):
@@ -55,7 +54,7 @@ class AttachmentEstimator(Filter):
     )
 
     muscle = InputPort(vtkPolyData, doc="Triangles, in the rest pose.")
-    bones = InputPort(vtkMultiBlockDataSet, bones_of, doc="Named blocks of vtkPolyData, at rest.")
+    bones = ports.RestBones(doc="Named blocks of vtkPolyData, at rest.")
     output = OutputPort(
         vtkMultiBlockDataSet,
         doc="Attachments: a block per area, a closed polyline through its landmarks, with the field arrays "

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkDataSet
 from vtkmodules.vtkFiltersCore import vtkCellCenters, vtkMaskPoints
 
 from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.fibres.direction_field import DirectionField
 from vtkmuscle.core.types import Bools, Floats
-from vtkmuscle.data.arrays import Polylines, points_of, polylines_of, set_cell_array, set_point_array
-from vtkmuscle.data.muscle_geometry import Surface, surface_of
-from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
+from vtkmuscle.data.arrays import Polylines, points_of, set_cell_array, set_point_array
+from vtkmuscle.data.muscle_geometry import Surface
+from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
 #: Positions between two reports of progress.
 AT_ONCE = 8192
@@ -63,8 +63,8 @@ class FibreField(Filter):
     mesh = InputPort(
         vtkDataSet, doc="Cells of any kind (a .vtu of tetrahedra), image data, rectilinear grid, or polydata."
     )
-    fibres = InputPort(vtkPolyData, polylines_of, doc="Polylines, each from its origin to its insertion.")
-    muscle = InputPort(vtkPolyData, surface_of, optional=True, doc="The muscle's surface: triangles, closed.")
+    fibres = ports.Lines(doc="Polylines, each from its origin to its insertion.")
+    muscle = ports.Surface(optional=True, doc="The muscle's surface: triangles, closed.")
     output = OutputPort(
         vtkDataSet,
         doc="The mesh with cell or point arrays: ``FibreDirection`` (3, unit vectors, at a cell's centre), "

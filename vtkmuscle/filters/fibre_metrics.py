@@ -29,15 +29,14 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     Polylines,
     cell_array,
-    polylines_of,
     set_cell_array,
     set_field_array,
     set_point_array,
 )
-from vtkmuscle.data.attachments import AttachmentArea, end_areas
+from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.inner_areas import inner_areas
-from vtkmuscle.data.muscle_geometry import Surface, surface_of, surfaces_of
-from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
+from vtkmuscle.data.muscle_geometry import Surface, surfaces_of
+from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
 #: Points of the centroid path.
 PATH_POINTS = 21
@@ -92,16 +91,12 @@ class FibreMetrics(Filter):
         doc="Number of cross-sections in which fibres are counted, evenly along the centroid path.",
     )
 
-    fibres = InputPort(
-        vtkPolyData, polylines_of, doc="Polylines; the cell array ``RestLength`` [mm] where there is one."
-    )
-    muscle = InputPort(vtkPolyData, surface_of, optional=True, doc="The surface that the fibres end on.")
+    fibres = ports.Lines(doc="Polylines; the cell array ``RestLength`` [mm] where there is one.")
+    muscle = ports.Surface(optional=True, doc="The surface that the fibres end on.")
     bones = InputPort(
         vtkMultiBlockDataSet, surfaces_of, optional=True, doc="Bones in the pose of the fibres."
     )
-    attachments = InputPort(
-        vtkMultiBlockDataSet,
-        end_areas,
+    attachments = ports.Areas(
         optional=True,
         doc="Areas in the pose of the fibres; what those within the muscle span counts as its surface.",
     )

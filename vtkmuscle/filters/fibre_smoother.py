@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.course import smooth_about_course
@@ -15,10 +15,10 @@ from vtkmuscle.core.mesh.polylines import smooth_polylines
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.recent import Recent
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, field_array, field_string, polylines_of, set_cell_array
-from vtkmuscle.data.attachments import ROLES, AttachmentArea, end_areas
-from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface, surface_of
-from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
+from vtkmuscle.data.arrays import Polylines, field_array, field_string, set_cell_array
+from vtkmuscle.data.attachments import ROLES, AttachmentArea
+from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
+from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 #: Positions in the muscle by which fibres are spread: for each fibre, and at least.
 SAMPLES, LEAST_SAMPLES = 64, 2048
@@ -79,15 +79,10 @@ class FibreSmoother(Filter):
         "them or more got other ends; else 0.",
     )
 
-    fibres = InputPort(vtkPolyData, polylines_of, doc="Polylines, any number of points each.")
-    muscle = InputPort(
-        vtkPolyData, surface_of, optional=True, doc="Closed triangles that the fibres stay in."
-    )
-    attachments = InputPort(
-        vtkMultiBlockDataSet,
-        end_areas,
-        optional=True,
-        doc="Areas on which the fibres' ends may move as fibres are spread.",
+    fibres = ports.Lines(doc="Polylines, any number of points each.")
+    muscle = ports.Surface(optional=True, doc="Closed triangles that the fibres stay in.")
+    attachments = ports.Areas(
+        optional=True, doc="Areas on which the fibres' ends may move as fibres are spread."
     )
     output = OutputPort(
         vtkPolyData,

@@ -19,8 +19,8 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.data.attachments import ROLES, end_areas
 from vtkmuscle.data.end_surfaces import aponeurosis_surfaces, attached_surface, check_sides
-from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface, surface_of
-from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
+from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
+from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.filters.fibre_trimmer import FibreTrimmer
@@ -86,7 +86,7 @@ class FibreSource(Filter):
         doc="How fibres run: straight from area to area, through sections, or whichever suits the muscle.",
     )
 
-    muscle = InputPort(vtkPolyData, surface_of, doc="The muscle's surface: triangles, closed.")
+    muscle = ports.Surface(doc="The muscle's surface: triangles, closed.")
     attachments = InputPort(
         vtkMultiBlockDataSet, optional=True, doc="Areas of both roles; not needed between aponeuroses."
     )

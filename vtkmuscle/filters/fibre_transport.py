@@ -23,11 +23,11 @@ from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.mesh.polylines import evenly_spaced
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
 from vtkmuscle.core.types import Bools, Floats, Ints
-from vtkmuscle.data.arrays import Polylines, field_array, polylines_of, set_cell_array, set_field_array
-from vtkmuscle.data.muscle_geometry import Surface, surface_of
+from vtkmuscle.data.arrays import Polylines, field_array, set_cell_array, set_field_array
+from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.data.paths import PATH_POINTS, add_paths
 from vtkmuscle.data.pipeline_times import times_of
-from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
 #: Fibre points whose weights are computed together: bounds the steps of progress and the time to abort.
 _BLOCK = 256
@@ -188,17 +188,15 @@ class FibreTransport(Filter):
         doc="What fibres follow: the taut fibres that the muscle was deformed with, or its surface alone.",
     )
 
-    rest_fibres = InputPort(vtkPolyData, polylines_of, doc="Polylines in the muscle at rest.")
-    rest_muscle = InputPort(vtkPolyData, surface_of, doc="The muscle at rest, closed, triangles.")
-    deformed_muscle = InputPort(vtkPolyData, surface_of, doc="The same points as the muscle at rest, moved.")
+    rest_fibres = ports.Lines(doc="Polylines in the muscle at rest.")
+    rest_muscle = ports.Surface(doc="The muscle at rest, closed, triangles.")
+    deformed_muscle = ports.Surface(doc="The same points as the muscle at rest, moved.")
     paths = InputPort(
         vtkPolyData,
         optional=True,
         doc="The same fibres pulled taut, as by TautFibres: the paths, where the deformed muscle has none.",
     )
-    rest_paths = InputPort(
-        vtkPolyData,
-        polylines_of,
+    rest_paths = ports.Lines(
         optional=True,
         doc="For fibres between aponeuroses: the lines at rest that the muscle was deformed with, from bone "
         "to bone. The fibres' ends stay as far along them from their bones as they are at rest.",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.attachments.discs import discs_over
 from vtkmuscle.core.errors import InputError
@@ -13,11 +13,11 @@ from vtkmuscle.core.fibres.ends_as_printed import ends_as_printed
 from vtkmuscle.core.fibres.trimming import EndArea, trim_fibres
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import Polylines, field_array, polylines_of, set_field_array
-from vtkmuscle.data.attachments import AttachmentArea, end_areas
+from vtkmuscle.data.arrays import Polylines, field_array, set_field_array
+from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.inner_areas import inner_areas
-from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface, surface_of
-from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
+from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
+from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 #: How far a fibre's end may be from an area or leave the muscle, as a part of the mean length of its edges.
 TOLERANCE = 0.25
@@ -89,11 +89,9 @@ class FibreTrimmer(Filter):
         "closest to its own ray (Kohout et al. 2012), cut at the plane, its points not spaced anew.",
     )
 
-    fibres = InputPort(vtkPolyData, polylines_of, doc="Polylines from the origin to the insertion.")
-    muscle = InputPort(vtkPolyData, surface_of, doc="The muscle's surface, triangles.")
-    attachments = InputPort(
-        vtkMultiBlockDataSet, end_areas, doc="Areas of both roles, landmarks near the muscle."
-    )
+    fibres = ports.Lines(doc="Polylines from the origin to the insertion.")
+    muscle = ports.Surface(doc="The muscle's surface, triangles.")
+    attachments = ports.Areas(doc="Areas of both roles, landmarks near the muscle.")
     output = OutputPort(
         vtkPolyData,
         doc="The trimmed polylines, with the cell and field arrays of the input, and the field array "

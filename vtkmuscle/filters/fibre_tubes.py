@@ -16,12 +16,11 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     Polylines,
     polylines_from,
-    polylines_of,
     set_cell_array,
     set_point_array,
 )
-from vtkmuscle.data.muscle_geometry import Surface, surface_of
-from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
+from vtkmuscle.data.muscle_geometry import Surface
+from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 #: Name of the point array of radii.
 RADIUS = "TubeRadius"
@@ -75,10 +74,8 @@ class FibreTubes(Filter):
         "fewer fibres (the first ones, which a template spreads evenly); 0: no limit.",
     )
 
-    fibres = InputPort(vtkPolyData, polylines_of, doc="Polylines.")
-    muscle = InputPort(
-        vtkPolyData, surface_of, optional=True, doc='Its volume is filled with ``radius_by="fill"``.'
-    )
+    fibres = ports.Lines(doc="Polylines.")
+    muscle = ports.Surface(optional=True, doc='Its volume is filled with ``radius_by="fill"``.')
     output = OutputPort(
         vtkPolyData,
         doc="Tubes, triangle strips with normals, with the arrays of the input on points and cells.",

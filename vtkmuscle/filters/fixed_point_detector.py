@@ -14,9 +14,8 @@ from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, set_point_array
 from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of
-from vtkmuscle.data.moving_bones import bones_of
-from vtkmuscle.data.muscle_geometry import Surface, surface_of
-from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
+from vtkmuscle.data.muscle_geometry import Surface
+from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
 
 class FixedPointDetector(Filter):
@@ -79,8 +78,8 @@ class FixedPointDetector(Filter):
         doc="Number of voxels along each axis of a bone's box, instead of n_voxels (collision).",
     )
 
-    muscle = InputPort(vtkPolyData, surface_of, doc="Triangles, in the rest pose.")
-    bones = InputPort(vtkMultiBlockDataSet, bones_of, doc="Named blocks of vtkPolyData, at rest.")
+    muscle = ports.Surface(doc="Triangles, in the rest pose.")
+    bones = ports.RestBones(doc="Named blocks of vtkPolyData, at rest.")
     attachments = InputPort(
         vtkMultiBlockDataSet,
         attachments_of,

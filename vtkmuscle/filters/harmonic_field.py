@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.morphing.isolines import attachment_field
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import set_point_array
-from vtkmuscle.data.attachments import ROLES, AttachmentArea, end_areas
-from vtkmuscle.data.muscle_geometry import Surface, surface_of
-from vtkmuscle.filters.base import Filter, InputPort, OutputPort
+from vtkmuscle.data.attachments import ROLES, AttachmentArea
+from vtkmuscle.data.muscle_geometry import Surface
+from vtkmuscle.filters.base import Filter, OutputPort, ports
 
 #: The point array's name.
 FIELD = "HarmonicField"
@@ -47,10 +47,8 @@ class HarmonicField(Filter):
     (0.0, 1.0)
     """
 
-    muscle = InputPort(vtkPolyData, surface_of, doc="The muscle's surface, triangles.")
-    attachments = InputPort(
-        vtkMultiBlockDataSet, end_areas, doc="Areas of both roles, landmarks near the muscle."
-    )
+    muscle = ports.Surface(doc="The muscle's surface, triangles.")
+    attachments = ports.Areas(doc="Areas of both roles, landmarks near the muscle.")
     output = OutputPort(
         vtkPolyData, doc="The muscle with the point array ``HarmonicField`` (from 0 at the origin to 1)."
     )

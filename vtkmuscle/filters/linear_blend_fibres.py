@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.bones.bone import bone_of, depth_in
 from vtkmuscle.core.errors import InputError
@@ -16,13 +16,12 @@ from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.data.arrays import (
     Polylines,
     checked_surface,
-    polylines_of,
     set_cell_array,
     set_field_array,
 )
-from vtkmuscle.data.moving_bones import MovingBones, moving_bones_of
+from vtkmuscle.data.moving_bones import MovingBones
 from vtkmuscle.data.pipeline_times import times_of
-from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 
 class LinearBlendFibres(Filter):
@@ -75,10 +74,8 @@ class LinearBlendFibres(Filter):
         str, default=None, doc="Bone of the fibres' last points; None: the last block."
     )
 
-    rest_fibres = InputPort(vtkPolyData, polylines_of, doc="Polylines at rest, origin to insertion.")
-    bones = InputPort(
-        vtkMultiBlockDataSet,
-        moving_bones_of,
+    rest_fibres = ports.Lines(doc="Polylines at rest, origin to insertion.")
+    bones = ports.MovingBones(
         doc="Named blocks with the field array ``Transform`` (16), rest to now.",
     )
     output = OutputPort(

@@ -27,7 +27,7 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.data.paths import paths_of
 from vtkmuscle.data.pipeline_times import times_of
-from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 from vtkmuscle.filters.base.time_path import input_at, requested_time, state_of_inputs
 
 #: Arrays of fibres that have their lengths of all times with them.
@@ -93,9 +93,7 @@ class MomentArms(Filter):
         doc="Unit of the pipeline's time, where that is the coordinate.",
     )
 
-    fibres = InputPort(
-        vtkPolyData,
-        polylines_of,
+    fibres = ports.Lines(
         doc="Polylines, the same number at each time step; or, without time steps, with the cell array "
         "``Lengths`` (n_fibres, f) [mm] and the field array ``Times`` (f,).",
     )

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.algorithm_2.solver import Algorithm2, State
@@ -17,14 +15,13 @@ from vtkmuscle.core.deformation.muscle import CarriedMuscle, Pose
 from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.rest_shape import ShapeReport
-from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import Polylines, polylines_of, set_field_array, set_point_array, with_points
+from vtkmuscle.core.types import Floats
+from vtkmuscle.data.arrays import Polylines, set_field_array, set_point_array, with_points
 from vtkmuscle.data.attachments import rings_by_bone
-from vtkmuscle.data.moving_bones import MovingBones, RestBones, moving_bones_of
-from vtkmuscle.data.muscle_geometry import Surface, surface_of
+from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_points_of
+from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.data.paths import path_arrays
-from vtkmuscle.data.superficial import checked_superficial
-from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort
+from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, ports
 from vtkmuscle.filters.deformer.neighbours import Neighbours
 from vtkmuscle.filters.deformer.quality import PUBLISHED
 from vtkmuscle.filters.deformer.settings import (
@@ -111,30 +108,22 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     True
     """
 
-    muscle = InputPort(
-        vtkPolyData,
-        surface_of,
+    muscle = ports.Surface(
         doc="Closed triangles in the rest pose, with the point array ``FixedTo``: -1 for a free point, else "
-        "the index of a bone's block.",
+        "the index of a bone's block."
     )
-    bones = InputPort(
-        vtkMultiBlockDataSet,
-        moving_bones_of,
+    bones = ports.MovingBones(
         doc="Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to "
         "now.",
     )
-    fibres = InputPort(
-        vtkPolyData, polylines_of, optional=True, doc="Polylines in the rest pose, for the paths."
-    )
+    fibres = ports.Lines(optional=True, doc="Polylines in the rest pose, for the paths.")
     neighbours = InputPort(
         vtkMultiBlockDataSet,
         optional=True,
         doc="Other muscles at the pipeline's time, out of which this one is kept: outputs of PBDDeformer, "
         "with the point array ``Displacement``.",
     )
-    superficial = InputPort(
-        vtkPolyData,
-        checked_superficial,
+    superficial = ports.SeenLines(
         optional=True,
         doc="Polylines on the muscle's surface in the rest pose, or near it: which edges run along the "
         "fibres in the report, and are soft in the published model.",
@@ -202,11 +191,18 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         given = FixedMuscle(
             muscle.points,
             muscle.triangles,
-            self._checked_fixed_to(muscle.array("FixedTo"), bones.names),
+            fixed_points_of(muscle, bones.names),
             None if fibres is None else (fibres.points, fibres.offsets),
             None if superficial is None else (superficial.points, superficial.offsets),
             rings_by_bone(attachments, bones.names, "attachments"),
         )
+        driven = self.quality == PUBLISHED and any(self.external_force)
+        if (given.fixed_to < 0).all() and not driven:
+            raise InputError(
+                "muscle",
+                "no point is fixed to a bone, so nothing would hold or move the muscle",
+                "detect fixed points by another method or distance",
+            )
         if not given.same_as(self._muscle):
             self._muscle, self._solver = given, None
             self.forget()
@@ -214,28 +210,6 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         if self._frames.done(self.path) and self._rest_from != first:
             self._take_rest(self.data_at("bones", bones, first))
         return self._result(muscle.data, self.frame((bones, neighbours), self._advance), bones.names)
-
-    def _checked_fixed_to(self, array: NDArray[Any], names: list[str]) -> Ints:
-        where = "muscle, point array 'FixedTo'"
-        if array.ndim != 1 or not np.isfinite(array).all() or (array != np.floor(array)).any():
-            raise InputError(where, "it must be one whole number per point", "FixedPointDetector makes it")
-        fixed_to = array.astype(np.int64)
-        bad = fixed_to[(fixed_to < -1) | (fixed_to >= len(names))]
-        if len(bad):
-            raise InputError(
-                where,
-                f"{bad[0]} is neither -1 (free) nor the index of one of the {len(names)} bones "
-                f"({', '.join(map(repr, names))})",
-                "detect the fixed points with these bones",
-            )
-        driven = self.quality == PUBLISHED and any(self.external_force)
-        if (fixed_to < 0).all() and not driven:
-            raise InputError(
-                where,
-                "no point is fixed to a bone, so nothing would hold or move the muscle",
-                "detect fixed points by another method or distance",
-            )
-        return fixed_to
 
     def _take_rest(self, bones: MovingBones) -> None:
         """Take the bones at rest from the first frame of the path, on which their last digits depend."""

@@ -6,7 +6,7 @@ import warnings
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.morphing.isolines import morph_by_isolines
@@ -17,11 +17,10 @@ from vtkmuscle.core.morphing.twist import Found, Twisting
 from vtkmuscle.core.recent import Recent
 from vtkmuscle.core.template.fitting import lie_opposite
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, field_array, polylines_of, set_field_array
-from vtkmuscle.data.attachments import AttachmentArea, end_areas
-from vtkmuscle.data.muscle_geometry import Surface, surface_of
-from vtkmuscle.data.superficial import checked_superficial
-from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
+from vtkmuscle.data.arrays import Polylines, field_array, set_field_array
+from vtkmuscle.data.attachments import AttachmentArea
+from vtkmuscle.data.muscle_geometry import Surface
+from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 from vtkmuscle.filters.harmonic_field import field_of, has_field
 
 #: Deviations of superficial fibres from which on a warning is given, root mean square [degrees].
@@ -131,27 +130,18 @@ class SliceMorpher(Filter):
         "counterclockwise seen from the insertion; not looked at where superficial fibres are connected.",
     )
 
-    template = InputPort(
-        vtkPolyData,
-        polylines_of,
+    template = ports.Lines(
         doc="Fibres in the muscle's box, with the field array ``Transform`` (16, unit cube to box).",
     )
-    muscle = InputPort(
-        vtkPolyData,
-        surface_of,
-        doc="The muscle's surface: triangles, closed; optionally with the point array ``HarmonicField``.",
+    muscle = ports.Surface(
+        doc="The muscle's surface: triangles, closed; optionally with the point array ``HarmonicField``."
     )
-    attachments = InputPort(
-        vtkMultiBlockDataSet,
-        end_areas,
+    attachments = ports.Areas(
         optional=True,
         doc="Areas of both roles; for the harmonic method only, of a muscle without ``HarmonicField``.",
     )
-    superficial = InputPort(
-        vtkPolyData,
-        checked_superficial,
-        optional=True,
-        doc="Polylines on the muscle's surface, or near it, from which the twist is found.",
+    superficial = ports.SeenLines(
+        optional=True, doc="Polylines on the muscle's surface, or near it, from which the twist is found."
     )
     output = OutputPort(
         vtkPolyData,

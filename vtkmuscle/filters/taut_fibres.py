@@ -12,12 +12,12 @@ from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.paths.sheet import POINTS, MusclePaths, PathState
-from vtkmuscle.data.arrays import Polylines, polylines_of, set_cell_array, set_field_array
+from vtkmuscle.data.arrays import Polylines, set_cell_array, set_field_array
 from vtkmuscle.data.attachments import rings_by_bone
-from vtkmuscle.data.moving_bones import MovingBones, RestBones, moving_bones_of
-from vtkmuscle.data.muscle_geometry import Surface, surface_of
+from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_points_of
+from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.data.paths import PATH_POINTS, path_arrays
-from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, Parameter
+from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, Parameter, ports
 
 
 class TautFibres(HistoryFilter[PathState]):
@@ -77,16 +77,12 @@ class TautFibres(HistoryFilter[PathState]):
         doc="Memory for poses kept to go back in time; the last two are kept even with 0.",
     )
 
-    rest_fibres = InputPort(vtkPolyData, polylines_of, doc="Polylines at rest, origin to insertion.")
-    rest_muscle = InputPort(
-        vtkPolyData,
-        surface_of,
+    rest_fibres = ports.Lines(doc="Polylines at rest, origin to insertion.")
+    rest_muscle = ports.Surface(
         doc="The muscle at rest, closed triangles, with the point array ``FixedTo``; an end of a fibre goes "
-        "with the bone of the fixed point nearest to it.",
+        "with the bone of the fixed point nearest to it."
     )
-    bones = InputPort(
-        vtkMultiBlockDataSet,
-        moving_bones_of,
+    bones = ports.MovingBones(
         doc="Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to "
         "now.",
     )
@@ -146,14 +142,10 @@ class TautFibres(HistoryFilter[PathState]):
         attachments: vtkMultiBlockDataSet | None,
     ) -> bool:
         """Take what the paths are made from; return whether that is another than before."""
-        fixed_to = np.array(muscle.array("FixedTo")).astype(np.int64)
-        if not ((fixed_to >= 0) & (fixed_to < len(names))).any():
-            raise InputError(
-                muscle.where,
-                f"no point is fixed to one of the bones ({', '.join(map(repr, names))}), so that the fibres' "
-                "ends have nothing to go with",
-                "detect the fixed points with these bones",
-            )
+        fixed_to = fixed_points_of(muscle, names)
+        if (fixed_to < 0).all():
+            problem = "no point is fixed to a bone, so that the fibres' ends have nothing to go with"
+            raise InputError(muscle.where, problem, "detect the fixed points with these bones")
         rings = rings_by_bone(attachments, names, "attachments")
         fibres = lines.points, lines.offsets
         given = FixedMuscle(muscle.points, muscle.triangles, fixed_to, fibres, rings=rings)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.morphing.superficial import SeenFibres, angle_to_nearest, seen_fibres
@@ -22,11 +22,10 @@ from vtkmuscle.core.template.fitting import (
     turned_cube,
 )
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import Polylines, field_array, polylines_of, set_field_array
-from vtkmuscle.data.attachments import ROLES, AttachmentArea, end_areas
-from vtkmuscle.data.muscle_geometry import Surface, surface_of
-from vtkmuscle.data.superficial import checked_superficial
-from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
+from vtkmuscle.data.arrays import Polylines, field_array, set_field_array
+from vtkmuscle.data.attachments import ROLES, AttachmentArea
+from vtkmuscle.data.muscle_geometry import Surface
+from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 
 class TemplateFitter(Filter):
@@ -95,16 +94,12 @@ class TemplateFitter(Filter):
     )
     mirror = Parameter(bool, default=False, doc="Mirror the template.")
 
-    template = InputPort(
-        vtkPolyData,
-        polylines_of,
-        doc="Fibres in the unit cube, with the field arrays ``OriginArea`` and ``InsertionArea``.",
+    template = ports.Lines(
+        doc="Fibres in the unit cube, with the field arrays ``OriginArea`` and ``InsertionArea``."
     )
-    muscle = InputPort(vtkPolyData, surface_of, doc="The muscle's surface, triangles.")
-    attachments = InputPort(vtkMultiBlockDataSet, end_areas, doc="Areas of both roles.")
-    superficial = InputPort(
-        vtkPolyData,
-        checked_superficial,
+    muscle = ports.Surface(doc="The muscle's surface, triangles.")
+    attachments = ports.Areas(doc="Areas of both roles.")
+    superficial = ports.SeenLines(
         optional=True,
         doc="Polylines on the muscle's surface, or near it, that the template's fibres are to follow.",
     )

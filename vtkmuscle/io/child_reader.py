@@ -38,7 +38,7 @@ def serve() -> None:
         _limit_memory(os.path.getsize(path))
         faulthandler.dump_traceback_later(longest, exit=True)
         try:
-            kind, said, content = _read(path, getattr(import_module(module), name)(), wanted)
+            kind, said, content = read(path, module, name, wanted=wanted)
         except MemoryError:
             kind, said, content = "", "it takes too much memory", b""
         faulthandler.cancel_dump_traceback_later()
@@ -58,8 +58,9 @@ def _limit_memory(size: int) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (min(_LEAST_MEMORY + _MEMORY_SIZES * size, there), hard))
 
 
-def _read(path: str, reader: Any, wanted: bool) -> tuple[str, str, bytes]:
+def read(path: str, module: str, name: str, *, wanted: bool) -> tuple[str, str, bytes]:
     """Return the class of what a file holds, what VTK said, and the data where they are wanted."""
+    reader: Any = getattr(import_module(module), name)()
     with vtk_messages() as messages:
         reader.SetFileName(os.fsencode(path))
         reader.UpdateInformation()

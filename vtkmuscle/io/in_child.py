@@ -1,7 +1,7 @@
 """Read files by VTK in a process of its own, for VTK may end the process that reads a damaged file.
 
 One process reads all files of a run: it starts with the first one, ends with this process, and where a file
-ends it the next file has a new one.
+ends it the next file has a new one. Programs that are no Python, such as ParaView, read files themselves.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 from threading import Lock
@@ -19,6 +20,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkIOLegacy import vtkPolyDataReader
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.io.child_reader import read
 from vtkmuscle.isolation import isolated_python
 
 #: The longest that the reading of a file may take, whatever its size [s], and what is read in a second of a
@@ -78,6 +80,12 @@ def check_in_child(path: Path, module: str, reader: str) -> None:
         raise InputError(path, "the file is damaged", "write it again")
 
 
+def _is_python() -> bool:
+    """Return whether this program is a Python to be started: ParaView names itself, or no file."""
+    program = Path(sys.executable or "-")
+    return program.name.startswith("python") and program.is_file()
+
+
 class _Child:
     """The process, where there is one."""
 
@@ -88,6 +96,8 @@ class _Child:
 
     def ask(self, path: Path, module: str, reader: str, *, wanted: bool) -> tuple[str, str, bytes]:
         """Return the class of what a file holds, what VTK said, and the data."""
+        if not _is_python():
+            return read(os.path.abspath(path), module, reader, wanted=wanted)
         longest = LONGEST + path.stat().st_size / _SPEED
         question = json.dumps([os.path.abspath(path), module, reader, longest, wanted])
         with self._lock:

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataObjectTypes, vtkMultiBlockDataSet
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataObjectTypes, vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithmOutput, vtkTrivialProducer
 from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 
 from vtkmuscle.core.words import shown
-from vtkmuscle.data.arrays import multiblock_from
-from vtkmuscle.data.attachments import attachments_from, is_areas
+from vtkmuscle.data.arrays import multiblock_from, polylines_of
+from vtkmuscle.data.attachments import attachments_from, end_areas, is_areas
+from vtkmuscle.data.moving_bones import bones_of, moving_bones_of
+from vtkmuscle.data.muscle_geometry import surface_of
+from vtkmuscle.data.superficial import checked_superficial
 
 if TYPE_CHECKING:
     from vtkmuscle.filters.base.filter import Filter
@@ -187,6 +191,15 @@ class InputPort(Port):
         if all(isinstance(block, vtkDataObject) for block in value.values()):
             return multiblock_from(dict(value))
         return _grouped(value)
+
+
+# Ports by what ``execute`` is given.
+Lines = partial(InputPort, vtkPolyData, polylines_of)
+Surface = partial(InputPort, vtkPolyData, surface_of)
+SeenLines = partial(InputPort, vtkPolyData, checked_superficial)
+Areas = partial(InputPort, vtkMultiBlockDataSet, end_areas)
+RestBones = partial(InputPort, vtkMultiBlockDataSet, bones_of)
+MovingBones = partial(InputPort, vtkMultiBlockDataSet, moving_bones_of)
 
 
 def source_of(value: Any) -> tuple[Any, int] | None:
