@@ -117,22 +117,8 @@ class FibreSource(Filter):
         aponeuroses: list[Aponeurosis] | None,
     ) -> vtkPolyData:
         """Return the fibres."""
-        fibres = self._fibres(muscle, attachments, superficial, aponeuroses)
-        mine, others = fibres.GetFieldData(), muscle.data.GetFieldData()
-        for number in range(others.GetNumberOfArrays()):
-            if not mine.HasArray(others.GetArrayName(number)):
-                mine.AddArray(others.GetAbstractArray(number))
-        return fibres
-
-    def _fibres(
-        self,
-        muscle: Surface,
-        attachments: vtkMultiBlockDataSet | None,
-        superficial: vtkPolyData | None,
-        aponeuroses: list[Aponeurosis] | None,
-    ) -> vtkPolyData:
         if aponeuroses is None and (self.course == "sections" or superficial is not None):
-            return self._by_sections(muscle, attachments, superficial)
+            return _passed_on(self._by_sections(muscle, attachments, superficial), muscle)
         if self.course == "sections":
             raise InputError(
                 "",
@@ -159,7 +145,7 @@ class FibreSource(Filter):
             result = self._straight(inside, departures > 0.0)
         set_field_array(result, "FilledShare", filled)
         set_field_array(result, "LeavingShare", leaving)
-        return result
+        return _passed_on(result, muscle)
 
     def _straight(self, fibres: Floats, bent: Bools) -> vtkPolyData:
         count, size = fibres.shape[:2]
@@ -188,6 +174,15 @@ class FibreSource(Filter):
         result: vtkPolyData = FibreSmoother()(trimmed, surface, attachments)
         set_field_array(result, "Course", "sections")
         return result
+
+
+def _passed_on(fibres: vtkPolyData, muscle: Surface) -> vtkPolyData:
+    """Return fibres with the field arrays of their muscle that they have none of their own for."""
+    mine, others = fibres.GetFieldData(), muscle.data.GetFieldData()
+    for number in range(others.GetNumberOfArrays()):
+        if not mine.HasArray(others.GetArrayName(number)):
+            mine.AddArray(others.GetAbstractArray(number))
+    return fibres
 
 
 def _missing() -> InputError:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -26,7 +25,6 @@ from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.data.arrays import Polylines, field_array, set_cell_array, set_field_array
 from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.data.paths import PATH_POINTS, add_paths
-from vtkmuscle.data.pipeline_times import times_of
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
 #: Fibre points whose weights are computed together: bounds the steps of progress and the time to abort.
@@ -213,9 +211,7 @@ class FibreTransport(Filter):
     _rest: _Rest | None = None
     _tendons: tuple[tuple[Floats, Floats], Tendons] | None = None
 
-    def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
-        """Pass on the times of the deformed muscle: the rest state has none."""
-        return times_of(inputs_information[2]) or None
+    times_from = "deformed_muscle"
 
     def execute(
         self,

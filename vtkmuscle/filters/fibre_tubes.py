@@ -110,14 +110,16 @@ class FibreTubes(Filter):
         return result
 
     def _check_arrays(self, data: vtkPolyData) -> None:
-        if self.radius_by == "array" and self.radius_array is None:
-            raise InputError("", "radius_by is 'array', but radius_array names none")
         wanted = {"colour_by": self.colour_by}
         if self.radius_by == "array":
+            if self.radius_array is None:
+                raise InputError("", "radius_by is 'array', but radius_array names none")
             wanted["radius_array"] = self.radius_array
+        owners = (data.GetPointData(), data.GetCellData())
+        names = [owner.GetArrayName(i) for owner in owners for i in range(owner.GetNumberOfArrays())]
         for parameter, name in wanted.items():
-            if name is not None and not _has(data, name):
-                have = ", ".join(_names(data)) or "(none)"
+            if name not in (None, *names):
+                have = ", ".join(map(repr, names)) or "(none)"
                 raise InputError("", f"{parameter} is {name!r}, but the fibres have the arrays {have}")
 
     def _radii(self, data: vtkPolyData, lines: Polylines, muscle: Surface | None) -> Floats:
@@ -169,12 +171,3 @@ def _first_lines(data: vtkPolyData, lines: Polylines, count: int) -> vtkPolyData
     if data.GetPointData().HasArray(RADIUS):
         part.GetPointData().SetActiveScalars(RADIUS)
     return part
-
-
-def _has(data: vtkPolyData, name: str) -> bool:
-    return bool(data.GetPointData().HasArray(name) or data.GetCellData().HasArray(name))
-
-
-def _names(data: vtkPolyData) -> list[str]:
-    both = (data.GetPointData(), data.GetCellData())
-    return [repr(owner.GetArrayName(i)) for owner in both for i in range(owner.GetNumberOfArrays())]

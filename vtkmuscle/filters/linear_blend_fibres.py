@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -20,7 +18,6 @@ from vtkmuscle.data.arrays import (
     set_field_array,
 )
 from vtkmuscle.data.moving_bones import MovingBones
-from vtkmuscle.data.pipeline_times import times_of
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 
@@ -84,9 +81,7 @@ class LinearBlendFibres(Filter):
         "(n_fibres,) [mm], and the field array ``BlendA``.",
     )
 
-    def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
-        """Pass on the times of the bones: the rest state has none."""
-        return times_of(inputs_information[1]) or None
+    times_from = "bones"
 
     def execute(self, rest_fibres: Polylines, bones: MovingBones) -> vtkPolyData:
         """Return the fibres now."""

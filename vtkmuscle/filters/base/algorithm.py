@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSet
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkDemandDrivenPipeline
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.data.pipeline_times import announce_times
+from vtkmuscle.data.pipeline_times import announce_times, times_of
 from vtkmuscle.data.provenance import add_provenance, provenance_entry
 from vtkmuscle.filters.base.failure_messages import silence_after_failure
 from vtkmuscle.filters.base.interrupts import interrupts_deferred
@@ -29,6 +29,8 @@ class Algorithm(VTKPythonAlgorithmBase):
     input_ports: ClassVar[tuple[InputPort, ...]] = ()
     output_ports: ClassVar[tuple[OutputPort, ...]] = ()
 
+    #: Name of the input port whose time steps are announced, where it is not the first one.
+    times_from: ClassVar[str | None] = None
     #: Pipeline time of the request being executed; None where the pipeline has no time.
     request_time: float | None = None
     #: What VTKPythonAlgorithmBase writes.
@@ -53,7 +55,10 @@ class Algorithm(VTKPythonAlgorithmBase):
 
     def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
         """Time steps that the output announces; None passes on what the first input announces."""
-        return None
+        if self.times_from is None:
+            return None
+        number = [port.name for port in self.input_ports].index(self.times_from)
+        return times_of(inputs_information[number]) or None
 
     def parameters(self) -> dict[str, Any]:
         """Return the parameters by name."""

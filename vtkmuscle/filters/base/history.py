@@ -27,6 +27,10 @@ class HistoryFilter(Filter, Generic[Frame]):
     moving: ClassVar[tuple[str, ...]]
     checkpoint_memory: Parameter[float]
 
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        cls.times_from = cls.moving[0]
+
     def __init__(self, **settings: Any) -> None:
         self._frames: Checkpoints[Frame] = Checkpoints()
         self._made_with: object = None
@@ -83,10 +87,6 @@ class HistoryFilter(Filter, Generic[Frame]):
         """Report which part (0 to 1) of the frame that is being computed is done."""
         done, count = self._done
         self.report_progress((done + part) / count)
-
-    def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
-        """Return the time steps that the first moving input announces."""
-        return times_of(inputs_information[self._number_of(self.moving[0])]) or None
 
     def RequestUpdateExtent(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Ask for the moving inputs at the first time whose frame is not known yet.
