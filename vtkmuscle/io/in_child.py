@@ -119,7 +119,7 @@ class _Child:
             code = process.wait()
         if time.monotonic() - began >= longest:
             raise InputError(path, f"the file was not read within {longest:.0f} s", _REMEDY)
-        name = signal.Signals(-code).name if code < 0 else "an error"
+        name = signal.Signals(-code).name if code < 0 else f"exit code {code}"
         problem = f"the file is damaged, or takes too much memory: VTK's reader ended with {name}"
         raise InputError(path, problem, _REMEDY)
 
@@ -128,8 +128,10 @@ class _Child:
         if self._process is None or self._owner != os.getpid() or self._process.poll() is not None:
             self.close()
             self._owner = os.getpid()
+            # The package may be where no other code is loaded from: the folder that somebody works in.
+            root = str(Path(__file__).parents[2])
             self._process = subprocess.Popen(
-                isolated_python("from vtkmuscle.io.child_reader import serve\nserve()"),
+                isolated_python(f"sys.path.append({root!r})\nfrom {read.__module__} import serve\nserve()"),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
