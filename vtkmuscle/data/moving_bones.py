@@ -145,9 +145,15 @@ class RestBones:
     """Bones in the rest pose as obstacles, found by taking back the motion of moving bones.
 
     Errors name the port ``bones``.
+
+    Parameters
+    ----------
+    owner : str
+        Class of the filter, named in warnings.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, owner: str) -> None:
+        self._owner = owner
         self._obstacles: dict[str, Obstacle] = {}
         #: State of each bone's points, and its transform, when they were last found to agree.
         self._checked: dict[str, tuple[int, bytes]] = {}
@@ -195,11 +201,12 @@ class RestBones:
             points, triangles = checked_surface(bone, where)
             rest = apply_transform(inverse(bones.transforms[index]), points)
             old = kept.get(name)
+            name_of = f"{self._owner}: {where}"
             new: Obstacle
             if collision == "voxel":
-                new = VoxelObstacle(index, rest, triangles, n_max=n_max, n_equal=n_equal, name=where)
+                new = VoxelObstacle(index, rest, triangles, n_max=n_max, n_equal=n_equal, name=name_of)
             else:
-                new = DistanceObstacle(index, rest, triangles, skin=skin, name=where)
+                new = DistanceObstacle(index, rest, triangles, skin=skin, name=name_of)
             self._obstacles[name] = old if old is not None and new.same_as(old) else new
 
     def depths(self, points: Floats, transforms: Floats) -> Floats:

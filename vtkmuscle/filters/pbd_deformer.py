@@ -158,7 +158,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         self._muscle: FixedMuscle | None = None
         self._solver: CarriedMuscle | Algorithm2 | None = None
         self._made_from: tuple[object, ...] = ()
-        self._rest_bones = RestBones()
+        self._rest_bones = RestBones(type(self).__name__)
         self._neighbours: Neighbours | None = None
         self._rest_from: float | None = None
         super().__init__(**settings)

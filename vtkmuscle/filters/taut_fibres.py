@@ -104,7 +104,7 @@ class TautFibres(HistoryFilter[PathState]):
     moving = ("bones",)
 
     def __init__(self, **settings: Any) -> None:
-        self._rest_bones = RestBones()
+        self._rest_bones = RestBones(type(self).__name__)
         self._paths: MusclePaths | None = None
         self._rest: FixedMuscle | None = None
         super().__init__(**settings)

@@ -55,7 +55,9 @@ def _limit_memory(size: int) -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
-    resource.setrlimit(resource.RLIMIT_AS, (min(_LEAST_MEMORY + _MEMORY_SIZES * size, there), hard))
+    most = min(_LEAST_MEMORY + _MEMORY_SIZES * size, there)
+    if hard == resource.RLIM_INFINITY or most < hard:
+        resource.setrlimit(resource.RLIMIT_AS, (most, hard))
 
 
 def read(path: str, module: str, name: str, *, wanted: bool) -> tuple[str, str, bytes]:
