@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import os
 import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -19,6 +18,7 @@ import numpy as np
 from made import ATLAS, note
 
 from vtkmuscle import Scene, SceneError
+from vtkmuscle.core.processors import processors
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.phantoms.hip_joint import HipShape, varied_hip
 from vtkmuscle.studies.cohort import Study, run_study
@@ -80,7 +80,7 @@ def write_study(out: Path, count: int, frames: int) -> Path:
     out.mkdir(parents=True, exist_ok=True)
     drawn = shapes(count)
     names = [f"hip{number:03d}" for number in range(count)]
-    with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(processors(), mp_context=get_context("spawn")) as pool:
         jobs = [
             pool.submit(write_hip, out / "hips" / name, one, frames)
             for name, one in zip(names, drawn, strict=True)

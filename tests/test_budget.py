@@ -15,9 +15,9 @@ ROOT = Path(vtkmuscle.__file__).parent
 
 #: Most lines of code of each package: those that it had when they were last counted, and 2 %.
 BUDGETS = {
-    "accuracy": 297,  # 291: errors that a run states of its results
-    "cli": 873,  # 856: the command line
-    "core": 10701,  # 10492: the mathematics; 9500 is what it is to come to
+    "accuracy": 296,  # 291: errors that a run states of its results
+    "cli": 873,  # 866: the command line
+    "core": 10701,  # 10529: the mathematics; 9500 is what it is to come to
     "core/accuracy": 68,  # 67: errors by parts
     "core/algorithm_2": 200,  # 197: the published solver
     "core/attachments": 390,  # 383: areas and fixed points
@@ -31,19 +31,19 @@ BUDGETS = {
     "core/motion": 370,  # 363: rigid motions and coordinates
     "core/paths": 1495,  # 1466: the sheet of paths, and the muscle that it takes along
     "core/template": 339,  # 333: templates of fibres
-    "data": 903,  # 886: VTK to arrays and back
+    "data": 967,  # 950: VTK to arrays and back; 60 are what ports deliver, which filters had
     "fetch": 326,  # 320: public data
-    "filters": 3823,  # 3749: VTK filters; FibreField is 84 of them
-    "io": 1970,  # 1967: readers and writers; notes of arrays at any depth are 23 of them
+    "filters": 3558,  # 3489: VTK filters; FibreField is 75 of them
+    "io": 1801,  # 1792: readers and writers
     "opensim": 2367,  # 2321: joints, OpenSim and MuJoCo, in and out
     "paraview": 392,  # 385: the plugin
     "phantoms": 1361,  # 1335: bodies with known answers; pennate_belly is 57 of them
     "pipelines": 212,  # 210: filters connected
     "plotting": 1214,  # 1191: figures
-    "report": 856,  # 848: the page of a run
-    "run": 2890,  # 2834: a run of a scene
-    "scene": 1976,  # 1959: scene.toml
-    "studies": 1866,  # 1830: scenes varied and run: errors, sensitivity, trade-off, cohorts
+    "report": 855,  # 839: the page of a run
+    "run": 2711,  # 2658: a run of a scene
+    "scene": 2030,  # 1991: scene.toml
+    "studies": 1866,  # 1832: scenes varied and run: errors, sensitivity, trade-off, cohorts
     "view": 175,  # 172: the viewer
 }
 

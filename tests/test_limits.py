@@ -16,7 +16,6 @@ from vtkmuscle.cli import BAD_INPUT, app
 from vtkmuscle.core.template.template_files import read_template
 from vtkmuscle.filters import FibreTemplateSource, FibreTubes, PBDDeformer
 from vtkmuscle.io import read_landmarks, read_motion_table, read_polydata
-from vtkmuscle.io.vtp_check import check_vtp
 from vtkmuscle.run.memory import VARIABLE
 
 MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
@@ -228,7 +227,7 @@ def test_sizes_beyond_all_memory_are_seen_in_the_file(tmp_path):
     piece = '<Piece NumberOfPoints="9999999999999999999"/>'
     (tmp_path / "a.vtp").write_text(f'<VTKFile type="PolyData"><PolyData>{piece}</PolyData></VTKFile>')
     with pytest.raises(ValueError, match="NumberOfPoints"):
-        check_vtp(tmp_path / "a.vtp")
+        read_polydata(tmp_path / "a.vtp")
 
 
 def test_what_is_done_before_the_first_frame_grows_no_faster_than_the_motion(tmp_path):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.data.arrays import Polylines, polylines_of, with_polylines
-from vtkmuscle.filters import Filter, InputPort, OutputPort, Parameter
+from vtkmuscle.data.arrays import Polylines
+from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 
 class FibreCropper(Filter):
@@ -31,14 +31,12 @@ class FibreCropper(Filter):
         float, default=0.25, minimum=0.0, maximum=0.45, doc="What is cut off at each end, of the length."
     )
 
-    fibres = InputPort(vtkPolyData, doc="Polylines.")
+    fibres = ports.Lines(doc="Polylines.")
     output = OutputPort(vtkPolyData, doc="The polylines with new ends, as many points each as before.")
 
-    def execute(self, fibres: vtkPolyData) -> vtkPolyData:
+    def execute(self, fibres: Polylines) -> vtkPolyData:
         """Return the cut fibres."""
-        lines = polylines_of(fibres, "FibreCropper: fibres")
-        cut = [self._cut(lines.line(i)) for i in range(len(lines))]
-        return with_polylines(fibres, Polylines(np.vstack(cut), lines.offsets))
+        return fibres.moved(np.vstack([self._cut(fibres.line(i)) for i in range(len(fibres))]))
 
     def _cut(self, line: np.ndarray) -> np.ndarray:
         steps = np.linalg.norm(np.diff(line, axis=0), axis=1)

@@ -25,7 +25,6 @@ from vtkmuscle.data.arrays import (
     surface_from,
     triangles_of,
     with_points,
-    with_polylines,
 )
 from vtkmuscle.data.attachments import (
     AttachmentArea,
@@ -142,22 +141,22 @@ def test_polylines_that_share_points_get_their_own():
     np.testing.assert_array_equal(lines.line(1)[:, 1], [0, 1, 2])
 
 
-def test_with_polylines_puts_point_arrays_in_the_order_of_the_lines():
+def test_a_copy_of_lines_puts_point_arrays_in_the_order_of_the_lines():
     data = lines_with_shared_points()
     set_point_array(data, "id", np.arange(5))
     set_cell_array(data, "FibreId", np.array([10, 11]))
     set_field_array(data, "Transform", np.arange(16.0))
-    result = with_polylines(data, polylines_of(data, "here"))
+    result = polylines_of(data, "here").copy()
     np.testing.assert_array_equal(point_array(result, "id", "here"), [2, 1, 0, 1, 3, 4])
     np.testing.assert_array_equal(cell_array(result, "FibreId", "here"), [10, 11])
     np.testing.assert_array_equal(field_array(result, "Transform"), np.arange(16.0))
 
 
-def test_with_polylines_of_other_lengths_drops_point_arrays_only():
+def test_lines_of_other_lengths_drops_point_arrays_only():
     data = lines_with_shared_points()
     set_point_array(data, "id", np.arange(5))
     set_cell_array(data, "FibreId", np.array([10, 11]))
-    result = with_polylines(data, Polylines(np.zeros((5, 3)), np.array([0, 2, 5])))
+    result = polylines_of(data, "here").moved(np.zeros((5, 3)), np.array([0, 2, 5]))
     assert not result.GetPointData().HasArray("id")
     np.testing.assert_array_equal(cell_array(result, "FibreId", "here"), [10, 11])
 

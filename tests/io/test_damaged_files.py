@@ -14,9 +14,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from mutations import mutated, read_all
 from tiny_scene import ellipsoid
 
-from vtkmuscle.data.arrays import points_of, set_field_array, set_point_array, triangles_of
-from vtkmuscle.io import read_polydata, write_vtkhdf
-from vtkmuscle.io.vtp_check import check_vtp
+from vtkmuscle.data.arrays import field_string, points_of, set_field_array, set_point_array, triangles_of
+from vtkmuscle.io import in_child, read_polydata, write_vtkhdf
 
 TRIANGLE = """ply
 format ascii 1.0
@@ -92,13 +91,12 @@ def test_whole_files_of_every_kind_are_read(tmp_path, kind):
         assert np.allclose(
             found.GetPointData().GetArray("Height"), expected.GetPointData().GetArray("Height")
         )
-        check_vtp(write(tmp_path, kind))
 
 
 def test_a_vtp_file_of_a_compression_that_there_is_not_is_refused(tmp_path):
     path = write(tmp_path, "vtp-raw zlib")
     path.write_bytes(path.read_bytes().replace(b"vtkZLibDataCompressor", b"vtkBrotDataCompressor"))
-    with pytest.raises(ValueError, match="compressed by 'vtkBrotDataCompressor', which no VTK file is"):
+    with pytest.raises(ValueError, match="vtkBrotDataCompressor"):
         read_polydata(path)
 
 
@@ -133,7 +131,10 @@ def test_a_ply_file_with_more_in_it_is_read(tmp_path):
         ({"face": "3 0 1 -1"}, "names vertex -1"),
         ({"face": "255 0 1 2"}, "list of 255"),
         ({"face": "2 0 1"}, "has 2 corners"),
-        ({"face": "3 0 1 2.5"}, "something else than a number"),
+        ({"face": "3 0 1 2.5"}, "something else than a whole number"),
+        ({"face": "3 0 1 nan"}, "something else than a whole number"),
+        ({"face": "nan 0 1 2"}, "cannot convert float NaN"),
+        ({"face": "3 0 1 two"}, "could not convert string"),
         ({"face": ""}, "too short"),
         ({"vertices": "1000000000000"}, "too short"),
         ({"vertices": "100000000"}, "too short"),
@@ -182,8 +183,40 @@ def test_entities_and_bombs_are_refused_without_taking_memory(tmp_path):
     start = content.index(b"_", at) + 1
     last = (2**31 - 1).to_bytes(4, "little")  # what the last block is said to unpack to
     path.write_bytes(content[: start + 8] + last + content[start + 12 :])
-    with pytest.raises(ValueError, match=r"cut short|must be"):
+    with pytest.raises(ValueError, match="cut short"):
         read_polydata(path)
+
+
+def test_a_small_file_that_claims_to_be_huge_is_refused(tmp_path):
+    path = tmp_path / "a.vtk"
+    head = b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\n"
+    path.write_bytes(head + b"POINTS 999999999999 double\n1 2 3\n")
+    with pytest.raises(ValueError, match=r"a\.vtk: .* (takes too much memory|cannot be read)"):
+        read_polydata(path)
+
+
+def test_a_file_that_is_not_read_in_time_is_refused_and_the_next_one_is_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(in_child, "LONGEST", 0.5)
+    endless = tmp_path / "a.vtk"  # VTK asks for each of the texts, beyond the end of the file
+    head = b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\n"
+    endless.write_bytes(head + b"FIELD F 1\nR 1 2147483647 string\nabc\n")
+    with pytest.raises(ValueError, match=r"a\.vtk: .*(not read within|too much memory)"):
+        read_polydata(endless)
+    monkeypatch.undo()
+    assert read_polydata(write(tmp_path, "vtk-ascii")).GetNumberOfPolys()
+
+
+def test_what_is_read_in_another_process_has_all_its_arrays(tmp_path):
+    data = surface()
+    set_field_array(data, "Ähnlich <&>", 'a "name"\nof two lines')
+    writer = vtkPolyDataWriter()
+    writer.SetInputData(data)
+    writer.SetFileName(str(tmp_path / "a.vtk"))
+    writer.SetFileTypeToBinary()
+    writer.Write()
+    found = read_polydata(tmp_path / "a.vtk")
+    assert field_string(found, "Ähnlich <&>") == 'a "name"\nof two lines'
+    np.testing.assert_array_equal(points_of(found), points_of(data))
 
 
 def damaged(folder, kinds, count, seed):

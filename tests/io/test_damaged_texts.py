@@ -12,6 +12,7 @@ import pytest
 import test_io_msf as trees
 
 from vtkmuscle.io import landmarks_of, read_landmarks, read_msf
+from vtkmuscle.io.xml_elements import read_xml
 from vtkmuscle.opensim import read_motion_file, read_osim
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -88,3 +89,17 @@ def test_a_file_without_damage_is_used(tmp_path):
     for name, content in KINDS.items():
         (tmp_path / name).write_bytes(content)
         assert use(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("middle", "words"), [("<b/>", "one of more than 1000000 elements"), ("x<b/>", ""), ("x\n", "")]
+)
+def test_large_xml_files_are_read_in_time_that_grows_with_them_or_refused(tmp_path, middle, words):
+    path = tmp_path / "a.osim"
+    count = 1_100_000 if words else 300_000
+    path.write_text("<a>" + count * middle + "</a>")
+    if words:
+        with pytest.raises(ValueError, match=words):
+            read_xml(path)
+    else:
+        assert len(read_xml(path).text) == count * len(middle.replace("<b/>", ""))

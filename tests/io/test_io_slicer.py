@@ -75,6 +75,14 @@ def test_nrrd_lists_of_all_encodings_are_the_same(tmp_path, encoding):
     np.testing.assert_array_equal(read_landmarks(path)[0], OTHER_SIDE)
 
 
+@pytest.mark.parametrize("line", ["\n", "\r\n"])
+def test_bytes_of_nrrd_numbers_that_end_lines_elsewhere_are_numbers(tmp_path, line):
+    points = np.frombuffer(b"\r\n\r\n\n\n\x14@" * 9, dtype="<f8").reshape(3, 3)
+    head = line.join(["NRRD0004", "type: double", "sizes: 3 3", "endian: little", "encoding: raw", "", ""])
+    path = written(tmp_path, "F.nrrd", head.encode() + points.tobytes() + b"\n")  # with a byte too many
+    np.testing.assert_array_equal(read_landmarks(path)[0], points)
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -116,6 +124,7 @@ def test_plain_tables_may_have_names(tmp_path, text):
         ("a.nrrd", "NRRD0004\ntype: double\nsizes: 10 10 10\nencoding: raw\n\n", "not an image"),
         ("a.nrrd", "NRRD0004\ntype: double\nsizes: 3 3\nencoding: raw\n\nabc", "0 numbers, but 9"),
         ("a.nrrd", "NRRD0004\ntype: double\nsizes: 3 3\nencoding: gzip\n\nabc", "damaged"),
+        ("a.nrrd", "NRRD0004\ntype: double\nsizes: 3 3\nencoding: raw\nbyte skip: 4\n\nabc", "without skips"),
         ("a.nrrd", "PNG", "not NRRD"),
         ("a.txt", "1,2,3", "landmarks are read from"),
     ],

@@ -128,7 +128,9 @@ def test_a_fault_while_writing_leaves_the_old_file(tmp_path):
     ("name", "content", "words"),
     [
         ("m.pvd", "<VTKFile><Collection/></VTKFile>", "lists no time step"),
-        ("m.pvd", "no xml", "no ParaView collection"),
+        ("m.pvd", "no xml", "the file is not XML"),
+        ("m.pvd", "<VTKFile/>", "has no Collection"),
+        ("m.pvd", "<VTKFile><Collection><DataSet/></Collection></VTKFile>", "no ParaView collection"),
         ("m.vtkhdf", "no hdf", "no VTKHDF file"),
         ("m.vtp", "", "read from .pvd or .vtkhdf"),
     ],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
@@ -109,10 +109,13 @@ class Polylines:
         Positions.
     offsets : (k + 1,) int array
         First point of each line, and n.
+    data : vtkPolyData or None
+        Where they are from.
     """
 
     points: Floats
     offsets: Ints
+    data: vtkPolyData | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
         return len(self.offsets) - 1
@@ -120,6 +123,28 @@ class Polylines:
     def line(self, i: int) -> Floats:
         """Return the points of line i, a view."""
         return self.points[self.offsets[i] : self.offsets[i + 1]]
+
+    def moved(self, points: Floats, offsets: Ints | None = None) -> vtkPolyData:
+        """Return as many lines with other points, and the cell and field data of where they are from.
+
+        Point data is kept where the number of points of every line is the same as before.
+        """
+        data: Any = self.data
+        offsets = self.offsets if offsets is None else offsets
+        result = polylines_from(Polylines(points, offsets))
+        result.GetCellData().ShallowCopy(data.GetCellData())
+        result.GetFieldData().ShallowCopy(data.GetFieldData())
+        if np.array_equal(self.offsets, offsets):
+            order = vtk_to_numpy(data.GetLines().GetConnectivityArray())
+            for i in range(data.GetPointData().GetNumberOfArrays()):
+                array = data.GetPointData().GetArray(i)
+                if array is not None:
+                    set_point_array(result, array.GetName(), vtk_to_numpy(array)[order])
+        return result
+
+    def copy(self) -> vtkPolyData:
+        """Return the lines with all arrays of where they are from, to add more to."""
+        return self.moved(self.points)
 
 
 def polylines_of(data: vtkPolyData, where: str) -> Polylines:
@@ -140,7 +165,7 @@ def polylines_of(data: vtkPolyData, where: str) -> Polylines:
     points = points_of(data)[vtk_to_numpy(lines.GetConnectivityArray())]
     if not np.isfinite(points).all():
         raise InputError(where, "some points are not finite", "correct them")
-    return Polylines(points, np.array(vtk_to_numpy(lines.GetOffsetsArray()), dtype=np.int64))
+    return Polylines(points, np.array(vtk_to_numpy(lines.GetOffsetsArray()), dtype=np.int64), data)
 
 
 def polylines_from(lines: Polylines) -> vtkPolyData:
@@ -149,24 +174,6 @@ def polylines_from(lines: Polylines) -> vtkPolyData:
     data.SetPoints(vtk_points(lines.points))
     data.SetLines(_cells(lines.offsets, np.arange(len(lines.points))))
     return data
-
-
-def with_polylines(data: vtkPolyData, lines: Polylines) -> vtkPolyData:
-    """Return polylines that keep the cell and field data of another set of as many lines.
-
-    Point data is kept where the number of points of every line is the same as before.
-    """
-    copy = polylines_from(lines)
-    copy.GetCellData().ShallowCopy(data.GetCellData())
-    copy.GetFieldData().ShallowCopy(data.GetFieldData())
-    cells = data.GetLines()
-    if np.array_equal(vtk_to_numpy(cells.GetOffsetsArray()), lines.offsets):
-        order = vtk_to_numpy(cells.GetConnectivityArray())
-        for i in range(data.GetPointData().GetNumberOfArrays()):
-            array = data.GetPointData().GetArray(i)
-            if array is not None:
-                set_point_array(copy, array.GetName(), vtk_to_numpy(array)[order])
-    return copy
 
 
 def set_point_array(data: Any, name: str, values: NDArray[Any]) -> None:

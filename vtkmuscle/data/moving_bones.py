@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.bones.bone import depth_in
 from vtkmuscle.core.collision.distance_obstacle import DistanceObstacle
@@ -12,8 +15,9 @@ from vtkmuscle.core.collision.obstacles import Obstacle, VoxelObstacle
 from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import apply_transform, inverse, is_rigid
-from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import checked_surface, field_array
+from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array
+from vtkmuscle.data.muscle_geometry import Surface
 
 #: How far a bone's points may be off its transform, as a part of its size and distance from the origin
 #: (coordinates may be float32).
@@ -24,6 +28,65 @@ _AT_REST = np.eye(4).tobytes()
 
 #: Points of a bone that are looked at to see whether it moved with its transform.
 SAMPLE_SIZE = 100
+
+
+def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
+    """Return the bones of a data set by name, in the order of their blocks.
+
+    Parameters
+    ----------
+    data : vtkMultiBlockDataSet
+        Named blocks.
+    where : str
+        Named in errors, e.g. ``"PBDDeformer: bones"``.
+
+    Returns
+    -------
+    dict of str to vtkPolyData
+        The i-th item is block i, to which ``FixedTo`` and the like refer.
+
+    Raises
+    ------
+    ValueError
+        If a block is not a vtkPolyData, two have the same name, or a point is not finite.
+    """
+    bones: dict[str, vtkPolyData] = {}
+    for name, block in blocks_of(data):
+        if not isinstance(block, vtkPolyData):
+            kind = "empty" if block is None else f"a {block.GetClassName()}"
+            raise InputError(where, f"block {name!r} is {kind}, but a bone is a vtkPolyData")
+        if name in bones:
+            raise InputError(where, f"two blocks are named {name!r}", "give each bone a name of its own")
+        if block.GetPoints() is not None and not np.isfinite(vtk_to_numpy(block.GetPoints().GetData())).all():
+            raise InputError(where, f"block {name!r} has points that are not finite", "correct its file")
+        bones[name] = block
+    return bones
+
+
+class MovingBones(NamedTuple):
+    """Bones at a time.
+
+    Attributes
+    ----------
+    surfaces : dict of str to vtkPolyData
+        By name, in the order of their blocks.
+    transforms : (b, 4, 4) array
+        Rest to now.
+    """
+
+    surfaces: dict[str, vtkPolyData]
+    transforms: Floats
+
+    @property
+    def names(self) -> list[str]:
+        """In the order of their blocks."""
+        return list(self.surfaces)
+
+
+def moving_bones_of(data: vtkMultiBlockDataSet, where: str) -> MovingBones:
+    """Return bones and where they are; raises as :func:`bones_of` and :func:`transforms_of` do."""
+    bones = bones_of(data, where)
+    return MovingBones(bones, transforms_of(bones, where))
 
 
 def transforms_of(bones: dict[str, vtkPolyData], where: str) -> Floats:
@@ -54,17 +117,43 @@ def transforms_of(bones: dict[str, vtkPolyData], where: str) -> Floats:
     return transforms
 
 
+def fixed_points_of(muscle: Surface, bones: Sequence[str]) -> Ints:
+    """Return the point array ``FixedTo`` of a muscle, (n,): -1 for a free point, else a bone's number.
+
+    Raises
+    ------
+    ValueError
+        If there is none, or it has other numbers.
+    """
+    array = muscle.array("FixedTo")
+    where = f"{muscle.where}, point array 'FixedTo'"
+    if array.ndim != 1 or not np.isfinite(array).all() or (array != np.floor(array)).any():
+        raise InputError(where, "it must be one whole number per point", "FixedPointDetector makes it")
+    fixed_to = array.astype(np.int64)
+    bad = fixed_to[(fixed_to < -1) | (fixed_to >= len(bones))]
+    if len(bad):
+        raise InputError(
+            where,
+            f"{bad[0]} is neither -1 (free) nor the index of one of the {len(bones)} bones "
+            f"({', '.join(map(repr, bones))})",
+            "detect the fixed points with these bones",
+        )
+    return fixed_to
+
+
 class RestBones:
     """Bones in the rest pose as obstacles, found by taking back the motion of moving bones.
 
+    Errors name the port ``bones``.
+
     Parameters
     ----------
-    where : str
-        Named in errors, e.g. ``"PBDDeformer: bones"``.
+    owner : str
+        Class of the filter, named in warnings.
     """
 
-    def __init__(self, where: str) -> None:
-        self._where = where
+    def __init__(self, owner: str) -> None:
+        self._owner = owner
         self._obstacles: dict[str, Obstacle] = {}
         #: State of each bone's points, and its transform, when they were last found to agree.
         self._checked: dict[str, tuple[int, bytes]] = {}
@@ -76,8 +165,7 @@ class RestBones:
 
     def take(
         self,
-        bones: dict[str, vtkPolyData],
-        transforms: Floats,
+        bones: MovingBones,
         *,
         collision: str,
         skin: float = 0.0,
@@ -90,10 +178,8 @@ class RestBones:
 
         Parameters
         ----------
-        bones : dict of str to vtkPolyData
+        bones : MovingBones
             Bones now.
-        transforms : (b, 4, 4) array
-            Rest to now.
         collision : str
             ``"sdf"`` or ``"voxel"``.
         skin : float
@@ -110,16 +196,17 @@ class RestBones:
         """
         kept, self._obstacles = self._obstacles, {}
         self._checked.clear()
-        for index, (name, bone) in enumerate(bones.items()):
-            where = f"{self._where}, block {name!r}"
+        for index, (name, bone) in enumerate(bones.surfaces.items()):
+            where = f"bones, block {name!r}"
             points, triangles = checked_surface(bone, where)
-            rest = apply_transform(inverse(transforms[index]), points)
+            rest = apply_transform(inverse(bones.transforms[index]), points)
             old = kept.get(name)
+            name_of = f"{self._owner}: {where}"
             new: Obstacle
             if collision == "voxel":
-                new = VoxelObstacle(index, rest, triangles, n_max=n_max, n_equal=n_equal, name=where)
+                new = VoxelObstacle(index, rest, triangles, n_max=n_max, n_equal=n_equal, name=name_of)
             else:
-                new = DistanceObstacle(index, rest, triangles, skin=skin, name=where)
+                new = DistanceObstacle(index, rest, triangles, skin=skin, name=name_of)
             self._obstacles[name] = old if old is not None and new.same_as(old) else new
 
     def depths(self, points: Floats, transforms: Floats) -> Floats:
@@ -139,7 +226,7 @@ class RestBones:
         """
         return depth_in(((one.shape, transforms[one.bone]) for one in self.obstacles), points)
 
-    def check(self, bones: dict[str, vtkPolyData], transforms: Floats) -> None:
+    def check(self, bones: MovingBones) -> None:
         """Check that each bone is its rest geometry moved by its transform, at a sample of its points.
 
         Raises
@@ -147,13 +234,14 @@ class RestBones:
         ValueError
             If one is not: its obstacle would be somewhere else than the bone.
         """
-        for index, (name, bone) in enumerate(bones.items()):
-            state = bone.GetPoints().GetMTime(), transforms[index].tobytes()
+        for index, (name, bone) in enumerate(bones.surfaces.items()):
+            transform = bones.transforms[index]
+            state = bone.GetPoints().GetMTime(), transform.tobytes()
             if self._checked.get(name) == state:
                 continue
             rest = self._obstacles[name].points
             sample = np.linspace(0, len(rest) - 1, min(len(rest), SAMPLE_SIZE)).astype(np.int64)
-            expected = apply_transform(transforms[index], rest[sample])
+            expected = apply_transform(transform, rest[sample])
             off = np.inf
             if bone.GetNumberOfPoints() == len(rest):
                 now = vtk_to_numpy(bone.GetPoints().GetData())[sample]
@@ -161,7 +249,7 @@ class RestBones:
             scale = float(np.ptp(expected, axis=0).max()) + float(np.abs(expected).max())
             if not off <= RIGIDITY_TOLERANCE * scale:
                 raise InputError(
-                    f"{self._where}, block {name!r}",
+                    f"bones, block {name!r}",
                     "its points are not its rest points moved by its 'Transform'",
                     "move bones with BoneMotion, or set collision to 'off'",
                 )

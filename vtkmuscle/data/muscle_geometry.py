@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.attachments.patches import attachment_patch
 from vtkmuscle.core.errors import InputError, placed
@@ -19,7 +21,7 @@ from vtkmuscle.core.mesh.topology import opposite_half_edges
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.morphing.sections import ClosedSurface
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import checked_surface
+from vtkmuscle.data.arrays import blocks_of, checked_surface, point_array
 from vtkmuscle.data.attachments import AttachmentArea
 
 T = TypeVar("T")
@@ -97,7 +99,7 @@ class MuscleGeometry:
             key, lambda: attachment_patch(self.points, self.triangles, area.landmarks, area.closed)
         )
 
-    def attached(self, areas: Sequence[AttachmentArea], role: str, where: str) -> Ints:
+    def attached(self, areas: Sequence[AttachmentArea], role: str) -> Ints:
         """Return the ids of the points that all areas of a role cover together, ascending.
 
         Raises
@@ -107,10 +109,10 @@ class MuscleGeometry:
         """
         patches = []
         for number, area in enumerate(area for area in areas if area.role == role):
-            with placed(f"{where}: {role} area {number}"):
+            with placed(f"attachments: {role} area {number}"):
                 patches.append(self.patch(area))
         if not patches:
-            raise InputError(where, f"there is no area with the role {role!r}")
+            raise InputError("attachments", f"there is no area with the role {role!r}")
         return np.unique(np.concatenate(patches))
 
     def once(self, key: Hashable, find: Callable[[], T]) -> T:
@@ -137,6 +139,57 @@ class MuscleGeometry:
             # Up to a power of two: another number of fibres then needs none of its own.
             self._samples = samples_inside(self.solids.inside, self.points, 2 ** (count - 1).bit_length())
         return self._samples[:count]
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A surface of triangles as a filter takes it.
+
+    Attributes
+    ----------
+    data : vtkPolyData
+        With its arrays.
+    points : (n, 3) array
+        Finite [mm].
+    triangles : (m, 3) int array
+        Point ids.
+    where : str
+        Named in errors.
+    """
+
+    data: vtkPolyData
+    points: Floats
+    triangles: Ints
+    where: str
+
+    @property
+    def geometry(self) -> MuscleGeometry:
+        """What is known of the surface: :func:`muscle_geometry`."""
+        return _geometry(self.points, self.triangles)
+
+    def closed(self, why: str) -> MuscleGeometry:
+        """Return what is known of the surface; an InputError with a reason where it is open."""
+        if self.geometry.n_open_edges:
+            raise InputError(
+                self.where,
+                f"the surface has {self.geometry.n_open_edges} open edge(s), {why}",
+                "close its holes, and merge equal points (vtkCleanPolyData)",
+            )
+        return self.geometry
+
+    def array(self, name: str) -> NDArray[Any]:
+        """Return a point array as a read-only view; an InputError where there is none."""
+        return point_array(self.data, name, self.where)
+
+
+def surface_of(data: vtkPolyData, where: str) -> Surface:
+    """Return a surface as a filter takes it; raises as :func:`muscle_geometry` does."""
+    return Surface(data, *checked_surface(data, where), where)
+
+
+def surfaces_of(data: vtkMultiBlockDataSet, where: str) -> list[Surface]:
+    """Return the surfaces of a data set's blocks; raises as :func:`muscle_geometry` does."""
+    return [surface_of(block, f"{where}, block {name!r}") for name, block in blocks_of(data)]
 
 
 def muscle_geometry(surface: vtkPolyData, where: str) -> MuscleGeometry:

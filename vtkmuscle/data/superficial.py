@@ -6,8 +6,6 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.morphing.superficial import SeenFibres, seen_fibres
-from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, polylines_of
 
 
@@ -34,9 +32,3 @@ def checked_superficial(data: vtkPolyData, where: str) -> Polylines:
             "digitise two points or more of each",
         )
     return lines
-
-
-def superficial_fibres(data: vtkPolyData, where: str, points: Floats) -> SeenFibres:
-    """Return superficial fibres of a muscle with the points (n, 3) in pieces; raises as the above does."""
-    lines = checked_superficial(data, where)
-    return seen_fibres(lines.points, lines.offsets, points)

@@ -18,9 +18,7 @@ from typing import Any
 
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of, via_rings_of
 from vtkmuscle.data.provenance import provenance_of
-from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.filters.base.ports import InputPort, OutputPort
+from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
 
 #: Names beside those of the filters.
 _OTHERS = (

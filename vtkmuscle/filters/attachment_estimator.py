@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
-from vtkmuscle.core.errors import placed
 from vtkmuscle.data.attachments import attachments_from
 from vtkmuscle.data.estimated_areas import NEAR, estimated_areas
-from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.filters.base.ports import InputPort, OutputPort
-from vtkmuscle.filters.bone_motion import bones_of
+from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
 
 class AttachmentEstimator(Filter):
@@ -58,7 +54,7 @@ class AttachmentEstimator(Filter):
     )
 
     muscle = InputPort(vtkPolyData, doc="Triangles, in the rest pose.")
-    bones = InputPort(vtkMultiBlockDataSet, doc="Named blocks of vtkPolyData, at rest.")
+    bones = ports.RestBones(doc="Named blocks of vtkPolyData, at rest.")
     output = OutputPort(
         vtkMultiBlockDataSet,
         doc="Attachments: a block per area, a closed polyline through its landmarks, with the field arrays "
@@ -66,11 +62,9 @@ class AttachmentEstimator(Filter):
         "another bone, 1 where no other is near.",
     )
 
-    def execute(self, muscle: vtkPolyData, bones: vtkMultiBlockDataSet) -> vtkMultiBlockDataSet:
+    def execute(self, muscle: vtkPolyData, bones: dict[str, vtkPolyData]) -> vtkMultiBlockDataSet:
         """Return the areas."""
-        surfaces = bones_of(bones, "AttachmentEstimator: bones")
-        with placed("AttachmentEstimator"):
-            areas = estimated_areas(
-                muscle, surfaces, within=self.distance, origin=self.origin, insertion=self.insertion
-            )
+        areas = estimated_areas(
+            muscle, bones, within=self.distance, origin=self.origin, insertion=self.insertion
+        )
         return attachments_from(areas)

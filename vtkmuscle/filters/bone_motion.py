@@ -1,4 +1,4 @@
-"""BoneMotion: bones at a time of a rigid motion."""
+"""bones at a time of a rigid motion."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonTransforms import vtkTransform
 from vtkmodules.vtkFiltersGeneral import vtkTransformFilter
@@ -15,9 +14,8 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import blocks_of, multiblock_from, set_field_array
-from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.filters.base.ports import InputPort, OutputPort
+from vtkmuscle.data.moving_bones import bones_of
+from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter
 
 
 class BoneMotion(Filter):
@@ -67,7 +65,7 @@ class BoneMotion(Filter):
         state = [(name, block, block and block.GetMTime()) for name, block in blocks_of(bones)]
         if self._at_rest is None or self._at_rest[0] != state:
             self._at_rest = None
-            blocks = bones_of(bones, "BoneMotion: bones")
+            blocks = bones_of(bones, "bones")
             # To ask VTK to move a block modifies it: the copies are asked for that.
             blocks = {name: _moved(bone, None) for name, bone in blocks.items()}
             self._at_rest = state, blocks, multiblock_from(blocks)
@@ -76,7 +74,7 @@ class BoneMotion(Filter):
         unknown = sorted(set(transforms) - set(blocks))
         if unknown:
             raise InputError(
-                "BoneMotion",
+                "",
                 f"the motion moves {', '.join(map(repr, unknown))}, but the bones are "
                 f"{', '.join(map(repr, blocks))}",
                 "rename the block or the motion's bone",
@@ -94,39 +92,6 @@ class BoneMotion(Filter):
             return {}
         assert self.request_time is not None  # the filter announces the motion's times
         return self.motion.at(self.request_time)
-
-
-def bones_of(data: vtkMultiBlockDataSet, where: str) -> dict[str, vtkPolyData]:
-    """Return the bones of a data set by name, in the order of their blocks.
-
-    Parameters
-    ----------
-    data : vtkMultiBlockDataSet
-        Named blocks.
-    where : str
-        Named in errors, e.g. ``"PBDDeformer: bones"``.
-
-    Returns
-    -------
-    dict of str to vtkPolyData
-        The i-th item is block i, to which ``FixedTo`` and the like refer.
-
-    Raises
-    ------
-    ValueError
-        If a block is not a vtkPolyData, two have the same name, or a point is not finite.
-    """
-    bones: dict[str, vtkPolyData] = {}
-    for name, block in blocks_of(data):
-        if not isinstance(block, vtkPolyData):
-            kind = "empty" if block is None else f"a {block.GetClassName()}"
-            raise InputError(where, f"block {name!r} is {kind}, but a bone is a vtkPolyData")
-        if name in bones:
-            raise InputError(where, f"two blocks are named {name!r}", "give each bone a name of its own")
-        if block.GetPoints() is not None and not np.isfinite(vtk_to_numpy(block.GetPoints().GetData())).all():
-            raise InputError(where, f"block {name!r} has points that are not finite", "correct its file")
-        bones[name] = block
-    return bones
 
 
 def _moved(bone: vtkPolyData, transform: Floats | None) -> vtkPolyData:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkDataSet
 from vtkmodules.vtkFiltersCore import vtkCellCenters, vtkMaskPoints
 
 from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.fibres.direction_field import DirectionField
 from vtkmuscle.core.types import Bools, Floats
-from vtkmuscle.data.arrays import points_of, polylines_of, set_cell_array, set_point_array
-from vtkmuscle.data.muscle_geometry import muscle_geometry
-from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.filters.base.ports import InputPort, OutputPort
+from vtkmuscle.data.arrays import Polylines, points_of, set_cell_array, set_point_array
+from vtkmuscle.data.muscle_geometry import Surface
+from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
 #: Positions between two reports of progress.
 AT_ONCE = 8192
@@ -65,19 +63,18 @@ class FibreField(Filter):
     mesh = InputPort(
         vtkDataSet, doc="Cells of any kind (a .vtu of tetrahedra), image data, rectilinear grid, or polydata."
     )
-    fibres = InputPort(vtkPolyData, doc="Polylines, each from its origin to its insertion.")
-    muscle = InputPort(vtkPolyData, optional=True, doc="The muscle's surface: triangles, closed.")
+    fibres = ports.Lines(doc="Polylines, each from its origin to its insertion.")
+    muscle = ports.Surface(optional=True, doc="The muscle's surface: triangles, closed.")
     output = OutputPort(
         vtkDataSet,
         doc="The mesh with cell or point arrays: ``FibreDirection`` (3, unit vectors, at a cell's centre), "
         "``FibreDistance`` to the nearest fibre [mm] and ``InMuscle`` (uint8: 1 in the muscle, 0 outside).",
     )
 
-    def execute(self, mesh: vtkDataSet, fibres: vtkPolyData, muscle: vtkPolyData | None) -> vtkDataSet:
+    def execute(self, mesh: vtkDataSet, fibres: Polylines, muscle: Surface | None) -> vtkDataSet:
         """Return the mesh with the directions."""
-        lines = polylines_of(fibres, "FibreField: fibres")
-        with placed("FibreField: fibres"):
-            field = DirectionField(lines.points, lines.offsets)
+        with placed("fibres"):
+            field = DirectionField(fibres.points, fibres.offsets)
         positions = self._positions(mesh)
         directions, distances = np.empty_like(positions), np.empty(len(positions))
         for start in range(0, len(positions), AT_ONCE):
@@ -87,9 +84,9 @@ class FibreField(Filter):
         inside = distances <= SPACINGS * field.spacing if muscle is None else _in_muscle(positions, muscle)
         if not inside.any():
             raise InputError(
-                "FibreField: mesh",
+                "mesh",
                 f"none of its {len(positions)} {self.at} is in the muscle; they are in {_box(positions)}, "
-                f"the fibres in {_box(lines.points)}",
+                f"the fibres in {_box(fibres.points)}",
                 "bring both to the same place and unit of length",
             )
         result = mesh.NewInstance()
@@ -112,22 +109,16 @@ class FibreField(Filter):
         seeker.Update()
         positions = points_of(seeker.GetOutput())
         if not count:
-            raise InputError("FibreField: mesh", f"it has no {self.at}")
+            raise InputError("mesh", f"it has no {self.at}")
         if len(positions) != count or not np.isfinite(positions).all():
             wrong = "points are not finite" if len(positions) == count else "cells have no points"
-            raise InputError("FibreField: mesh", f"some of its {wrong}", "correct them, or leave them out")
+            raise InputError("mesh", f"some of its {wrong}", "correct them, or leave them out")
         return positions
 
 
-def _in_muscle(positions: Floats, muscle: vtkPolyData) -> Bools:
+def _in_muscle(positions: Floats, muscle: Surface) -> Bools:
     """Return which positions (n, 3) are in a muscle or on its surface."""
-    geometry = muscle_geometry(muscle, "FibreField: muscle")
-    if geometry.n_open_edges:
-        raise InputError(
-            "FibreField: muscle",
-            f"the surface has {geometry.n_open_edges} open edge(s), and so no inside",
-            "close its holes, and merge equal points (vtkCleanPolyData)",
-        )
+    geometry = muscle.closed("and so no inside")
     inside = geometry.solids.inside(positions)
     outside, rounding = np.flatnonzero(~inside), ON_SURFACE * np.abs(geometry.points).max()
     inside[outside] = geometry.solids.distances(positions[outside]) <= rounding

@@ -28,21 +28,15 @@ from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     Polylines,
-    blocks_of,
     cell_array,
-    checked_surface,
-    polylines_of,
     set_cell_array,
     set_field_array,
     set_point_array,
-    with_polylines,
 )
-from vtkmuscle.data.attachments import end_areas
+from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.inner_areas import inner_areas
-from vtkmuscle.data.muscle_geometry import muscle_geometry
-from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.filters.base.ports import InputPort, OutputPort
+from vtkmuscle.data.muscle_geometry import Surface, surfaces_of
+from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
 #: Points of the centroid path.
 PATH_POINTS = 21
@@ -97,11 +91,12 @@ class FibreMetrics(Filter):
         doc="Number of cross-sections in which fibres are counted, evenly along the centroid path.",
     )
 
-    fibres = InputPort(vtkPolyData, doc="Polylines; the cell array ``RestLength`` [mm] where there is one.")
-    muscle = InputPort(vtkPolyData, optional=True, doc="The surface that the fibres end on.")
-    bones = InputPort(vtkMultiBlockDataSet, optional=True, doc="Bones in the pose of the fibres.")
-    attachments = InputPort(
-        vtkMultiBlockDataSet,
+    fibres = ports.Lines(doc="Polylines; the cell array ``RestLength`` [mm] where there is one.")
+    muscle = ports.Surface(optional=True, doc="The surface that the fibres end on.")
+    bones = InputPort(
+        vtkMultiBlockDataSet, surfaces_of, optional=True, doc="Bones in the pose of the fibres."
+    )
+    attachments = ports.Areas(
         optional=True,
         doc="Areas in the pose of the fibres; what those within the muscle span counts as its surface.",
     )
@@ -123,44 +118,42 @@ class FibreMetrics(Filter):
 
     def execute(
         self,
-        fibres: vtkPolyData,
-        muscle: vtkPolyData | None,
-        bones: vtkMultiBlockDataSet | None,
-        attachments: vtkMultiBlockDataSet | None,
+        fibres: Polylines,
+        muscle: Surface | None,
+        bones: list[Surface] | None,
+        attachments: list[AttachmentArea] | None,
     ) -> vtkPolyData:
         """Return the fibres with their measures."""
-        lines = polylines_of(fibres, "FibreMetrics: fibres")
-        lengths = polyline_lengths(lines.points, lines.offsets)
-        result = with_polylines(fibres, lines)
+        lengths = polyline_lengths(fibres.points, fibres.offsets)
+        result = fibres.copy()
         set_cell_array(result, "Length", lengths)
-        set_cell_array(result, "Tortuosity", _tortuosity(lines, lengths))
-        if fibres.GetCellData().HasArray("RestLength"):
-            set_cell_array(result, "Strain", _strain(fibres, lengths))
+        set_cell_array(result, "Tortuosity", _tortuosity(fibres, lengths))
+        if result.GetCellData().HasArray("RestLength"):
+            set_cell_array(result, "Strain", _strain(result, lengths))
         if muscle is not None:
-            origin, insertion = self._pennation(lines, muscle, attachments)
+            origin, insertion = self._pennation(fibres, muscle, attachments)
             set_cell_array(result, "PennationOrigin", origin)
             set_cell_array(result, "PennationInsertion", insertion)
         if bones is not None:
-            set_cell_array(result, "Penetration", self._penetration(lines, bones))
+            set_cell_array(result, "Penetration", self._penetration(fibres, bones))
         if self.curvature:
-            at_points, mean, largest = polyline_curvatures(lines.points, lines.offsets)
+            at_points, mean, largest = polyline_curvatures(fibres.points, fibres.offsets)
             set_point_array(result, "Curvature", at_points)
             set_cell_array(result, "CurvatureMean", mean)
             set_cell_array(result, "CurvatureMax", largest)
         if self.architecture or self.sections:
-            self._measure_muscle(result, lines, lengths, muscle)
+            self._measure_muscle(result, fibres, lengths, muscle)
         set_field_array(result, "LengthMean", lengths.mean())
         set_field_array(result, "LengthSD", lengths.std())
         return result
 
     def _pennation(
-        self, lines: Polylines, muscle: vtkPolyData, attachments: vtkMultiBlockDataSet | None
+        self, lines: Polylines, muscle: Surface, areas: list[AttachmentArea] | None
     ) -> tuple[Floats, Floats]:
         """Return the angles between fibres and the surface at their ends, (k,) each [degrees]."""
-        points, triangles = checked_surface(muscle, "FibreMetrics: muscle")
-        if attachments is not None:
-            areas = end_areas(attachments, "FibreMetrics: attachments")
-            inner, faces = inner_areas(areas, muscle_geometry(muscle, "FibreMetrics: muscle"))
+        points, triangles = muscle.points, muscle.triangles
+        if areas is not None:
+            inner, faces = inner_areas(areas, muscle.geometry)
             triangles = np.vstack([triangles, faces + len(points)])
             points = np.vstack([points, inner])
         # Of the frame before, where there is one: the muscle has bent, and is the same.
@@ -170,44 +163,34 @@ class FibreMetrics(Filter):
         if not have_area(points, triangles[faces]).all():
             triangles = triangles[have_area(points, triangles)]
             if not len(triangles):
-                raise InputError("FibreMetrics: muscle", "no triangle has an area, and so a direction")
+                raise InputError("muscle", "no triangle has an area, and so a direction")
             faces, places, _ = triangle_tree(points, triangles).nearest(ends)
         runs = np.vstack(end_directions(lines.points, lines.offsets))
         sines = np.abs((runs * smooth_normals(points, triangles, faces, places)).sum(axis=1))
         angles = np.degrees(np.arcsin(np.minimum(sines, 1.0)))
         return angles[: len(lines)], angles[len(lines) :]
 
-    def _penetration(self, lines: Polylines, bones: vtkMultiBlockDataSet) -> Floats:
+    def _penetration(self, lines: Polylines, bones: list[Surface]) -> Floats:
         """Return how deep the deepest point of each fibre is in a bone, (k,)."""
         # Kept, for those that stand still need not be looked at again in the next frame.
-        self._shapes = [
-            bone_of(*checked_surface(bone, f"FibreMetrics: bones, block {name!r}"))
-            for name, bone in blocks_of(bones)
-        ]
+        self._shapes = [bone_of(bone.points, bone.triangles) for bone in bones]
         depths = depth_in(((bone, np.eye(4)) for bone in self._shapes), lines.points)
         deepest: Floats = np.maximum.reduceat(depths, lines.offsets[:-1])
         return deepest
 
     def _measure_muscle(
-        self, result: vtkPolyData, lines: Polylines, lengths: Floats, muscle: vtkPolyData | None
+        self, result: vtkPolyData, lines: Polylines, lengths: Floats, muscle: Surface | None
     ) -> None:
         name = "architecture" if self.architecture else "sections"
         if muscle is None:
-            raise InputError("FibreMetrics", f"{name} needs a muscle, but the port 'muscle' is not connected")
-        points, triangles = checked_surface(muscle, "FibreMetrics: muscle")
-        open_edges = muscle_geometry(muscle, "FibreMetrics: muscle").n_open_edges
-        if open_edges:
-            raise InputError(
-                "FibreMetrics",
-                f"{name} needs a closed muscle, but the surface has {open_edges} open edge(s)",
-                "close its holes, and merge equal points (vtkCleanPolyData)",
-            )
+            raise InputError("", f"{name} needs a muscle, but the port 'muscle' is not connected")
+        muscle.closed(f"but {name} needs a closed one")
         if not lengths.max() > 0.0:
-            raise InputError("FibreMetrics", f"{name} needs fibres, but none of them has a length")
+            raise InputError("", f"{name} needs fibres, but none of them has a length")
         if self.architecture:
             direction = line_of_action(lines.points, lines.offsets)
             angles = angles_to(lines.points, lines.offsets, direction)
-            volume = abs(signed_volume(points, triangles))
+            volume = abs(signed_volume(muscle.points, muscle.triangles))
             area, along = physiological_cross_section(volume, lengths, angles)
             set_cell_array(result, "LineAngle", angles)
             set_field_array(result, "MuscleVolume", volume)
@@ -220,7 +203,7 @@ class FibreMetrics(Filter):
             places, normals = path[1::2], path[2::2] - path[:-1:2]
             lengths = np.linalg.norm(normals, axis=1, keepdims=True)
             normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
-            areas = section_areas(points, triangles, places, normals)
+            areas = section_areas(muscle.points, muscle.triangles, places, normals)
             planes = zip(places, normals, strict=True)
             counts = np.array([plane_crossings(lines.points, lines.offsets, *plane) for plane in planes])
             density = np.divide(counts, areas, out=np.zeros(len(areas)), where=areas > 0)
@@ -238,17 +221,17 @@ def _tortuosity(lines: Polylines, lengths: Floats) -> Floats:
 
 
 def _strain(fibres: vtkPolyData, lengths: Floats) -> Floats:
-    rest = np.asarray(cell_array(fibres, "RestLength", "FibreMetrics: fibres"), dtype=np.float64)
+    rest = np.asarray(cell_array(fibres, "RestLength", "fibres"), dtype=np.float64)
     if rest.shape != lengths.shape:
         raise InputError(
-            "FibreMetrics: fibres",
+            "fibres",
             f"the cell array 'RestLength' has the shape {rest.shape}, but there are {len(lengths)} fibres",
             "FibreTransport makes it",
         )
     bad = np.flatnonzero(~(np.isfinite(rest) & (rest >= 0)))
     if len(bad):
         raise InputError(
-            "FibreMetrics: fibres",
+            "fibres",
             f"the rest length of fibre {bad[0]} is {rest[bad[0]]}, but must be finite and not negative",
         )
     strain: Floats = np.divide(lengths - rest, rest, out=np.zeros_like(lengths), where=rest > 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.course import smooth_about_course
@@ -15,19 +15,10 @@ from vtkmuscle.core.mesh.polylines import smooth_polylines
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
 from vtkmuscle.core.recent import Recent
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import (
-    Polylines,
-    field_array,
-    field_string,
-    polylines_of,
-    set_cell_array,
-    with_polylines,
-)
-from vtkmuscle.data.attachments import end_areas
-from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
-from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.filters.base.ports import InputPort, OutputPort
+from vtkmuscle.data.arrays import Polylines, field_array, field_string, set_cell_array
+from vtkmuscle.data.attachments import ROLES, AttachmentArea
+from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
+from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 #: Positions in the muscle by which fibres are spread: for each fibre, and at least.
 SAMPLES, LEAST_SAMPLES = 64, 2048
@@ -88,12 +79,10 @@ class FibreSmoother(Filter):
         "them or more got other ends; else 0.",
     )
 
-    fibres = InputPort(vtkPolyData, doc="Polylines, any number of points each.")
-    muscle = InputPort(vtkPolyData, optional=True, doc="Closed triangles that the fibres stay in.")
-    attachments = InputPort(
-        vtkMultiBlockDataSet,
-        optional=True,
-        doc="Areas on which the fibres' ends may move as fibres are spread.",
+    fibres = ports.Lines(doc="Polylines, any number of points each.")
+    muscle = ports.Surface(optional=True, doc="Closed triangles that the fibres stay in.")
+    attachments = ports.Areas(
+        optional=True, doc="Areas on which the fibres' ends may move as fibres are spread."
     )
     output = OutputPort(
         vtkPolyData,
@@ -102,29 +91,27 @@ class FibreSmoother(Filter):
     )
 
     def execute(
-        self, fibres: vtkPolyData, muscle: vtkPolyData | None, attachments: vtkMultiBlockDataSet | None
+        self, fibres: Polylines, muscle: Surface | None, attachments: list[AttachmentArea] | None
     ) -> vtkPolyData:
         """Return the smoothed fibres."""
-        lines = polylines_of(fibres, "FibreSmoother: fibres")
+        points, offsets = fibres.points, fibres.offsets
         if muscle is not None:
-            geometry = muscle_geometry(muscle, "FibreSmoother: muscle")
             spreading = self.spreading
             if spreading is None:
-                spreading = SPREADING if _fill_the_muscle(fibres) else 0.0
-            points = self._in_muscle(lines, spreading, geometry, _areas(attachments, geometry))
+                spreading = SPREADING if _fill_the_muscle(fibres.data) else 0.0
+            areas = _areas(attachments, muscle.geometry)
+            smoothed = self._in_muscle(fibres, spreading, muscle.geometry, areas)
         elif attachments is not None:
             raise InputError(
-                "FibreSmoother",
+                "",
                 "attachments are areas on the muscle, but the port 'muscle' is not connected",
                 "connect the muscle",
             )
         else:
-            points = smooth_polylines(
-                lines.points, lines.offsets, self.smoothing_weight, self.smoothing_passes
-            )
-        result = with_polylines(fibres, Polylines(points, lines.offsets))
-        before = polyline_lengths(lines.points, lines.offsets)
-        set_cell_array(result, "LengthChange", polyline_lengths(points, lines.offsets) - before)
+            smoothed = smooth_polylines(points, offsets, self.smoothing_weight, self.smoothing_passes)
+        result = fibres.moved(smoothed)
+        change = polyline_lengths(smoothed, offsets) - polyline_lengths(points, offsets)
+        set_cell_array(result, "LengthChange", change)
         return result
 
     def _in_muscle(
@@ -165,20 +152,14 @@ def _cloud(geometry: MuscleGeometry, count: int) -> Cloud | None:
     return found
 
 
-def _fill_the_muscle(fibres: vtkPolyData) -> bool:
+def _fill_the_muscle(fibres: vtkPolyData | None) -> bool:
     """Return whether nothing is known of the course of fibres but that they fill the muscle."""
     kept = field_array(fibres, "EndsKept")
     return field_string(fibres, "Template") == "parallel" or (kept is not None and float(kept.min()) <= 0.5)
 
 
-def _areas(
-    attachments: vtkMultiBlockDataSet | None, geometry: MuscleGeometry
-) -> Sequence[TriangleTree | None]:
+def _areas(areas: list[AttachmentArea] | None, geometry: MuscleGeometry) -> Sequence[TriangleTree | None]:
     """Return the origin's and the insertion's triangles, None where fibre ends stay where they are."""
-    if attachments is None:
+    if areas is None:
         return None, None
-    areas = end_areas(attachments, "FibreSmoother: attachments")
-    return [
-        geometry.patch_tree(geometry.attached(areas, role, "FibreSmoother: attachments"))
-        for role in ("origin", "insertion")
-    ]
+    return [geometry.patch_tree(geometry.attached(areas, role)) for role in ROLES]

@@ -9,7 +9,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.between_areas import EndSurface, bent_inside, filled_share, straight_fibres
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Bools, Floats
-from vtkmuscle.data.aponeuroses import aponeuroses_of
+from vtkmuscle.data.aponeuroses import Aponeurosis, aponeuroses_of
 from vtkmuscle.data.arrays import (
     Polylines,
     polylines_from,
@@ -19,10 +19,8 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.data.attachments import ROLES, end_areas
 from vtkmuscle.data.end_surfaces import aponeurosis_surfaces, attached_surface, check_sides
-from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
-from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.filters.base.ports import InputPort, OutputPort
+from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
+from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 from vtkmuscle.filters.fibre_smoother import FibreSmoother
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.filters.fibre_trimmer import FibreTrimmer
@@ -88,7 +86,7 @@ class FibreSource(Filter):
         doc="How fibres run: straight from area to area, through sections, or whichever suits the muscle.",
     )
 
-    muscle = InputPort(vtkPolyData, doc="The muscle's surface: triangles, closed.")
+    muscle = ports.Surface(doc="The muscle's surface: triangles, closed.")
     attachments = InputPort(
         vtkMultiBlockDataSet, optional=True, doc="Areas of both roles; not needed between aponeuroses."
     )
@@ -97,6 +95,7 @@ class FibreSource(Filter):
     )
     aponeuroses = InputPort(
         vtkMultiBlockDataSet,
+        aponeuroses_of,
         optional=True,
         doc="What fibres end on, in place of the attachment areas: a block for each ring on the muscle's "
         "surface or surface within it, with the field array ``Side`` (``proximal`` or ``distal``).",
@@ -112,42 +111,22 @@ class FibreSource(Filter):
 
     def execute(
         self,
-        muscle: vtkPolyData,
+        muscle: Surface,
         attachments: vtkMultiBlockDataSet | None,
         superficial: vtkPolyData | None,
-        aponeuroses: vtkMultiBlockDataSet | None,
+        aponeuroses: list[Aponeurosis] | None,
     ) -> vtkPolyData:
         """Return the fibres."""
-        fibres = self._fibres(muscle, attachments, superficial, aponeuroses)
-        mine, others = fibres.GetFieldData(), muscle.GetFieldData()
-        for number in range(others.GetNumberOfArrays()):
-            if not mine.HasArray(others.GetArrayName(number)):
-                mine.AddArray(others.GetAbstractArray(number))
-        return fibres
-
-    def _fibres(
-        self,
-        muscle: vtkPolyData,
-        attachments: vtkMultiBlockDataSet | None,
-        superficial: vtkPolyData | None,
-        aponeuroses: vtkMultiBlockDataSet | None,
-    ) -> vtkPolyData:
         if aponeuroses is None and (self.course == "sections" or superficial is not None):
-            return self._by_sections(muscle, attachments, superficial)
+            return _passed_on(self._by_sections(muscle, attachments, superficial), muscle)
         if self.course == "sections":
             raise InputError(
-                "FibreSource",
+                "",
                 "course='sections' leads fibres from attachment area to attachment area, but aponeuroses are "
                 "connected",
                 "use course='auto' or 'straight', or leave the aponeuroses out",
             )
-        geometry = muscle_geometry(muscle, "FibreSource: muscle")
-        if geometry.n_open_edges:
-            raise InputError(
-                "FibreSource: muscle",
-                f"the surface has {geometry.n_open_edges} open edge(s), and so no inside to keep fibres in",
-                "close its holes, and merge equal points (vtkCleanPolyData)",
-            )
+        geometry = muscle.closed("and so no inside to keep fibres in")
         origin, insertion = _ends(geometry, attachments, aponeuroses)
         self.report_progress(0.2)
         fibres = straight_fibres(origin, insertion, self.n_fibres, self.resolution)
@@ -166,7 +145,7 @@ class FibreSource(Filter):
             result = self._straight(inside, departures > 0.0)
         set_field_array(result, "FilledShare", filled)
         set_field_array(result, "LeavingShare", leaving)
-        return result
+        return _passed_on(result, muscle)
 
     def _straight(self, fibres: Floats, bent: Bools) -> vtkPolyData:
         count, size = fibres.shape[:2]
@@ -178,55 +157,60 @@ class FibreSource(Filter):
         return result
 
     def _by_sections(
-        self,
-        muscle: vtkPolyData,
-        attachments: vtkMultiBlockDataSet | None,
-        superficial: vtkPolyData | None,
+        self, muscle: Surface, attachments: vtkMultiBlockDataSet | None, superficial: vtkPolyData | None
     ) -> vtkPolyData:
         """Return the parallel template led through the muscle's sections."""
         if attachments is None:
-            raise InputError("FibreSource", "no attachments are connected", "connect them, or aponeuroses")
+            raise _missing()
+        surface = muscle.data
         template = FibreTemplateSource(n_fibres=self.n_fibres, resolution=self.resolution)()
-        fitted = TemplateFitter()(template, muscle, attachments, superficial)
-        method = "harmonic" if _apart(muscle, attachments) else "plane"
-        morphed = SliceMorpher(method=method)(fitted, muscle, attachments, superficial)
-        trimmed = FibreTrimmer()(morphed, muscle, attachments)
-        result: vtkPolyData = FibreSmoother()(trimmed, muscle, attachments)
+        fitted = TemplateFitter()(template, surface, attachments, superficial)
+        areas = end_areas(attachments, "attachments")
+        origin, insertion = (muscle.geometry.attached(areas, role) for role in ROLES)
+        # Isolines run between areas that are apart.
+        method = "plane" if len(np.intersect1d(origin, insertion)) else "harmonic"
+        morphed = SliceMorpher(method=method)(fitted, surface, attachments, superficial)
+        trimmed = FibreTrimmer()(morphed, surface, attachments)
+        result: vtkPolyData = FibreSmoother()(trimmed, surface, attachments)
         set_field_array(result, "Course", "sections")
         return result
 
 
-def _apart(muscle: vtkPolyData, attachments: vtkMultiBlockDataSet) -> bool:
-    """Return whether the origin and the insertion are apart, so that isolines run between them."""
-    geometry = muscle_geometry(muscle, "FibreSource: muscle")
-    areas = end_areas(attachments, "FibreSource: attachments")
-    origin, insertion = (geometry.attached(areas, role, "FibreSource: attachments") for role in ROLES)
-    return not len(np.intersect1d(origin, insertion))
+def _passed_on(fibres: vtkPolyData, muscle: Surface) -> vtkPolyData:
+    """Return fibres with the field arrays of their muscle that they have none of their own for."""
+    mine, others = fibres.GetFieldData(), muscle.data.GetFieldData()
+    for number in range(others.GetNumberOfArrays()):
+        if not mine.HasArray(others.GetArrayName(number)):
+            mine.AddArray(others.GetAbstractArray(number))
+    return fibres
+
+
+def _missing() -> InputError:
+    return InputError("", "no attachments are connected", "connect them, or aponeuroses")
 
 
 def _ends(
     geometry: MuscleGeometry,
     attachments: vtkMultiBlockDataSet | None,
-    aponeuroses: vtkMultiBlockDataSet | None,
+    aponeuroses: list[Aponeurosis] | None,
 ) -> tuple[EndSurface, EndSurface]:
     """Return where fibres begin and end."""
-    areas = [] if attachments is None else end_areas(attachments, "FibreSource: attachments")
+    areas = [] if attachments is None else end_areas(attachments, "attachments")
     by_role = [[area for area in areas if area.role == role] for role in ROLES]
     if aponeuroses is not None:
-        where = "FibreSource: aponeuroses"
-        surfaces = aponeurosis_surfaces(aponeuroses_of(aponeuroses, where), geometry, where)
+        surfaces = aponeurosis_surfaces(aponeuroses, geometry, "aponeuroses")
         if all(by_role):
             landmarks = [np.vstack([area.landmarks for area in mine]) for mine in by_role]
-            check_sides(surfaces, landmarks[0], landmarks[1], where)
+            check_sides(surfaces, landmarks[0], landmarks[1], "aponeuroses")
         return surfaces
     if attachments is None:
-        raise InputError("FibreSource", "no attachments are connected", "connect them, or aponeuroses")
+        raise _missing()
     for role, mine in zip(ROLES, by_role, strict=True):
         if not mine:
             problem = f"there is no area with the role {role!r}"
-            raise InputError("FibreSource: attachments", problem, "add its landmarks, or connect aponeuroses")
+            raise InputError("attachments", problem, "add its landmarks, or connect aponeuroses")
     origin, insertion = (
-        attached_surface(mine, geometry, f"FibreSource: attachments: {role} area")
+        attached_surface(mine, geometry, f"attachments: {role} area")
         for role, mine in zip(ROLES, by_role, strict=True)
     )
     return origin, insertion

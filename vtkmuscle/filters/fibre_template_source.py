@@ -16,9 +16,7 @@ from vtkmuscle.data.arrays import (
     set_field_array,
     set_point_array,
 )
-from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.filters.base.ports import OutputPort
+from vtkmuscle.filters.base import Filter, OutputPort, Parameter
 
 #: Largest number of fibres in the order of Sobol's points. Every second, or eighth, of those is in a part of
 #: the square: areas are shared out among fibres in batches of one in so many, which must be spread over it.

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -23,22 +22,10 @@ from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.mesh.polylines import evenly_spaced
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
 from vtkmuscle.core.types import Bools, Floats, Ints
-from vtkmuscle.data.arrays import (
-    Polylines,
-    checked_surface,
-    field_array,
-    point_array,
-    polylines_of,
-    set_cell_array,
-    set_field_array,
-    with_polylines,
-)
-from vtkmuscle.data.muscle_geometry import muscle_geometry
+from vtkmuscle.data.arrays import Polylines, field_array, set_cell_array, set_field_array
+from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.data.paths import PATH_POINTS, add_paths
-from vtkmuscle.data.pipeline_times import times_of
-from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.filters.base.ports import InputPort, OutputPort
+from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
 #: Fibre points whose weights are computed together: bounds the steps of progress and the time to abort.
 _BLOCK = 256
@@ -199,16 +186,15 @@ class FibreTransport(Filter):
         doc="What fibres follow: the taut fibres that the muscle was deformed with, or its surface alone.",
     )
 
-    rest_fibres = InputPort(vtkPolyData, doc="Polylines in the muscle at rest.")
-    rest_muscle = InputPort(vtkPolyData, doc="The muscle at rest, closed, triangles.")
-    deformed_muscle = InputPort(vtkPolyData, doc="The same points as the muscle at rest, moved.")
+    rest_fibres = ports.Lines(doc="Polylines in the muscle at rest.")
+    rest_muscle = ports.Surface(doc="The muscle at rest, closed, triangles.")
+    deformed_muscle = ports.Surface(doc="The same points as the muscle at rest, moved.")
     paths = InputPort(
         vtkPolyData,
         optional=True,
         doc="The same fibres pulled taut, as by TautFibres: the paths, where the deformed muscle has none.",
     )
-    rest_paths = InputPort(
-        vtkPolyData,
+    rest_paths = ports.Lines(
         optional=True,
         doc="For fibres between aponeuroses: the lines at rest that the muscle was deformed with, from bone "
         "to bone. The fibres' ends stay as far along them from their bones as they are at rest.",
@@ -225,73 +211,67 @@ class FibreTransport(Filter):
     _rest: _Rest | None = None
     _tendons: tuple[tuple[Floats, Floats], Tendons] | None = None
 
-    def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
-        """Pass on the times of the deformed muscle: the rest state has none."""
-        return times_of(inputs_information[2]) or None
+    times_from = "deformed_muscle"
 
     def execute(
         self,
-        rest_fibres: vtkPolyData,
-        rest_muscle: vtkPolyData,
-        deformed_muscle: vtkPolyData,
+        rest_fibres: Polylines,
+        rest_muscle: Surface,
+        deformed_muscle: Surface,
         paths: vtkPolyData | None,
-        rest_paths: vtkPolyData | None,
+        rest_paths: Polylines | None,
     ) -> vtkPolyData:
         """Return the fibres in the deformed muscle."""
-        lines = polylines_of(rest_fibres, "FibreTransport: rest_fibres")
-        points, triangles = checked_surface(rest_muscle, "FibreTransport: rest_muscle")
-        deformed, _ = checked_surface(deformed_muscle, "FibreTransport: deformed_muscle")
-        if len(deformed) != len(points):
+        points, deformed = rest_fibres.points, deformed_muscle.points
+        if len(deformed) != len(rest_muscle.points):
             raise InputError(
-                "FibreTransport",
-                f"deformed_muscle has {len(deformed)} points, but rest_muscle has {len(points)}",
+                "",
+                f"deformed_muscle has {len(deformed)} points, but rest_muscle has {len(rest_muscle.points)}",
                 "both must be the same mesh, before and after the deformation",
             )
-        rest = self._rest_of(lines.points, points, triangles)
-        carried = self._carried(deformed_muscle, len(lines.points))
+        rest = self._rest_of(points, rest_muscle.points, rest_muscle.triangles)
+        carried = self._carried(deformed_muscle, len(points))
         surface, fibre_points = (0.0, 0.0) if carried is None else carried
         moved = fibre_points + rest.moved(deformed - surface, self.report_progress)
         if rest.gap is None:
-            solids = muscle_geometry(rest_muscle, "FibreTransport: rest_muscle").solids
-            rest.gap = np.linalg.norm(solids.into(lines.points) - lines.points, axis=1)
+            rest.gap = np.linalg.norm(rest_muscle.geometry.solids.into(points) - points, axis=1)
         if rest_paths is not None:
-            moved = self._held(moved, lines, rest_paths, rest_muscle, deformed_muscle)
+            moved = self._held(moved, rest_fibres, rest_paths, rest_muscle, deformed_muscle)
         if carried is not None or rest_paths is not None:
             rest.keep_within(moved, deformed)
-        result = with_polylines(rest_fibres, Polylines(moved, lines.offsets))
-        set_cell_array(result, "RestLength", polyline_lengths(lines.points, lines.offsets))
+        result = rest_fibres.moved(moved)
+        set_cell_array(result, "RestLength", polyline_lengths(points, rest_fibres.offsets))
         set_field_array(result, "PointsOutside", int((rest.gap > rest.slack).sum()))
         set_field_array(result, "WeightError", rest.error)
-        add_paths(result, deformed_muscle, paths, "FibreTransport: paths")
+        add_paths(result, deformed_muscle.data, paths, "paths")
         return result
 
-    def _carried(self, muscle: vtkPolyData, count: int) -> tuple[Floats, Floats] | None:
+    def _carried(self, muscle: Surface, count: int) -> tuple[Floats, Floats] | None:
         """Return where taut fibres carry the surface and `count` fibre points; None where that is unknown."""
-        if self.method != "carried" or muscle.GetPointData().GetArray("Carried") is None:
+        if self.method != "carried" or not muscle.data.GetPointData().HasArray("Carried"):
             return None
-        points = field_array(muscle, "FibrePoints")
+        points = field_array(muscle.data, "FibrePoints")
         if points is None or points.shape != (count, 3):
             return None
-        surface = point_array(muscle, "Carried", "FibreTransport: deformed_muscle")
-        return np.array(surface, dtype=np.float64), np.array(points, dtype=np.float64)
+        return np.array(muscle.array("Carried"), dtype=np.float64), np.array(points, dtype=np.float64)
 
     def _held(
         self,
         moved: Floats,
         fibres: Polylines,
-        rest_paths: vtkPolyData,
-        rest: vtkPolyData,
-        muscle: vtkPolyData,
+        lines: Polylines,
+        rest: Surface,
+        muscle: Surface,
     ) -> Floats:
         """Return the fibres' points (p, 3) with their ends held by tendons."""
-        lines, now = polylines_of(rest_paths, "FibreTransport: rest_paths"), field_array(muscle, PATH_POINTS)
+        now = field_array(muscle.data, PATH_POINTS)
         if now is None or len(now) != len(lines):
             return moved  # deformed without paths, as by the published solver
         now = np.asarray(now, dtype=np.float64).reshape(len(lines), -1, 3)
         counts = np.unique(np.diff(fibres.offsets))
         if len(counts) > 1:
             raise InputError(
-                "FibreTransport: rest_fibres",
+                "rest_fibres",
                 f"they have {counts[0]} to {counts[-1]} points each, but with rest_paths as many each",
                 "FibreSource makes such fibres",
             )
@@ -311,10 +291,10 @@ class FibreTransport(Filter):
         return self._rest
 
 
-def _fixed(muscle: vtkPolyData, ends: Floats) -> Bools:
+def _fixed(muscle: Surface, ends: Floats) -> Bools:
     """Return which ends (k, 2, 3) are on triangles of a muscle all of whose points are fixed to bones."""
-    geometry = muscle_geometry(muscle, "FibreTransport: rest_muscle")
-    fixed_to = muscle.GetPointData().GetArray("FixedTo")
+    geometry = muscle.geometry
+    fixed_to = muscle.data.GetPointData().GetArray("FixedTo")
     if fixed_to is None:
         return np.zeros(ends.shape[:2], dtype=np.bool_)
     tree = shared_tree(geometry.points, geometry.triangles)

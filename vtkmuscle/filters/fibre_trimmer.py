@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.attachments.discs import discs_over
 from vtkmuscle.core.errors import InputError
@@ -13,13 +13,11 @@ from vtkmuscle.core.fibres.ends_as_printed import ends_as_printed
 from vtkmuscle.core.fibres.trimming import EndArea, trim_fibres
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import Polylines, field_array, polylines_of, set_field_array, with_polylines
-from vtkmuscle.data.attachments import AttachmentArea, end_areas
+from vtkmuscle.data.arrays import Polylines, field_array, set_field_array
+from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.inner_areas import inner_areas
-from vtkmuscle.data.muscle_geometry import MuscleGeometry, muscle_geometry
-from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.filters.base.ports import InputPort, OutputPort
+from vtkmuscle.data.muscle_geometry import MuscleGeometry, Surface
+from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 #: How far a fibre's end may be from an area or leave the muscle, as a part of the mean length of its edges.
 TOLERANCE = 0.25
@@ -91,9 +89,9 @@ class FibreTrimmer(Filter):
         "closest to its own ray (Kohout et al. 2012), cut at the plane, its points not spaced anew.",
     )
 
-    fibres = InputPort(vtkPolyData, doc="Polylines from the origin to the insertion.")
-    muscle = InputPort(vtkPolyData, doc="The muscle's surface, triangles.")
-    attachments = InputPort(vtkMultiBlockDataSet, doc="Areas of both roles, landmarks near the muscle.")
+    fibres = ports.Lines(doc="Polylines from the origin to the insertion.")
+    muscle = ports.Surface(doc="The muscle's surface, triangles.")
+    attachments = ports.Areas(doc="Areas of both roles, landmarks near the muscle.")
     output = OutputPort(
         vtkPolyData,
         doc="The trimmed polylines, with the cell and field arrays of the input, and the field array "
@@ -101,38 +99,29 @@ class FibreTrimmer(Filter):
         "they are.",
     )
 
-    def execute(
-        self, fibres: vtkPolyData, muscle: vtkPolyData, attachments: vtkMultiBlockDataSet
-    ) -> vtkPolyData:
+    def execute(self, fibres: Polylines, muscle: Surface, attachments: list[AttachmentArea]) -> vtkPolyData:
         """Return the trimmed fibres."""
-        lines = polylines_of(fibres, "FibreTrimmer: fibres")
-        short = np.flatnonzero(np.diff(lines.offsets) < 2)
+        points, offsets = fibres.points, fibres.offsets
+        short = np.flatnonzero(np.diff(offsets) < 2)
         if len(short):
             raise InputError(
-                "FibreTrimmer: fibres",
+                "fibres",
                 f"{len(short)} fibre(s) of one point, first {short[0]}",
                 "give two points or more of each",
             )
-        geometry = muscle_geometry(muscle, "FibreTrimmer: muscle")
-        if geometry.n_open_edges:
-            raise InputError(
-                "FibreTrimmer: muscle",
-                f"the surface has {geometry.n_open_edges} open edge(s), and so no inside to keep fibres in",
-                "close its holes, and merge equal points (vtkCleanPolyData)",
-            )
-        areas = end_areas(attachments, "FibreTrimmer: attachments")
-        origin = _end_area("origin", areas, geometry, lines.points[lines.offsets[:-1]])
-        insertion = _end_area("insertion", areas, geometry, lines.points[lines.offsets[1:] - 1])
+        geometry = muscle.closed("and so no inside to keep fibres in")
+        ends = offsets[:-1], offsets[1:] - 1
+        origin = _end_area("origin", attachments, geometry, points[ends[0]])
+        insertion = _end_area("insertion", attachments, geometry, points[ends[1]])
         self.report_progress(0.2)
-        axis = _axis(fibres, origin, insertion)
+        axis = _axis(fibres.data, origin, insertion)
         if self.end_rule == "closest":
-            printed = ends_as_printed(
-                lines.points, lines.offsets, axis=axis, origin=origin, insertion=insertion
+            return fibres.moved(
+                *ends_as_printed(points, offsets, axis=axis, origin=origin, insertion=insertion)
             )
-            return with_polylines(fibres, Polylines(*printed))
         trimmed = trim_fibres(
-            lines.points,
-            lines.offsets,
+            points,
+            offsets,
             axis=axis,
             origin=origin,
             insertion=insertion,
@@ -140,15 +129,14 @@ class FibreTrimmer(Filter):
             tolerance=TOLERANCE * geometry.mean_edge,
             largest_cut=self.largest_cut,
         )
-        result = with_polylines(fibres, Polylines(trimmed, lines.offsets))
-        kept = (trimmed == lines.points).all(axis=1)
-        ends = lines.offsets[:-1], lines.offsets[1:] - 1
+        result = fibres.moved(trimmed)
+        kept = (trimmed == points).all(axis=1)
         set_field_array(result, "EndsKept", np.array([kept[end].mean() for end in ends]))
         return result
 
 
 def _end_area(role: str, areas: Sequence[AttachmentArea], geometry: MuscleGeometry, ends: Floats) -> EndArea:
-    covered = geometry.attached(areas, role, "FibreTrimmer: attachments")
+    covered = geometry.attached(areas, role)
     mine = [area for area in areas if area.role == role]
     rings = b"".join(area.landmarks.tobytes() + bytes([area.closed]) for area in mine)
 
@@ -196,7 +184,7 @@ def _distance_to(points: Floats, triangles: Ints) -> Callable[[Floats], Floats]:
     return distance
 
 
-def _axis(fibres: vtkPolyData, origin: EndArea, insertion: EndArea) -> Floats:
+def _axis(fibres: vtkPolyData | None, origin: EndArea, insertion: EndArea) -> Floats:
     """Return the unit vector from the origin to the insertion."""
     transform = field_array(fibres, "Transform")
     if transform is not None and transform.size == 16:
@@ -207,7 +195,7 @@ def _axis(fibres: vtkPolyData, origin: EndArea, insertion: EndArea) -> Floats:
     length = float(np.linalg.norm(axis))
     if not np.isfinite(length) or length == 0.0:
         raise InputError(
-            "FibreTrimmer",
+            "",
             "the axis from the origin to the insertion has no direction: the centroids of the areas "
             "coincide, or the field array 'Transform' of the fibres is singular",
             "check the attachment areas",

@@ -15,16 +15,12 @@ from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import (
     Polylines,
-    checked_surface,
     polylines_from,
-    polylines_of,
     set_cell_array,
     set_point_array,
-    with_polylines,
 )
-from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.filters.base.ports import InputPort, OutputPort
+from vtkmuscle.data.muscle_geometry import Surface
+from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 #: Name of the point array of radii.
 RADIUS = "TubeRadius"
@@ -78,26 +74,25 @@ class FibreTubes(Filter):
         "fewer fibres (the first ones, which a template spreads evenly); 0: no limit.",
     )
 
-    fibres = InputPort(vtkPolyData, doc="Polylines.")
-    muscle = InputPort(vtkPolyData, optional=True, doc='Its volume is filled with ``radius_by="fill"``.')
+    fibres = ports.Lines(doc="Polylines.")
+    muscle = ports.Surface(optional=True, doc='Its volume is filled with ``radius_by="fill"``.')
     output = OutputPort(
         vtkPolyData,
         doc="Tubes, triangle strips with normals, with the arrays of the input on points and cells.",
     )
 
-    def execute(self, fibres: vtkPolyData, muscle: vtkPolyData | None) -> vtkPolyData:
+    def execute(self, fibres: Polylines, muscle: Surface | None) -> vtkPolyData:
         """Return the tubes."""
-        lines = polylines_of(fibres, "FibreTubes: fibres")
         # Each line gets points of its own: VTK blends the tubes of lines that share points.
-        data = with_polylines(fibres, lines)
+        data = fibres.copy()
         self._check_arrays(data)
         tubes = vtkTubeFilter()
         if self.radius_by != "constant":
-            set_point_array(data, RADIUS, self._radii(data, lines, muscle))
+            set_point_array(data, RADIUS, self._radii(data, fibres, muscle))
             data.GetPointData().SetActiveScalars(RADIUS)
             tubes.SetVaryRadiusToVaryRadiusByAbsoluteScalar()
-        sides, count = self._detail(lines)
-        tubes.SetInputData(_first_lines(data, lines, count))
+        sides, count = self._detail(fibres)
+        tubes.SetInputData(_first_lines(data, fibres, count))
         tubes.SetRadius(self.radius)
         tubes.SetNumberOfSides(sides)
         tubes.CappingOn()
@@ -105,7 +100,7 @@ class FibreTubes(Filter):
         tubes.Update()
         result: vtkPolyData = tubes.GetOutput()
         if result.GetNumberOfPoints() == 0:
-            raise InputError("FibreTubes: fibres", "none of them has a length, and so none gets a tube")
+            raise InputError("fibres", "none of them has a length, and so none gets a tube")
         if self.colour_by is not None:
             on_points = result.GetPointData().HasArray(self.colour_by)
             owner = result.GetPointData() if on_points else result.GetCellData()
@@ -115,36 +110,36 @@ class FibreTubes(Filter):
         return result
 
     def _check_arrays(self, data: vtkPolyData) -> None:
-        if self.radius_by == "array" and self.radius_array is None:
-            raise InputError("FibreTubes", "radius_by is 'array', but radius_array names none")
         wanted = {"colour_by": self.colour_by}
         if self.radius_by == "array":
+            if self.radius_array is None:
+                raise InputError("", "radius_by is 'array', but radius_array names none")
             wanted["radius_array"] = self.radius_array
+        owners = (data.GetPointData(), data.GetCellData())
+        names = [owner.GetArrayName(i) for owner in owners for i in range(owner.GetNumberOfArrays())]
         for parameter, name in wanted.items():
-            if name is not None and not _has(data, name):
-                have = ", ".join(_names(data)) or "(none)"
-                raise InputError(
-                    "FibreTubes", f"{parameter} is {name!r}, but the fibres have the arrays {have}"
-                )
+            if name not in (None, *names):
+                have = ", ".join(map(repr, names)) or "(none)"
+                raise InputError("", f"{parameter} is {name!r}, but the fibres have the arrays {have}")
 
-    def _radii(self, data: vtkPolyData, lines: Polylines, muscle: vtkPolyData | None) -> Floats:
+    def _radii(self, data: vtkPolyData, lines: Polylines, muscle: Surface | None) -> Floats:
         if self.radius_by == "array" and self.radius_array is not None:
             on_points = data.GetPointData().HasArray(self.radius_array)
             owner = data.GetPointData() if on_points else data.GetCellData()
             values = np.array(vtk_to_numpy(owner.GetArray(self.radius_array)), dtype=np.float64)
             if values.ndim > 1 or not (np.isfinite(values) & (values >= 0)).all():
                 raise InputError(
-                    "FibreTubes: fibres",
+                    "fibres",
                     f"the array {self.radius_array!r} must have one number per point or fibre, finite and "
                     "not negative, to be a radius",
                 )
             return self.radius * (values if on_points else np.repeat(values, np.diff(lines.offsets)))
         if muscle is None:
-            raise InputError("FibreTubes", "radius_by is 'fill', but the port 'muscle' is not connected")
-        volume = abs(signed_volume(*checked_surface(muscle, "FibreTubes: muscle")))
+            raise InputError("", "radius_by is 'fill', but the port 'muscle' is not connected")
+        volume = abs(signed_volume(muscle.points, muscle.triangles))
         total = float(polyline_lengths(lines.points, lines.offsets).sum())
         if not total > 0.0:
-            raise InputError("FibreTubes: fibres", "none of them has a length, and so none gets a tube")
+            raise InputError("fibres", "none of them has a length, and so none gets a tube")
         return np.minimum(filling_radius(volume, total), 0.5 * room_between(lines.points, lines.offsets))
 
     def _detail(self, lines: Polylines) -> tuple[int, int]:
@@ -176,12 +171,3 @@ def _first_lines(data: vtkPolyData, lines: Polylines, count: int) -> vtkPolyData
     if data.GetPointData().HasArray(RADIUS):
         part.GetPointData().SetActiveScalars(RADIUS)
     return part
-
-
-def _has(data: vtkPolyData, name: str) -> bool:
-    return bool(data.GetPointData().HasArray(name) or data.GetCellData().HasArray(name))
-
-
-def _names(data: vtkPolyData) -> list[str]:
-    both = (data.GetPointData(), data.GetCellData())
-    return [repr(owner.GetArrayName(i)) for owner in both for i in range(owner.GetNumberOfArrays())]

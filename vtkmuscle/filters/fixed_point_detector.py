@@ -13,11 +13,9 @@ from vtkmuscle.core.mesh.solids import Solids, solids_of
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import checked_surface, set_point_array
-from vtkmuscle.data.attachments import VIA, attachments_of
-from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.filters.base.ports import InputPort, OutputPort
-from vtkmuscle.filters.bone_motion import bones_of
+from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_of
+from vtkmuscle.data.muscle_geometry import Surface
+from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
 
 class FixedPointDetector(Filter):
@@ -80,10 +78,11 @@ class FixedPointDetector(Filter):
         doc="Number of voxels along each axis of a bone's box, instead of n_voxels (collision).",
     )
 
-    muscle = InputPort(vtkPolyData, doc="Triangles, in the rest pose.")
-    bones = InputPort(vtkMultiBlockDataSet, doc="Named blocks of vtkPolyData, at rest.")
+    muscle = ports.Surface(doc="Triangles, in the rest pose.")
+    bones = ports.RestBones(doc="Named blocks of vtkPolyData, at rest.")
     attachments = InputPort(
         vtkMultiBlockDataSet,
+        attachments_of,
         optional=True,
         doc="A block per area; needed for the method ``attachment`` only. Via rings fix nothing.",
     )
@@ -94,47 +93,37 @@ class FixedPointDetector(Filter):
     )
 
     def execute(
-        self,
-        muscle: vtkPolyData,
-        bones: vtkMultiBlockDataSet,
-        attachments: vtkMultiBlockDataSet | None,
+        self, muscle: Surface, bones: dict[str, vtkPolyData], attachments: list[AttachmentArea] | None
     ) -> vtkPolyData:
         """Return the muscle with its fixed points marked."""
-        points, triangles = checked_surface(muscle, "FixedPointDetector: muscle")
-        surfaces = bones_of(bones, "FixedPointDetector: bones")
         if self.method == "attachment":
-            fixed_to = self._by_attachment(points, triangles, surfaces, attachments)
+            fixed_to = self._by_attachment(muscle, bones, attachments)
         elif self.method == "proximity":
-            fixed_to = self._by_proximity(points, triangles, surfaces)
+            fixed_to = self._by_proximity(muscle, bones)
         else:
-            fixed_to = self._by_collision(points, surfaces)
+            fixed_to = self._by_collision(muscle.points, bones)
         result = vtkPolyData()
-        result.ShallowCopy(muscle)
+        result.ShallowCopy(muscle.data)
         set_point_array(result, "FixedTo", fixed_to.astype(np.int32))
         return result
 
     def _by_attachment(
-        self,
-        points: Floats,
-        triangles: Ints,
-        bones: dict[str, vtkPolyData],
-        attachments: vtkMultiBlockDataSet | None,
+        self, muscle: Surface, bones: dict[str, vtkPolyData], areas: list[AttachmentArea] | None
     ) -> Ints:
-        if attachments is None:
+        if areas is None:
             raise InputError(
-                "FixedPointDetector",
+                "",
                 "the method 'attachment' needs attachments",
                 "connect them, or choose the method 'proximity' or 'collision'",
             )
-        names = list(bones)
+        names, points = list(bones), muscle.points
         nearest = np.full(len(points), np.inf)
         fixed_to = np.full(len(points), -1)
-        areas = attachments_of(attachments, "FixedPointDetector: attachments")
         solids: dict[str, Solids] = {}
         for number, area in enumerate(areas):
             if area.role == VIA:
                 continue
-            where = f"FixedPointDetector: attachments, area {number} ({area.role} on {area.bone!r})"
+            where = f"attachments, area {number} ({area.role} on {area.bone!r})"
             if area.bone not in bones:
                 raise InputError(where, f"the bones are {', '.join(map(repr, names))}", "rename one of them")
             if area.bone not in solids:
@@ -142,7 +131,7 @@ class FixedPointDetector(Filter):
             with placed(where):
                 patch = attachment_patch(
                     points,
-                    triangles,
+                    muscle.triangles,
                     area.landmarks,
                     area.closed,
                     tolerance=self.distance,
@@ -155,10 +144,10 @@ class FixedPointDetector(Filter):
             self.report_progress((number + 1) / len(areas))
         return fixed_to
 
-    def _by_proximity(self, points: Floats, triangles: Ints, bones: dict[str, vtkPolyData]) -> Ints:
-        within = self.distance
+    def _by_proximity(self, muscle: Surface, bones: dict[str, vtkPolyData]) -> Ints:
+        within, points = self.distance, muscle.points
         if within is None:
-            within = float(edge_lengths(points, unique_edges(triangles)).mean())
+            within = float(edge_lengths(points, unique_edges(muscle.triangles)).mean())
         nearest = np.full(len(points), np.inf)
         fixed_to = np.full(len(points), -1)
         for index, (name, bone) in enumerate(bones.items()):
@@ -171,7 +160,7 @@ class FixedPointDetector(Filter):
             self.report_progress((index + 1) / len(bones))
         if (fixed_to < 0).all():
             raise InputError(
-                "FixedPointDetector",
+                "",
                 f"no point of the muscle is within {within:.4g} of a bone",
                 "give a larger distance, or landmarks and the method 'attachment'",
             )
@@ -182,13 +171,13 @@ class FixedPointDetector(Filter):
         for index, (name, bone) in enumerate(bones.items()):
             reachable = in_box(points, bone, 0.0)
             if len(reachable):
-                surface = checked_surface(bone, f"FixedPointDetector: bones, block {name!r}")
+                surface = checked_surface(bone, f"bones, block {name!r}")
                 grid = build_voxel_grid(*surface, n_max=self.n_voxels, n_equal=self.n_voxels_per_axis)
                 claimed[index, reachable] = grid.contains(points[reachable])
             self.report_progress((index + 1) / len(bones))
         if not claimed.any():
             raise InputError(
-                "FixedPointDetector",
+                "",
                 "no point of the muscle is in the voxels of a bone",
                 "lower n_voxels, or use the method 'proximity' or 'attachment'",
             )
@@ -203,7 +192,7 @@ class FixedPointDetector(Filter):
 
 
 def _solids_of(name: str, bone: vtkPolyData) -> Solids:
-    return solids_of(*checked_surface(bone, f"FixedPointDetector: bones, block {name!r}"))
+    return solids_of(*checked_surface(bone, f"bones, block {name!r}"))
 
 
 def in_box(points: Floats, bone: vtkPolyData, margin: float) -> Ints:

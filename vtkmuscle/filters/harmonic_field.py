@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.errors import InputError, placed
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.morphing.isolines import attachment_field
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import point_array, set_point_array
-from vtkmuscle.data.attachments import end_areas
-from vtkmuscle.data.muscle_geometry import muscle_geometry
-from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.ports import InputPort, OutputPort
+from vtkmuscle.data.arrays import set_point_array
+from vtkmuscle.data.attachments import ROLES, AttachmentArea
+from vtkmuscle.data.muscle_geometry import Surface
+from vtkmuscle.filters.base import Filter, OutputPort, ports
 
 #: The point array's name.
 FIELD = "HarmonicField"
@@ -48,17 +47,17 @@ class HarmonicField(Filter):
     (0.0, 1.0)
     """
 
-    muscle = InputPort(vtkPolyData, doc="The muscle's surface, triangles.")
-    attachments = InputPort(vtkMultiBlockDataSet, doc="Areas of both roles, landmarks near the muscle.")
+    muscle = ports.Surface(doc="The muscle's surface, triangles.")
+    attachments = ports.Areas(doc="Areas of both roles, landmarks near the muscle.")
     output = OutputPort(
         vtkPolyData, doc="The muscle with the point array ``HarmonicField`` (from 0 at the origin to 1)."
     )
 
-    def execute(self, muscle: vtkPolyData, attachments: vtkMultiBlockDataSet) -> vtkPolyData:
+    def execute(self, muscle: Surface, attachments: list[AttachmentArea]) -> vtkPolyData:
         """Return the muscle with the function."""
-        result = muscle.NewInstance()
-        result.ShallowCopy(muscle)
-        set_point_array(result, FIELD, _computed(muscle, attachments, "HarmonicField"))
+        result: vtkPolyData = muscle.data.NewInstance()
+        result.ShallowCopy(muscle.data)
+        set_point_array(result, FIELD, _computed(muscle, attachments))
         return result
 
 
@@ -67,7 +66,7 @@ def has_field(muscle: vtkPolyData) -> bool:
     return bool(muscle.GetPointData().HasArray(FIELD))
 
 
-def field_of(muscle: vtkPolyData, attachments: vtkMultiBlockDataSet | None, where: str) -> Floats:
+def field_of(muscle: Surface, areas: list[AttachmentArea] | None) -> Floats:
     """Return a muscle's function, (n,): the one that it has, or else a new one.
 
     Raises
@@ -75,34 +74,27 @@ def field_of(muscle: vtkPolyData, attachments: vtkMultiBlockDataSet | None, wher
     ValueError
         If it has none and attachments are missing, or it has a wrong one.
     """
-    if has_field(muscle):
-        field: Floats = np.array(point_array(muscle, FIELD, where), dtype=np.float64)
+    if has_field(muscle.data):
+        field: Floats = np.array(muscle.array(FIELD), dtype=np.float64)
         if field.ndim != 1 or not np.isfinite(field).all() or field.min() < 0.0 or field.max() > 1.0:
-            raise InputError(
-                f"{where}: muscle",
-                f"the point array {FIELD!r} must have one number in [0, 1] per point",
-                "HarmonicField makes it",
-            )
+            problem = f"the point array {FIELD!r} must have one number in [0, 1] per point"
+            raise InputError(muscle.where, problem, "HarmonicField makes it")
         return field
-    if attachments is None:
+    if areas is None:
         raise InputError(
-            where,
+            "",
             "the harmonic method starts from the attachment areas, but no attachments are connected and the "
             f"muscle has no point array {FIELD!r}",
             "connect attachments, or run HarmonicField on the muscle",
         )
-    return _computed(muscle, attachments, where)
+    return _computed(muscle, areas)
 
 
-def _computed(muscle: vtkPolyData, attachments: vtkMultiBlockDataSet, where: str) -> Floats:
-    geometry = muscle_geometry(muscle, f"{where}: muscle")
-    areas = end_areas(attachments, f"{where}: attachments")
-    origin, insertion = (
-        geometry.attached(areas, role, f"{where}: attachments") for role in ("origin", "insertion")
-    )
+def _computed(muscle: Surface, areas: list[AttachmentArea]) -> Floats:
+    geometry = muscle.geometry
+    origin, insertion = (geometry.attached(areas, role) for role in ROLES)
 
     def found() -> Floats:
         return attachment_field(geometry.points, geometry.triangles, origin, insertion)
 
-    with placed(where):
-        return geometry.once(("harmonic field", origin.tobytes(), insertion.tobytes()), found).copy()
+    return geometry.once(("harmonic field", origin.tobytes(), insertion.tobytes()), found).copy()

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.bones.bone import bone_of, depth_in
 from vtkmuscle.core.errors import InputError
@@ -15,18 +13,12 @@ from vtkmuscle.core.fibres.linear_blend import blend_fibres, fitted_a
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.data.arrays import (
     Polylines,
-    blocks_of,
     checked_surface,
-    polylines_of,
     set_cell_array,
     set_field_array,
-    with_polylines,
 )
-from vtkmuscle.data.moving_bones import transforms_of
-from vtkmuscle.data.pipeline_times import times_of
-from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.filters.base.ports import InputPort, OutputPort
+from vtkmuscle.data.moving_bones import MovingBones
+from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 
 class LinearBlendFibres(Filter):
@@ -79,9 +71,8 @@ class LinearBlendFibres(Filter):
         str, default=None, doc="Bone of the fibres' last points; None: the last block."
     )
 
-    rest_fibres = InputPort(vtkPolyData, doc="Polylines at rest, origin to insertion.")
-    bones = InputPort(
-        vtkMultiBlockDataSet,
+    rest_fibres = ports.Lines(doc="Polylines at rest, origin to insertion.")
+    bones = ports.MovingBones(
         doc="Named blocks with the field array ``Transform`` (16), rest to now.",
     )
     output = OutputPort(
@@ -90,32 +81,23 @@ class LinearBlendFibres(Filter):
         "(n_fibres,) [mm], and the field array ``BlendA``.",
     )
 
-    def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
-        """Pass on the times of the bones: the rest state has none."""
-        return times_of(inputs_information[1]) or None
+    times_from = "bones"
 
-    def execute(self, rest_fibres: vtkPolyData, bones: vtkMultiBlockDataSet) -> vtkPolyData:
+    def execute(self, rest_fibres: Polylines, bones: MovingBones) -> vtkPolyData:
         """Return the fibres now."""
-        lines = polylines_of(rest_fibres, "LinearBlendFibres: rest_fibres")
-        blocks = dict(blocks_of(bones))
-        names = list(blocks)
-        if not names:
-            raise InputError("LinearBlendFibres: bones", "there are none", "give one or more, named")
-        transforms = transforms_of(blocks, "LinearBlendFibres: bones")
+        points, offsets = rest_fibres.points, rest_fibres.offsets
+        if not bones.names:
+            raise InputError("bones", "there are none", "give one or more, named")
         pose = (
-            transforms[self._index(names, "origin", self.origin, 0)],
-            transforms[self._index(names, "insertion", self.insertion, len(names) - 1)],
+            bones.transforms[self._index(bones.names, "origin", self.origin, 0)],
+            bones.transforms[self._index(bones.names, "insertion", self.insertion, -1)],
         )
         a = self.a
         if self.fit:
-            shapes = [bone_of(*checked_surface(bone, "LinearBlendFibres: bones")) for bone in blocks.values()]
+            shapes = [bone_of(*checked_surface(bone, "bones")) for bone in bones.surfaces.values()]
             now = [(bone, np.eye(4)) for bone in shapes]
             a, left = fitted_a(
-                lines.points,
-                lines.offsets,
-                [pose],
-                lambda _, points: depth_in(now, points),
-                largest=self.largest_a,
+                points, offsets, [pose], lambda _, places: depth_in(now, places), largest=self.largest_a
             )
             if abs(a) >= self.largest_a:
                 warnings.warn(
@@ -124,9 +106,8 @@ class LinearBlendFibres(Filter):
                     "largest_a to less, or a to a value of your own",
                     stacklevel=2,
                 )
-        moved = blend_fibres(lines.points, lines.offsets, *pose, a)
-        result = with_polylines(rest_fibres, Polylines(moved, lines.offsets))
-        set_cell_array(result, "RestLength", polyline_lengths(lines.points, lines.offsets))
+        result = rest_fibres.moved(blend_fibres(points, offsets, *pose, a))
+        set_cell_array(result, "RestLength", polyline_lengths(points, offsets))
         set_field_array(result, "BlendA", a)
         return result
 
@@ -135,7 +116,5 @@ class LinearBlendFibres(Filter):
         if name is None:
             return default
         if name not in names:
-            raise InputError(
-                "LinearBlendFibres", f"{role} is {name!r}, but the bones are {', '.join(map(repr, names))}"
-            )
+            raise InputError("", f"{role} is {name!r}, but the bones are {', '.join(map(repr, names))}")
         return names.index(name)

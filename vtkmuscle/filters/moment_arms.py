@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.errors import InputError, placed
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.moment_arms.derivatives import moment_arms
 from vtkmuscle.core.moment_arms.levers import levers, twists_by
@@ -18,18 +18,16 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.motion.sweeps import frames_of_sweep
 from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.data.arrays import (
+    Polylines,
     cell_array,
     field_array,
     polylines_of,
     set_cell_array,
     set_field_array,
-    with_polylines,
 )
 from vtkmuscle.data.paths import paths_of
 from vtkmuscle.data.pipeline_times import times_of
-from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.filters.base.ports import InputPort, OutputPort
+from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 from vtkmuscle.filters.base.time_path import input_at, requested_time, state_of_inputs
 
 #: Arrays of fibres that have their lengths of all times with them.
@@ -95,8 +93,7 @@ class MomentArms(Filter):
         doc="Unit of the pipeline's time, where that is the coordinate.",
     )
 
-    fibres = InputPort(
-        vtkPolyData,
+    fibres = ports.Lines(
         doc="Polylines, the same number at each time step; or, without time steps, with the cell array "
         "``Lengths`` (n_fibres, f) [mm] and the field array ``Times`` (f,).",
     )
@@ -120,30 +117,31 @@ class MomentArms(Filter):
         self.request_time = requested_time(outInfo.GetInformationObject(0))
         return 1
 
-    def execute(self, fibres: vtkPolyData) -> vtkPolyData:
+    def execute(self, fibres: Polylines) -> vtkPolyData:
         """Return the fibres at the time asked for, with their moment arms."""
-        lines = polylines_of(fibres, "MomentArms: fibres")
-        if self.motion is not None and paths_of(fibres, "MomentArms: fibres") is not None:
+        data: Any = fibres.data
+        if self.motion is not None and paths_of(data, "fibres") is not None:
             return self._of_paths(fibres, self.motion)
-        if fibres.GetCellData().HasArray(LENGTHS):
-            times, lengths = _history(fibres, len(lines.offsets) - 1)
+        if data.GetCellData().HasArray(LENGTHS):
+            times, lengths = _history(data, len(fibres))
         elif self._steps:
             times, lengths = np.array(self._steps), self._lengths_over_time()
         else:
             raise InputError(
-                "MomentArms: fibres",
+                "fibres",
                 "they announce no time steps, and have no cell array 'Lengths'",
                 "connect a filter over time, e.g. FibreTransport behind PBDDeformer, or a reader of a .pvd "
                 "series",
             )
         now = float(times[-1]) if self.request_time is None else self.request_time
-        if self._steps:  # the input stands where it was asked for last
-            again = input_at(self, 0, now)
-            fibres = fibres if again is None else again
-            lines = polylines_of(fibres, "MomentArms: fibres")
-        result: vtkPolyData = with_polylines(fibres, lines)
+        result = self._at(now, fibres).copy()
         self._add_arms(result, times, lengths, float(np.clip(now, times.min(), times.max())))
         return result
+
+    def _at(self, now: float, fibres: Polylines) -> Polylines:
+        """Return the fibres at a time: the input stands where it was asked for last."""
+        again = input_at(self, 0, now) if self._steps else None
+        return fibres if again is None else polylines_of(again, "fibres")
 
     def _lengths_over_time(self) -> Floats:
         """Return the lengths (f, k) of the fibres at all time steps."""
@@ -155,29 +153,25 @@ class MomentArms(Filter):
                 data = input_at(self, 0, time)
                 if data is None:
                     raise RuntimeError(f"MomentArms: the fibres at time {time:g} could not be computed")
-                lines = polylines_of(data, f"MomentArms: fibres at time {time:g}")
+                lines = polylines_of(data, f"fibres at time {time:g}")
                 rows.append(polyline_lengths(lines.points, lines.offsets))
                 if len(rows[-1]) != len(rows[0]):
                     raise InputError(
-                        "MomentArms: fibres",
+                        "fibres",
                         f"at time {time:g} there are {len(rows[-1])}, at first {len(rows[0])}",
                         "they must be the same fibres at all times",
                     )
             self._measured = state_of_inputs(self, (0,)), np.array(rows)
         return self._measured[1]
 
-    def _of_paths(self, fibres: vtkPolyData, motion: RigidMotion) -> vtkPolyData:
+    def _of_paths(self, fibres: Polylines, motion: RigidMotion) -> vtkPolyData:
         """Return fibres with the levers of their paths."""
         now = float(motion.times[-1]) if self.request_time is None else self.request_time
-        if self._steps:
-            again = input_at(self, 0, now)
-            fibres = fibres if again is None else again
-        paths = paths_of(fibres, "MomentArms: fibres")
+        result = self._at(now, fibres).copy()
+        paths = paths_of(result, "fibres")
         assert paths is not None  # it had some at another time
-        with placed("MomentArms"):
-            checked_coordinates(motion, [self.coordinate] if self.coordinate else ())
-            names = known_coordinates(motion)
-        result: vtkPolyData = with_polylines(fibres, polylines_of(fibres, "MomentArms: fibres"))
+        checked_coordinates(motion, [self.coordinate] if self.coordinate else ())
+        names = known_coordinates(motion)
         wrenches = {bone: one[None] for bone, one in paths.wrenches.items()}
         for name in names:
             if self.coordinate not in (None, name):
@@ -211,27 +205,20 @@ class MomentArms(Filter):
     def _add_arms(self, result: vtkPolyData, times: Floats, lengths: Floats, now: float) -> None:
         motion = self.motion or RigidMotion(times, {}, None, {"time": Coordinate(times, self.unit)})
         one_only = self.coordinate if self.motion is not None else None
-        with placed("MomentArms"):
-            checked_coordinates(motion, [one_only] if one_only else ())
-            names, samples, counts = _coordinate_samples(motion)
-            # Frames count where they and those about them do.
-            counted = counts.astype(np.float64)[:, None]
-            used = _interpolated(times, motion.times, counted)[:, 0] == 1.0
-            known = _interpolated(now, motion.times, counted)[0, 0] == 1.0
-            place = _interpolated(now, motion.times, samples)
-            among = _interpolated(times, motion.times, samples)[used]
-            found = moment_arms(lengths[used], among, at=place if known else None)
+        checked_coordinates(motion, [one_only] if one_only else ())
+        names, samples, counts = _coordinate_samples(motion)
+        # Frames count where they and those about them do.
+        counted = counts.astype(np.float64)[:, None]
+        used = _interpolated(times, motion.times, counted)[:, 0] == 1.0
+        known = _interpolated(now, motion.times, counted)[0, 0] == 1.0
+        place = _interpolated(now, motion.times, samples)
+        among = _interpolated(times, motion.times, samples)[used]
+        found = moment_arms(lengths[used], among, at=place if known else None)
         for number, name in enumerate(names):
             if known and found.determined[0, number] and one_only in (None, name):
                 value = float(place[0, number]) / motion.coordinates[name].factor
-                self._add(
-                    result,
-                    name,
-                    names,
-                    value,
-                    np.array(found.arms[0, :, number]),
-                    np.array(found.errors[0, :, number]),
-                )
+                arms, errors = (np.array(one[0, :, number]) for one in (found.arms, found.errors))
+                self._add(result, name, names, value, arms, errors)
 
 
 def _coordinate_samples(motion: RigidMotion) -> tuple[tuple[str, ...], Floats, Bools]:
@@ -266,12 +253,12 @@ def _interpolated(times: Floats | float, known: Floats, samples: Floats) -> Floa
 
 def _history(fibres: vtkPolyData, count: int) -> tuple[Floats, Floats]:
     """Return the times (f,) and lengths (f, k) that fibres have with them."""
-    lengths = np.asarray(cell_array(fibres, LENGTHS, "MomentArms: fibres"), dtype=np.float64)
+    lengths = np.asarray(cell_array(fibres, LENGTHS, "fibres"), dtype=np.float64)
     times = field_array(fibres, TIMES)
     if times is None or lengths.shape != (count, np.size(times)) or (np.diff(np.ravel(times)) <= 0).any():
         shape = "missing" if times is None else f"of shape {times.shape}"
         raise InputError(
-            "MomentArms: fibres",
+            "fibres",
             f"the cell array 'Lengths' is of shape {lengths.shape}, the field array 'Times' {shape}",
             f"for {count} fibre(s) and f ascending times they must be ({count}, f) and (f,)",
         )

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.algorithm_2.solver import Algorithm2, State
@@ -17,24 +15,13 @@ from vtkmuscle.core.deformation.muscle import CarriedMuscle, Pose
 from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.mesh.rest_shape import ShapeReport
-from vtkmuscle.core.paths.via_rings import ViaRing
-from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import (
-    blocks_of,
-    checked_surface,
-    point_array,
-    polylines_of,
-    set_field_array,
-    set_point_array,
-    with_points,
-)
+from vtkmuscle.core.types import Floats
+from vtkmuscle.data.arrays import Polylines, set_field_array, set_point_array, with_points
 from vtkmuscle.data.attachments import rings_by_bone
-from vtkmuscle.data.moving_bones import RestBones, transforms_of
+from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_points_of
+from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.data.paths import path_arrays
-from vtkmuscle.data.superficial import checked_superficial
-from vtkmuscle.filters.base.history import HistoryFilter
-from vtkmuscle.filters.base.ports import InputPort, OutputPort
-from vtkmuscle.filters.bone_motion import bones_of
+from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, ports
 from vtkmuscle.filters.deformer.neighbours import Neighbours
 from vtkmuscle.filters.deformer.quality import PUBLISHED
 from vtkmuscle.filters.deformer.settings import (
@@ -121,25 +108,22 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     True
     """
 
-    muscle = InputPort(
-        vtkPolyData,
+    muscle = ports.Surface(
         doc="Closed triangles in the rest pose, with the point array ``FixedTo``: -1 for a free point, else "
-        "the index of a bone's block.",
+        "the index of a bone's block."
     )
-    bones = InputPort(
-        vtkMultiBlockDataSet,
+    bones = ports.MovingBones(
         doc="Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to "
         "now.",
     )
-    fibres = InputPort(vtkPolyData, optional=True, doc="Polylines in the rest pose, for the paths.")
+    fibres = ports.Lines(optional=True, doc="Polylines in the rest pose, for the paths.")
     neighbours = InputPort(
         vtkMultiBlockDataSet,
         optional=True,
         doc="Other muscles at the pipeline's time, out of which this one is kept: outputs of PBDDeformer, "
         "with the point array ``Displacement``.",
     )
-    superficial = InputPort(
-        vtkPolyData,
+    superficial = ports.SeenLines(
         optional=True,
         doc="Polylines on the muscle's surface in the rest pose, or near it: which edges run along the "
         "fibres in the report, and are soft in the published model.",
@@ -174,7 +158,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         self._muscle: FixedMuscle | None = None
         self._solver: CarriedMuscle | Algorithm2 | None = None
         self._made_from: tuple[object, ...] = ()
-        self._rest_bones = RestBones("PBDDeformer: bones")
+        self._rest_bones = RestBones(type(self).__name__)
         self._neighbours: Neighbours | None = None
         self._rest_from: float | None = None
         super().__init__(**settings)
@@ -195,76 +179,44 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
 
     def execute(
         self,
-        muscle: vtkPolyData,
-        bones: vtkMultiBlockDataSet,
-        fibres: vtkPolyData | None,
+        muscle: Surface,
+        bones: MovingBones,
+        fibres: Polylines | None,
         neighbours: vtkMultiBlockDataSet | None,
-        superficial: vtkPolyData | None,
+        superficial: Polylines | None,
         attachments: vtkMultiBlockDataSet | None,
     ) -> vtkPolyData:
         """Compute the frames on the way to the time asked for that are not known, and return the last."""
         check_together(self.parameters())
-        names = [name for name, _ in blocks_of(bones)]
-        rings = rings_by_bone(attachments, names, "PBDDeformer: attachments")
-        self._prepare(muscle, fibres, superficial, names, rings)
-        first = self.path[0]
-        if self._frames.done(self.path) and self._rest_from != first:
-            self._take_rest(bones_of(self.data_at("bones", bones, first), "PBDDeformer: bones"))
-        return self._result(muscle, self.frame((bones, neighbours), self._advance), names)
-
-    def _prepare(
-        self,
-        muscle: vtkPolyData,
-        fibres: vtkPolyData | None,
-        superficial: vtkPolyData | None,
-        bones: list[str],
-        rings: tuple[tuple[int, ViaRing], ...],
-    ) -> None:
-        where = "PBDDeformer: muscle"
-        points, triangles = checked_surface(muscle, where)
-        fixed_to = self._checked_fixed_to(point_array(muscle, "FixedTo", where), bones)
-        lines = seen = None
-        if fibres is not None:
-            found = polylines_of(fibres, "PBDDeformer: fibres")
-            lines = found.points, found.offsets
-        if superficial is not None:
-            found = checked_superficial(superficial, "PBDDeformer: superficial")
-            seen = found.points, found.offsets
-        given = FixedMuscle(points, triangles, fixed_to, lines, seen, rings)
-        if not given.same_as(self._muscle):
-            self._muscle, self._solver = given, None
-            self.forget()
-
-    def _checked_fixed_to(self, array: NDArray[Any], names: list[str]) -> Ints:
-        where = "PBDDeformer: muscle, point array 'FixedTo'"
-        if array.ndim != 1 or not np.isfinite(array).all() or (array != np.floor(array)).any():
-            raise InputError(where, "it must be one whole number per point", "FixedPointDetector makes it")
-        fixed_to = array.astype(np.int64)
-        bad = fixed_to[(fixed_to < -1) | (fixed_to >= len(names))]
-        if len(bad):
-            raise InputError(
-                where,
-                f"{bad[0]} is neither -1 (free) nor the index of one of the {len(names)} bones "
-                f"({', '.join(map(repr, names))})",
-                "detect the fixed points with these bones",
-            )
+        given = FixedMuscle(
+            muscle.points,
+            muscle.triangles,
+            fixed_points_of(muscle, bones.names),
+            None if fibres is None else (fibres.points, fibres.offsets),
+            None if superficial is None else (superficial.points, superficial.offsets),
+            rings_by_bone(attachments, bones.names, "attachments"),
+        )
         driven = self.quality == PUBLISHED and any(self.external_force)
-        if (fixed_to < 0).all() and not driven:
+        if (given.fixed_to < 0).all() and not driven:
             raise InputError(
-                where,
+                "muscle",
                 "no point is fixed to a bone, so nothing would hold or move the muscle",
                 "detect fixed points by another method or distance",
             )
-        return fixed_to
+        if not given.same_as(self._muscle):
+            self._muscle, self._solver = given, None
+            self.forget()
+        first = self.path[0]
+        if self._frames.done(self.path) and self._rest_from != first:
+            self._take_rest(self.data_at("bones", bones, first))
+        return self._result(muscle.data, self.frame((bones, neighbours), self._advance), bones.names)
 
-    def _take_rest(self, bones: dict[str, vtkPolyData]) -> None:
+    def _take_rest(self, bones: MovingBones) -> None:
         """Take the bones at rest from the first frame of the path, on which their last digits depend."""
         self._rest_from = self.path[0]
         if self.collision != "off" or self.measure_penetration:
-            transforms = transforms_of(bones, "PBDDeformer: bones")
             self._rest_bones.take(
                 bones,
-                transforms,
                 collision=self.collision,
                 skin=self.bone_clearance,
                 n_max=self.n_voxels,
@@ -272,33 +224,31 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
             )
 
     def _advance(
-        self, before: _Frame | None, bones_now: vtkMultiBlockDataSet, neighbours: vtkMultiBlockDataSet | None
+        self, before: _Frame | None, bones: MovingBones, neighbours: vtkMultiBlockDataSet | None
     ) -> _Frame:
         """Return the frame after another one."""
         started = time.perf_counter()
-        bones = bones_of(bones_now, "PBDDeformer: bones")
         if before is None:
             self._take_rest(bones)
-        transforms = transforms_of(bones, "PBDDeformer: bones")
         if self.collision != "off" or self.measure_penetration:
-            self._rest_bones.check(bones, transforms)
+            self._rest_bones.check(bones)
         solver = self._made_solver()
         muscle = self._known_muscle
         beside: Sequence[Neighbour] = ()
         if neighbours is not None:
             if self._neighbours is None:
-                self._neighbours = Neighbours("PBDDeformer: neighbours", muscle.points)
+                self._neighbours = Neighbours(muscle.points)
             beside = self._neighbours.at(neighbours)
         last = None if before is None else before.state
         state: Pose | State
         if isinstance(solver, Algorithm2):
             assert not isinstance(last, Pose)
-            start = solver.at_rest(len(bones)) if last is None else last
-            state = solver.step(start, transforms, neighbours=beside, progress=self.report_part)
+            start = solver.at_rest(len(bones.surfaces)) if last is None else last
+            state = solver.step(start, bones.transforms, neighbours=beside, progress=self.report_part)
         else:
             assert not isinstance(last, State)
             state = solver.pose(
-                last, transforms, rounds=self.iterations, neighbours=beside, progress=self.report_part
+                last, bones.transforms, rounds=self.iterations, neighbours=beside, progress=self.report_part
             )
         return _Frame(state, 1e3 * (time.perf_counter() - started))
 
@@ -309,7 +259,7 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         settings = algorithm_2_parameters(self.parameters())
         made_from = muscle, obstacles, settings if published else self.taut_resolution
         if self._solver is None or made_from != self._made_from:
-            with placed("PBDDeformer: muscle"):
+            with placed("muscle"):
                 self._solver = (
                     Algorithm2(muscle, settings, obstacles)
                     if published

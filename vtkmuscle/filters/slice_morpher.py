@@ -6,28 +6,21 @@ import warnings
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.errors import InputError, placed
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.morphing.isolines import morph_by_isolines
 from vtkmuscle.core.morphing.planes import morph_by_planes
 from vtkmuscle.core.morphing.slices import Box, Morph, Slicing
+from vtkmuscle.core.morphing.superficial import seen_fibres
 from vtkmuscle.core.morphing.twist import Found, Twisting
 from vtkmuscle.core.recent import Recent
 from vtkmuscle.core.template.fitting import lie_opposite
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import (
-    Polylines,
-    field_array,
-    polylines_of,
-    set_field_array,
-    with_polylines,
-)
-from vtkmuscle.data.muscle_geometry import muscle_geometry
-from vtkmuscle.data.superficial import superficial_fibres
-from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.filters.base.ports import InputPort, OutputPort
+from vtkmuscle.data.arrays import Polylines, field_array, set_field_array
+from vtkmuscle.data.attachments import AttachmentArea
+from vtkmuscle.data.muscle_geometry import Surface
+from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 from vtkmuscle.filters.harmonic_field import field_of, has_field
 
 #: Deviations of superficial fibres from which on a warning is given, root mean square [degrees].
@@ -137,23 +130,18 @@ class SliceMorpher(Filter):
         "counterclockwise seen from the insertion; not looked at where superficial fibres are connected.",
     )
 
-    template = InputPort(
-        vtkPolyData,
+    template = ports.Lines(
         doc="Fibres in the muscle's box, with the field array ``Transform`` (16, unit cube to box).",
     )
-    muscle = InputPort(
-        vtkPolyData,
-        doc="The muscle's surface: triangles, closed; optionally with the point array ``HarmonicField``.",
+    muscle = ports.Surface(
+        doc="The muscle's surface: triangles, closed; optionally with the point array ``HarmonicField``."
     )
-    attachments = InputPort(
-        vtkMultiBlockDataSet,
+    attachments = ports.Areas(
         optional=True,
         doc="Areas of both roles; for the harmonic method only, of a muscle without ``HarmonicField``.",
     )
-    superficial = InputPort(
-        vtkPolyData,
-        optional=True,
-        doc="Polylines on the muscle's surface, or near it, from which the twist is found.",
+    superficial = ports.SeenLines(
+        optional=True, doc="Polylines on the muscle's surface, or near it, from which the twist is found."
     )
     output = OutputPort(
         vtkPolyData,
@@ -170,23 +158,22 @@ class SliceMorpher(Filter):
 
     def execute(
         self,
-        template: vtkPolyData,
-        muscle: vtkPolyData,
-        attachments: vtkMultiBlockDataSet | None,
-        superficial: vtkPolyData | None,
+        template: Polylines,
+        muscle: Surface,
+        attachments: list[AttachmentArea] | None,
+        superficial: Polylines | None,
     ) -> vtkPolyData:
         """Return the fibres in the muscle."""
-        lines = polylines_of(template, "SliceMorpher: template")
-        box = _box(template)
-        geometry = muscle_geometry(muscle, "SliceMorpher: muscle")
+        box = _box(template.data)
+        geometry = muscle.geometry
         tolerance = self.slice_tolerance
         if tolerance is None:
             tolerance = DEFAULT_TOLERANCE * float(np.linalg.norm(box[:3, 2]))
-        upright = _runs_upwards(template, box)
+        upright = _runs_upwards(template.data, box)
         twisting = Twisting(self.twist)
         if superficial is not None and upright:
-            seen = superficial_fibres(superficial, "SliceMorpher: superficial", geometry.points)
-            twisting = Twisting(0.0, seen, lines.offsets)
+            seen = seen_fibres(superficial.points, superficial.offsets, geometry.points)
+            twisting = Twisting(0.0, seen, template.offsets)
 
         slicing = Slicing(
             slice_tolerance=tolerance,
@@ -197,28 +184,27 @@ class SliceMorpher(Filter):
         )
 
         def morph(method: str) -> Morph:
-            shape = (lines.points, box, geometry.closed)
+            shape = (template.points, box, geometry.closed)
             if method == "plane":
                 return morph_by_planes(*shape, slicing)
-            return morph_by_isolines(*shape, field_of(muscle, attachments, ""), slicing)
+            return morph_by_isolines(*shape, field_of(muscle, attachments), slicing)
 
         if self.method == "harmonic" and not upright:
             raise InputError(
-                "SliceMorpher",
+                "",
                 "method='harmonic' needs a template whose areas are its bottom and its top, as of the kinds "
                 "parallel, curved and fan",
                 "use method='plane' for this one",
             )
         method = "harmonic" if self.method == "harmonic" else "plane"
-        with placed("SliceMorpher"):
-            result = morph(method)
-            known = attachments is not None or has_field(muscle)
-            steep_share = result.steep_share
-            if self.method == "auto" and not result.suits and upright and known:
-                method, result = "harmonic", morph("harmonic")
+        result = morph(method)
+        known = attachments is not None or has_field(muscle.data)
+        steep_share = result.steep_share
+        if self.method == "auto" and not result.suits and upright and known:
+            method, result = "harmonic", morph("harmonic")
         _warn(result, method)
         _warn_of_superficial(result.twist)
-        moved = with_polylines(template, Polylines(result.points, lines.offsets))
+        moved = template.moved(result.points)
         for name, value in (
             ("MorphMethod", method),
             ("PointsOutside", result.n_outside),
@@ -257,7 +243,7 @@ def _warn_of_superficial(found: Found) -> None:
         )
 
 
-def _runs_upwards(template: vtkPolyData, box: Floats) -> bool:
+def _runs_upwards(template: vtkPolyData | None, box: Floats) -> bool:
     """Return False where the template says that its areas are not its bottom and its top."""
     areas = [field_array(template, name) for name in ("OriginArea", "InsertionArea")]
     if any(area is None or area.ndim != 2 or area.shape[1] != 3 for area in areas):
@@ -267,13 +253,11 @@ def _runs_upwards(template: vtkPolyData, box: Floats) -> bool:
     return lie_opposite(origin, insertion)
 
 
-def _box(template: vtkPolyData) -> NDArray[np.float64]:
+def _box(template: vtkPolyData | None) -> NDArray[np.float64]:
     """Return the transform of the unit cube to the box, (4, 4)."""
     values = field_array(template, "Transform")
     if values is None:
-        raise InputError(
-            "SliceMorpher: template", "the field array 'Transform' is missing", "run TemplateFitter"
-        )
+        raise InputError("template", "the field array 'Transform' is missing", "run TemplateFitter")
     if values.size == 16 and np.isfinite(values).all():
         box: NDArray[np.float64] = np.array(values, dtype=np.float64).reshape(4, 4)
         gram = box[:3, :3].T @ box[:3, :3]
@@ -282,7 +266,7 @@ def _box(template: vtkPolyData) -> NDArray[np.float64]:
         if right and np.array_equal(box[3], [0.0, 0.0, 0.0, 1.0]):
             return box
     raise InputError(
-        "SliceMorpher: template",
+        "template",
         "the field array 'Transform' is not that of a box: 16 finite numbers, a rotation (or reflection) of "
         "a cube scaled along its axes, row by row",
         "run TemplateFitter",

@@ -12,24 +12,12 @@ from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.fixed_muscle import FixedMuscle
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.paths.sheet import POINTS, MusclePaths, PathState
-from vtkmuscle.data.arrays import (
-    Polylines,
-    checked_surface,
-    point_array,
-    polylines_of,
-    set_cell_array,
-    set_field_array,
-    with_polylines,
-)
+from vtkmuscle.data.arrays import Polylines, set_cell_array, set_field_array
 from vtkmuscle.data.attachments import rings_by_bone
-from vtkmuscle.data.moving_bones import RestBones, transforms_of
+from vtkmuscle.data.moving_bones import MovingBones, RestBones, fixed_points_of
+from vtkmuscle.data.muscle_geometry import Surface
 from vtkmuscle.data.paths import PATH_POINTS, path_arrays
-from vtkmuscle.filters.base.history import HistoryFilter
-from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.filters.base.ports import InputPort, OutputPort
-from vtkmuscle.filters.bone_motion import bones_of
-
-_WHERE = "TautFibres: bones"
+from vtkmuscle.filters.base import HistoryFilter, InputPort, OutputPort, Parameter, ports
 
 
 class TautFibres(HistoryFilter[PathState]):
@@ -89,14 +77,12 @@ class TautFibres(HistoryFilter[PathState]):
         doc="Memory for poses kept to go back in time; the last two are kept even with 0.",
     )
 
-    rest_fibres = InputPort(vtkPolyData, doc="Polylines at rest, origin to insertion.")
-    rest_muscle = InputPort(
-        vtkPolyData,
+    rest_fibres = ports.Lines(doc="Polylines at rest, origin to insertion.")
+    rest_muscle = ports.Surface(
         doc="The muscle at rest, closed triangles, with the point array ``FixedTo``; an end of a fibre goes "
-        "with the bone of the fixed point nearest to it.",
+        "with the bone of the fixed point nearest to it."
     )
-    bones = InputPort(
-        vtkMultiBlockDataSet,
+    bones = ports.MovingBones(
         doc="Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to "
         "now.",
     )
@@ -118,7 +104,7 @@ class TautFibres(HistoryFilter[PathState]):
     moving = ("bones",)
 
     def __init__(self, **settings: Any) -> None:
-        self._rest_bones = RestBones(_WHERE)
+        self._rest_bones = RestBones(type(self).__name__)
         self._paths: MusclePaths | None = None
         self._rest: FixedMuscle | None = None
         super().__init__(**settings)
@@ -130,61 +116,53 @@ class TautFibres(HistoryFilter[PathState]):
 
     def execute(
         self,
-        rest_fibres: vtkPolyData,
-        rest_muscle: vtkPolyData,
-        bones: vtkMultiBlockDataSet,
+        rest_fibres: Polylines,
+        rest_muscle: Surface,
+        bones: MovingBones,
         attachments: vtkMultiBlockDataSet | None,
     ) -> vtkPolyData:
         """Return the paths at the time asked for."""
-        names = list(bones_of(bones, _WHERE))
-        if self._is_new(rest_fibres, rest_muscle, names, attachments):
-            self._prepare(bones_of(self.data_at("bones", bones, self.path[0]), _WHERE))
+        if self._is_new(rest_fibres, rest_muscle, bones.names, attachments):
+            self._prepare(self.data_at("bones", bones, self.path[0]))
         paths = self._paths
         assert paths is not None
 
-        def advance(before: PathState | None, now: vtkMultiBlockDataSet) -> PathState:
-            transforms = transforms_of(bones_of(now, _WHERE), _WHERE)
-            pose = paths.follow(paths.rest if before is None else before, transforms)
+        def advance(before: PathState | None, now: MovingBones) -> PathState:
+            pose = paths.follow(paths.rest if before is None else before, now.transforms)
             self.report_part(1.0)
             return pose
 
-        return self._result(rest_fibres, paths, self.frame((bones,), advance), names)
+        return self._result(rest_fibres, paths, self.frame((bones,), advance), bones.names)
 
     def _is_new(
         self,
-        rest_fibres: vtkPolyData,
-        rest_muscle: vtkPolyData,
+        lines: Polylines,
+        muscle: Surface,
         names: list[str],
         attachments: vtkMultiBlockDataSet | None,
     ) -> bool:
         """Take what the paths are made from; return whether that is another than before."""
-        lines = polylines_of(rest_fibres, "TautFibres: rest_fibres")
-        where = "TautFibres: rest_muscle"
-        points, triangles = checked_surface(rest_muscle, where)
-        fixed_to = np.array(point_array(rest_muscle, "FixedTo", where)).astype(np.int64)
-        if not ((fixed_to >= 0) & (fixed_to < len(names))).any():
-            raise InputError(
-                where,
-                f"no point is fixed to one of the bones ({', '.join(map(repr, names))}), so that the fibres' "
-                "ends have nothing to go with",
-                "detect the fixed points with these bones",
-            )
-        rings = rings_by_bone(attachments, names, "TautFibres: attachments")
-        given = FixedMuscle(points, triangles, fixed_to, (lines.points, lines.offsets), rings=rings)
+        fixed_to = fixed_points_of(muscle, names)
+        if (fixed_to < 0).all():
+            problem = "no point is fixed to a bone, so that the fibres' ends have nothing to go with"
+            raise InputError(muscle.where, problem, "detect the fixed points with these bones")
+        rings = rings_by_bone(attachments, names, "attachments")
+        fibres = lines.points, lines.offsets
+        given = FixedMuscle(muscle.points, muscle.triangles, fixed_to, fibres, rings=rings)
         if self._paths is not None and given.same_as(self._rest):
             return False
         self._rest = given
         self.forget()
         return True
 
-    def _prepare(self, bones: dict[str, vtkPolyData]) -> None:
+    def _prepare(self, bones: MovingBones) -> None:
         """Make the paths at rest."""
         given = self._rest
         assert given is not None
         assert given.fibres is not None
-        self._rest_bones.take(bones, transforms_of(bones, _WHERE), collision="sdf")
+        self._rest_bones.take(bones, collision="sdf")
         fibres = evenly_spread(*given.fibres, self.resolution + 1)
-        with placed("TautFibres: rest_fibres"):
+        with placed("rest_fibres"):
             self._paths = MusclePaths(
                 fibres,
                 *bones_at_ends(fibres, given.points, given.fixed_to),
@@ -195,12 +173,10 @@ class TautFibres(HistoryFilter[PathState]):
             )
 
     def _result(
-        self, rest_fibres: vtkPolyData, paths: MusclePaths, state: PathState, bones: list[str]
+        self, rest_fibres: Polylines, paths: MusclePaths, state: PathState, bones: list[str]
     ) -> vtkPolyData:
         count, n, _ = state.points.shape
-        result: vtkPolyData = with_polylines(
-            rest_fibres, Polylines(state.points.reshape(-1, 3), n * np.arange(count + 1))
-        )
+        result = rest_fibres.moved(state.points.reshape(-1, 3), n * np.arange(count + 1))
         lengths, rest = state.lengths, paths.rest.lengths
         found = path_arrays(state.points, state.wrenches, bones)
         del found[PATH_POINTS]  # the lines themselves

@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.errors import InputError, placed
-from vtkmuscle.core.morphing.superficial import SeenFibres, angle_to_nearest
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.morphing.superficial import SeenFibres, angle_to_nearest, seen_fibres
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import (
     ASSIGNMENTS,
@@ -22,19 +22,10 @@ from vtkmuscle.core.template.fitting import (
     turned_cube,
 )
 from vtkmuscle.core.types import Floats
-from vtkmuscle.data.arrays import (
-    Polylines,
-    field_array,
-    polylines_of,
-    set_field_array,
-    with_polylines,
-)
-from vtkmuscle.data.attachments import AttachmentArea, end_areas
-from vtkmuscle.data.muscle_geometry import muscle_geometry
-from vtkmuscle.data.superficial import superficial_fibres
-from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.filters.base.parameters import Parameter
-from vtkmuscle.filters.base.ports import InputPort, OutputPort
+from vtkmuscle.data.arrays import Polylines, field_array, set_field_array
+from vtkmuscle.data.attachments import ROLES, AttachmentArea
+from vtkmuscle.data.muscle_geometry import Surface
+from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
 
 
 class TemplateFitter(Filter):
@@ -103,14 +94,12 @@ class TemplateFitter(Filter):
     )
     mirror = Parameter(bool, default=False, doc="Mirror the template.")
 
-    template = InputPort(
-        vtkPolyData,
-        doc="Fibres in the unit cube, with the field arrays ``OriginArea`` and ``InsertionArea``.",
+    template = ports.Lines(
+        doc="Fibres in the unit cube, with the field arrays ``OriginArea`` and ``InsertionArea``."
     )
-    muscle = InputPort(vtkPolyData, doc="The muscle's surface, triangles.")
-    attachments = InputPort(vtkMultiBlockDataSet, doc="Areas of both roles.")
-    superficial = InputPort(
-        vtkPolyData,
+    muscle = ports.Surface(doc="The muscle's surface, triangles.")
+    attachments = ports.Areas(doc="Areas of both roles.")
+    superficial = ports.SeenLines(
         optional=True,
         doc="Polylines on the muscle's surface, or near it, that the template's fibres are to follow.",
     )
@@ -123,17 +112,15 @@ class TemplateFitter(Filter):
 
     def execute(
         self,
-        template: vtkPolyData,
-        muscle: vtkPolyData,
-        attachments: vtkMultiBlockDataSet,
-        superficial: vtkPolyData | None,
+        template: Polylines,
+        muscle: Surface,
+        attachments: list[AttachmentArea],
+        superficial: Polylines | None,
     ) -> vtkPolyData:
         """Return the fitted template."""
-        lines = polylines_of(template, "TemplateFitter: template")
-        origin_area, insertion_area = (_area(template, n) for n in ("OriginArea", "InsertionArea"))
-        geometry = muscle_geometry(muscle, "TemplateFitter: muscle")
-        areas = end_areas(attachments, "TemplateFitter: attachments")
-        origin, insertion = _landmarks(areas, "origin"), _landmarks(areas, "insertion")
+        origin_area, insertion_area = (_area(template.data, n) for n in ("OriginArea", "InsertionArea"))
+        geometry = muscle.geometry
+        origin, insertion = (_landmarks(attachments, role) for role in ROLES)
         # The mirror image of the fit to the mirrored muscle.
         reflection = np.diag([-1.0, 1.0, 1.0, 1.0]) if self.mirror else np.eye(4)
         origin, insertion = (apply_transform(reflection, p) for p in (origin, insertion))
@@ -145,7 +132,7 @@ class TemplateFitter(Filter):
         shape = geometry.once(("seen", self.mirror), used_points)
         seen = None
         if superficial is not None:
-            seen = superficial_fibres(superficial, "TemplateFitter: superficial", shape.points)
+            seen = seen_fibres(superficial.points, superficial.offsets, shape.points)
             seen = seen.within(np.zeros(3), reflection[:3, :3])
 
         def fitted_boxes() -> list[Fit]:
@@ -156,24 +143,23 @@ class TemplateFitter(Filter):
                     shape,
                     (origin, insertion),
                     (origin_area, insertion_area),
-                    None if seen is None else _guide(seen, lines, turned_cube(assignment)),
+                    None if seen is None else _guide(seen, template, turned_cube(assignment)),
                 )
                 for axis in self._axes(shape, origin, insertion)
                 for assignment in (ASSIGNMENTS if self.orientation == "any" else ASSIGNMENTS[:1])
             ]
 
-        with placed("TemplateFitter"):
-            if seen is None:  # boxes that do not depend on the template's fibres
-                arrays = (origin, insertion, origin_area, insertion_area)
-                settings = self.axis, self.orientation, self.angle_step, self.refine, self.mirror
-                key = "boxes", settings, *(np.ascontiguousarray(array).tobytes() for array in arrays)
-                fits = geometry.once(key, fitted_boxes)
-            else:
-                fits = fitted_boxes()
+        if seen is None:  # boxes that do not depend on the template's fibres
+            arrays = (origin, insertion, origin_area, insertion_area)
+            settings = self.axis, self.orientation, self.angle_step, self.refine, self.mirror
+            key = "boxes", settings, *(np.ascontiguousarray(array).tobytes() for array in arrays)
+            fits = geometry.once(key, fitted_boxes)
+        else:
+            fits = fitted_boxes()
         least = min(fit.cost for fit in fits)
         best = next(fit for fit in fits if fit.cost <= least + TIE)
         transform = reflection @ best.transform
-        fitted = with_polylines(template, Polylines(apply_transform(transform, lines.points), lines.offsets))
+        fitted = template.moved(apply_transform(transform, template.points))
         set_field_array(fitted, "OriginArea", apply_transform(transform, origin_area))
         set_field_array(fitted, "InsertionArea", apply_transform(transform, insertion_area))
         set_field_array(fitted, "Transform", transform.reshape(16))
@@ -227,11 +213,11 @@ def _guide(seen: SeenFibres, lines: Polylines, turn: Floats) -> Callable[[Floats
     return angle
 
 
-def _area(template: vtkPolyData, name: str) -> Floats:
+def _area(template: vtkPolyData | None, name: str) -> Floats:
     values = field_array(template, name)
     if values is None or values.ndim != 2 or values.shape[1] != 3:
         raise InputError(
-            "TemplateFitter: template",
+            "template",
             f"the field array {name!r} (3 components: corners of an area in the unit cube) is missing",
             "FibreTemplateSource makes it",
         )
@@ -241,7 +227,5 @@ def _area(template: vtkPolyData, name: str) -> Floats:
 def _landmarks(areas: Sequence[AttachmentArea], role: str) -> Floats:
     mine = [area.landmarks for area in areas if area.role == role]
     if not mine:
-        raise InputError(
-            "TemplateFitter: attachments", f"there is no area with the role {role!r}", "add its landmarks"
-        )
+        raise InputError("attachments", f"there is no area with the role {role!r}", "add its landmarks")
     return np.vstack(mine)

@@ -1,112 +1,73 @@
-"""Read a file by VTK in a process of its own, for VTK may end the process that reads a damaged file."""
+"""Read files by VTK in a process of its own, for VTK may end the process that reads a damaged file.
+
+One process reads all files of a run: it starts with the first one, ends with this process, and where a file
+ends it the next file has a new one. Programs that are no Python, such as ParaView, read files themselves.
+"""
 
 from __future__ import annotations
 
+import atexit
 import json
+import os
 import signal
 import subprocess
-import tempfile
+import sys
+import time
 from pathlib import Path
+from threading import Lock
 
 from vtkmodules.vtkCommonDataModel import vtkPolyData
-from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+from vtkmodules.vtkIOLegacy import vtkPolyDataReader
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.io.vtp_check import check_vtp
+from vtkmuscle.io.child_reader import read
 from vtkmuscle.isolation import isolated_python
 
-#: The longest that the reading of a file may take [s].
-_LONGEST = 300.0
+#: The longest that the reading of a file may take, whatever its size [s], and what is read in a second of a
+#: large one at least [bytes/s].
+LONGEST, _SPEED = 20.0, 1e7
 
-#: What is run: it reads argument 1 by the class of argument 2 and writes what it is as a .vtp to argument 3,
-#: or nothing but every time step of it where there is none; and says in JSON what VTK made of it.
-_PROGRAM = """
-import json
-try:
-    import resource
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-except ImportError:
-    pass
-from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
-import vtkmodules.vtkIOLegacy, vtkmodules.vtkIOXML, vtkmodules.vtkIOHDF
-from vtkmodules.vtkCommonDataModel import vtkPolyData
-from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
-vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
-window = vtkStringOutputWindow()
-vtkOutputWindow.SetInstance(window)
-path, name, out = sys.argv[1:4]
-module = {"vtkGenericDataObjectReader": "vtkIOLegacy", "vtkHDFReader": "vtkIOHDF"}.get(name, "vtkIOXML")
-reader = getattr(getattr(vtkmodules, module), name)()
-reader.SetFileName(path)
-if out:
-    reader.Update()
-else:
-    reader.UpdateInformation()
-    info, key = reader.GetOutputInformation(0), vtkStreamingDemandDrivenPipeline.TIME_STEPS()
-    for time in (info.Get(key) if info.Has(key) else None) or [None]:
-        reader.Update() if time is None else reader.UpdateTimeStep(time)
-data = reader.GetOutputDataObject(0)
-if out and isinstance(data, vtkPolyData):
-    writer = vtkmodules.vtkIOXML.vtkXMLPolyDataWriter()
-    writer.SetInputData(data)
-    writer.SetDataModeToAppended()
-    writer.EncodeAppendedDataOff()
-    writer.SetCompressorTypeToNone()
-    writer.SetHeaderTypeToUInt64()
-    writer.SetFileName(out)
-    said = window.GetOutput()
-    writer.Write()
-else:
-    said = window.GetOutput()
-said = said.decode("utf-8", "replace") if isinstance(said, bytes) else said
-kind = data.GetClassName() if data is not None else ""
-print(json.dumps({"said": said, "error": reader.GetErrorCode(), "kind": kind}))
-"""
+_REMEDY = "export it again, and check that its suffix says what it is"
 
 
-def read_in_child(path: Path, reader: str) -> tuple[vtkPolyData | None, str, str]:
-    """Read poly data by one of VTK's readers in a child process.
+def read_in_child(path: Path, module: str, reader: str) -> vtkPolyData:
+    """Read poly data by one of VTK's readers.
 
     Parameters
     ----------
     path : Path
         The file.
-    reader : str
-        Name of the reader's class.
-
-    Returns
-    -------
-    data : vtkPolyData or None
-        None where the file holds something else.
-    kind : str
-        The class of what it holds.
-    said : str
-        What VTK said, and that it could not read the file.
+    module, reader : str
+        Names of the reader's module and class.
 
     Raises
     ------
     ValueError
-        If VTK ended the process, or did not end.
+        If VTK complained, ended the process or did not end, or the file holds something else.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "read.vtp"
-        found = _run(path, reader, str(out))
-        said = found["said"] or ("it is damaged" if found["error"] else "")
-        if said or not out.is_file():
-            return None, found["kind"], said
-        check_vtp(out)
-        again = vtkXMLPolyDataReader()
-        again.SetFileName(str(out))
-        again.Update()
-        return again.GetOutput(), found["kind"], ""
+    kind, said, content = _child.ask(path, module, reader, wanted=True)
+    if said:
+        raise InputError(path, f"the file cannot be read as {path.suffix}: {said}", _REMEDY)
+    if kind != "vtkPolyData":
+        raise InputError(
+            path,
+            f"the file holds a {kind or 'nothing'}, not a surface",
+            "extract its surface (pyvista: mesh.extract_surface()) and save that",
+        )
+    again = vtkPolyDataReader()
+    again.ReadFromInputStringOn()
+    again.SetBinaryInputString(content, len(content))  # type: ignore[arg-type]
+    again.Update()
+    result: vtkPolyData = again.GetOutput()
+    return result
 
 
-def check_in_child(path: Path, reader: str) -> None:
+def check_in_child(path: Path, module: str, reader: str) -> None:
     """Check that one of VTK's readers can read all time steps of a file.
 
     Parameters
     ----------
-    path, reader
+    path, module, reader
         As of :func:`read_in_child`.
 
     Raises
@@ -114,23 +75,75 @@ def check_in_child(path: Path, reader: str) -> None:
     ValueError
         If it cannot.
     """
-    found = _run(path, reader, "")
-    if found["said"] or found["error"]:
+    _, said, _ = _child.ask(path, module, reader, wanted=False)
+    if said:
         raise InputError(path, "the file is damaged", "write it again")
 
 
-def _run(path: Path, reader: str, out: str) -> dict[str, str]:
-    command = [*isolated_python(_PROGRAM), str(path.absolute()), reader, out]
-    try:
-        done = subprocess.run(command, capture_output=True, timeout=_LONGEST, check=False)
-    except subprocess.TimeoutExpired:
-        raise InputError(path, f"the file was not read within {_LONGEST:.0f} s", "export it again") from None
-    if done.returncode:
-        name = signal.Signals(-done.returncode).name if done.returncode < 0 else "an error"
-        raise InputError(
-            path,
-            f"the file is damaged: VTK's reader ended with {name}",
-            "export it again, and check that its suffix says what it is",
-        )
-    found: dict[str, str] = json.loads(done.stdout.splitlines()[-1])
-    return found
+def _is_python() -> bool:
+    """Return whether this program is a Python to be started: ParaView names itself, or no file."""
+    program = Path(sys.executable or "-")
+    return program.name.startswith("python") and program.is_file()
+
+
+class _Child:
+    """The process, where there is one."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._owner = 0
+
+    def ask(self, path: Path, module: str, reader: str, *, wanted: bool) -> tuple[str, str, bytes]:
+        """Return the class of what a file holds, what VTK said, and the data."""
+        if not _is_python():
+            return read(os.path.abspath(path), module, reader, wanted=wanted)
+        longest = LONGEST + path.stat().st_size / _SPEED
+        question = json.dumps([os.path.abspath(path), module, reader, longest, wanted])
+        with self._lock:
+            process = self._running()
+            assert process.stdin is not None
+            assert process.stdout is not None
+            began = time.monotonic()
+            try:
+                process.stdin.write(question.encode() + b"\n")
+                process.stdin.flush()
+                line = process.stdout.readline()
+                kind, said, length = json.loads(line) if line else ("", "", 0)
+                content = process.stdout.read(length)
+            except BaseException:  # the answer is not for the next one to ask
+                process.kill()
+                raise
+            if line:
+                return kind, said, content
+            code = process.wait()
+        if time.monotonic() - began >= longest:
+            raise InputError(path, f"the file was not read within {longest:.0f} s", _REMEDY)
+        name = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        problem = f"the file is damaged, or takes too much memory: VTK's reader ended with {name}"
+        raise InputError(path, problem, _REMEDY)
+
+    def _running(self) -> subprocess.Popen[bytes]:
+        """Return the process: a new one where there is none, it has ended, or is that of a parent."""
+        if self._process is None or self._owner != os.getpid() or self._process.poll() is not None:
+            self.close()
+            self._owner = os.getpid()
+            # The package may be where no other code is loaded from: the folder that somebody works in.
+            root = str(Path(__file__).parents[2])
+            self._process = subprocess.Popen(
+                isolated_python(f"sys.path.append({root!r})\nfrom {read.__module__} import serve\nserve()"),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+            )
+        return self._process
+
+    def close(self) -> None:
+        """End the process of this one, which reads no further file."""
+        process, self._process = self._process, None
+        if process is not None and self._owner == os.getpid():
+            process.communicate()
+
+
+_child = _Child()
+atexit.register(_child.close)

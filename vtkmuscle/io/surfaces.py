@@ -4,34 +4,28 @@ from __future__ import annotations
 
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkTriangleFilter
-from vtkmodules.vtkIOGeometry import vtkOBJReader, vtkSTLReader
-from vtkmodules.vtkIOLegacy import vtkGenericDataObjectReader
-from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import check_is_file
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.io.in_child import read_in_child
-from vtkmuscle.io.messages import first_line, vtk_messages
 from vtkmuscle.io.ply import read_ply
 from vtkmuscle.io.vtp_check import check_vtp
 
-#: VTK's readers; .ply files are read by :mod:`vtkmuscle.io.ply`, .vtk files in a process of their own.
-_READERS: dict[str, Any] = {
-    ".vtp": vtkXMLPolyDataReader,
-    ".vtk": vtkGenericDataObjectReader,
-    ".stl": vtkSTLReader,
-    ".obj": vtkOBJReader,
-    ".ply": None,
+#: Modules and classes of VTK's readers; .ply files are read by :mod:`vtkmuscle.io.ply`.
+_READERS = {
+    ".vtp": ("vtkmodules.vtkIOXML", "vtkXMLPolyDataReader"),
+    ".vtk": ("vtkmodules.vtkIOLegacy", "vtkGenericDataObjectReader"),
+    ".stl": ("vtkmodules.vtkIOGeometry", "vtkSTLReader"),
+    ".obj": ("vtkmodules.vtkIOGeometry", "vtkOBJReader"),
 }
 
 #: Suffixes of the files that :func:`read_surface` reads.
-SURFACE_SUFFIXES = tuple(_READERS)
+SURFACE_SUFFIXES = (*_READERS, ".ply")
 
 
 def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
@@ -57,29 +51,16 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix not in _READERS:
+    if suffix not in SURFACE_SUFFIXES:
         raise InputError(
             path,
             f"the suffix {path.suffix!r} is not one of {', '.join(SURFACE_SUFFIXES)}",
             "convert the file, e.g. with ParaView or pyvista.read(...).save(...)",
         )
     check_is_file(path)
-    data: Any
-    if suffix == ".ply":
-        data = read_ply(path)
-    elif suffix == ".vtk":
-        data, kind, said = read_in_child(path, _READERS[suffix].__name__)
-        _check_read(path, data, kind, first_line(said))
-    else:
-        if suffix == ".vtp":
-            check_vtp(path)
-        reader = _READERS[suffix]()
-        reader.SetFileName(str(path))
-        with vtk_messages() as messages:
-            reader.Update()
-        data = reader.GetOutput()
-        complaint = first_line(messages()) or ("it is damaged" if reader.GetErrorCode() else "")
-        _check_read(path, data, data.GetClassName(), complaint)
+    if suffix == ".vtp":
+        check_vtp(path)
+    data = read_ply(path) if suffix == ".ply" else read_in_child(path, *_READERS[suffix])
     if data.GetNumberOfPoints() == 0:
         raise InputError(path, "the file holds no points", "export it again")
     _check_point_ids(data, path)
@@ -87,22 +68,6 @@ def read_polydata(path: str | PathLike[str]) -> vtkPolyData:
         data = _without_strips(data)
     result: vtkPolyData = with_points(data, points_of(data))
     return result
-
-
-def _check_read(path: Path, data: Any, kind: str, complaint: str) -> None:
-    """Raise a ValueError where VTK's reader complained, or gave no poly data."""
-    if complaint:
-        raise InputError(
-            path,
-            f"the file cannot be read as {path.suffix}: {complaint}",
-            "export it again, and check that its suffix says what it is",
-        )
-    if not isinstance(data, vtkPolyData):
-        raise InputError(
-            path,
-            f"the file holds a {kind or 'nothing'}, not a surface",
-            "extract its surface (pyvista: mesh.extract_surface()) and save that",
-        )
 
 
 def read_surface(path: str | PathLike[str]) -> vtkPolyData:

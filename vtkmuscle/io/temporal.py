@@ -11,7 +11,6 @@ from os import PathLike
 from pathlib import Path
 from threading import Lock
 from typing import Any
-from xml.etree import ElementTree
 
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
@@ -26,6 +25,7 @@ from vtkmuscle.io.in_child import check_in_child
 from vtkmuscle.io.messages import vtk_messages
 from vtkmuscle.io.surfaces import read_polydata
 from vtkmuscle.io.writing import replacing
+from vtkmuscle.io.xml_elements import read_xml
 
 #: Suffixes of the files that :func:`read_series` reads.
 SERIES_SUFFIXES = (".pvd", ".vtkhdf")
@@ -205,15 +205,14 @@ def _arrays(data: vtkPolyData) -> set[tuple[str, str]]:
 
 
 def _from_pvd(path: Path) -> TimeSeries:
-    try:
-        entries = list(ElementTree.parse(path).getroot().iter("DataSet"))
-        steps: dict[float, dict[str, Path]] = {}
-        for entry in entries:
-            parts = steps.setdefault(float(entry.get("timestep", "0")), {})
-            name = entry.get("name") or entry.get("part") or str(len(parts))
-            parts[name] = path.parent / entry.attrib["file"]
-    except (ElementTree.ParseError, KeyError, ValueError) as error:
-        raise InputError(path, f"the file is no ParaView collection: {error}", "write it again") from error
+    steps: dict[float, dict[str, Path]] = {}
+    for entry in read_xml(path).need("Collection").children:
+        try:
+            parts = steps.setdefault(float(entry.attributes.get("timestep", "0")), {})
+            name = entry.name or entry.attributes.get("part") or str(len(parts))
+            parts[name] = path.parent / entry.attributes["file"]
+        except (KeyError, ValueError) as error:
+            raise entry.error(f"the file is no ParaView collection: {error}", "write it again") from error
     if not steps:
         raise InputError(path, "the collection lists no time step")
     times = tuple(sorted(steps))
@@ -231,7 +230,7 @@ def _from_vtkhdf(path: Path) -> TimeSeries:
     with path.open("rb") as file:
         if file.read(len(_HDF)) != _HDF:
             raise InputError(path, "the file is no VTKHDF file", "write it again")
-    check_in_child(path, "vtkHDFReader")
+    check_in_child(path, "vtkmodules.vtkIOHDF", "vtkHDFReader")
     reader = vtkHDFReader()
     reader.SetFileName(str(path))
     if not reader.CanReadFile(str(path)):

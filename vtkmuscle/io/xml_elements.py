@@ -17,8 +17,11 @@ from vtkmuscle.core.words import shown
 #: Elements within elements, at most.
 DEEPEST = 100
 
+#: Elements in a file, at most: the largest models have tens of thousands.
+MOST_ELEMENTS = 1_000_000
 
-@dataclass
+
+@dataclass(slots=True)
 class Element:
     """An element: its tag, its name where it has one, what is in it, and where it stands.
 
@@ -165,22 +168,27 @@ def read_xml(path: Path) -> Element:
         text = data.decode("latin-1")
     parser = expat.ParserCreate("utf-8")
     parser.buffer_text = True
-    stack: list[Element] = []
-    outermost: list[Element] = []
+    outermost = Element("", path, 0)
+    stack = [outermost]
+    words: list[list[str]] = [[]]  # of the elements that are not yet closed
+    count = 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal count
         element = Element(tag, path, parser.CurrentLineNumber, attributes)
-        if len(stack) >= DEEPEST:
-            raise element.error(f"is deeper than {DEEPEST} elements")
-        (stack[-1].children if stack else outermost).append(element)
+        count += 1
+        if len(stack) > DEEPEST or count > MOST_ELEMENTS:
+            what = f"deeper than {DEEPEST}" if len(stack) > DEEPEST else f"one of more than {MOST_ELEMENTS}"
+            raise element.error(f"is {what} elements")
+        stack[-1].children.append(element)
         stack.append(element)
+        words.append([])
 
     def end(_: str) -> None:
-        stack.pop()
+        stack.pop().text = "".join(words.pop())
 
-    def characters(words: str) -> None:
-        if stack:
-            stack[-1].text += words
+    def characters(part: str) -> None:
+        words[-1].append(part)
 
     def refused(*_: object) -> None:
         problem = f"line {parser.CurrentLineNumber}: the file has a document type (<!DOCTYPE>)"
@@ -197,4 +205,4 @@ def read_xml(path: Path) -> Element:
         raise InputError(path, problem, "export it again") from error
     except UnicodeEncodeError as error:
         raise InputError(path, "the file is not text", "export it again") from error
-    return outermost[0]
+    return outermost.children[0]

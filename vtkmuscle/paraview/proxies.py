@@ -30,7 +30,7 @@ def proxy_parts(kind: type[Filter]) -> list[str]:
     parts += [_input(number, port) for number, port in enumerate(kind.input_ports)]
     declared = kind.parameter_declarations.values()
     parts += [shown.xml for parameter in declared for shown in properties_of(parameter, declared)]
-    if kind.time_steps is not Filter.time_steps:
+    if kind.times_from is not None or kind.time_steps is not Filter.time_steps:
         parts.append(_times())
     if len(kind.output_ports) > 1:
         parts += [

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 class Parameters:
     """Settings of Algorithm 2; the defaults are those of section 4 of the paper.
 
+    PBDDeformer has them too, and takes what it says of them from here.
+
     Attributes
     ----------
     iterations : int
@@ -16,19 +18,23 @@ class Parameters:
     dt : float
         Time of a step [s], > 0.
     velocity_kept : float
-        Part of the velocity that is left after a step, in [0, 1]: line 8.
-    stiffness, shape_stiffness, volume_stiffness : float
-        Of the distance, dihedral and volume constraints, per iteration, in [0, 1].
+        Part of its velocity that a point keeps from step to step, in [0, 1] (line 8).
+    stiffness : float
+        Of edge lengths, per iteration, in [0, 1].
+    shape_stiffness : float
+        Of the angles between triangles, per iteration, in [0, 1].
+    volume_stiffness : float
+        Of the muscle's volume, per iteration, in [0, 1].
     anisotropy : bool
-        Whether edges are the softer the more they run along the fibres: section 3.1.
+        Whether edges are the softer the more they run along the fibres (section 3.1).
     external_force : (3,) tuple
-        Force per mass on each free point [mm / s^2]: line 7.
+        Force per mass on all free points [mm/s^2] (line 7).
     bone_push : str
         What a bone does to points that it moved over: ``"transform"``, take them with it (section 3.2), or
         ``"off"``, nothing.
     contact_velocity : str
-        What velocity points have that met a bone: ``"keep"``, that of their displacement, or ``"zero"``, as
-        section 5 proposes.
+        Velocity of points that met a bone: ``"keep"``, that of their displacement, as the paper computes it,
+        or ``"zero"``, as its section 5 proposes.
     """
 
     iterations: int = 30

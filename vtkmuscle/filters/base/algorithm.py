@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
@@ -10,7 +11,7 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataSet
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkDemandDrivenPipeline
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.data.pipeline_times import announce_times
+from vtkmuscle.data.pipeline_times import announce_times, times_of
 from vtkmuscle.data.provenance import add_provenance, provenance_entry
 from vtkmuscle.filters.base.failure_messages import silence_after_failure
 from vtkmuscle.filters.base.interrupts import interrupts_deferred
@@ -28,6 +29,8 @@ class Algorithm(VTKPythonAlgorithmBase):
     input_ports: ClassVar[tuple[InputPort, ...]] = ()
     output_ports: ClassVar[tuple[OutputPort, ...]] = ()
 
+    #: Name of the input port whose time steps are announced, where it is not the first one.
+    times_from: ClassVar[str | None] = None
     #: Pipeline time of the request being executed; None where the pipeline has no time.
     request_time: float | None = None
     #: What VTKPythonAlgorithmBase writes.
@@ -44,13 +47,18 @@ class Algorithm(VTKPythonAlgorithmBase):
     def execute(self, *inputs: Any) -> Any:
         """Compute the output(s) from the inputs, given in port order (None for an open optional port).
 
-        Inputs must not be changed. The result is a new data object (or a tuple, one per output port).
+        An input is what its port takes of the data. Errors name a port, or "" for the filter as such: the
+        filter's name is put before that. Inputs must not be changed. The result is a new data object (or a
+        tuple, one per output port).
         """
         raise NotImplementedError
 
     def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
         """Time steps that the output announces; None passes on what the first input announces."""
-        return None
+        if self.times_from is None:
+            return None
+        number = [port.name for port in self.input_ports].index(self.times_from)
+        return times_of(inputs_information[number]) or None
 
     def parameters(self) -> dict[str, Any]:
         """Return the parameters by name."""
@@ -163,7 +171,13 @@ class Algorithm(VTKPythonAlgorithmBase):
         # quick to report progress themselves.
         self.report_progress(0.0)
         inputs = self._inputs(inInfo)
-        self._publish(self.execute(*inputs), inputs, outInfo)
+        try:
+            taken = [port.take(data) for port, data in zip(self.input_ports, inputs, strict=True)]
+            result = self.execute(*taken)
+        except InputError as error:
+            self._name(error)
+            raise
+        self._publish(result, inputs, outInfo)
         return 1
 
     def _begin(self, outInfo: Any) -> None:
@@ -171,6 +185,13 @@ class Algorithm(VTKPythonAlgorithmBase):
         self._progress_reached = 0.0
         info = outInfo.GetInformationObject(0)
         self.request_time = requested_time(info)
+
+    def _name(self, error: InputError) -> None:
+        """Put the filter's name before the place of an error that is at one of its ports, or nowhere."""
+        place = re.split(r"\W", error.where)[0]
+        if place in ("", *(port.name for port in self.input_ports)):
+            where = ": ".join(filter(None, (type(self).__name__, error.where)))
+            error.__init__(where, error.problem, error.remedy)  # type: ignore[misc]
 
     def _inputs(self, inInfo: Any) -> list[Any]:
         inputs: list[Any] = []

@@ -27,6 +27,10 @@ class HistoryFilter(Filter, Generic[Frame]):
     moving: ClassVar[tuple[str, ...]]
     checkpoint_memory: Parameter[float]
 
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        cls.times_from = cls.moving[0]
+
     def __init__(self, **settings: Any) -> None:
         self._frames: Checkpoints[Frame] = Checkpoints()
         self._made_with: object = None
@@ -56,9 +60,9 @@ class HistoryFilter(Filter, Generic[Frame]):
         Parameters
         ----------
         given : sequence
-            Data of the moving ports, None for an open one.
+            What the moving ports take of their data, None for an open one.
         advance : callable
-            Given the frame before (None at first) and the data of the moving ports, returns the next frame.
+            Given the frame before (None at first) and what the moving ports take, returns the next frame.
         """
         path = self.path
         for index in range(self._frames.done(path), len(path)):
@@ -71,22 +75,18 @@ class HistoryFilter(Filter, Generic[Frame]):
         return self._frames[path[-1]]
 
     def data_at(self, port: str, given: Any, time: float | None) -> Any:
-        """Return the data of a moving port at a time; where there are no time steps what was given."""
+        """Return what a moving port takes at a time; where there are no time steps what was given."""
         if given is None or time is None or not self._steps:
             return given
         data = input_at(self, self._number_of(port), time)
         if data is None:
             raise RuntimeError(f"{type(self).__name__}: the {port} at time {time:g} could not be computed")
-        return data
+        return self.input_ports[self._number_of(port)].take(data)
 
     def report_part(self, part: float) -> None:
         """Report which part (0 to 1) of the frame that is being computed is done."""
         done, count = self._done
         self.report_progress((done + part) / count)
-
-    def time_steps(self, inputs_information: Sequence[Any]) -> Sequence[float] | None:
-        """Return the time steps that the first moving input announces."""
-        return times_of(inputs_information[self._number_of(self.moving[0])]) or None
 
     def RequestUpdateExtent(self, request: Any, inInfo: Any, outInfo: Any) -> int:
         """Ask for the moving inputs at the first time whose frame is not known yet.

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataObjectTypes, vtkMultiBlockDataSet
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkDataObjectTypes, vtkMultiBlockDataSet, vtkPolyData
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithmOutput, vtkTrivialProducer
 from vtkmodules.vtkFiltersGeneral import vtkGroupDataSetsFilter
 
 from vtkmuscle.core.words import shown
-from vtkmuscle.data.arrays import multiblock_from
-from vtkmuscle.data.attachments import attachments_from, is_areas
+from vtkmuscle.data.arrays import multiblock_from, polylines_of
+from vtkmuscle.data.attachments import attachments_from, end_areas, is_areas
+from vtkmuscle.data.moving_bones import bones_of, moving_bones_of
+from vtkmuscle.data.muscle_geometry import surface_of
+from vtkmuscle.data.superficial import checked_superficial
 
 if TYPE_CHECKING:
     from vtkmuscle.filters.base.filter import Filter
@@ -88,6 +92,9 @@ class InputPort(Port):
     ----------
     kind : type
         The VTK class that the port takes.
+    taken : callable, optional
+        Given the data, and the name of the port for errors, returns what ``execute`` is given: arrays and the
+        like, checked. By default the data.
     optional : bool, optional
         May the port stay unconnected? The filter is then given ``None``.
     doc : str
@@ -108,9 +115,21 @@ class InputPort(Port):
     TypeError: FibreSmoother.muscle is 3, but must be a vtkPolyData, an algorithm or a chain of them or None
     """
 
-    def __init__(self, kind: type[Any], *, optional: bool = False, doc: str) -> None:
+    def __init__(
+        self,
+        kind: type[Any],
+        taken: Callable[[Any, str], Any] | None = None,
+        *,
+        optional: bool = False,
+        doc: str,
+    ) -> None:
         super().__init__(kind, doc=doc)
         self.optional = optional
+        self._taken = taken
+
+    def take(self, data: Any) -> Any:
+        """Return what ``execute`` is given of data, None for None; raises a ValueError where it cannot be."""
+        return data if data is None or self._taken is None else self._taken(data, self.name)
 
     def read(self, instance: Filter) -> Any:
         """Return the data set or the algorithm that is connected, None where the port is open."""
@@ -172,6 +191,15 @@ class InputPort(Port):
         if all(isinstance(block, vtkDataObject) for block in value.values()):
             return multiblock_from(dict(value))
         return _grouped(value)
+
+
+# Ports by what ``execute`` is given.
+Lines = partial(InputPort, vtkPolyData, polylines_of)
+Surface = partial(InputPort, vtkPolyData, surface_of)
+SeenLines = partial(InputPort, vtkPolyData, checked_superficial)
+Areas = partial(InputPort, vtkMultiBlockDataSet, end_areas)
+RestBones = partial(InputPort, vtkMultiBlockDataSet, bones_of)
+MovingBones = partial(InputPort, vtkMultiBlockDataSet, moving_bones_of)
 
 
 def source_of(value: Any) -> tuple[Any, int] | None:

@@ -19,14 +19,11 @@ class Neighbours:
 
     Parameters
     ----------
-    where : str
-        Named in errors, e.g. ``"PBDDeformer: neighbours"``.
     rest : (n, 3) array
         The muscle at rest [mm].
     """
 
-    def __init__(self, where: str, rest: Floats) -> None:
-        self._where = where
+    def __init__(self, rest: Floats) -> None:
         self._rest = rest
         self._allowances: dict[int, Floats] = {}
 
@@ -40,7 +37,7 @@ class Neighbours:
         """
         found = []
         for number, (name, block) in enumerate(blocks_of(muscles)):
-            where = f"{self._where}, block {name!r}"
+            where = f"neighbours, block {name!r}"
             if not isinstance(block, vtkPolyData):
                 raise InputError(where, "it is no vtkPolyData", "connect outputs of PBDDeformer")
             points, triangles = checked_surface(block, where)

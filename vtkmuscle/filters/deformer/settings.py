@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
@@ -33,10 +34,12 @@ GONE: Mapping[str, str] = MappingProxyType(
 )
 
 
-def _published(name: str, doc: str, **more: Any) -> Parameter[Any]:
-    """Return a parameter of Algorithm 2, with its default."""
+def _published(name: str, units: str = "", **more: Any) -> Parameter[Any]:
+    """Return a parameter of Algorithm 2, with its default, and what is said of it there."""
     default = getattr(_DEFAULT, name)
-    return Parameter(type(default), default=default, only_with=_ONLY_PUBLISHED, doc=doc, **more)
+    said = re.search(rf"^ *{name} : .*\n((?: {{8}}.*\n)+)", Parameters.__doc__ or "", re.MULTILINE)
+    doc = " ".join(said[1].split()).replace(f" [{units}]", "") if said else ""
+    return Parameter(type(default), default=default, only_with=_ONLY_PUBLISHED, units=units, doc=doc, **more)
 
 
 class DeformerSettings:
@@ -96,35 +99,15 @@ class DeformerSettings:
         only_with=("collision", "voxel"),
         doc="Number of voxels along each axis of a bone's box, instead of n_voxels.",
     )
-    bone_push = _published(
-        "bone_push",
-        "What a bone does to points that it moved over: take them with it, or nothing.",
-        choices=("transform", "off"),
-    )
-    contact_velocity = _published(
-        "contact_velocity",
-        "Velocity of points that met a bone: that of their displacement, as Kohout and Cervenka 2021 compute "
-        "it, or none, as they propose.",
-        choices=("keep", "zero"),
-    )
-    anisotropy = _published("anisotropy", "Whether edges are the softer the more they run along the fibres.")
-    stiffness = _published("stiffness", "Of edge lengths, per iteration.", minimum=0.0, maximum=1.0)
-    shape_stiffness = _published(
-        "shape_stiffness", "Of the angles between triangles, per iteration.", minimum=0.0, maximum=1.0
-    )
-    volume_stiffness = _published(
-        "volume_stiffness", "Of the muscle's volume, per iteration.", minimum=0.0, maximum=1.0
-    )
-    dt = _published("dt", "Time of a step.", above=0.0, units="s")
-    velocity_kept = _published(
-        "velocity_kept",
-        "Part of its velocity that a point keeps from step to step.",
-        minimum=0.0,
-        maximum=1.0,
-    )
-    external_force = _published(
-        "external_force", "Force per mass on all free points.", length=3, units="mm/s^2"
-    )
+    bone_push = _published("bone_push", choices=("transform", "off"))
+    contact_velocity = _published("contact_velocity", choices=("keep", "zero"))
+    anisotropy = _published("anisotropy")
+    stiffness = _published("stiffness", minimum=0.0, maximum=1.0)
+    shape_stiffness = _published("shape_stiffness", minimum=0.0, maximum=1.0)
+    volume_stiffness = _published("volume_stiffness", minimum=0.0, maximum=1.0)
+    dt = _published("dt", "s", above=0.0)
+    velocity_kept = _published("velocity_kept", minimum=0.0, maximum=1.0)
+    external_force = _published("external_force", "mm/s^2", length=3)
     measure_penetration = Parameter(
         bool,
         default=False,
@@ -148,7 +131,7 @@ def check_together(settings: Mapping[str, Any]) -> None:
     """Raise a ValueError where values of the parameters do not go together."""
     if settings["collision"] == "voxel" and settings["quality"] != PUBLISHED:
         raise InputError(
-            "PBDDeformer",
+            "",
             f"collision is 'voxel', which goes with quality '{PUBLISHED}' only, but quality is "
             f"{settings['quality']!r}",
             "use collision 'sdf' or 'off'",
