@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from vtkmuscle.opensim.enriching import enriched
-    from vtkmuscle.opensim.from_run import ExportedMuscle, export_muscles, write_mujoco, write_opensim
+    from vtkmuscle.opensim.from_run import ExportedMuscle, errors_table, write_mujoco, write_opensim
     from vtkmuscle.opensim.mjcf import mjcf_of
     from vtkmuscle.opensim.model import OsimModel, read_osim
     from vtkmuscle.opensim.motion_file import MotionFile, read_motion_file
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 #: Names of each module, which is loaded when one of them is asked for: a scene with joints exports nothing.
 _NAMES = {
     "enriching": ("enriched",),
-    "from_run": ("ExportedMuscle", "export_muscles", "write_mujoco", "write_opensim"),
+    "from_run": ("ExportedMuscle", "errors_table", "write_mujoco", "write_opensim"),
     "mjcf": ("mjcf_of",),
     "model": ("OsimModel", "read_osim"),
     "motion_file": ("MotionFile", "read_motion_file"),
@@ -35,7 +35,7 @@ __all__ = [
     "MuscleOut",
     "OsimModel",
     "enriched",
-    "export_muscles",
+    "errors_table",
     "mjcf_of",
     "osim_of",
     "read_motion_file",
