@@ -16,6 +16,7 @@ import typer
 
 from vtkmuscle._version import __version__
 from vtkmuscle.cli.cohort import cohort
+from vtkmuscle.cli.exporting import check, export_muscles
 from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, TerminatedError, one_clear_error, say
 from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, with_run_options
 from vtkmuscle.cli.running import run_and_tell
@@ -181,8 +182,6 @@ def export(
     """
     with one_clear_error(None):
         if out.suffix.lower() in (".osim", ".xml"):
-            from vtkmuscle.cli.exporting import export_muscles
-
             export_muscles(source, out, form, groups, into, replace or [], specific_tension, geometry_only)
         elif out.suffix.lower() == ".vtkhdf":
             from vtkmuscle.io import read_series, write_vtkhdf
@@ -300,6 +299,7 @@ def tradeoff(
 
 
 app.command()(cohort)
+app.command()(check)
 
 
 @app.command()

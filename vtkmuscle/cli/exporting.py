@@ -1,16 +1,15 @@
-"""``vtkmuscle export`` of muscles to OpenSim and MuJoCo."""
+"""``vtkmuscle export`` of muscles to OpenSim and MuJoCo, and ``vtkmuscle check`` of a model."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
+from vtkmuscle.cli.messages import one_clear_error
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.opensim import write_mujoco, write_opensim
-from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
 
 
 def export_muscles(
@@ -24,6 +23,9 @@ def export_muscles(
     geometry_only: bool,
 ) -> None:
     """Write a model, and say by how much its paths differ from the run."""
+    from vtkmuscle.opensim import write_mujoco, write_opensim
+    from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
+
     options: dict[str, Any] = {"groups": groups, "specific_tension": specific_tension}
     if geometry_only:
         options["kind"] = GEOMETRY_ONLY
@@ -44,3 +46,49 @@ def pairs(texts: Sequence[str]) -> dict[str, str]:
         if not all(text.partition("=")):
             raise InputError("--replace", f"{text!r} is no pair", "write OURS=THEIRS, both names of muscles")
     return {ours: theirs for ours, _, theirs in (text.partition("=") for text in texts)}
+
+
+def check(
+    model: Annotated[Path, typer.Argument(help="A model of OpenSim, .osim.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="The page, .html. Default: MODEL_check.html here.")
+    ] = None,
+    repair: Annotated[
+        Path | None, typer.Option("--repair", help="Write the model with paths fitted to those of a scene.")
+    ] = None,
+    scene: Annotated[
+        Path | None, typer.Option("--scene", help="For --repair: a scene.toml, or the folder of its results.")
+    ] = None,
+    replace: Annotated[
+        list[str] | None,
+        typer.Option("--replace", metavar="OURS=THEIRS", help="For --repair: the scene's muscle of one."),
+    ] = None,
+) -> None:
+    """Find where muscles of a model of OpenSim jump, and where their moment arms change sign.
+
+    Each is swept over the ranges of the coordinates that it crosses. The page lists what was found with its
+    poses, and a table beside it (.csv). With the surfaces of a scene, paths can be replaced by fitted ones.
+    """
+    with one_clear_error(out):
+        from vtkmuscle.opensim import check_model, write_opensim
+        from vtkmuscle.opensim.check_page import evaluated, write_check_page
+
+        if (repair is None) != (scene is None) or (repair is not None and not replace):
+            raise InputError(
+                "--repair", "a repair takes a scene and muscles to replace", "give --scene and --replace too"
+            )
+        page = out or Path(f"{model.stem}_check.html")
+        if repair is not None and scene is not None:
+            for new in write_opensim(scene, repair, into=model, replace=pairs(replace or [])):
+                typer.echo(f"{new.out.name}: {new}")
+            model = repair
+        found = check_model(model)
+        typer.echo(evaluated(found))
+        kinds = [one.what for one in found.findings]
+        for one in found.findings:
+            if "jumps" in one.what:
+                where = ", ".join(f"{name} {value:.4g}" for name, value in found.shown(one).items())
+                typer.echo(f"{one.muscle}: {one.what} by {1000.0 * one.size:.1f} mm at {where}")
+        typer.echo(f"{kinds.count('moment arm changes sign')} moment arms change their sign")
+        write_check_page(found, page)
+        typer.echo(f"wrote {page}, {found.table().write(page.with_suffix('.csv'), digits=6)}")

@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from vtkmuscle.opensim.checking import ModelCheck, check_model
     from vtkmuscle.opensim.enriching import enriched
     from vtkmuscle.opensim.from_run import ExportedMuscle, errors_table, write_mujoco, write_opensim
     from vtkmuscle.opensim.mjcf import mjcf_of
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 #: Names of each module, which is loaded when one of them is asked for: a scene with joints exports nothing.
 _NAMES = {
+    "checking": ("ModelCheck", "check_model"),
     "enriching": ("enriched",),
     "from_run": ("ExportedMuscle", "errors_table", "write_mujoco", "write_opensim"),
     "mjcf": ("mjcf_of",),
@@ -31,9 +33,11 @@ _SOURCES = {name: module for module, names in _NAMES.items() for name in names}
 
 __all__ = [
     "ExportedMuscle",
+    "ModelCheck",
     "MotionFile",
     "MuscleOut",
     "OsimModel",
+    "check_model",
     "enriched",
     "errors_table",
     "mjcf_of",
