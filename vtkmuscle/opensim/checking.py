@@ -23,7 +23,7 @@ AWAY = {True: float(np.radians(30.0)), False: 0.02}
 #: Jumps of a length [m] and of a moment arm [m], and moment arms on both sides of zero [m], that are told.
 JUMP, ARM_JUMP, ARM = 0.5e-3, 5e-3, 2e-3
 #: A jump is what is left where the interval is halved so often.
-HALVINGS = 22
+HALVINGS = 16
 #: How far beside a jump its two moment arms are taken [rad or m].
 BESIDE = 1e-3
 #: What a table of findings says.
