@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkFiltersCore import vtkQuadricDecimation
 
 from vtkmuscle.core.motion.frames import inverses
 from vtkmuscle.core.motion.rigid import apply_transform
@@ -17,6 +18,8 @@ from vtkmuscle.opensim.tree import KinematicTree
 
 #: The folder beside a model in which OpenSim looks for its meshes.
 FOLDER = "Geometry"
+#: Triangles of a mesh, at most: MuJoCo reads 200 000, and to be looked at fewer do.
+MOST_TRIANGLES = 100_000
 #: A triangle of a binary .stl.
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
@@ -52,8 +55,9 @@ def write_meshes(
     found: dict[str, list[str]] = {}
     for name, (body, surface) in surfaces.items():
         placed = (inverses(rest[body]) @ rest[frame])[0]
-        points = apply_transform(placed, metres * points_of(surface))
-        corners: Floats = points[triangles_of(surface, name)]
+        shown = _with_fewer_triangles(surface)
+        points = apply_transform(placed, metres * points_of(shown))
+        corners: Floats = points[triangles_of(shown, name)]
         records = np.zeros(len(corners), dtype=_TRIANGLE)
         records["corners"] = corners
         records["normal"] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -61,4 +65,17 @@ def write_meshes(
             head = b"vtkmuscle, metres".ljust(80) + np.uint32(len(records)).tobytes()
             partial.write_bytes(head + records.tobytes())
         found.setdefault(body, []).append(name)
+    return found
+
+
+def _with_fewer_triangles(surface: vtkPolyData) -> vtkPolyData:
+    """Return a surface, or one like it of at most so many triangles."""
+    count = surface.GetNumberOfCells()
+    if count <= MOST_TRIANGLES:
+        return surface
+    decimation = vtkQuadricDecimation()
+    decimation.SetInputData(surface)
+    decimation.SetTargetReduction(1.0 - MOST_TRIANGLES / count)
+    decimation.Update()
+    found: vtkPolyData = decimation.GetOutput()
     return found
