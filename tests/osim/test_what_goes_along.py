@@ -127,6 +127,20 @@ def test_an_old_model_is_refused_before_anything_is_run(ran, tmp_path, monkeypat
         write_opensim(path, tmp_path / "new.osim", into=tmp_path / "old.osim")
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--mass", "middle=-3"], "no mass"),
+        (["--mass", "middle"], "no pair"),
+        (["--mass", "nobody=3"], "no body 'nobody'"),
+    ],
+)
+def test_a_mass_that_is_none_is_told(ran, tmp_path, words, said):
+    call = CliRunner().invoke(app, ["export", str(ran[1]), str(tmp_path / "a.osim"), *words])
+    assert call.exit_code != 0
+    assert said in " ".join(call.output.split())
+
+
 def test_geometry_alone_has_no_properties(ran, tmp_path):
     _, results = ran
     said = CliRunner().invoke(app, ["export", str(results), str(tmp_path / "a.osim"), "--geometry-only"])

@@ -171,6 +171,9 @@ def export(
     specific_tension: Annotated[
         float, typer.Option("--specific-tension", help="Force per cross-section, in N/cm^2.")
     ] = 60.0,
+    mass: Annotated[
+        list[str] | None, typer.Option("--mass", metavar="BODY=KG", help="Of a body of a new model.")
+    ] = None,
     geometry_only: Annotated[
         bool, typer.Option("--geometry-only", help="Paths without muscles' properties.")
     ] = False,
@@ -182,7 +185,8 @@ def export(
     """
     with one_clear_error(None):
         if out.suffix.lower() in (".osim", ".xml"):
-            export_muscles(source, out, form, groups, into, replace or [], specific_tension, geometry_only)
+            options = {"groups": groups, "specific_tension": specific_tension}
+            export_muscles(source, out, form, into, replace or [], mass or [], geometry_only, options)
         elif out.suffix.lower() == ".vtkhdf":
             from vtkmuscle.io import read_series, write_vtkhdf
             from vtkmuscle.run.store.writing import merged

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,19 +17,22 @@ def export_muscles(
     source: Path,
     out: Path,
     form: str,
-    groups: int,
     into: Path | None,
     replace: Sequence[str],
-    specific_tension: float,
+    masses: Sequence[str],
     geometry_only: bool,
+    options: dict[str, Any],
 ) -> None:
     """Write a model, and say by how much its paths differ from the run."""
     from vtkmuscle.opensim import write_mujoco, write_opensim
     from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
 
-    options: dict[str, Any] = {"groups": groups, "specific_tension": specific_tension}
     if geometry_only:
         options["kind"] = GEOMETRY_ONLY
+    if masses:
+        options["masses"] = {body: _kilograms(text) for body, text in pairs(masses, "--mass").items()}
+    if out.suffix.lower() == ".xml" and (into is not None or replace):
+        raise InputError("--into", "muscles are put into models of OpenSim only", "leave it out")
     if out.suffix.lower() == ".xml":
         written = write_mujoco(source, out, **options)
     else:
@@ -40,11 +44,21 @@ def export_muscles(
     typer.echo(f"wrote {out}, and the errors in {out.stem}_errors.csv")
 
 
-def pairs(texts: Sequence[str]) -> dict[str, str]:
-    """Return what is given as OURS=THEIRS."""
+def _kilograms(text: str) -> float:
+    try:
+        mass = float(text)
+    except ValueError:
+        mass = -1.0
+    if not 0.0 <= mass < inf:
+        raise InputError("--mass", f"{text!r} is no mass", "write BODY=KG, e.g. femur=8.5")
+    return mass
+
+
+def pairs(texts: Sequence[str], option: str = "--replace") -> dict[str, str]:
+    """Return what an option is given as pairs, OURS=THEIRS."""
     for text in texts:
         if not all(text.partition("=")):
-            raise InputError("--replace", f"{text!r} is no pair", "write OURS=THEIRS, both names of muscles")
+            raise InputError(option, f"{text!r} is no pair", "write both sides of the =")
     return {ours: theirs for ours, _, theirs in (text.partition("=") for text in texts)}
 
 

@@ -112,6 +112,8 @@ def osim_of(
         {body: "/ground" if body == tree.root else f"/bodyset/{body}" for body in tree.bodies},
         _coordinate_paths(tree),
     )
+    for body in masses or {}:
+        paths.body(body)  # raises where there is none
     inside = _insides(muscles, meshes or {})
     bodies = "".join(
         f'<Body name="{body}">{_mass((masses or {}).get(body, 0.0))}{inside.get(body, "")}</Body>\n'
