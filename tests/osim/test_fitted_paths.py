@@ -147,3 +147,31 @@ def test_the_way_round_a_cylinder_is_tangents_and_an_arc():
     assert ways[1] == pytest.approx(2.0 * np.sqrt(3.0) + np.radians(150.0 - 120.0))
     assert ways[2] == pytest.approx(2.0 * np.sqrt(3.0) + np.pi - 2.0 * np.pi / 3.0)
     assert ways[3] == pytest.approx(5.5)  # from within: straight
+
+
+def test_a_path_says_which_way_round_it_goes():
+    roller = Cylinder("b", np.zeros(3), np.array([0.0, 0.0, 1.0]), 1.0, 0)
+    first = np.array([[-2.0, 0.5, 0.0], [-2.0, -0.5, 0.0], [-2.0, 1.5, 0.0]])
+    second = first * [-1.0, 1.0, 1.0]
+    turns = roller.ways(np.tile(np.eye(4), (3, 1, 1)), first, second)[1]
+    assert turns.tolist() == [-1.0, 1.0, 0.0]
+
+
+def test_a_cylinder_that_is_passed_on_both_sides_is_not_taken():
+    values = {"hip": np.zeros(21), "knee": np.linspace(-1.2, 0.2, 21)}  # through the middle on the way
+    roller = Cylinder("femur", np.array([0.0, -0.4, 0.0]), np.array([0.0, 0.0, 1.0]), 0.04, 0)
+    ends = [PathPoint("femur", (0.03, -0.1, 0.0)), PathPoint("tibia", (0.05, -0.1, 0.0))]
+    path = PointPath(ends, (), [roller])
+    poses = leg().poses(values)
+    tips = [poses[one.body][:, :3, :3] @ np.array(one.place) + poses[one.body][:, :3, 3] for one in ends]
+    assert set(roller.ways(poses["femur"], *tips)[1]) == {-1.0, 0.0, 1.0}
+    way = np.linspace(0.0, 1.0, 21)[:, None]
+    line = tips[0][:, None] * (1 - way) + tips[1][:, None] * way + [0.03, 0.0, 0.0] * np.sin(np.pi * way)
+    found, _ = fitted(path, line, ("femur", "tibia"), values, tolerance=1e-5)
+    for one in found.cylinders:
+        near = [
+            poses[point.body][:, :3, :3] @ np.array(point.place) + poses[point.body][:, :3, 3]
+            for point in found.points[one.after : one.after + 2]
+        ]
+        turns = one.ways(poses[one.body], *near)[1]
+        assert not turns.min() < 0.0 < turns.max()

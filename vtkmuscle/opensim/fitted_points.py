@@ -39,7 +39,7 @@ def fit_points(
     Between the fibres' mean ends, which stay, the path has a via point on either side of each joint, and may
     wind round a cylinder there, on either body. Where all these are is found by least squares of the lengths
     and of the moment arms, these times half the range of their coordinate. A cylinder is added where it helps
-    most, as long as the tolerance is not met.
+    most, as long as the tolerance is not met, and only if the path goes round it one way in all poses.
 
     Parameters
     ----------
@@ -88,6 +88,7 @@ def fit_points(
             for body in on[after : after + 2]
             for cylinder in _beginnings(shapes[body].mean(axis=0)[at[after] : at[after + 1] + 1], body, after)
         ]
+        tried = [path for path in tried if not search.flips(path)]
         better = min(tried, key=search.error, default=best)
         if search.error(better) > WORTH * search.error(best):
             break
@@ -123,6 +124,22 @@ class _Search:
     def error(self, path: PointPath) -> float:
         """Return the root mean square of that."""
         return float(np.sqrt((self.off(path) ** 2).mean()))
+
+    def flips(self, path: PointPath) -> bool:
+        """Return whether a path goes round a cylinder one way in some poses and the other way in others.
+
+        Between these its moment arm jumps.
+        """
+        for one in path.cylinders:
+            first, second = (
+                np.einsum("fij,j->fi", self.poses[point.body][:, :3, :3], np.asarray(point.place))
+                + self.poses[point.body][:, :3, 3]
+                for point in path.points[one.after : one.after + 2]
+            )
+            turns = one.ways(self.poses[one.body], first, second)[1]
+            if turns.min() < 0.0 < turns.max():
+                return True
+        return False
 
     def refined(self, path: PointPath) -> PointPath:
         """Return the path with its via points and cylinders where they err least."""

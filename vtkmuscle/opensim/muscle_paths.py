@@ -105,6 +105,10 @@ class Cylinder:
             Where the points are. Seen along the axis the way is two tangents and an arc; unrolled, it is
             straight.
         """
+        return self.ways(pose, first, second)[0]
+
+    def ways(self, pose: Floats, first: Floats, second: Floats) -> tuple[Floats, Floats]:
+        """Return the ways, and which way round they go (f,): 1 or -1 about the axis, 0 where it is missed."""
         z = self.axis / np.linalg.norm(self.axis)
         a, b = (np.einsum("fji,fj->fi", pose[:, :3, :3], one - pose[:, :3, 3]) for one in (first, second))
         along = (b - a) @ z
@@ -122,8 +126,8 @@ class Cylinder:
             arc -= np.arccos(np.minimum(self.radius / np.maximum(one, TINY), 1.0))
             tangents += np.sqrt(np.maximum(one**2 - self.radius**2, 0.0))
         planar = np.where(misses, straight, tangents + self.radius * np.maximum(arc, 0.0))
-        result: Floats = np.hypot(planar, along)
-        return result
+        turns: Floats = np.where(misses, 0.0, np.sign(np.cross(a, b) @ z))
+        return np.hypot(planar, along), turns
 
 
 @dataclass(frozen=True, eq=False)
