@@ -289,6 +289,7 @@ def _opensim_lengths(path: Path) -> Lengths | None:
         import opensim  # noqa: PLC0415 -- an extra
     except ImportError:
         return None
+    opensim.Logger.removeFileSink()  # it would leave a log in the working folder
     opensim.Logger.setLevelString("error")
     model = opensim.Model(str(path))
     state = model.initSystem()
