@@ -16,7 +16,7 @@ ROOT = Path(vtkmuscle.__file__).parent
 #: Most lines of code of each package: those that it had when they were last counted, and 2 %.
 BUDGETS = {
     "accuracy": 296,  # 291: errors that a run states of its results
-    "cli": 873,  # 866: the command line
+    "cli": 982,  # 963: the command line; check and the export's options are 90 of them
     "core": 10701,  # 10529: the mathematics; 9500 is what it is to come to
     "core/accuracy": 68,  # 67: errors by parts
     "core/algorithm_2": 200,  # 197: the published solver
