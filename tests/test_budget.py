@@ -16,7 +16,7 @@ ROOT = Path(vtkmuscle.__file__).parent
 #: Most lines of code of each package: those that it had when they were last counted, and 2 %.
 BUDGETS = {
     "accuracy": 296,  # 291: errors that a run states of its results
-    "cli": 873,  # 866: the command line
+    "cli": 982,  # 963: the command line; check and the export's options are 90 of them
     "core": 10701,  # 10529: the mathematics; 9500 is what it is to come to
     "core/accuracy": 68,  # 67: errors by parts
     "core/algorithm_2": 200,  # 197: the published solver
@@ -35,7 +35,7 @@ BUDGETS = {
     "fetch": 326,  # 320: public data
     "filters": 3558,  # 3489: VTK filters; FibreField is 75 of them
     "io": 1801,  # 1792: readers and writers
-    "opensim": 2367,  # 2321: joints, OpenSim and MuJoCo, in and out
+    "opensim": 2961,  # 2903: joints, OpenSim and MuJoCo, in and out; checking a model is 270 of them
     "paraview": 392,  # 385: the plugin
     "phantoms": 1361,  # 1335: bodies with known answers; pennate_belly is 57 of them
     "pipelines": 212,  # 210: filters connected

@@ -16,6 +16,7 @@ import typer
 
 from vtkmuscle._version import __version__
 from vtkmuscle.cli.cohort import cohort
+from vtkmuscle.cli.exporting import check, export_muscles
 from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, TerminatedError, one_clear_error, say
 from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, with_run_options
 from vtkmuscle.cli.running import run_and_tell
@@ -153,7 +154,7 @@ def export(
     out: Annotated[Path, typer.Argument(help=".gltf for a web page, .vtkhdf, .osim, or .xml for MuJoCo.")],
     time: Annotated[float | None, typer.Option("--time", help="Which pose. Default: the last.")] = None,
     form: Annotated[
-        str, typer.Option("--form", help="For OpenSim: functions of coordinates, or points on bodies.")
+        str, typer.Option("--form", help="For OpenSim: functions of coordinates, or points and cylinders.")
     ] = "functions",
     groups: Annotated[
         int, typer.Option("--groups", min=1, help="For OpenSim: groups of fibres per muscle, at most.")
@@ -161,23 +162,31 @@ def export(
     into: Annotated[
         Path | None, typer.Option("--into", help="For OpenSim: a model to put the muscles into.")
     ] = None,
+    replace: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--replace", metavar="OURS=THEIRS", help="A muscle of that model which one of the scene replaces."
+        ),
+    ] = None,
+    specific_tension: Annotated[
+        float, typer.Option("--specific-tension", help="Force per cross-section, in N/cm^2.")
+    ] = 60.0,
+    mass: Annotated[
+        list[str] | None, typer.Option("--mass", metavar="BODY=KG", help="Of a body of a new model.")
+    ] = None,
+    geometry_only: Annotated[
+        bool, typer.Option("--geometry-only", help="Paths without muscles' properties.")
+    ] = False,
 ) -> None:
     """Export a pose of a run's results for a web page (glTF), or a .pvd series as one .vtkhdf file.
 
-    Or the muscles of a scene with joints as a model of OpenSim or MuJoCo: the scene is run, and what each
-    path costs in accuracy is said.
+    Or the muscles of a scene with joints as a model of OpenSim or MuJoCo: from its results, or from the
+    scene, which is run. By how much lengths and moment arms differ from the run is said and written.
     """
     with one_clear_error(None):
         if out.suffix.lower() in (".osim", ".xml"):
-            from vtkmuscle.opensim import write_mujoco, write_opensim
-
-            if out.suffix.lower() == ".xml":
-                written = write_mujoco(source, out, groups=groups)
-            else:
-                written = write_opensim(source, out, form=form, groups=groups, into=into)
-            for one in written:
-                typer.echo(f"{one.out.name}: {one}")
-            typer.echo(f"wrote {out}")
+            options = {"groups": groups, "specific_tension": specific_tension}
+            export_muscles(source, out, form, into, replace or [], mass or [], geometry_only, options)
         elif out.suffix.lower() == ".vtkhdf":
             from vtkmuscle.io import read_series, write_vtkhdf
             from vtkmuscle.run.store.writing import merged
@@ -294,6 +303,7 @@ def tradeoff(
 
 
 app.command()(cohort)
+app.command()(check)
 
 
 @app.command()
