@@ -9,7 +9,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import blocks_of
-from vtkmuscle.plotting.actors import actors_of, surface_actor
+from vtkmuscle.plotting.actors import actors_of, strain_colours, surface_actor
 from vtkmuscle.plotting.studio import look_from, x_server_warning_off
 from vtkmuscle.plotting.views import View
 
@@ -32,7 +32,7 @@ def make_plotter(
     show_muscles: bool = True,
     off_screen: bool | None = True,
 ) -> pyvista.Plotter:
-    """Return a plotter with ivory bones, translucent red muscles and fibres as tubes.
+    """Return a plotter with ivory bones, translucent muscles and fibres as tubes before them.
 
     Parameters
     ----------
@@ -72,8 +72,7 @@ def make_plotter(
         muscles,
         view,
         fibres=fibres,
-        strain=strain,
-        strain_limit=strain_limit,
+        colours=None if strain is None else strain_colours(strain, strain_limit),
         fixed_points=fixed_points,
         show_muscles=show_muscles,
         finer=_FINER,
