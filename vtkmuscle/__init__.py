@@ -15,11 +15,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from vtkmuscle._version import __version__
+from vtkmuscle.core.guesses import no_attribute
 
 if TYPE_CHECKING:
     from vtkmuscle import filters, phantoms, pipelines, plotting
     from vtkmuscle.core.errors import InputError
     from vtkmuscle.core.motion.rigid import RigidMotion, hinge
+    from vtkmuscle.data.attachments import AttachmentArea
     from vtkmuscle.run.result import Result
     from vtkmuscle.run.table import MomentArmTable, Table
     from vtkmuscle.scene.data import Muscle
@@ -32,6 +34,7 @@ _MODULES = ("filters", "phantoms", "pipelines", "plotting")
 _SOURCES = {
     "RigidMotion": "vtkmuscle.core.motion.rigid",
     "hinge": "vtkmuscle.core.motion.rigid",
+    "AttachmentArea": "vtkmuscle.data.attachments",
     "InputError": "vtkmuscle.core.errors",
     "Spread": "vtkmuscle.studies.sensitivity",
     "run_with_errors": "vtkmuscle.studies.errors",
@@ -45,6 +48,7 @@ _SOURCES = {
 }
 
 __all__ = [
+    "AttachmentArea",
     "InputError",
     "MomentArmTable",
     "Muscle",
@@ -70,8 +74,7 @@ def __getattr__(name: str) -> Any:
         return import_module(f"vtkmuscle.{name}")
     if name in _SOURCES:
         return getattr(import_module(_SOURCES[name]), name)
-    hint = "; Scene.load(path) reads a scene" if name in ("load", "read", "open") else ""
-    raise AttributeError(f"module 'vtkmuscle' has no attribute {name!r}{hint}")
+    raise no_attribute("vtkmuscle", name)
 
 
 def __dir__() -> list[str]:

@@ -20,6 +20,21 @@ if TYPE_CHECKING:
 _FINER = 4
 
 
+def plain_plotter(size: tuple[int, int], off_screen: bool | None) -> pyvista.Plotter:
+    """Return a white plotter whatever the user's theme, in the user's backend for notebooks."""
+    import pyvista  # noqa: PLC0415 -- figures need none
+
+    theme, own = pyvista.themes.DocumentTheme(), pyvista.global_theme
+    if own.jupyter_backend != theme.jupyter_backend:  # PyVista checks a backend where it is set, not before
+        theme.jupyter_backend = own.jupyter_backend
+    theme.trame = own.trame
+    with x_server_warning_off():
+        plotter = pyvista.Plotter(off_screen=off_screen, window_size=list(size), theme=theme)
+    plotter.set_background("white")
+    plotter.enable_anti_aliasing("ssaa")
+    return plotter
+
+
 def make_plotter(
     bones: vtkMultiBlockDataSet,
     muscles: Sequence[vtkPolyData],
@@ -60,14 +75,7 @@ def make_plotter(
     pyvista.Plotter
         To be shown, or captured by ``screenshot``; close it afterwards.
     """
-    import pyvista  # noqa: PLC0415 -- figures need none
-
-    with x_server_warning_off():
-        plotter = pyvista.Plotter(
-            off_screen=off_screen, window_size=view.size, theme=pyvista.themes.DocumentTheme()
-        )
-    plotter.set_background("white")
-    plotter.enable_anti_aliasing("ssaa")
+    plotter = plain_plotter(view.size, off_screen)
     actors = actors_of(
         muscles,
         view,
