@@ -10,10 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import numpy as np
 from markupsafe import Markup
 
 from vtkmuscle._version import __version__
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
+from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.report.curves import Limit, colour_of, curves_of, label_of
 from vtkmuscle.report.packing import Pack, packed
@@ -78,7 +80,9 @@ def _page_of(result: RunResult, limits: Mapping[str, Limit], plotly: Future[str]
     pack = Pack()
     scene = scene_of(result, pack)
     curves = curves_of(result, arms, limits, pack)
-    muscles = [_card(result, number_, name) for number_, name in enumerate(result.muscle_names)]
+    muscles = [
+        _card(result, place, name, arms.get(name, {})) for place, name in enumerate(result.muscle_names)
+    ]
     errors = errors_of(report)
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("vtkmuscle.report", "page"),
@@ -178,29 +182,33 @@ def _listed(names: list[str]) -> str:
     return ", ".join(names[:-1]) + (" and " if len(names) > 1 else "") + names[-1]
 
 
-def _card(result: RunResult, place: int, name: str) -> dict[str, Any]:
+def _card(result: RunResult, place: int, name: str, arms: Mapping[str, JointArms]) -> dict[str, Any]:
     muscle = result.report["muscles"][name]
-    facts = []
+    facts: list[tuple[str, str, list[str] | None]] = []
     lengths = result.lengths.get(name)
     if lengths is not None and len(lengths):
         mean = lengths.mean(axis=1)
-        facts.append(("mean length, bone to bone", f"{number(mean.min())} to {number(mean.max())} mm"))
+        facts.append(("mean length, bone to bone", f"{number(mean.min())} to {number(mean.max())} mm", None))
     lengths = result.fibre_lengths.get(name)
     if lengths is not None and len(lengths):
         mean = lengths.mean(axis=1)
-        facts.append(("mean fibre length", f"{number(mean.min())} to {number(mean.max())} mm"))
-    for coordinate, found in (muscle.get("moment_arms") or {}).items():
-        words = f"{number(found['mean_mm'])} mm ({number(found['min_mm'])} to {number(found['max_mm'])})"
-        facts.append((f"moment arm, {label_of(coordinate)}", words))
+        facts.append(("mean fibre length", f"{number(mean.min())} to {number(mean.max())} mm", None))
+    for coordinate, found in arms.items():
+        some = np.unique([0, len(found.values) // 2, len(found.values) - 1])
+        means = " / ".join(number(found.mean[i]) for i in some)
+        values = " / ".join(number(found.values[i]) for i in some)
+        unit = "mm" if found.unit in ANGLES else ""
+        words = f"{means} {unit} at {values} {found.unit}"
+        facts.append((f"moment arm, {label_of(coordinate)}", words, [name, coordinate]))
     architecture = muscle.get("architecture") or {}
     if "tendon_from" in architecture:
         area = _with_error(muscle, "pcsa_without_tendon", architecture["pcsa_without_tendon_mm2"], 100.0)
-        facts.append((f"PCSA, {RESTS_ON[architecture['tendon_from']]}", f"{area} cm²"))
+        facts.append((f"PCSA, {RESTS_ON[architecture['tendon_from']]}", f"{area} cm²", None))
     if muscle.get("volume_mm3"):
-        facts.append(("volume", f"{_with_error(muscle, 'volume', muscle['volume_mm3'], 1000.0)} cm³"))
+        facts.append(("volume", f"{_with_error(muscle, 'volume', muscle['volume_mm3'], 1000.0)} cm³", None))
     finished = result.finished(name)
     if finished < len(result.frames):
-        facts.append(("frames", f"{finished} of {len(result.frames)}"))
+        facts.append(("frames", f"{finished} of {len(result.frames)}", None))
     return {
         "name": name,
         "label": label_of(name),
