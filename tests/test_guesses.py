@@ -32,6 +32,8 @@ GUESSES = {
     "scene.write('folder')": "scene.save(folder)",
     "scene['spindle'].points[:2]": "",
     "scene.run(frames='0:1', errors='meshes')": "mesh",
+    "scene.run(muscles=['spindle'])": "no option 'muscles'",
+    "scene.run(outdir='out')": "no option 'outdir'",
     "Muscle('spindle.stl')": "pyvista.read(path)",
     "Muscle(mesh, [('origin', 'fixed', np.eye(3), True)]).attachments[0].role": "",
     "vtkmuscle.hinge(centre=(0, 0, 0), axis=(1, 0, 0), angles=[0, 30])": "bone",

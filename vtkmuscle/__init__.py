@@ -19,6 +19,7 @@ from vtkmuscle.core.guesses import no_attribute
 
 if TYPE_CHECKING:
     from vtkmuscle import filters, phantoms, pipelines, plotting
+    from vtkmuscle.comparison import Comparison, compare
     from vtkmuscle.core.errors import InputError
     from vtkmuscle.core.motion.rigid import RigidMotion, hinge
     from vtkmuscle.data.attachments import AttachmentArea
@@ -35,6 +36,8 @@ _SOURCES = {
     "RigidMotion": "vtkmuscle.core.motion.rigid",
     "hinge": "vtkmuscle.core.motion.rigid",
     "AttachmentArea": "vtkmuscle.data.attachments",
+    "Comparison": "vtkmuscle.comparison",
+    "compare": "vtkmuscle.comparison",
     "InputError": "vtkmuscle.core.errors",
     "Spread": "vtkmuscle.studies.sensitivity",
     "run_with_errors": "vtkmuscle.studies.errors",
@@ -49,6 +52,7 @@ _SOURCES = {
 
 __all__ = [
     "AttachmentArea",
+    "Comparison",
     "InputError",
     "MomentArmTable",
     "Muscle",
@@ -59,6 +63,7 @@ __all__ = [
     "Spread",
     "Table",
     "__version__",
+    "compare",
     "filters",
     "hinge",
     "phantoms",

@@ -284,7 +284,8 @@ def test_a_picture_is_saved_larger_and_says_what_it_shows(page):
       const { data } = c.getContext("2d").getImageData(0, 0, c.width, c.height);
       const dark = (x, y, w, h) => {
         let sum = 0;
-        for (let j = y; j < y + h; j++) for (let i = x; i < x + w; i++) sum += data[4 * (j * c.width + i)] < 60;
+        for (let j = y; j < y + h; j++) for (let i = x; i < x + w; i++)
+          sum += data[4 * (j * c.width + i)] < 60;
         return sum;
       };
       const scale = dark(0, c.height - 60 * TIMES, 300 * TIMES, 60 * TIMES);
@@ -301,7 +302,8 @@ def test_a_picture_is_saved_larger_and_says_what_it_shows(page):
 
 def test_views_have_the_names_of_the_body_where_its_front_is_said(page):
     choose(page, "front", "0 -1")
-    views = "Object.fromEntries([...document.querySelectorAll('[data-side]')].map((b) => [b.dataset.side, b.textContent]))"
+    buttons = "[...document.querySelectorAll('[data-side]')]"
+    views = f"Object.fromEntries({buttons}.map((one) => [one.dataset.side, one.textContent]))"
     # Of somebody who looks along -y with z up, the left hand is at +x.
     assert page.value(views) == {"1 0": "left", "-1 0": "right", "0 1": "back", "0 -1": "front"}
     choose(page, "front", "")

@@ -246,6 +246,30 @@ def figures(
         typer.echo(f"wrote {len(found)} figures to {found[0].parent}")
 
 
+@app.command()
+def compare(
+    results: Annotated[list[Path], typer.Argument(help="Folders of results; the first is compared to.")],
+    out: OutOption = None,
+    literature: LiteratureOption = None,
+    opensim: Annotated[
+        Path | None,
+        typer.Option("--opensim", metavar="OSIM", help="A model whose muscles are compared, too."),
+    ] = None,
+) -> None:
+    """Lay runs over one another: curves, differences with errors, one page and one table.
+
+    Settings, sides and subjects match by the names of muscles and coordinates. Without --out it writes to
+    comparison, in the folder you are in.
+    """
+    with one_clear_error(out):
+        from vtkmuscle.comparison import compare as compared
+
+        for path in compared(results, literature=literature, opensim=opensim).write(
+            out or Path("comparison")
+        ):
+            typer.echo(f"wrote {path}")
+
+
 @app.command("view")
 def view_command(
     source: Annotated[Path, typer.Argument(help="Folder of a run's results, or a scene.toml.")],

@@ -43,7 +43,7 @@ RESTS_ON = {
 #: The parts of the page's program, in the order in which they are read.
 _SCRIPTS = (
     *("arrays.js", "webgl.js", "shaders.js", "colours.js", "shapes.js", "camera.js", "viewer.js"),
-    *("curves.js", "page.js"),
+    *("saving.js", "curves.js", "page.js"),
 )
 
 
@@ -71,7 +71,7 @@ def write_page(path: str | PathLike[str], result: RunResult, limits: Mapping[str
 def page_of(result: RunResult, limits: Mapping[str, Limit]) -> str:
     """Return the page of a run as text, see :func:`write_page`."""
     with ThreadPoolExecutor(1) as pool:  # which compresses while the arrays are gathered
-        return _page_of(result, limits, pool.submit(_plotly))
+        return _page_of(result, limits, pool.submit(plotly_text))
 
 
 def _page_of(result: RunResult, limits: Mapping[str, Limit], plotly: Future[str]) -> str:
@@ -95,8 +95,8 @@ def _page_of(result: RunResult, limits: Mapping[str, Limit], plotly: Future[str]
     return environment.get_template("report.html").render(
         name=result.name,
         version=__version__,
-        style=_part("style.css"),
-        script=Markup("\n").join(map(_part, _SCRIPTS)),
+        style=part("style.css"),
+        script=Markup("\n").join(map(part, _SCRIPTS)),
         lead=_lead(result),
         summary=_summary(result),
         stopped=report.get("stopped_by") if not report["complete"] else None,
@@ -137,12 +137,12 @@ def _arms(result: RunResult) -> Mapping[str, Mapping[str, JointArms]]:
     return result.moment_arms() if found else {}
 
 
-def _part(name: str) -> Markup:
+def part(name: str) -> Markup:
     """Return a part of the page as it is; it is ours, and holds no end of a script."""
     return Markup((files("vtkmuscle.report") / "page" / name).read_text(encoding="utf-8"))
 
 
-def _plotly() -> str:
+def plotly_text() -> str:
     """Return Plotly's program, compressed and written as text: two fifths of its size."""
     from plotly.offline import get_plotlyjs  # noqa: PLC0415 -- a page alone needs it
 

@@ -13,10 +13,7 @@ function makeCurves(data, block, choose) {
   const state = { muscle: "", coordinate: data.coordinates[0]?.name, check: (data.checks.find((one) => !one.flat) ?? data.checks[0])?.key, at: 0 };
   const charts = ["lengths", "fibre-lengths", "arms", "checks"].map((id) => document.getElementById(id)).filter(Boolean);
   for (const chart of charts) chart.drawn = Promise.resolve();
-  for (const button of document.querySelectorAll("[data-csv]")) {
-    const chart = document.getElementById(button.dataset.csv);
-    button.addEventListener("click", () => save(URL.createObjectURL(new Blob([csvOf(chart)], { type: "text/csv" })), `${chart.id}.csv`));
-  }
+  csvButtons();
 
   function chosen() {
     return state.muscle ? [known[state.muscle]] : data.muscles;
@@ -114,22 +111,7 @@ function makeCurves(data, block, choose) {
   function paint(id, traces, xLabel, yLabel) {
     const chart = document.getElementById(id);
     if (!chart) return;
-    const axis = { gridcolor: "#e7e5df", zerolinecolor: "#bdbab2", linecolor: "#8b8982", ticks: "outside", tickcolor: "#bdbab2", automargin: true };
-    const narrow = chart.clientWidth < 520;
-    const layout = {
-      font: FONT,
-      paper_bgcolor: "rgba(0,0,0,0)",
-      plot_bgcolor: "rgba(0,0,0,0)",
-      margin: { l: 58, r: 14, t: 14, b: 50 },
-      height: chart.clientHeight || 380,
-      hovermode: narrow ? "closest" : "x unified",
-      hoverlabel: { bgcolor: "#ffffff", font: { ...FONT, size: 12 } },
-      xaxis: { ...axis, title: { text: xLabel, standoff: 10 } },
-      yaxis: { ...axis, title: { text: yLabel, standoff: 8 }, ...rangeOf(traces) },
-      legend: { orientation: "h", y: id.startsWith("printed") ? -0.32 : LEGEND, x: 0, font: { ...FONT, size: 12 }, traceorder: "normal" },
-      modebar: { bgcolor: "rgba(255,255,255,0.85)", color: "#8b8982", activecolor: "#2a2a2e" },
-      shapes: [cursor(id)],
-    };
+    const layout = { ...layoutOf(chart, traces, xLabel, yLabel), shapes: [cursor(id)] };
     chart.drawn = chart.drawn.then(() => Plotly.react(chart, traces, layout, CONFIG)).then(() => {
       if (chart.heard) return;
       chart.heard = true;
@@ -149,7 +131,7 @@ function makeCurves(data, block, choose) {
   /* Charts of the coordinates and checks that are not chosen, for paper; gone after that. */
   function print(begin) {
     for (const chart of charts) {
-      if (chart.data && !chart.hidden) Plotly.relayout(chart, begin ? { autosize: false, width: PAPER, height: TALL, "legend.y": -0.32 } : { autosize: true, width: null, height: chart.clientHeight, "legend.y": LEGEND });
+      if (chart.data && !chart.hidden) Plotly.relayout(chart, begin ? ONTO_PAPER : offPaper(chart));
     }
     document.querySelectorAll(".printed").forEach((one) => one.remove());
     if (!begin) return;
@@ -200,16 +182,26 @@ function makeCurves(data, block, choose) {
 /* Width and height of a chart on paper [px], within the margins of A4; where its legend begins, of its height. */
 const [PAPER, TALL, LEGEND] = [670, 320, -0.24];
 
-/* What a chart shows, as numbers: a row for each point of a curve, and for each place of a band. */
-function csvOf(chart) {
-  const cell = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
-  const label = (axis) => cell(chart.layout[axis].title.text.replace(/<br><sup>.*/, "").replaceAll("<br>", " "));
-  const rows = [["series", label("xaxis"), label("yaxis"), "low", "high"].join(",")];
-  for (const trace of chart.data.filter((one) => one.visible !== "legendonly")) {
-    const { x, low, high } = trace.meta ?? { x: trace.x };
-    x.forEach((at, i) => rows.push([cell(trace.name), at, low ? "" : trace.y[i], low?.[i] ?? "", high?.[i] ?? ""].join(",")));
-  }
-  return `${rows.join("\n")}\n`;
+const ONTO_PAPER = { autosize: false, width: PAPER, height: TALL, "legend.y": -0.32 };
+function offPaper(chart) {
+  return { autosize: true, width: null, height: chart.clientHeight, "legend.y": LEGEND };
+}
+
+function layoutOf(chart, traces, xLabel, yLabel) {
+  const axis = { gridcolor: "#e7e5df", zerolinecolor: "#bdbab2", linecolor: "#8b8982", ticks: "outside", tickcolor: "#bdbab2", automargin: true };
+  return {
+    font: FONT,
+    paper_bgcolor: "rgba(0,0,0,0)",
+    plot_bgcolor: "rgba(0,0,0,0)",
+    margin: { l: 58, r: 14, t: 34, b: 50 },
+    height: chart.clientHeight || 380,
+    hovermode: chart.clientWidth < 520 ? "closest" : "x unified",
+    hoverlabel: { bgcolor: "#ffffff", font: { ...FONT, size: 12 } },
+    xaxis: { ...axis, title: { text: xLabel, standoff: 10 } },
+    yaxis: { ...axis, title: { text: yLabel, standoff: 8 }, ...rangeOf(traces) },
+    legend: { orientation: "h", y: chart.id.startsWith("printed") ? -0.32 : LEGEND, x: 0, font: { ...FONT, size: 12 }, traceorder: "normal" },
+    modebar: { bgcolor: "rgba(255,255,255,0.85)", color: "#8b8982", activecolor: "#2a2a2e" },
+  };
 }
 
 /* An axis that a spike does not flatten: all curves, and bands but for their last twentieth, where that is much less. */

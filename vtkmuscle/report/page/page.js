@@ -164,13 +164,6 @@ function labelled(viewer, data, canvas, times) {
   return picture;
 }
 
-function save(address, name) {
-  const link = document.createElement("a");
-  link.href = address;
-  link.download = name;
-  link.click();
-}
-
 /* Moment arms at the slider's frame, on the cards. */
 function tellArms(curves, position) {
   for (const place of document.querySelectorAll("[data-arm]")) {
