@@ -217,7 +217,7 @@ class Scene(SceneData, Guessed):
     ) -> Any:
         """Show bones, muscles and landmarks at rest, in a window or in a cell of a notebook.
 
-        Origins are blue, insertions orange, via rings green.
+        Origins are black, insertions red, via rings white.
 
         Parameters
         ----------

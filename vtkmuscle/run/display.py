@@ -12,7 +12,6 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import names, suggestion
 from vtkmuscle.data.arrays import blocks_of, points_of
 from vtkmuscle.plotting import MovingScene, Pose
-from vtkmuscle.plotting.colours import PALETTE
 from vtkmuscle.scene.data import SceneData
 
 if TYPE_CHECKING:
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 
 
 #: Colours of landmarks by their role.
-_ROLES = {"origin": PALETTE[0], "insertion": PALETTE[1], "via": PALETTE[2]}
+_ROLES = {"origin": "black", "insertion": "red", "via": "white"}
 
 
 def plotter_at_rest(scene: SceneData, off_screen: bool | None) -> Any:
@@ -28,7 +27,7 @@ def plotter_at_rest(scene: SceneData, off_screen: bool | None) -> Any:
     import pyvista  # noqa: PLC0415 -- a run needs none
 
     surfaces = {name: muscle.surface for name, muscle in scene.muscles.items()}
-    plotter = MovingScene(scene.bones, surfaces, {}, off_screen=off_screen).plotter
+    plotter = MovingScene(scene.bones, surfaces, {}, off_screen=off_screen, opacity=0.4).plotter
     for area in (area for muscle in scene.muscles.values() for area in muscle.attachments):
         look = {"color": _ROLES[area.role], "reset_camera": False}
         plotter.add_points(area.landmarks, render_points_as_spheres=True, point_size=11, **look)
