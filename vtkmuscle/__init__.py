@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from vtkmuscle.core.errors import InputError
     from vtkmuscle.core.motion.rigid import RigidMotion, hinge
     from vtkmuscle.data.attachments import AttachmentArea
+    from vtkmuscle.run.one_muscle import MuscleResult
     from vtkmuscle.run.result import Result
     from vtkmuscle.run.table import MomentArmTable, Table
     from vtkmuscle.scene.data import Muscle
@@ -44,6 +45,7 @@ _SOURCES = {
     "sensitivities": "vtkmuscle.studies.sensitivity",
     "MomentArmTable": "vtkmuscle.run.table",
     "Muscle": "vtkmuscle.scene.data",
+    "MuscleResult": "vtkmuscle.run.one_muscle",
     "Result": "vtkmuscle.run.result",
     "Scene": "vtkmuscle.scenes",
     "SceneError": "vtkmuscle.scene.faults",
@@ -56,6 +58,7 @@ __all__ = [
     "InputError",
     "MomentArmTable",
     "Muscle",
+    "MuscleResult",
     "Result",
     "RigidMotion",
     "Scene",

@@ -2,9 +2,10 @@
 Two hips over one another
 =========================
 
-A larger femoral head takes the iliacus farther from the joint. :func:`vtkmuscle.compare` matches runs by the
-names of muscles and coordinates and says by how much they differ; ``write`` gives the page and the table.
-Settings, sides, published moment arms and OpenSim's own muscles are compared in the same way.
+Does a larger femoral head take the iliacus farther from the joint? By less than the error of either.
+:func:`vtkmuscle.compare` matches runs by the names of muscles and coordinates and says by how much they differ;
+``write`` gives the page and the table. Settings, sides, published moment arms and OpenSim's own muscles are
+compared in the same way.
 """
 
 import matplotlib.pyplot as plt
