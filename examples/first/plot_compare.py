@@ -3,9 +3,9 @@ Two hips over one another
 =========================
 
 Does a larger femoral head take the iliacus farther from the joint? By less than the error of either.
-:func:`vtkmuscle.compare` matches runs by the names of muscles and coordinates and says by how much they differ;
-``write`` gives the page and the table. Settings, sides, published moment arms and OpenSim's own muscles are
-compared in the same way.
+:func:`vtkmuscle.compare` matches runs by the names of muscles and coordinates, and says by how much they
+differ; ``write`` gives the page and the table. Settings, sides, published moment arms and OpenSim's own
+muscles are compared in the same way.
 """
 
 import matplotlib.pyplot as plt
