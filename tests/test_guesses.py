@@ -31,7 +31,7 @@ GUESSES = {
     "scene.muscle_names": "list(scene.muscles)",
     "scene.write('folder')": "scene.save(folder)",
     "scene['spindle'].points[:2]": "",
-    "scene.run(frames='0:1', errors='meshes')": "mesh",
+    "scene.run(errors='mesh')": "vtkmuscle.run_with_errors",
     "scene.run(muscles=['spindle'])": "no option 'muscles'",
     "scene.run(outdir='out')": "no option 'outdir'",
     "Muscle('spindle.stl')": "pyvista.read(path)",

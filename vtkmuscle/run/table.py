@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.guesses import no_attribute
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
-from vtkmuscle.core.guesses import no_attribute
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.writing import write_text
 
