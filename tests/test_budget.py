@@ -16,9 +16,10 @@ ROOT = Path(vtkmuscle.__file__).parent
 #: Most lines of code of each package: those that it had when they were last counted, and 2 %.
 BUDGETS = {
     "accuracy": 296,  # 291: errors that a run states of its results
-    "cli": 873,  # 866: the command line
+    "cli": 919,  # 915: the command line; figures and compare are 33 of them
+    "comparison": 339,  # 335: runs over one another
     "core": 10701,  # 10529: the mathematics; 9500 is what it is to come to
-    "core/accuracy": 68,  # 67: errors by parts
+    "core/accuracy": 76,  # 72: errors by parts; 4 tell an estimate in a line
     "core/algorithm_2": 200,  # 197: the published solver
     "core/attachments": 390,  # 383: areas and fixed points
     "core/bones": 343,  # 341: signed distances
@@ -34,14 +35,14 @@ BUDGETS = {
     "data": 967,  # 950: VTK to arrays and back; 60 are what ports deliver, which filters had
     "fetch": 326,  # 320: public data
     "filters": 3558,  # 3489: VTK filters; FibreField is 75 of them
-    "io": 1801,  # 1792: readers and writers
+    "io": 1821,  # 1817: readers and writers; 25 say what is drawn of literature
     "opensim": 2367,  # 2321: joints, OpenSim and MuJoCo, in and out
     "paraview": 392,  # 385: the plugin
     "phantoms": 1361,  # 1335: bodies with known answers; pennate_belly is 57 of them
     "pipelines": 212,  # 210: filters connected
-    "plotting": 1214,  # 1191: figures
+    "plotting": 1219,  # 1215: figures
     "report": 855,  # 839: the page of a run
-    "run": 2711,  # 2658: a run of a scene
+    "run": 2779,  # 2775: a run of a scene; 115 are one muscle, tables to CSV, literature, plots at rest
     "scene": 2030,  # 1991: scene.toml
     "studies": 1866,  # 1832: scenes varied and run: errors, sensitivity, trade-off, cohorts
     "view": 175,  # 172: the viewer
