@@ -105,7 +105,7 @@ def test_unknown_name_is_an_attribute_error():
 
 
 def test_a_path_in_the_wrong_place_is_told_where_it_goes():
-    with pytest.raises(TypeError, match=r"Scene\.load\('scene\.toml'\) reads a file"):
+    with pytest.raises(TypeError, match=r"Scene\.load\('scene\.toml'\) reads a file or folder"):
         vtkmuscle.Scene("scene.toml")
     with pytest.raises(AttributeError, match=r"Scene\.load\(path\) reads a scene"):
         vtkmuscle.load("scene.toml")

@@ -10,7 +10,7 @@ import signal
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,10 +18,20 @@ from vtkmuscle._version import __version__
 from vtkmuscle.cli.cohort import cohort
 from vtkmuscle.cli.exporting import check, export_muscles
 from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, TerminatedError, one_clear_error, say
-from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, with_run_options
+from vtkmuscle.cli.options import (
+    LiteratureOption,
+    OutOption,
+    QuietOption,
+    RunOptions,
+    named,
+    with_run_options,
+)
 from vtkmuscle.cli.running import run_and_tell
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.isolation import leave_out_working_folder
+
+if TYPE_CHECKING:
+    from vtkmuscle.run import Result
 
 #: Of flexion in the frames of the demo [degrees]: as far as that phantom goes, in fewer steps.
 DEMO_ANGLES = tuple(range(0, 91, 5))
@@ -211,13 +221,62 @@ def report(
             "--out", "-o", metavar="HTML", parser=named, help="Default: report.html in that folder."
         ),
     ] = None,
+    literature: LiteratureOption = None,
 ) -> None:
     """Write the page of a finished run again: the scene, curves, tables and verdicts in one file."""
     with one_clear_error(out):
-        from vtkmuscle.run import Result
         from vtkmuscle.run.store import PAGE
 
-        typer.echo(f"wrote {Result.load(results).write_report(out or results / PAGE)}")
+        typer.echo(f"wrote {_loaded(results, literature).write_report(out or results / PAGE)}")
+
+
+def _loaded(results: Path, literature: Path | None) -> Result:
+    """Return the results in a folder, with published moment arms where a table of them is given."""
+    from vtkmuscle.run import Result
+
+    found = Result.load(results)
+    return found if literature is None else found.with_literature(literature)
+
+
+@app.command()
+def figures(
+    results: Annotated[Path, typer.Argument(help="Folder of a run's results.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="PATH", parser=named, help="Default: figures in that folder."),
+    ] = None,
+    form: Annotated[str, typer.Option("--form", metavar="png|pdf|svg", help="Of the files.")] = "png",
+    dpi: Annotated[float, typer.Option("--dpi", help="Pixels per inch of pictures.")] = 300.0,
+    literature: LiteratureOption = None,
+) -> None:
+    """Draw the figures of a finished run again, for a journal: as PDF or SVG, at any resolution."""
+    with one_clear_error(out):
+        found = _loaded(results, literature).write_figures(out or results / "figures", form=form, dpi=dpi)
+        typer.echo(f"wrote {len(found)} figures to {found[0].parent}")
+
+
+@app.command()
+def compare(
+    results: Annotated[list[Path], typer.Argument(help="Folders of results; the first is compared to.")],
+    out: OutOption = None,
+    literature: LiteratureOption = None,
+    opensim: Annotated[
+        Path | None,
+        typer.Option("--opensim", metavar="OSIM", help="A model whose muscles are compared, too."),
+    ] = None,
+) -> None:
+    """Lay runs over one another: curves, differences with errors, one page and one table.
+
+    Settings, sides and subjects match by the names of muscles and coordinates. Without --out it writes to
+    comparison, in the folder you are in.
+    """
+    with one_clear_error(out):
+        from vtkmuscle.comparison import compare as compared
+
+        for path in compared(results, literature=literature, opensim=opensim).write(
+            out or Path("comparison")
+        ):
+            typer.echo(f"wrote {path}")
 
 
 @app.command("view")
