@@ -19,6 +19,8 @@ FAR, SURE_FAR = 0.5, 20.0
 #: Way of a bone's centre of rotation from one frame to the next: a jump where it is more than this [mm], and
 #: than so many times the median. A joint's moves by 1 to 2 mm, evenly.
 SLIP, UNEVEN = 10.0, 10.0
+#: Steps of which one or two can be said to be odd.
+FEWEST = 6
 #: Distance of a muscle's areas, in units of that at rest, or of its length: it is torn; surely so.
 TORN, SURE_TORN = 2.0, 5.0
 
@@ -53,7 +55,9 @@ def motion_findings(scene: SceneData, anatomy: Anatomy) -> Iterator[tuple[str, s
             yield key, problem, "give more frames, or check the unit of its translations", False
         else:
             slips = _slips(transforms, corners.mean(axis=0))
-            if len(slips) > 2 and slips.max() > max(SLIP / scene.millimetres, UNEVEN * np.median(slips)):
+            if len(slips) < FEWEST or (slips > 0.5 * slips.max()).sum() > 2:  # there, or there and back
+                continue
+            if slips.max() > max(SLIP / scene.millimetres, UNEVEN * np.median(slips)):
                 step = int(np.argmax(slips))
                 problem = (
                     f"{bone!r} jumps by {slips[step]:.3g} {scene.units} {_where(step + 1)}, where in the "
