@@ -334,10 +334,11 @@ def planted(faults: list[Fault], jobs: int) -> Iterator[str]:
 
 
 def known() -> dict[Fault, str]:
-    """Return what the table has of the faults that are planted today, and were seen."""
+    """Return what the table has of the faults that are planted today, and were seen or are equivalent."""
     with TABLE.open(newline="", encoding="utf-8") as file:
         rows = {tuple(row[:-1]): row[-1] for row in list(csv.reader(file))[1:]}
-    return {fault: rows[fault.row] for fault in chosen() if rows.get(fault.row, UNSEEN) != UNSEEN}
+    here = {fault: EQUIVALENT.get(fault.name, rows[fault.row]) for fault in chosen() if fault.row in rows}
+    return {fault: outcome for fault, outcome in here.items() if outcome != UNSEEN}
 
 
 def main() -> None:
