@@ -20,6 +20,7 @@ from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.parts import file_digest
 from vtkmuscle.run.architecture import architecture_table
+from vtkmuscle.run.duration import check_duration
 from vtkmuscle.run.figures import Drawing
 from vtkmuscle.run.memory import check_memory
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
@@ -70,6 +71,7 @@ def run_scene(
         anatomy = Anatomy.of(scene)
         odd = check_sense(scene, anatomy) if options.sense else []
         check_memory(scene, numbers)
+        check_duration(scene, numbers)
         store = None
         if out is not None:
             stack.enter_context(claimed(out, scene, overwrite=options.overwrite))
