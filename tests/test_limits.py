@@ -240,6 +240,37 @@ def test_a_run_that_takes_hours_is_announced_and_one_without_an_end_is_refused(s
     assert not list(out.rglob("*"))
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is full")
+@pytest.mark.parametrize(
+    "command", [["--version"], ["info", "muscles/spindle.vtp"]], ids=["here", "in a command"]
+)
+def test_output_that_cannot_be_written_is_no_traceback(scene_file, command):
+    program = [sys.executable, "-m", "vtkmuscle", *command]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            program,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            cwd=scene_file.parent,
+            text=True,
+            check=False,
+            timeout=120,
+        )
+    assert done.returncode == BAD_INPUT
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.endswith("No space left on device\n")
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_path_that_is_no_text_is_refused_before_the_work(scene_file):
+    out = scene_file.parent / "o\udcff"
+    with pytest.raises(ValueError, match=r"o\\udcff: this path is not text in UTF-8; rename"):
+        Scene.load(scene_file).run(out, figures=False)
+    assert not out.exists()
+    with pytest.raises(ValueError, match="not text in UTF-8"):
+        Scene.load(scene_file.parent / "s\udcff.toml")
+
+
 def test_a_report_that_is_no_report_is_no_traceback(tmp_path):
     for content in ("[]", "{", json.dumps({"muscles": 3})):
         (tmp_path / "report.json").write_text(content)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from vtkmuscle.core.errors import fault_of
+from vtkmuscle.core.files import check_name
 from vtkmuscle.core.mesh.shared import held
 from vtkmuscle.core.processors import processors
 from vtkmuscle.data.drawn_bones import DrawnBones
@@ -65,6 +66,8 @@ def run_scene(
     began = time.perf_counter()
     with ExitStack() as stack:
         drawing = None
+        if out is not None:
+            check_name(out)
         if out is not None and options.figures:  # a process of its own, which has much to load
             drawing = stack.enter_context(Drawing(out, scene))
         numbers = frame_numbers(options.frames, len(scene.motion.times))
