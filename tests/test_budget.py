@@ -16,7 +16,7 @@ ROOT = Path(vtkmuscle.__file__).parent
 #: Most lines of code of each package: those that it had when they were last counted, and 2 %.
 BUDGETS = {
     "accuracy": 296,  # 291: errors that a run states of its results
-    "cli": 873,  # 866: the command line
+    "cli": 875,  # 875: the command line; output that cannot be written is 9 of them
     "core": 10701,  # 10529: the mathematics; 9500 is what it is to come to
     "core/accuracy": 68,  # 67: errors by parts
     "core/algorithm_2": 200,  # 197: the published solver
@@ -42,9 +42,9 @@ BUDGETS = {
     "plotting": 1214,  # 1191: figures
     "report": 855,  # 839: the page of a run
     "run": 2711,  # 2658: a run of a scene
-    "scene": 2030,  # 1991: scene.toml
+    "scene": 2085,  # 2085: scene.toml; settings that change nothing, rings left open and jumps are 94 of them
     "studies": 1866,  # 1832: scenes varied and run: errors, sensitivity, trade-off, cohorts
-    "view": 175,  # 172: the viewer
+    "view": 211,  # 211: the viewer; its token and the check of the page that asks are 39 of them
 }
 
 #: Functions that numba compiles, each of which takes 0.05 to 3 s of a first run: 200, and 2 %.
