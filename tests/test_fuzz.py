@@ -1,11 +1,14 @@
-"""Damaged scenes are a result or one clear error: a mutator with planted seeds, short and long."""
+"""Damaged scenes and results are a result or one clear error: a mutator with planted seeds."""
 
+import random
 import shutil
 from pathlib import Path
 
 import pytest
 from mutations import mutated, read_all
 from tiny_scene import HINGE, TOML, write_tiny_scene
+
+from vtkmuscle import Scene
 
 MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
 LANDMARKS = "x,y,z\n" + "".join(f"{x},{y},34.0\n" for x, y in [(4, 0), (0, 4), (-4, 0), (0, -4), (4, 0)])
@@ -59,11 +62,29 @@ def test_damaged_scenes_are_a_result_or_one_clear_error(whole, tmp_path, pytestc
     monkeypatch.setenv("VTKMUSCLE_MOST_MEMORY", "4")
     count = 100 if pytestconfig.getoption("--long") else 4
     kinds = {path: kind for kind in KINDS for path in damaged_scenes(tmp_path, whole, kind, count)}
+    judged(kinds, "load_and_run", "a damaged {}, read and run", tried)
+
+
+def judged(kinds, name, what, tried):
+    """Check that of damaged files, and what each is, all become a result or one clear error; count them."""
     bad = []
-    for path, (outcome, words, _) in read_all(list(kinds), "fuzz_target", "load_and_run").items():
+    for path, (outcome, words, _) in read_all(list(kinds), "fuzz_target", name).items():
         if outcome in ("read", "refused"):
-            what = f"a damaged {kinds[Path(path)]}, read and run"
-            tried.add(what, "used" if outcome == "read" else "refused")
+            tried.add(what.format(kinds[Path(path)]), "used" if outcome == "read" else "refused")
         else:
             bad.append((path, outcome, words))
     assert not bad
+
+
+def test_a_run_goes_on_from_damaged_results_or_says_one_clear_error(whole, tmp_path, pytestconfig, tried):
+    shutil.copytree(whole, tmp_path / "scene")
+    Scene.load(tmp_path / "scene/scene.toml").run(tmp_path / "whole", frames="0:2", figures=False)
+    kinds = {}
+    for seed in range(200 if pytestconfig.getoption("--long") else 5):
+        out = tmp_path / f"{seed}"
+        shutil.copytree(tmp_path / "whole", out)
+        files = sorted(path for path in out.rglob("*") if path.is_file())
+        file = random.Random(seed).choice(files)
+        file.write_bytes(mutated(file.read_bytes(), seed))
+        kinds[out] = f"{file.suffix} of results"
+    judged(kinds, "go_on", "a run that goes on from a damaged {}", tried)

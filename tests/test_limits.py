@@ -1,14 +1,16 @@
 """Limits and types: what is too much, or no file, is one clear error and no traceback."""
 
+import dataclasses
 import json
 import os
 import subprocess
 import sys
 import threading
+import warnings
 from pathlib import Path
 
 import pytest
-from tiny_scene import HINGE, TOML, write_tiny_scene
+from tiny_scene import HINGE, TOML, ellipsoid, write_tiny_scene
 from typer.testing import CliRunner
 
 from vtkmuscle import Scene, SceneError
@@ -16,6 +18,7 @@ from vtkmuscle.cli import BAD_INPUT, app
 from vtkmuscle.core.template.template_files import read_template
 from vtkmuscle.filters import FibreTemplateSource, FibreTubes, PBDDeformer
 from vtkmuscle.io import read_landmarks, read_motion_table, read_polydata
+from vtkmuscle.run.duration import check_duration
 from vtkmuscle.run.memory import VARIABLE
 
 MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
@@ -215,6 +218,57 @@ def test_not_enough_memory_is_one_line(scene_file, monkeypatch):
 
     monkeypatch.setattr(Scene, "load", fail)
     assert "not enough memory" in run(scene_file)
+
+
+def test_a_run_that_takes_hours_is_announced_and_one_without_an_end_is_refused(scene_file, monkeypatch):
+    change(scene_file, MOTION, HINGE.replace("[0, 20, 5]", "[0, 20, 0.002]") + "\n")
+    change(scene_file, "iterations = 3", "iterations = 10_000")
+    scene = Scene.load(scene_file)
+    fine = dataclasses.replace(scene.muscles["spindle"], surface=ellipsoid((8, 8, 40), (0, 0, 0), 40))
+    with pytest.warns(
+        UserWarning, match=r"the run takes about 5\.\d hours .* for 'spindle'; if that is too long"
+    ):
+        check_duration(dataclasses.replace(scene, muscles={"spindle": fine}), range(10_000))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_duration(scene, range(100))
+    monkeypatch.setattr("vtkmuscle.run.duration.MOST", 0.5)
+    out = scene_file.parent / "out"
+    with pytest.raises(SceneError, match=r"takes about 0\.8\d hours .* give fewer iterations") as failure:
+        scene.run(out, figures=False)
+    assert failure.value.key == "muscles.spindle"
+    assert not list(out.rglob("*"))
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is full")
+@pytest.mark.parametrize(
+    "command", [["--version"], ["info", "muscles/spindle.vtp"]], ids=["here", "in a command"]
+)
+def test_output_that_cannot_be_written_is_no_traceback(scene_file, command):
+    program = [sys.executable, "-m", "vtkmuscle", *command]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            program,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            cwd=scene_file.parent,
+            text=True,
+            check=False,
+            timeout=120,
+        )
+    assert done.returncode == BAD_INPUT
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.endswith("No space left on device\n")
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_path_that_is_no_text_is_refused_before_the_work(scene_file):
+    out = scene_file.parent / "o\udcff"
+    with pytest.raises(ValueError, match=r"o\\udcff: this path is not text in UTF-8; rename"):
+        Scene.load(scene_file).run(out, figures=False)
+    assert not out.exists()
+    with pytest.raises(ValueError, match="not text in UTF-8"):
+        Scene.load(scene_file.parent / "s\udcff.toml")
 
 
 def test_a_report_that_is_no_report_is_no_traceback(tmp_path):

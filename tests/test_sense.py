@@ -37,6 +37,16 @@ def areas(scene, change):
     )
 
 
+def closed(old):
+    return [replace(one, closed=True) for one in old]
+
+
+def first_muscle(scene, **changes):
+    """Return a scene with its first muscle changed, which is its only one."""
+    name, muscle = next(iter(scene.muscles.items()))
+    return replace(scene, muscles={name: replace(muscle, **changes)})
+
+
 def landmarks(scene, change):
     """Return a scene whose first muscle has other landmarks of its origin."""
     return areas(scene, lambda old: [replace(old[0], landmarks=change(old[0].landmarks)), *old[1:]])
@@ -69,6 +79,13 @@ def turned(scene, angles):
     poses = np.tile(np.eye(4), (len(angles), 1, 1))
     poses[:, :3, :3] = Rotation.from_euler("x", np.array(angles)[:, None], degrees=True).as_matrix()
     return replace(scene, motion=RigidMotion(np.arange(len(angles), dtype=float), {"femur": poses}))
+
+
+def jumped(scene):
+    """Return a scene whose femur turns evenly, and is 30 mm aside from its fifth frame on."""
+    poses = turned(scene, range(0, 40, 5)).motion.transforms["femur"].copy()
+    poses[4:, 0, 3] += 30.0
+    return replace(scene, motion=RigidMotion(np.arange(8.0), {"femur": poses}))
 
 
 def shuffled(points):
@@ -202,6 +219,34 @@ NONSENSE = {
     "steps of 90 degrees": (lambda s: turned(s, [0, 90, 0, 90]), False, "turns by 90 degrees"),
     "starts at 80 degrees": (lambda s: turned(s, [80, 82]), False, "from rest to the first frame"),
     "half a turn at once": (lambda s: turned(s, [0, 2, 182]), False, "from frame 1 to frame 2"),
+    "jump of 30 mm": (jumped, False, "'femur' jumps by 30 mm from frame 3 to frame 4"),
+    "setting of another model": (
+        lambda s: replace(s, solver={"stiffness": 0.5}),
+        False,
+        "solver.stiffness: it changes nothing: counts only with quality 'published'; leave it out",
+    ),
+    "setting of another method": (
+        lambda s: replace(s, fixing={"n_voxels": 1000}),
+        False,
+        "fixing.n_voxels: it changes nothing: counts only with method 'collision'",
+    ),
+    "time of a step without a force": (
+        lambda s: replace(s, solver={"quality": "published", "dt": 0.5}),
+        False,
+        "solver.dt: it changes nothing: without external_force",
+    ),
+    "distance that no area asks for": (
+        lambda s: first_muscle(areas(s, closed), fixing={"distance": 5.0}),
+        False,
+        r"muscles\.\w+\.fixing\.distance: it changes nothing",
+    ),
+    "setting that every muscle has its own of": (
+        lambda s: first_muscle(replace(areas(s, list), solver={"iterations": 9}), solver={"iterations": 3}),
+        False,
+        "solver.iterations: it changes nothing: every muscle has its own",
+    ),
+    "clearance of 20 mm": (lambda s: replace(s, solver={"bone_clearance": 20.0}), False, "20 mm away"),
+    "clearance of 1 m": (lambda s: replace(s, solver={"bone_clearance": 1000.0}), True, "at most 10 mm"),
 }
 
 
@@ -309,6 +354,28 @@ def test_a_decimal_comma_is_seen(tmp_path):
         read_landmarks(path)
     path.write_text("x,y,z,side,name,note\n1.5,2,3,4,a,b\n2,3,4.5,5,c,d\n")
     assert len(read_landmarks(path)[0]) == 2
+
+
+def test_a_ring_that_is_read_as_a_curve_is_seen(tmp_path):
+    scene = write_tiny_scene(tmp_path / "scene")
+    ring = read_landmarks(scene.parent / "attachments/origin.vtp")[0]
+    np.savetxt(scene.parent / "origin.csv", ring, delimiter=",", header="x,y,z", comments="")
+    text = scene.read_text().replace("attachments/origin.vtp", "origin.csv")
+    scene.write_text(text)
+    with pytest.warns(UserWarning, match=r"attachments\[0\].landmarks: .* taken for an open curve"):
+        assert not Scene.load(scene).muscles["spindle"].attachments[0].closed
+    for closed in ("true", "false"):
+        scene.write_text(text.replace('"origin.csv"', f'"origin.csv", closed = {closed}'))
+        assert str(Scene.load(scene).muscles["spindle"].attachments[0].closed).lower() == closed
+
+
+def test_a_setting_that_counts_in_one_muscle_is_no_matter(good):
+    names = list(good.muscles)
+    first = replace(good.muscles[names[0]], solver={"quality": "published"})
+    assert said(replace(good, muscles={**good.muscles, names[0]: first}, solver={"stiffness": 0.5})) == (
+        None,
+        [],
+    )
 
 
 def test_a_short_ring_is_the_boundary_of_a_shuffled_circle(rng):

@@ -408,7 +408,7 @@ def test_a_failed_muscle_is_exit_status_1_and_the_others_are_written(scene_file,
     done = run(scene_file, out, "--quiet", "--no-figures")
     assert done.exit_code == 1
     assert done.stdout == ""
-    assert "spindle: failed, frame 3 (time 15): it could not be computed" in done.stderr
+    assert "error: spindle: failed, frame 3 (time 15): it could not be computed" in done.stderr
     assert "use a smaller force" in done.stderr
     report = json.loads((out / "report.json").read_text())
     assert report["complete"] is True

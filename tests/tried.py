@@ -31,6 +31,23 @@ short form.
      - Refused
 """
 
+TAIL = """
+Planted faults
+--------------
+
+Faults that ``python benchmarks/planted_faults.py --write`` plants in ``vtkmuscle.core``, one at a time, and
+the first test that sees each: signs, counts that are off by one, clamps that are gone, constants twice as
+large, exchanged axes. A hash of the source's lines chooses them. An equivalent one changes nothing that is
+promised.
+
+.. include:: reliability_tables/planted_count.txt
+
+.. csv-table::
+   :file: reliability_tables/planted.csv
+   :header-rows: 1
+   :widths: 9 24 26 26 30
+"""
+
 
 @dataclass
 class Tried:
@@ -56,4 +73,4 @@ class Tried:
         for what, row in sorted(self.rows.items()):
             lines += [f"   * - {what}", f"     - {sum(row.values())}"]
             lines += [f"     - {row['used']}", f"     - {row['refused']}"]
-        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        path.write_text("\n".join(lines) + "\n" + TAIL, encoding="utf-8")

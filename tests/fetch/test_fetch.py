@@ -99,6 +99,15 @@ def test_what_is_cut_or_missing_is_refused(tiny, tmp_path, fault, words):
     assert nothing_left(tmp_path)
 
 
+def test_a_file_that_does_not_end_is_refused(tiny, tmp_path, monkeypatch):
+    monkeypatch.setattr("vtkmuscle.fetch.download.MOST", 1 << 20)
+    name = next(name for name in tiny if name.endswith("spindle.vtp"))
+    tiny[name] = bytes(3 << 20)
+    with serving(tiny) as (host, _), pytest.raises(InputError, match="sends more than 1 MB"):
+        fetch("tiny", tmp_path / "here", accept_licence=True, host=host)
+    assert nothing_left(tmp_path)
+
+
 def test_without_a_network_there_is_one_clear_error(tiny, tmp_path):
     with socket.socket() as closed:
         closed.bind(("127.0.0.1", 0))

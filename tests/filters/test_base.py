@@ -397,6 +397,12 @@ def test_time_is_asked_for_and_told():
         assert x_of(clock.apply(time=time)) == time
 
 
+def test_a_time_beyond_those_that_there_are_is_said():
+    for time in (-0.5, 2.5):
+        with pytest.warns(UserWarning, match=rf"Clock: time {time:g} is outside of the motion, 0 to 2"):
+            Clock().update(time=time)
+
+
 def test_time_reaches_the_source_through_other_filters():
     chain = Clock() >> vtkCleanPolyData() >> Shift()
     assert x_of(chain.last.update(time=2.0).output) == 3.0

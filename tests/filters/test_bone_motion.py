@@ -120,6 +120,7 @@ def test_without_a_time_the_bones_are_at_the_last_one(bones):
     )
 
 
+@pytest.mark.filterwarnings("ignore:.* is outside of the motion")
 def test_before_and_after_the_motion_the_bones_stand_still(bones):
     motion = BoneMotion(motion=KNEE)
     for time, end in ((-10.0, 0.0), (1e6, 60.0)):

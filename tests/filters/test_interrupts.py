@@ -46,7 +46,7 @@ def frame(made):
     return points_of(made.update(4.0).output).tobytes()
 
 expected = frame(deformer(iterations=5))
-stopped = deformer(iterations=1_000_000)
+stopped = deformer(iterations=10_000)
 """
 
 FROM_OUTSIDE = """

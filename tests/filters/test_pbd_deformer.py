@@ -364,6 +364,7 @@ def test_without_a_time_it_is_the_last_step(counted_poses):
     assert np.array_equal(out, frame(deformer, ANGLES[-1]))
 
 
+@pytest.mark.filterwarnings("ignore:.* is outside of the motion")
 def test_before_the_first_step_is_one_step_from_rest(counted_poses):
     late = RigidMotion(np.array([1.0, 2.0]), {"upper": MOTION.transforms["upper"][3:]})
     deformer = deformer_of(motion=late)

@@ -103,6 +103,7 @@ def test_requests_begin_with_the_defaults():
         assert FIRST[name] == default[name]
 
 
+@pytest.mark.filterwarnings("ignore:.* is outside of the motion")
 def test_any_sequence_of_times_and_changes_gives_the_frames_of_a_fresh_run(request):
     examples = 200 if request.config.getoption("long") else 40
 

@@ -1,7 +1,8 @@
 """The viewer: its server starts, its page draws, and its slider moves the muscles."""
 
+import asyncio
 import os
-import socket
+import re
 import subprocess
 import sys
 import time
@@ -11,8 +12,10 @@ import pytest
 from browser import Page, needs_chromium
 from PIL import Image
 from tiny_scene import write_tiny_scene
+from typer.testing import CliRunner
 
 from vtkmuscle import InputError, Scene
+from vtkmuscle.cli import BAD_INPUT, app
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.plotting import can_render
 
@@ -54,44 +57,81 @@ def test_without_trame_it_is_said_what_to_install(scene_file, monkeypatch):
     from vtkmuscle.view import make_app
 
     monkeypatch.setitem(sys.modules, "trame.app", None)
-    with pytest.raises(ImportError, match=r"'\.\[view\]'"):
+    with pytest.raises(InputError, match=r"'\.\[view\]'"):
         make_app(scene_file)
+
+
+def test_the_command_without_trame_or_opengl_is_one_clear_error(scene_file, monkeypatch):
+    def view_():
+        done = CliRunner().invoke(app, ["view", str(scene_file)], catch_exceptions=False)
+        assert done.exit_code == BAD_INPUT
+        assert done.stdout == ""
+        assert len(done.stderr.splitlines()) == 1
+        return done.stderr
+
+    monkeypatch.setattr("vtkmuscle.view.app.can_render", lambda: "there is no OpenGL")
+    assert view_().startswith("error: nothing can be shown: there is no OpenGL; ")
+    monkeypatch.setitem(sys.modules, "trame.app", None)
+    assert view_().startswith("error: the viewer needs trame (trame.app is missing): ")
 
 
 @pytest.fixture
 def address(scene_file, tmp_path):
     """The address of a viewer of the scene, in a process of its own."""
     pytest.importorskip("trame_pyvista", reason="the extra 'view' is not installed")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    command = [
-        sys.executable,
-        "-m",
-        "vtkmuscle",
-        "view",
-        str(scene_file),
-        "--no-browser",
-        "--port",
-        str(port),
-    ]
+    command = [sys.executable, "-m", "vtkmuscle", "view", str(scene_file), "--no-browser"]
     log = tmp_path / "log.txt"
     with log.open("w") as said:
         process = subprocess.Popen(command, stdout=said, stderr=subprocess.STDOUT, env=os.environ)
     try:
         end = time.monotonic() + 120
-        while True:
+        while not (found := re.search(r"http://127\.0\.0\.1:\d+/\S*", log.read_text())):
             assert process.poll() is None, log.read_text()
             assert time.monotonic() < end, log.read_text()
-            try:
-                socket.create_connection(("127.0.0.1", port), timeout=1).close()
-                break
-            except OSError:
-                time.sleep(0.2)
-        yield f"http://127.0.0.1:{port}/"
+            time.sleep(0.2)
+        yield found.group()
     finally:
         process.terminate()
         process.wait()
+
+
+def test_only_its_own_page_with_the_token_is_answered(address):
+    aiohttp = pytest.importorskip("aiohttp")
+    base, token = address.split("?secret=")
+    assert len(token) > 40
+
+    async def hello(secret, **headers):
+        """Return whether the server lets a client in, the status where it refuses the connection."""
+        message = {"wslink": "1.0", "id": "system:c0:0", "method": "wslink.hello"}
+        message |= {"args": [{"secret": secret}], "kwargs": {}}
+        try:
+            async with (
+                aiohttp.ClientSession(headers=headers) as session,
+                session.ws_connect(base + "ws") as socket,
+            ):
+                await socket.send_bytes(packed(message))
+                return b"clientID" in (await socket.receive(timeout=30)).data
+        except aiohttp.WSServerHandshakeError as refused:
+            return refused.status
+
+    async def status(**headers):
+        async with aiohttp.ClientSession(headers=headers) as session, session.get(base) as answer:
+            return answer.status
+
+    assert asyncio.run(hello(token)) is True
+    assert asyncio.run(hello(token, Origin=base.rstrip("/"))) is True
+    for guess in ("wslink-secret", "", token[:-1]):
+        assert asyncio.run(hello(guess)) is False
+    assert asyncio.run(hello(token, Origin="http://elsewhere.example")) == 403
+    assert asyncio.run(status()) == 200
+    assert asyncio.run(status(Host="elsewhere.example")) == 403  # a name that was turned to this address
+    assert asyncio.run(status(Origin="http://127.0.0.1:1")) == 403
+
+
+def packed(message):
+    """Return a message as wslink sends it: its size and number before it, in one chunk."""
+    body = pytest.importorskip("msgpack").packb(message)
+    return np.array([1, 0, len(body)], dtype="<u4").tobytes() + body
 
 
 #: The picture of the scene has come.
@@ -120,5 +160,6 @@ def test_the_page_draws_and_the_slider_moves_the_muscle(address, tmp_path):
             moved = picture(page, "moved.png")
         assert (np.abs(moved - first).max(axis=2) > 60).mean() > 0.001
         assert page.value("document.querySelector('[role=slider]').getAttribute('aria-label')") == "time"
-        elsewhere = [one for one in page.requests if not one.startswith((address, "data:", "blob:"))]
+        own = (address.split("?")[0], "data:", "blob:")
+        elsewhere = [one for one in page.requests if not one.startswith(own)]
         assert elsewhere == []

@@ -6,8 +6,10 @@ Nothing heavy is imported before a command needs it, so that ``vtkmuscle --help`
 from __future__ import annotations
 
 import gc
+import os
 import signal
 import sys
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -56,6 +58,12 @@ def main() -> None:
             signal.signal(number, _terminate)
     try:
         app()
+    except OSError as error:  # not of a command, which says its own: what it says cannot be written
+        with suppress(OSError):
+            sys.stderr.write(f"error: standard output cannot be written: {error.strerror}\n")
+        for stream in (sys.stdout, sys.stderr):  # what is left in them would fail again at the end
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        sys.exit(BAD_INPUT)
     finally:
         gc.freeze()  # the end of the process gives all back: nobody need look for what refers to itself
 

@@ -58,14 +58,15 @@ def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
         for reason in reasons_of(muscle["verdict"]):
             # What failed is an error, and said with --quiet too.
             if reason.verdict == "failed":
-                console.print(f"  {name}: {reason}", markup=False, style="bold red", soft_wrap=True)
+                console.print(f"error: {name}: {reason}", markup=False, style="bold red", soft_wrap=True)
             else:
                 say(options.quiet, f"  {reason}")
     say(options.quiet, f"{result.report['seconds']['total']:.1f} s. Results are in {out}:")
     files = ", ".join(f"{name}.{options.series}" for name in ("NAME", "NAME_fibres", "bones"))
     tables = "lengths.csv, fibre_lengths.csv, "
     tables += "moment_arms.csv, " if (out / "moment_arms.csv").is_file() else ""
-    say(options.quiet, f"  report.json, {tables}figures/, and {files} for ParaView")
+    tables += "figures/, " if (out / "figures").is_dir() else ""
+    say(options.quiet, f"  report.json, {tables}and {files} for ParaView")
     if options.report:
         say(
             options.quiet,

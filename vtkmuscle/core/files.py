@@ -13,6 +13,16 @@ MOST_BYTES = 4 * 1024**3
 MOST_TEXT = 64 * 1024**2
 
 
+def check_name(path: Path) -> None:
+    """Raise an InputError for a path that is no text in UTF-8: nothing that is written could name it."""
+    try:
+        str(path.absolute()).encode()
+    except UnicodeEncodeError:
+        raise InputError(
+            ascii(str(path))[1:-1], "this path is not text in UTF-8", "rename the file or folder"
+        ) from None
+
+
 def check_is_file(path: Path, *, most: int = MOST_BYTES) -> None:
     """Raise an error that says what is the matter where there is no file to read.
 
@@ -32,6 +42,7 @@ def check_is_file(path: Path, *, most: int = MOST_BYTES) -> None:
     ValueError
         If it is too large.
     """
+    check_name(path)
     if path.is_file():
         size = path.stat().st_size
         if size > most:

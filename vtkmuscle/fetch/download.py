@@ -22,8 +22,8 @@ from vtkmuscle.scenes import Scene
 HOST = "https://raw.githubusercontent.com"
 #: For a connection, and for each part of an answer [s].
 PATIENCE = 30.0
-#: Read at a time [bytes].
-CHUNK = 1 << 20
+#: Read at a time, and of a file at most, far more than any of them has [bytes].
+CHUNK, MOST = 1 << 20, 1 << 28
 
 
 def fetch(
@@ -112,6 +112,8 @@ def _download(file: RemoteFile, folder: Path, host: str) -> Path:
             response.raise_for_status()
             with path.open("wb") as out:
                 for part in response.iter_content(CHUNK):
+                    if out.tell() + len(part) > MOST:
+                        raise InputError(url, f"the server sends more than {MOST >> 20} MB", AGAIN)
                     out.write(part)
     except requests.exceptions.HTTPError as error:
         raise InputError(url, f"the server does not give it: {error}", AGAIN) from error

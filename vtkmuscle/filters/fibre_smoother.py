@@ -67,7 +67,9 @@ class FibreSmoother(Filter):
     """
 
     smoothing_passes = Parameter(int, default=5, minimum=0, maximum=10_000, doc="Number of smoothing passes.")
-    smoothing_weight = Parameter(float, default=4.0, minimum=0.0, doc="Weight of the middle point.")
+    smoothing_weight = Parameter(
+        float, default=4.0, minimum=0.0, maximum=1000.0, doc="Weight of the middle point."
+    )
     spreading: Parameter[float | None] = Parameter(
         float,
         default=None,

@@ -175,6 +175,7 @@ class FibreTransport(Filter):
         float,
         default=0.0,
         minimum=0.0,
+        maximum=10.0,
         doc="Tolerance for merging vertices into groups that share one weight: with a larger one transport "
         "is faster, takes less memory and is less exact. 0 merges nothing; 0.3 keeps one weight in thirty.",
     )

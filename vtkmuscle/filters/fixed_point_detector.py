@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.attachments.patches import attachment_patch
-from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX, build_voxel_grid
+from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX, MOST_N_EQUAL, build_voxel_grid
 from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.mesh.solids import Solids, solids_of
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
@@ -69,13 +69,20 @@ class FixedPointDetector(Filter):
         "mean edge length.",
     )
     n_voxels = Parameter(
-        int, default=DEFAULT_N_MAX, minimum=1, doc="Number of voxels of a bone, about (collision)."
+        int,
+        default=DEFAULT_N_MAX,
+        minimum=1,
+        maximum=MOST_N_EQUAL**3,
+        only_with=("method", "collision"),
+        doc="Number of voxels of a bone, about.",
     )
     n_voxels_per_axis: Parameter[int | None] = Parameter(
         int,
         default=None,
         minimum=1,
-        doc="Number of voxels along each axis of a bone's box, instead of n_voxels (collision).",
+        maximum=MOST_N_EQUAL,
+        only_with=("method", "collision"),
+        doc="Number of voxels along each axis of a bone's box, instead of n_voxels.",
     )
 
     muscle = ports.Surface(doc="Triangles, in the rest pose.")

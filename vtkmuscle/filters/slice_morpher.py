@@ -117,6 +117,7 @@ class SliceMorpher(Filter):
         float,
         default=0.2,
         minimum=0.0,
+        maximum=10.0,
         doc="Part of the muscle's length over which slices resist being twisted against each other; 0 "
         "matches each slice by itself.",
     )

@@ -83,7 +83,12 @@ class TemplateFitter(Filter):
         doc="What the box's long axis follows.",
     )
     angle_step = Parameter(
-        float, default=5.0, above=0.0, maximum=90.0, units="degrees", doc="Step of the turn about the axis."
+        float,
+        default=5.0,
+        minimum=0.01,
+        maximum=90.0,
+        units="degrees",
+        doc="Step of the turn about the axis.",
     )
     refine = Parameter(bool, default=False, doc="Go on from the best step to a local optimum.")
     orientation = Parameter(

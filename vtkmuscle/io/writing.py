@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
@@ -119,6 +120,12 @@ def _alive(process: int, path: Path) -> bool:
     except PermissionError:
         return True
     return True
+
+
+def plain_cell(value: Any) -> Any:
+    """Return what goes into a cell: a text that would be a formula there, after an apostrophe."""
+    formula = isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r"))
+    return f"'{value}" if formula else value
 
 
 def write_text(path: Path, text: str) -> None:

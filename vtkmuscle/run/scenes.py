@@ -14,12 +14,14 @@ from typing import Any
 import numpy as np
 
 from vtkmuscle.core.errors import fault_of
+from vtkmuscle.core.files import check_name
 from vtkmuscle.core.mesh.shared import held
 from vtkmuscle.core.processors import processors
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.parts import file_digest
 from vtkmuscle.run.architecture import architecture_table
+from vtkmuscle.run.duration import check_duration
 from vtkmuscle.run.figures import Drawing
 from vtkmuscle.run.memory import check_memory
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
@@ -64,12 +66,15 @@ def run_scene(
     began = time.perf_counter()
     with ExitStack() as stack:
         drawing = None
+        if out is not None:
+            check_name(out)
         if out is not None and options.figures:  # a process of its own, which has much to load
             drawing = stack.enter_context(Drawing(out, scene))
         numbers = frame_numbers(options.frames, len(scene.motion.times))
         anatomy = Anatomy.of(scene)
         odd = check_sense(scene, anatomy) if options.sense else []
         check_memory(scene, numbers)
+        check_duration(scene, numbers)
         store = None
         if out is not None:
             stack.enter_context(claimed(out, scene, overwrite=options.overwrite))

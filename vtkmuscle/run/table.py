@@ -18,7 +18,7 @@ from vtkmuscle.core.guesses import no_attribute
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.io.writing import write_text
+from vtkmuscle.io.writing import plain_cell, write_text
 
 #: What is known of errors: per muscle and quantity.
 Errors = Mapping[str, Mapping[str, Estimate]]
@@ -134,7 +134,7 @@ class Table(Mapping[str, NDArray[Any]]):
         """
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(self)
+        writer.writerow(map(plain_cell, self))
         writer.writerows(zip(*(_cells(column, digits) for column in self._columns.values()), strict=True))
         write_text(Path(path), text.getvalue())
         return Path(path)
@@ -322,6 +322,8 @@ def _root_mean_square(values: Floats) -> float | None:
 def _cells(column: NDArray[Any], digits: int | None) -> Iterable[Any]:
     """Return what is written of a column."""
     values: list[Any] = column.tolist()
+    if column.dtype.kind == "U":
+        return map(plain_cell, values)
     if column.dtype.kind != "f":
         return values
     written = map(repr if digits is None else f"%.{digits}g".__mod__, values)

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from vtkmuscle.core.attachments.rings import ring_area, ring_length
 from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.template.template_files import read_template
+from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.aponeuroses import SIDES, Aponeurosis
 from vtkmuscle.data.attachments import VIA, AttachmentArea
@@ -35,6 +39,10 @@ from vtkmuscle.scene.schema import Aponeuroses, Area, Estimate, MuscleTable, Sce
 from vtkmuscle.scene.validation import validated
 
 T = TypeVar("T")
+
+#: Landmarks look like a ring where the last is next to the first, in units of the widest gap between others,
+#: and 4 pi area / length^2 is more than the second. Curves of real muscles have over 2.4, or under 0.06.
+NEXT_TO, ROUND = 1.5, 0.15
 
 
 def read_fields(path: Path, values: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -164,10 +172,25 @@ def _areas(
     for number, area in enumerate(tables):
         with faults.gathered():
             landmarks, closed = files.read(f"{key}[{number}].landmarks", area.landmarks, read)
+            if area.closed is None and not closed and area.role != VIA and _goes_round(landmarks):
+                problem = "the landmarks go round an area, but are taken for an open curve: the file does "
+                problem += "not end with its first landmark"
+                remedy = "write closed = true for the area within, closed = false for the curve alone"
+                where = f"{key}[{number}].landmarks"
+                warnings.warn(str(SceneError(problem, where, remedy, files.paths[""])), stacklevel=2)
             # A via ring is one whether or not its file repeats the first landmark.
             closed = closed or area.role == VIA if area.closed is None else area.closed
             areas.append(AttachmentArea(area.role, area.bone, landmarks, closed, area.estimated))
     return tuple(areas)
+
+
+def _goes_round(landmarks: Floats) -> bool:
+    """Return whether the last landmark is beside the first, and what is between them is an area."""
+    if len(landmarks) < 4:
+        return False
+    gaps = np.linalg.norm(np.diff(landmarks, axis=0, append=landmarks[:1]), axis=1)
+    enclosed = 4.0 * np.pi * ring_area(landmarks) / max(ring_length(landmarks), 1e-300) ** 2
+    return bool(gaps[-1] < NEXT_TO * gaps[:-1].max() and enclosed > ROUND)
 
 
 def _aponeuroses(

@@ -17,6 +17,7 @@ from vtkmuscle.scene.anatomy import Anatomy, Surface
 from vtkmuscle.scene.data import MILLIMETRES, Muscle, SceneData
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense_motion import motion_findings
+from vtkmuscle.scene.sense_settings import settings_findings
 
 #: The longest side of all bones and muscles: what is shorter or longer is in another unit [mm]. The tallest
 #: person was 2720 mm.
@@ -98,6 +99,7 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
         yield from _estimates(name, muscle)
         yield from _in_bones(scene.millimetres, name, anatomy)
     yield from motion_findings(scene, anatomy)
+    yield from settings_findings(scene, anatomy)
 
 
 def _strays(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:

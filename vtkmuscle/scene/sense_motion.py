@@ -16,6 +16,11 @@ from vtkmuscle.scene.data import SceneData
 JUMP = 60.0
 #: Way of a bone from one frame to the next, in its own diagonals: a jump; surely no motion of a joint.
 FAR, SURE_FAR = 0.5, 20.0
+#: Way of a bone's centre of rotation from one frame to the next: a jump where it is more than this [mm], and
+#: than so many times the median. A joint's moves by 1 to 2 mm, evenly.
+SLIP, UNEVEN = 10.0, 10.0
+#: Steps of which one or two can be said to be odd.
+FEWEST = 6
 #: Distance of a muscle's areas, in units of that at rest, or of its length: it is torn; surely so.
 TORN, SURE_TORN = 2.0, 5.0
 
@@ -48,6 +53,17 @@ def motion_findings(scene: SceneData, anatomy: Anatomy) -> Iterator[tuple[str, s
                 f"{bone!r} moves {ways[worst]:.3g} {scene.units} {_where(worst)}, and is {size:.3g} long"
             )
             yield key, problem, "give more frames, or check the unit of its translations", False
+        else:
+            slips = _slips(transforms, corners.mean(axis=0))
+            if len(slips) < FEWEST or (slips > 0.5 * slips.max()).sum() > 2:  # there, or there and back
+                continue
+            if slips.max() > max(SLIP / scene.millimetres, UNEVEN * np.median(slips)):
+                step = int(np.argmax(slips))
+                problem = (
+                    f"{bone!r} jumps by {slips[step]:.3g} {scene.units} {_where(step + 1)}, where in the "
+                )
+                problem += f"middle of all steps its centre of rotation moves {np.median(slips):.2g}"
+                yield key, problem, "correct the rows about there", False
     for name, muscle in scene.muscles.items():
         middles = [(area.bone, np.asarray(area.landmarks).mean(axis=0)) for area in muscle.attachments]
         if len({bone for bone, _ in middles}) < 2:
@@ -64,6 +80,18 @@ def motion_findings(scene: SceneData, anatomy: Anatomy) -> Iterator[tuple[str, s
             )
             remedy = "check the motion, and that its transforms are from rest to the pose"
             yield f"muscles.{name}.attachments", problem, remedy, ratio > SURE_TORN
+
+
+def _slips(transforms: Floats, middle: Floats) -> Floats:
+    """Return how far a bone's centre of rotation goes in each step; it is that of most steps."""
+    steps = np.diff(transforms, axis=0)
+    turns, ways = steps[:, :3, :3], steps[:, :3, 3] + steps[:, :3, :3] @ middle
+    kept = np.ones(len(steps), dtype=np.bool_)
+    for _ in range(2):  # of all steps, then without the half in which it goes farthest
+        centre = np.linalg.lstsq(turns[kept].reshape(-1, 3), -ways[kept].ravel(), rcond=1e-6)[0]
+        slips = np.linalg.norm(turns @ centre + ways, axis=1)
+        kept = slips <= np.median(slips)
+    return np.asarray(slips)
 
 
 def _corners(points: Floats) -> Floats:

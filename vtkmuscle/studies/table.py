@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vtkmuscle.io.writing import replacing
+from vtkmuscle.io.writing import plain_cell, replacing
 from vtkmuscle.run.table import Table
 
 
@@ -19,8 +19,9 @@ def write_csv(path: Path, tables: Iterable[Table]) -> Path:
         writer = csv.writer(file, lineterminator="\n")
         for number, table in enumerate(tables):
             if number == 0:
-                writer.writerow(table)
-            writer.writerows(zip(*(_cells(column, "") for column in table.values()), strict=True))
+                writer.writerow(map(plain_cell, table))
+            cells = (map(plain_cell, _cells(column, "")) for column in table.values())
+            writer.writerows(zip(*cells, strict=True))
     return path
 
 

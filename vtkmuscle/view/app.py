@@ -14,6 +14,7 @@ from vtkmuscle.plotting import MovingScene, View, can_render
 from vtkmuscle.run.display import ResultDisplay
 from vtkmuscle.run.result import Result
 from vtkmuscle.scenes import Scene
+from vtkmuscle.view.guard import HOST, guarded
 from vtkmuscle.view.solving import SceneDisplay
 
 #: Directions to look from, beside the one that shows most of the muscles.
@@ -49,27 +50,26 @@ def view(
 ) -> None:
     """Open the viewer in a browser, until it is stopped (Ctrl-C).
 
+    Its server answers on this machine alone, and to whom has the address, which holds a random token.
+
     Parameters
     ----------
     source : Result, Scene or path
         A result or the folder of one; or a scene or its file, which is solved as the slider moves, with the
         preset ``"preview"``.
     port : int, optional
-        Of the server, on this machine alone; 0 for a free one.
+        Of the server; 0 for a free one.
     browser : bool, optional
         Open the page; else its address is printed.
 
     Raises
     ------
-    ImportError
-        Without the extra ``view``.
-    ValueError
-        If there is no such result or scene.
-    RuntimeError
-        If no picture can be rendered here.
+    InputError
+        Without the extra ``view``, if there is no such result or scene, or no picture can be rendered here.
     """
     server = make_app(source)
-    server.start(port=port, host="127.0.0.1", open_browser=browser, show_connection_info=not browser)
+    with guarded(server, browser=browser):
+        server.start(port=port, host=HOST, open_browser=False, show_connection_info=False)
 
 
 def make_app(source: Result | Scene | str | PathLike[str]) -> Any:
@@ -92,9 +92,10 @@ def _trame() -> dict[str, Any]:
         from trame.widgets import client, vuetify3  # noqa: PLC0415
         from trame_pyvista.ui import get_viewer  # noqa: PLC0415
     except ImportError as error:
-        raise ImportError(
-            f"the viewer needs trame ({error.name} is missing): python -m pip install '.[view]'; "
-            "the page report.html of a run needs nothing more"
+        raise InputError(
+            "",
+            f"the viewer needs trame ({error.name} is missing): python -m pip install '.[view]'",
+            "the page report.html of a run needs nothing more",
         ) from error
     return {
         "get_server": get_server,
@@ -108,7 +109,7 @@ def _trame() -> dict[str, Any]:
 def _display_of(source: Result | Scene | str | PathLike[str]) -> Display:
     reason = can_render()
     if reason is not None:
-        raise RuntimeError(f"nothing can be shown: {reason}")
+        raise InputError("", f"nothing can be shown: {reason}", "look at report.html of a run")
     if not isinstance(source, Result | Scene):
         path = Path(source)
         if not path.exists():

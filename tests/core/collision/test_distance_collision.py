@@ -190,6 +190,14 @@ def test_the_skin_keeps_points_off(globe, rng):
     assert np.abs(np.linalg.norm(p, axis=1) - 10.4).max() < 0.05
 
 
+def test_nothing_tunnels_through_a_plate_that_is_thinner_than_its_skin():
+    bone = Bone(*box((-20, -20, -0.2), (20, 20, 0.2)), cell=0.5)
+    x, p = [[0.0, 0.0, 9.0], [3.0, 1.0, -9.0]], [[1.0, 0.0, -9.0], [3.0, 1.0, 9.0]]
+    out, moved = resolve(bone, x, p, skin=1.5)
+    assert moved.all()
+    np.testing.assert_allclose(out[:, 2], [1.7, -1.7], atol=0.1)
+
+
 def test_fixed_points_stay(globe):
     x = np.array([[0.0, 0.0, 12.0]] * 2)
     p = np.array([[0.0, 0.0, 9.0]] * 2)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vtkmuscle.core.fibres.architecture import TENDON_AREA, along, area_profile, fascicles
+from vtkmuscle.core.fibres.architecture import TENDON_AREA, AreaProfile, along, area_profile, fascicles
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.phantoms import fibre_block
@@ -49,6 +49,13 @@ def test_tendons_are_told_from_the_belly(rng, shape):
     found = fascicles(profile, volumes.sum(), points, offsets, share=TENDON_AREA)
     assert found.volume == pytest.approx(volumes[1], rel=0.02)
     assert found.lengths.mean() == pytest.approx(80.0, abs=5.0)
+
+
+def test_the_volume_between_two_arcs_counts_parts_of_pieces():
+    profile = AreaProfile(np.zeros((2, 3)), np.array([0.5, 1.5, 2.5, 3.5]), np.array([1.0, 2.0, 3.0, 4.0]))
+    assert profile.volume_share(0.0, 4.0) == pytest.approx(1.0)
+    assert profile.volume_share(0.25, 2.5) == pytest.approx((0.75 + 2.0 + 1.5) / 10.0)
+    assert profile.volume_share(2.5, 9.0) == pytest.approx((1.5 + 4.0) / 10.0)
 
 
 @pytest.mark.parametrize("kind", ["parallel", "pennate", "bipennate"])

@@ -178,6 +178,25 @@ def test_fibres_that_run_from_area_to_area_are_left_as_they_are():
     assert_allclose(result, lines, atol=1e-9)
 
 
+def test_the_ends_stay_on_the_areas_where_these_are_not_in_the_muscle():
+    bottom, top = area(**BOTTOM), area(**TOP)
+    lines = parallel(5)
+    result = trim_fibres(
+        lines.reshape(-1, 3),
+        np.arange(6) * lines.shape[1],
+        axis=AXIS,
+        origin=bottom,
+        insertion=top,
+        into_muscle=lambda places: into_rod(places).clip([-99, -99, 12], [99, 99, LENGTH - 12]),
+        tolerance=0.6,
+        largest_cut=0.4,
+    ).reshape(lines.shape)
+    for end, number in ((bottom, 0), (top, -1)):
+        assert distance_to_patch(result[:, number], end).max() < 1e-9
+    assert (result[:, 1:-1, 2] >= 12).all()
+    assert (result[:, 1:-1, 2] <= LENGTH - 12).all()
+
+
 def test_new_segments_stay_in_the_muscle_even_beside_a_hollow():
     # Beyond z = 75 the rod is hollow around its axis: a straight cut to the end face would cross it.
     pushed = []

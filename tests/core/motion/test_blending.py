@@ -27,6 +27,13 @@ def test_full_weight_is_the_bones_own_motion():
     assert np.allclose(blended, [apply_transform(m, p[None])[0] for m, p in zip(moves, points, strict=True)])
 
 
+def test_a_point_that_no_motion_has_weight_for_stays():
+    points = np.random.default_rng(0).normal(size=(3, 3)) * 100
+    weights = np.array([[0.0, 0.0], [0.5, 0.5], [0.0, 0.0]])
+    blended = blend_motions(np.array([motion(1), motion(2)]), weights, points)
+    assert np.array_equal(blended[[0, 2]], points[[0, 2]])
+
+
 def test_no_motion_leaves_points_where_they_are_to_the_last_bit():
     points = np.random.default_rng(0).normal(size=(50, 3)) * 100
     weights = np.random.default_rng(2).dirichlet([1, 1], size=50)

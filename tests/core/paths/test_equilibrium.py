@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.paths.bone_contact import add_contacts, pressure_at
 from vtkmuscle.core.paths.equilibrium import add_neighbours, add_springs, newton_step
@@ -174,6 +175,27 @@ def test_the_stiffness_of_springs_contacts_and_neighbours_is_the_slope_of_their_
     known = (there - back)[..., 0] / 2e-6
     found = (matrix @ move[:, 1:-1].ravel()).reshape(there.shape)[..., 0]
     np.testing.assert_allclose(found, known, rtol=1e-6, atol=1e-6)
+
+
+def test_what_a_round_bone_does_to_a_path_turns_with_it(rng):
+    angle = np.linspace(0.0, 0.5, 7)
+    normals = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=-1)[None, None]
+    x, gaps = 20.0 * normals[0], np.full((1, 1, 7), -0.5 * ROUNDING)
+
+    def pushed(turn):
+        gradient, blocks = np.zeros((1, 7, 3)), np.zeros((1, 7, 6))
+        add_contacts(
+            x @ turn.T, gaps, normals @ turn.T, PUSH, ROUNDING, gradient, blocks, np.zeros((1, 1, 7))
+        )
+        return gradient, full(blocks)
+
+    gradient, blocks = pushed(np.eye(3))
+    along = np.stack([-np.sin(angle), np.cos(angle), 0.0 * angle], axis=-1)
+    assert (np.einsum("ni,nij,nj->n", along, blocks[0], along)[2:-2] < -1e-3).all()
+    for turn in Rotation.random(5, random_state=rng).as_matrix():
+        turned = pushed(turn)
+        np.testing.assert_allclose(turned[0], gradient @ turn.T, atol=1e-12)
+        np.testing.assert_allclose(turned[1], turn @ blocks @ turn.T, atol=1e-12)
 
 
 def test_the_force_of_a_bone_is_smooth_and_none_before_it_touches():

@@ -25,6 +25,8 @@ OUTSIDE, BOUNDARY, INSIDE = 0, 1, 2
 
 #: Number of cells in the experiments of Kohout and Cervenka 2021, section 4.
 DEFAULT_N_MAX = 8 * 64**3
+#: Cells along each axis, at most: a byte for each, 134 MB of a bone.
+MOST_N_EQUAL = 512
 
 #: A point this near to an outside cell, in cells, is outside. One that a bone has stopped is on the face of
 #: one of its cells, and rounding would decide whether the bone moves over it in the next step.

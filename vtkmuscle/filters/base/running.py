@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -70,6 +71,12 @@ def update(algorithm: Any, time: float | None = None) -> Output:
         # Nobody asked: an algorithm upstream may still stand where another branch asked for it.
         steps = times_of(algorithm.GetOutputInformation(0))
         ask_for(algorithm, steps[-1] if asked is None and steps else asked)
+        if time is not None and steps and not steps[0] <= time <= steps[-1]:
+            warnings.warn(
+                f"{type(algorithm).__name__}: time {time:g} is outside of the motion, {steps[0]:g} to "
+                f"{steps[-1]:g}: what is at its end is taken; ask for a time within",
+                stacklevel=3,
+            )
         done = algorithm.GetExecutive().Update()  # vtkAlgorithm.Update() says nothing before VTK 9.7
         ask_for(algorithm, asked)
     for each in filters:

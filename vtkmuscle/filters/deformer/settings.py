@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from vtkmuscle.core.algorithm_2.parameters import Parameters
-from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX
+from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX, MOST_N_EQUAL
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.paths.sheet import POINTS
 from vtkmuscle.filters.base.parameters import Parameter
@@ -58,7 +58,7 @@ class DeformerSettings:
         int,
         default=PRESETS["balanced"]["iterations"],
         minimum=1,
-        maximum=1_000_000,
+        maximum=10_000,
         doc="Rounds in which the muscle settles, or iterations of Algorithm 2, per frame.",
     )
     taut_resolution = Parameter(
@@ -88,6 +88,7 @@ class DeformerSettings:
         int,
         default=DEFAULT_N_MAX,
         minimum=1,
+        maximum=MOST_N_EQUAL**3,
         only_with=("collision", "voxel"),
         doc="Number of voxels of a bone, about, shared out by the sides of its box so that they are nearly "
         "cubes.",
@@ -96,6 +97,7 @@ class DeformerSettings:
         int,
         default=None,
         minimum=1,
+        maximum=MOST_N_EQUAL,
         only_with=("collision", "voxel"),
         doc="Number of voxels along each axis of a bone's box, instead of n_voxels.",
     )
@@ -105,7 +107,7 @@ class DeformerSettings:
     stiffness = _published("stiffness", minimum=0.0, maximum=1.0)
     shape_stiffness = _published("shape_stiffness", minimum=0.0, maximum=1.0)
     volume_stiffness = _published("volume_stiffness", minimum=0.0, maximum=1.0)
-    dt = _published("dt", "s", above=0.0)
+    dt = _published("dt", "s", above=0.0, maximum=1000.0)
     velocity_kept = _published("velocity_kept", minimum=0.0, maximum=1.0)
     external_force = _published("external_force", "mm/s^2", length=3)
     measure_penetration = Parameter(

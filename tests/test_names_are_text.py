@@ -1,0 +1,46 @@
+"""Names that a scene gives are text wherever they are written: no formula, no markup."""
+
+import csv
+import html
+
+import pytest
+from tiny_scene import HINGE, TOML, write_tiny_scene
+from typer.testing import CliRunner
+
+from vtkmuscle import Table
+from vtkmuscle.cli import app
+
+NAME = '=1+1 <script>alert("x")</script> &amp;'
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """What a run says of a scene with an odd name of its coordinate, and its folder."""
+    path = write_tiny_scene(tmp_path_factory.mktemp("scene"))
+    motion = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
+    path.write_text(TOML.replace(motion, HINGE + f"coordinate = '{NAME}'\n\n"))
+    out = path.parent / "out"
+    done = CliRunner().invoke(app, ["run", str(path), "--out", str(out), "--no-figures"])
+    assert done.exit_code == 0, done.output
+    return done.stdout, out
+
+
+def test_a_cell_that_is_no_number_begins_no_formula(run, tmp_path):
+    for path in run[1].glob("*.csv"):
+        with path.open(newline="") as lines:
+            cells = [cell for row in csv.reader(lines) for cell in row]
+        assert all(cell[:1] not in ("=", "+", "@") for cell in cells), path
+    assert f"'{NAME}" in next(csv.reader([(run[1] / "moment_arms.csv").read_text().splitlines()[1]]))
+    table = Table(("name", "@sum", "mm"), [("+1", "a", -2.0), ("-x", "b", 1.0)])
+    assert table.write(tmp_path / "t.csv").read_text() == "name,'@sum,mm\n'+1,a,-2.0\n'-x,b,1.0\n"
+
+
+def test_a_page_shows_a_name_and_no_markup_of_it(run):
+    page = (run[1] / "report.html").read_text(encoding="utf-8")
+    assert 'alert("x")' not in page
+    assert html.escape(NAME, quote=False).partition("alert")[0] in page
+
+
+def test_files_that_were_not_written_are_not_named(run):
+    assert "lengths.csv" in run[0]
+    assert "figures" not in run[0]
