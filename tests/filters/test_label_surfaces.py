@@ -1,0 +1,112 @@
+"""LabelSurfaces against the surfaces of which the labels were made."""
+
+import numpy as np
+import pytest
+
+from vtkmuscle.core.mesh.normals import triangle_normals
+from vtkmuscle.core.mesh.solids import solids_of
+from vtkmuscle.core.mesh.surface import signed_volume, survey
+from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, field_string
+from vtkmuscle.data.label_images import label_image
+from vtkmuscle.filters import LabelSurfaces
+from vtkmuscle.phantoms import hip as hip_phantom
+from vtkmuscle.phantoms import label_map
+
+
+@pytest.fixture(scope="module")
+def hip():
+    return hip_phantom()
+
+
+def distance_of_95_percent(surface, other):
+    """Return how far 95 % of a surface's area is from another surface, at most."""
+    corners = surface[0][surface[1]]
+    away = np.abs(solids_of(*other).distances(corners.mean(axis=1)))
+    areas = np.linalg.norm(triangle_normals(*surface), axis=1)
+    order = np.argsort(away)
+    return away[order][np.searchsorted(np.cumsum(areas[order]), 0.95 * areas.sum())]
+
+
+def test_the_hip_of_voxels_is_the_hip(hip):
+    """At 1.5 mm: volume within 1 %, surface within half a voxel at 95 % of its points, all closed."""
+    parts = {**dict(blocks_of(hip.bones)), **hip.muscles}
+    surfaces = dict(blocks_of(LabelSurfaces()(label_map(hip, spacing=1.5, noise=0.1))))
+    assert list(surfaces) == list(parts)
+    for name, surface in surfaces.items():
+        points, triangles = checked_surface(surface, name)
+        report = survey(points, triangles)
+        assert (report.closed, report.manifold, report.oriented) == (True, True, True)
+        assert report.n_components == 1
+        true = checked_surface(parts[name], name)
+        assert report.volume == pytest.approx(signed_volume(*true), rel=0.01)
+        assert distance_of_95_percent((points, triangles), true) < 0.75
+        assert distance_of_95_percent(true, (points, triangles)) < 0.75
+        assert abs(field_array(surface, "VolumeError")[0]) < 1e-4
+        assert field_array(surface, "BoundaryDistance")[1] < 0.75
+
+
+BALL = np.linalg.norm(np.indices((30, 30, 30)) - 14.5, axis=0) < 10.2
+
+
+def surface_of(voxels, frame=None):
+    frame = np.eye(4) if frame is None else frame
+    image = label_image(voxels.astype(np.uint8), frame, {1: "ball"})
+    return LabelSurfaces()(image).GetBlock(0)
+
+
+def test_a_surface_is_where_the_image_is_and_faces_outward():
+    """An askew, left-handed image of long voxels takes the ball with it."""
+    turn = np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, -1.0]])
+    frame = np.eye(4)
+    frame[:3, :3] = turn * [1.0, 1.0, 2.0]
+    frame[:3, 3] = (100.0, -200.0, 300.0)
+    points, triangles = checked_surface(surface_of(BALL, frame), "ball")
+    inside = BALL.sum() * 2.0
+    assert signed_volume(points, triangles) == pytest.approx(inside, rel=1e-3)
+    back = (points - frame[:3, 3]) @ np.linalg.inv(frame[:3, :3]).T
+    assert back.mean(axis=0) == pytest.approx([14.5] * 3, abs=0.1)
+    assert np.linalg.norm(back - 14.5, axis=1) == pytest.approx(10.2, abs=0.6)
+
+
+def test_what_was_left_out_filled_and_cut_is_said():
+    voxels = BALL.copy()
+    voxels[14:16, 14:16, 14:16] = False
+    voxels[:3, :3, :3] = True
+    surface = surface_of(voxels[:, :, 8:])
+    assert field_array(surface, "Filled")[0] == 8
+    assert field_array(surface, "Pieces")[0] == 1  # the cube was cut off with the border
+    assert field_array(surface, "Cut")[0] == BALL[:, :, 8].sum()
+    surface = surface_of(voxels)
+    assert field_array(surface, "Pieces")[0] == 2
+    assert field_array(surface, "LeftOut")[0] == pytest.approx(27 / (BALL.sum() - 8 + 27))
+    assert field_array(surface, "Cut")[0] == 0
+
+
+def test_a_label_without_a_surface_is_refused_with_the_reason():
+    rough = np.pad(np.random.default_rng(5).random((12, 12, 12)) < 0.5, 1)
+    image = label_image(rough.astype(np.uint8), np.eye(4), {})
+    surface = LabelSurfaces(smoothing=0.0)(image).GetBlock(0)
+    report = field_string(surface, "Refused")
+    assert surface.GetNumberOfPoints() == 0
+    assert "not closed and manifold" in report
+
+
+@pytest.mark.parametrize(
+    ("voxels", "reason"),
+    [
+        (np.zeros((3, 3, 3), np.uint8), "from 0 to 0"),
+        (np.full((3, 3, 3), -1, np.int16), "from -1 to -1"),
+        (np.ones((3, 3, 3), np.float32), "no point scalars of whole numbers"),
+    ],
+)
+def test_an_image_without_labels_is_refused(voxels, reason):
+    with pytest.raises(ValueError, match=reason):
+        LabelSurfaces()(label_image(voxels, np.eye(4), {}))
+
+
+def test_labels_are_chosen_by_name(hip):
+    image = label_map(hip, spacing=4.0)
+    chosen = LabelSurfaces(labels="iliacus, femur")(image)
+    assert [name for name, _ in blocks_of(chosen)] == ["iliacus", "femur"]
+    with pytest.raises(ValueError, match="did you mean 'iliacus'"):
+        LabelSurfaces(labels="iliaccus")(image)
