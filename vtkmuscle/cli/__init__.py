@@ -16,6 +16,7 @@ import typer
 
 from vtkmuscle._version import __version__
 from vtkmuscle.cli.cohort import cohort
+from vtkmuscle.cli.labels import from_labels, init
 from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, TerminatedError, one_clear_error, say
 from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, with_run_options
 from vtkmuscle.cli.running import run_and_tell
@@ -294,6 +295,8 @@ def tradeoff(
 
 
 app.command()(cohort)
+app.command("from-labels")(from_labels)
+app.command()(init)
 
 
 @app.command()

@@ -14,7 +14,7 @@ from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkQuadricDecimation
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.label_field import LabelField
 from vtkmuscle.core.mesh.normals import vertex_normals
-from vtkmuscle.core.mesh.surface import point_components, survey, unique_edges
+from vtkmuscle.core.mesh.surface import edge_uses, point_components, survey, unique_edges
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.arrays import points_of, set_point_array, surface_from, triangles_of
@@ -63,8 +63,14 @@ def evened(
     passes : int
         Number of relaxation passes.
     """
-    if n_triangles < len(triangles):
-        points, triangles = _decimated(points, triangles, n_triangles)
+    whole = points, triangles
+    while n_triangles < len(whole[1]):
+        points, triangles = _decimated(*whole, n_triangles)
+        # Where it tears a thin place, fewer triangles go.
+        if (edge_uses(triangles) == 2).all():
+            break
+        points, triangles = whole
+        n_triangles *= 2
     average = _neighbour_average(triangles, len(points))
     for _ in range(passes):
         shift = 0.7 * (average @ points - points)

@@ -39,7 +39,7 @@ def label_map(
     --------
     >>> from vtkmuscle.phantoms import label_map, spindle_over_hinge
     >>> label_map(spindle_over_hinge(), spacing=4.0).GetDimensions()
-    (24, 33, 68)
+    (12, 20, 70)
     """
     parts = {**dict(blocks_of(phantom.bones)), **phantom.muscles}
     size = np.broadcast_to(np.asarray(spacing, dtype=np.float64), 3)
