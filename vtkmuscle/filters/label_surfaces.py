@@ -17,7 +17,7 @@ from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort, OutputPort
 
 #: Of the phantom hip at voxels of 1.5 mm 95 % of the surface is then within 0.34 mm of the true one, of a
-#: rough label 0.46; with 0.5 within 0.35 and 0.52, with 1.0 within 0.42 and 0.50 (benchmarks/bench_labels.py).
+#: rough label 0.46; with 0.5 within 0.35 and 0.52, with 1.0 0.42 and 0.50 (benchmarks/bench_labels.py).
 SMOOTHING = 0.7
 
 
