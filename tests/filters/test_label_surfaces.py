@@ -1,13 +1,17 @@
 """LabelSurfaces against the surfaces of which the labels were made."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from vtkmuscle.core.mesh.label_field import label_field
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume, survey
 from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, field_string
-from vtkmuscle.data.label_images import label_image
+from vtkmuscle.data.isosurface import label_surface
+from vtkmuscle.data.label_images import Label, label_image
 from vtkmuscle.filters import LabelSurfaces
 from vtkmuscle.phantoms import hip as hip_phantom
 from vtkmuscle.phantoms import label_map
@@ -82,13 +86,39 @@ def test_what_was_left_out_filled_and_cut_is_said():
     assert field_array(surface, "Cut")[0] == 0
 
 
-def test_a_label_without_a_surface_is_refused_with_the_reason():
-    rough = np.pad(np.random.default_rng(5).random((12, 12, 12)) < 0.5, 1)
-    image = label_image(rough.astype(np.uint8), np.eye(4), {})
-    surface = LabelSurfaces(smoothing=0.0)(image).GetBlock(0)
-    report = field_string(surface, "Refused")
+@pytest.mark.parametrize("edge", [0.5, 3.0, 20.0])
+@pytest.mark.parametrize("smoothing", [0.0, 0.7, 4.0])
+@pytest.mark.parametrize("shape", ["speck", "two specks", "sheet", "hair", "sponge"])
+def test_what_is_thin_or_rough_is_closed_and_manifold_too(shape, smoothing, edge):
+    voxels = np.zeros((24, 24, 24), dtype=bool)
+    voxels[2, 2, 2] = True
+    voxels[3, 3, 3] = shape == "two specks"
+    voxels[2] |= shape == "sheet"
+    voxels[:, 2, 2] |= shape == "hair"
+    if shape == "sponge":
+        voxels[1:14, 1:14, 1:14] = np.random.default_rng(5).random((13, 13, 13)) < 0.5
+    image = label_image(voxels.astype(np.uint8), np.eye(4), {})
+    surface = LabelSurfaces(smoothing=smoothing, edge=edge)(image).GetBlock(0)
+    if field_string(surface, "Refused"):
+        assert "speck" in shape  # of one or two voxels
+        assert surface.GetNumberOfPoints() == 0
+        return
+    report = survey(*checked_surface(surface, shape))
+    assert (report.closed, report.manifold, report.oriented, report.n_components) == (True, True, True, 1)
+    assert report.n_degenerate_triangles == 0
+    assert field_array(surface, "LabelVolume")[0] == pytest.approx(report.volume, rel=0.01)
+
+
+def test_a_label_without_a_surface_is_refused_with_the_reason(monkeypatch):
+    ball = label_field(np.pad(BALL, 1), np.eye(4), smoothing=0.7)
+    half = replace(ball, values=ball.values[: len(ball.values) // 2])  # open where it was cut
+    with pytest.raises(ValueError, match=r"not closed and manifold at \d+ edges; smooth the label"):
+        label_surface(half, 3.0)
+    monkeypatch.setattr(Label, "field", lambda *_: half)
+    surface = surface_of(BALL)
     assert surface.GetNumberOfPoints() == 0
-    assert "not closed and manifold" in report
+    assert "not closed and manifold" in field_string(surface, "Refused")
+    assert field_array(surface, "LabelVolume")[0] == BALL.sum()
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,12 @@ from vtkmuscle.data.arrays import points_of, set_point_array, surface_from, tria
 
 #: Area of a triangle whose edges are 1 long.
 EVEN = math.sqrt(3.0) / 4.0
+#: Part of its label's volume that a surface may be off by.
+MOST_OFF = 0.01
+#: Times that a surface is moved along its normals to the label's volume: 2 are enough but for a few voxels.
+OFFSETS = 4
+#: Triangles that a label's surface has at least, if its voxels give so many.
+LEAST = 100
 
 
 def isosurface(values: Floats, origin: Floats, spacing: float) -> tuple[Floats, Ints]:
@@ -111,11 +117,11 @@ def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
     Raises
     ------
     ValueError
-        If it is not closed, manifold and in one piece.
+        If it is not closed, manifold and in one piece, or its volume is off by more than 1 %.
     """
-    # Neither finer than is of use nor longer one way than another.
+    # Neither finer than is of use, nor coarser than a thin label is deep, nor longer one way than another.
     nodes = np.array(field.values.shape)
-    pitch = max(0.5 * edge, float(field.spacing.min()))
+    pitch = max(min(0.5 * edge, -float(field.values.min())), float(field.spacing.min()))
     counts = np.ceil((nodes - 1) * field.spacing[::-1] / pitch).astype(int) + 1
     values = ndimage.zoom(field.values, counts / nodes, order=1)
     points, triangles = isosurface(values.T, np.zeros(3), 1.0)
@@ -124,16 +130,20 @@ def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
     if np.linalg.det(field.frame) < 0.0:
         triangles = triangles[:, ::-1].copy()
     area = survey(points, triangles).area
-    points, triangles = evened(points, triangles, math.ceil(area / (EVEN * edge * edge)), field.projected)
-    for _ in range(2):
+    wanted = max(LEAST, math.ceil(area / (EVEN * edge * edge)))
+    points, triangles = evened(points, triangles, wanted, field.projected)
+    for _ in range(OFFSETS):
         report = survey(points, triangles)
         points = points + (field.volume - report.volume) / report.area * vertex_normals(points, triangles)
     report = survey(points, triangles)
     bad = report.n_boundary_edges + report.n_nonmanifold_edges + report.n_misoriented_edges
-    if bad or report.n_degenerate_triangles or report.n_components > 1 or report.volume <= 0.0:
-        remedy = "smooth the label in the program that made it, or leave it out"
-        raise InputError("", f"its surface is not closed and manifold at {bad} edges", remedy)
-    return points, triangles
+    if bad or report.n_degenerate_triangles or report.n_components > 1:
+        problem = f"its surface is not closed and manifold at {bad} edges"
+    elif abs(report.volume - field.volume) > MOST_OFF * field.volume:
+        problem = f"its surface holds {report.volume:.3g} mm^3, but its voxels {field.volume:.3g}"
+    else:
+        return points, triangles
+    raise InputError("", problem, "smooth the label in the program that made it, or leave it out")
 
 
 def _largest(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
