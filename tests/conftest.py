@@ -143,3 +143,9 @@ def pytest_collection_modifyitems(config, items):
     for item in items:
         if item.get_closest_marker("study"):
             item.add_marker(pytest.mark.skip(reason="a long measurement; run it with -m study"))
+
+
+@pytest.fixture(scope="session")
+def label_data():
+    """Folder of a real map of labels."""
+    return data_folder("labels", "totalsegmentator_pelvis_3mm.nii.gz", "the map of labels is")

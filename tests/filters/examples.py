@@ -16,7 +16,7 @@ from vtkmuscle.data.arrays import (
     set_point_array,
     with_points,
 )
-from vtkmuscle.phantoms import spindle_over_hinge
+from vtkmuscle.phantoms import label_map, spindle_over_hinge
 
 PHANTOM = spindle_over_hinge()
 #: Pipeline times that time-dependent examples announce.
@@ -153,6 +153,10 @@ def superficial_fibres():
     return polylines_from(Polylines(np.vstack(lines), np.arange(0, 16, 5)))
 
 
+def image():
+    return label_map(PHANTOM, spacing=5.0)
+
+
 def _lines(starts, direction, n_points=8):
     along = np.linspace(0, 1, n_points)[None, :, None] * np.asarray(direction)
     points = (np.asarray(starts, dtype=float)[:, None, :] + along).reshape(-1, 3)
@@ -180,6 +184,7 @@ EXAMPLES = {
     "MomentArms.fibres": fibres_over_time,
     "superficial": superficial_fibres,
     "aponeuroses": aponeuroses,
+    "image": image,
 }
 
 #: What changes with the pipeline's time.

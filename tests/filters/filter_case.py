@@ -7,7 +7,7 @@ import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonCore import vtkAbstractArray, vtkStringArray
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkMultiBlockDataSet, vtkPolyData
 
 from examples import OBJECTS, TIMES, deep_copy, example
 from vtkmuscle.data.arrays import blocks_of, points_of, vtk_points
@@ -29,7 +29,8 @@ def digest(data):
             hashed.update(f"{name}: {None if block is None else digest(block)}".encode())
     else:
         hashed.update(points_of(data).tobytes())
-        for cells in (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()):
+        cells_of = ("GetVerts", "GetLines", "GetPolys", "GetStrips") if isinstance(data, vtkPolyData) else ()
+        for cells in (getattr(data, name)() for name in cells_of):
             for array in (cells.GetOffsetsArray(), cells.GetConnectivityArray()):
                 hashed.update(vtk_to_numpy(array).astype(np.int64).tobytes())
         for attributes in (data.GetPointData(), data.GetCellData()):
@@ -68,6 +69,9 @@ def poisoned(data):
     """Return a copy whose first point is not a number."""
     copy = deep_copy(data)
     leaf = leaves(copy)[0]
+    if isinstance(leaf, vtkImageData):
+        leaf.SetOrigin(math.nan, 0.0, 0.0)
+        return copy
     points = points_of(leaf)
     points[0] = math.nan
     leaf.SetPoints(vtk_points(points))

@@ -19,6 +19,7 @@ import typer
 from vtkmuscle._version import __version__
 from vtkmuscle.cli.cohort import cohort
 from vtkmuscle.cli.exporting import check, export_muscles
+from vtkmuscle.cli.labels import from_labels, init
 from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, TerminatedError, one_clear_error, say
 from vtkmuscle.cli.options import (
     LiteratureOption,
@@ -371,6 +372,8 @@ def tradeoff(
 
 app.command()(cohort)
 app.command()(check)
+app.command("from-labels")(from_labels)
+app.command()(init)
 
 
 @app.command()

@@ -10,11 +10,9 @@ from vtkmuscle.cli.text_facts import text_facts
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.data.arrays import points_of, triangles_of
 from vtkmuscle.io import read_polydata
+from vtkmuscle.labels.guesses import LOOK
+from vtkmuscle.labels.meshes import likely_unit
 from vtkmuscle.run.store import ResultFolder
-
-#: Bones and muscles are 20 mm to 2 m long; what is shorter than this in its file is not in millimetres.
-_SHORTEST_IN_MILLIMETRES = 10.0
-_LONGEST_IN_METRES = 2.5
 
 
 def _facts_of_run(folder: Path) -> dict[str, str]:
@@ -71,9 +69,8 @@ def facts_of(file: Path) -> dict[str, str]:
 
 
 def _unit_guess(longest: float) -> str:
-    if longest >= _SHORTEST_IN_MILLIMETRES:
-        return "probably mm"
-    return "probably m" if longest <= _LONGEST_IN_METRES else "perhaps cm"
+    unit, sureness = likely_unit(longest)
+    return f"{'probably' if sureness > LOOK else 'perhaps'} {unit}"
 
 
 def _yes(good: bool, otherwise: str) -> str:

@@ -10,6 +10,8 @@ Joints, from the simplest to the most like life; with what is known of the muscl
 
 Fibres: :func:`fibre_block`, :func:`pennate_block` and :func:`pennate_belly` (lengths, pennation),
 :func:`winding_spindle` (twist).
+
+:func:`label_map` makes an image of labels of any of them (the surfaces behind the voxels).
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from vtkmuscle.phantoms.cylinder_wrap import wrapping_cylinder
 from vtkmuscle.phantoms.fibre_blocks import fibre_block, pennate_block
 from vtkmuscle.phantoms.hinge_spindle import spindle_over_hinge
 from vtkmuscle.phantoms.hip_joint import hip
+from vtkmuscle.phantoms.label_map import label_map
 from vtkmuscle.phantoms.leg import leg
 from vtkmuscle.phantoms.pennate_belly import pennate_belly
 from vtkmuscle.phantoms.phantom import Phantom
@@ -28,6 +31,7 @@ __all__ = [
     "Phantom",
     "fibre_block",
     "hip",
+    "label_map",
     "leg",
     "pennate_belly",
     "pennate_block",

@@ -4,14 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import coo_array, csr_array
-from vtkmodules.vtkCommonDataModel import vtkImageData
-from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkQuadricDecimation
 
-from vtkmuscle.core.mesh.normals import vertex_normals
-from vtkmuscle.core.mesh.surface import unique_edges
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import points_of, set_point_array, surface_from, triangles_of
+from vtkmuscle.data.isosurface import evened, isosurface
 from vtkmuscle.phantoms.implicit import Solid
 
 
@@ -38,33 +33,16 @@ def mesh_of(solid: Solid, spacing: float, n_triangles: int, *, passes: int = 8) 
     triangles : (m, 3) int array
         Point ids.
     """
-    points, triangles = _decimated(*_isosurface(solid, spacing), n_triangles)
-    average = _neighbour_average(triangles, len(points))
-    for _ in range(passes):
-        shift = 0.7 * (average @ points - points)
-        normals = vertex_normals(points, triangles)
-        shift -= np.einsum("ij,ij->i", shift, normals)[:, None] * normals
-        points = solid.projected(points + shift, steps=1)
-    return solid.projected(points, steps=2), triangles
+
+    def projected(points: Floats) -> Floats:
+        return solid.projected(points, steps=1)
+
+    return evened(*_isosurface(solid, spacing), n_triangles, projected, passes=passes)
 
 
 def _isosurface(solid: Solid, spacing: float) -> tuple[Floats, Ints]:
     values, origin = _sampled(solid, spacing)
-    image = vtkImageData()
-    image.SetDimensions(*values.shape)
-    image.SetOrigin(*origin)
-    image.SetSpacing(spacing, spacing, spacing)
-    # The isosurface faces where values fall: turn them over, so that it faces outward.
-    set_point_array(image, "inside", -values.ravel(order="F"))
-    image.GetPointData().SetActiveScalars("inside")
-    contour = vtkFlyingEdges3D()
-    contour.SetInputData(image)
-    contour.SetValue(0, 0.0)
-    contour.ComputeNormalsOff()
-    contour.ComputeScalarsOff()
-    contour.Update()
-    surface = contour.GetOutput()
-    return points_of(surface), triangles_of(surface, "phantom")
+    return isosurface(values, origin, spacing)
 
 
 def _sampled(solid: Solid, spacing: float) -> tuple[Floats, Floats]:
@@ -86,24 +64,6 @@ def _sampled(solid: Solid, spacing: float) -> tuple[Floats, Floats]:
 def _grid(origin: Floats, shape: NDArray[np.int_], spacing: float) -> Floats:
     axes = [origin[i] + spacing * np.arange(shape[i]) for i in range(3)]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-
-
-def _decimated(points: Floats, triangles: Ints, n_triangles: int) -> tuple[Floats, Ints]:
-    decimation = vtkQuadricDecimation()
-    decimation.SetInputData(surface_from(points, triangles))
-    decimation.SetTargetReduction(max(0.0, 1.0 - n_triangles / len(triangles)))
-    # Without it, flat parts collapse in any order and leave slivers.
-    decimation.RegularizeOn()
-    decimation.Update()
-    surface = decimation.GetOutput()
-    return points_of(surface), triangles_of(surface, "phantom")
-
-
-def _neighbour_average(triangles: Ints, n_points: int) -> csr_array:
-    edges = unique_edges(triangles)
-    ends = np.vstack([edges, edges[:, ::-1]])
-    counts = np.bincount(ends[:, 0], minlength=n_points)
-    return coo_array((1.0 / counts[ends[:, 0]], (ends[:, 0], ends[:, 1])), shape=(n_points,) * 2).tocsr()
 
 
 def solid_of_revolution(heights: ArrayLike, radii: ArrayLike, sides: int) -> tuple[Floats, Ints]:

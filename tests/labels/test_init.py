@@ -1,0 +1,121 @@
+"""Scenes drawn up from meshes and landmarks: the phantom hip, written as people have it."""
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import vtkmuscle
+from vtkmuscle.cli import app
+from vtkmuscle.data.arrays import blocks_of, points_of, with_points
+from vtkmuscle.io.writing import write_polydata
+from vtkmuscle.labels import page
+from vtkmuscle.phantoms.hip_joint import HipShape, varied_hip
+
+HIP = varied_hip(HipShape(), detail=0.5)
+METRES = 1e-3
+
+
+@pytest.fixture(autouse=True)
+def without_pictures(monkeypatch):
+    monkeypatch.setattr(page, "can_render", lambda: "not here")
+
+
+@pytest.fixture
+def files(tmp_path):
+    """A hip in metres, called by names of one's own; landmarks of one area."""
+    parts = {"Pelvis": HIP.bones.GetBlock(0), "Femur R": HIP.bones.GetBlock(1)}
+    parts |= {"Gluteus medius R": HIP.muscles["gluteus_medius"], "iliacus_r": HIP.muscles["iliacus"]}
+    written = []
+    for name, part in parts.items():
+        written.append(tmp_path / f"{name}.vtp")
+        write_polydata(written[-1], with_points(part, METRES * points_of(part)))
+    ring = METRES * points_of(dict(blocks_of(HIP.attachments["iliacus"]))["origin_0"])[:-1]
+    written.append(tmp_path / "iliacus_r_origin.csv")
+    np.savetxt(written[-1], ring, delimiter=",")
+    return written
+
+
+def init(*arguments):
+    return CliRunner().invoke(app, ["init", *map(str, arguments)])
+
+
+def test_a_scene_is_drawn_up_that_runs(files, tmp_path):
+    done = init(*files, "--out", tmp_path / "scene")
+    assert done.exit_code == 0, done.output
+    scene = vtkmuscle.Scene.load(tmp_path / "scene/scene.toml")
+    assert scene.units == "m"
+    assert sorted(scene.bones) == ["femur_right", "pelvis"]
+    areas = {name: {area.role: area for area in muscle.attachments} for name, muscle in scene.muscles.items()}
+    assert {(role, area.bone) for found in areas.values() for role, area in found.items()} == {
+        ("origin", "pelvis"),
+        ("insertion", "femur_right"),
+    }
+    assert not areas["iliacus_right"]["origin"].estimated
+    assert areas["iliacus_right"]["origin"].closed
+    assert areas["gluteus_medius_right"]["origin"].estimated
+    # The head of the phantom is a ball about the origin, but for its neck.
+    assert scene.motion.centre_of("femur_right") == pytest.approx([0, 0, 0], abs=1.0 * METRES)
+    forward = scene.motion.at(60.0)["femur_right"] @ [0, 0, -1, 0]
+    assert forward[:3] == pytest.approx([0, -np.sin(np.radians(60)), -0.5], abs=0.01)
+    result = replace(scene, model="paths").run(frames="0:2")
+    assert set(result.verdicts.values()) <= {"ok", "look"}
+    assert set(result.moment_arms()["iliacus_right"]) >= {"hip_flexion_r"}
+
+
+def test_each_guess_says_how_sure_it_is(files, tmp_path):
+    init(*files, "--out", tmp_path)
+    with (tmp_path / "guesses.csv").open() as lines:
+        rows = list(csv.DictReader(lines))
+    sure = {(row["what"], row["guess"]): float(row["sureness"]) for row in rows}
+    assert list(sure.values()) == sorted(sure.values())
+    assert sure["units", "m"] == 0.9
+    assert sure["muscles.iliacus_right.attachments", "insertion: femur_right"] == 0.64
+    text = (tmp_path / "scene.toml").read_text()
+    assert "# sureness 0.90: the longest of all surfaces is" in text.split('units = "m"')[0]
+    assert text.count("# sureness") == len(rows)
+
+
+def test_what_is_there_is_not_written_over(files, tmp_path):
+    (tmp_path / "scene.toml").write_text("mine")
+    done = init(*files, "--out", tmp_path)
+    assert done.exit_code == 2
+    assert "say --overwrite" in done.output
+    assert (tmp_path / "scene.toml").read_text() == "mine"
+    assert init(*files, "--out", tmp_path, "--overwrite").exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("keep", "words"),
+    [
+        (("Femur R.vtp", "iliacus_r.vtp"), "no joint was found between the bones"),
+        (("Pelvis.vtp", "Femur R.vtp"), "no muscle can be made: there is none"),
+        (("Pelvis.vtp", "iliacus_r_origin.csv"), "its name is not that of a muscle and a role"),
+    ],
+)
+def test_what_is_missing_is_named(files, tmp_path, keep, words):
+    done = init(*(file for file in files if file.name in keep), "--out", tmp_path / "scene")
+    assert done.exit_code == 2
+    assert words in " ".join(done.output.split())
+    assert not (tmp_path / "scene").exists()
+
+
+def test_a_name_that_says_nothing_needs_a_word(files, tmp_path):
+    odd = files[2].rename(tmp_path / "part 7.vtp")
+    given = [files[0], files[1], odd]
+    done = init(*given, "--out", tmp_path / "scene")
+    assert done.exit_code == 2
+    assert "--muscle" in done.output
+    assert init(*given, "--muscle", "part 7", "--out", tmp_path / "scene").exit_code == 0
+
+
+def test_a_muscle_that_cannot_be_made_is_named_and_the_others_are_there(files, tmp_path):
+    far = tmp_path / "sartorius.vtp"
+    muscle = HIP.muscles["iliacus"]
+    write_polydata(far, with_points(muscle, METRES * (points_of(muscle) + 400.0)))
+    done = init(*files, far, "--out", tmp_path)
+    assert done.exit_code == 0
+    assert "left out: sartorius: a muscle is attached to two bones" in " ".join(done.output.split())
+    assert "sartorius" not in vtkmuscle.Scene.load(tmp_path / "scene.toml").muscles

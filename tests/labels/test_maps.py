@@ -1,0 +1,148 @@
+"""From a label map to a scene: the phantom hip as voxels, its paths against those of the phantom."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vtkmuscle import Scene
+from vtkmuscle.core.mesh.label_field import label_field
+from vtkmuscle.core.mesh.normals import triangle_normals
+from vtkmuscle.core.mesh.solids import solids_of
+from vtkmuscle.core.mesh.surface import signed_volume, survey
+from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, surface_from
+from vtkmuscle.data.estimated_areas import estimated_areas
+from vtkmuscle.data.isosurface import label_surface
+from vtkmuscle.data.label_images import label_image, labels_in
+from vtkmuscle.io.writing import write_polydata
+from vtkmuscle.labels import maps
+from vtkmuscle.labels.maps import draft_of_labels
+from vtkmuscle.labels.tendons import taut_line, with_tendon
+from vtkmuscle.phantoms import hip, label_map
+from vtkmuscle.phantoms.implicit import ball
+from vtkmuscle.phantoms.meshing import mesh_of
+
+
+def draft_of(image, monkeypatch, **options):
+    monkeypatch.setattr(maps, "read_labels", lambda *_, **__: [image])
+    return draft_of_labels("hip.nrrd", **options)
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory):
+    """The hip at 1.5 mm, and the scene that is made of it."""
+    with pytest.MonkeyPatch.context() as patch:
+        draft = draft_of(label_map(hip(), spacing=1.5), patch)
+    return draft, Scene.load(draft.write(tmp_path_factory.mktemp("hip")))
+
+
+def distance_of_95_percent(surface, other):
+    """Return how far 95 % of a surface's area is from another surface, at most."""
+    corners = surface[0][surface[1]]
+    away = np.abs(solids_of(*other).distances(corners.mean(axis=1)))
+    areas = np.linalg.norm(triangle_normals(*surface), axis=1)
+    order = np.argsort(away)
+    return away[order][np.searchsorted(np.cumsum(areas[order]), 0.95 * areas.sum())]
+
+
+def test_surfaces_are_those_of_the_phantom(drawn):
+    """At 1.5 mm: volume within 1 %, surface within half a voxel at 95 % of its area, all closed."""
+    draft, _ = drawn
+    parts = {**dict(blocks_of(hip().bones)), **hip().muscles}
+    surfaces = {**draft.bones, **draft.muscles}
+    assert list(surfaces) == list(parts)
+    for name, surface in surfaces.items():
+        made, true = checked_surface(surface, name), checked_surface(parts[name], name)
+        report = survey(*made)
+        assert (report.closed, report.manifold, report.oriented, report.n_components) == (True, True, True, 1)
+        assert report.volume == pytest.approx(signed_volume(*true), rel=0.01)
+        assert distance_of_95_percent(made, true) < 0.75
+        assert distance_of_95_percent(true, made) < 0.75
+        assert abs(field_array(surface, "VolumeError")[0]) < 1e-4
+        assert field_array(surface, "BoundaryDistance")[1] < 0.75
+
+
+def test_paths_are_those_of_the_phantom(drawn):
+    """At 1.5 mm, areas by the same rule: lengths within 1.5 %, arms within 2 mm."""
+    _, scene = drawn
+    phantom = Scene.from_phantom(hip(angles=range(0, 61, 30)), n_fibres=30)
+    names = ["gluteus_maximus", "iliacus"]
+    true = {
+        name: replace(
+            phantom.muscles[name],
+            attachments=estimated_areas(phantom.muscles[name].surface, dict(phantom.bones)),
+        )
+        for name in names
+    }
+    made = {name: replace(scene.muscles[name], fibres=phantom.muscles[name].fibres) for name in names}
+    found = replace(scene, muscles=made, model="paths", motion=scene.motion.part(range(0, 13, 6))).run()
+    known = replace(phantom, muscles=true, model="paths").run()
+    for name in names:
+        assert found.verdicts[name] == known.verdicts[name] == "ok"
+        lengths, expected = (run.lengths[name].mean(axis=1) for run in (found, known))
+        assert lengths == pytest.approx(expected, rel=0.015)
+        arm = found.moment_arms()[name]["hip_flexion"].arms.mean(axis=1)
+        assert arm == pytest.approx(known.moment_arms()[name]["femur_angle"].arms.mean(axis=1), abs=2.0)
+
+
+def test_every_guess_is_there(drawn):
+    draft, _ = drawn
+    assert draft.left_out == {}
+    assert {guess.what for guess in draft.guesses} == {
+        "joints.hip.centre",
+        "joints.hip.axes",
+        *(f"muscles.{name}.attachments" for name in draft.muscles),
+    }
+
+
+def test_a_tendon_reaches_landmarks_that_the_belly_does_not(tmp_path, monkeypatch):
+    """An iliacus that ends above the joint: a tube goes on to its insertion, and the muscle runs."""
+    labels = labels_in(label_map(hip(), spacing=3.0), "")
+    muscle = labels["iliacus"]
+    voxels = muscle.voxels.copy()
+    heights = muscle.frame[2, 3] + 3.0 * np.arange(len(voxels))
+    below = voxels[heights < -20.0]
+    below[below == muscle.value] = 0
+    voxels[heights < -20.0] = below
+    named = {labels[name].value: name for name in ("pelvis", "femur", "iliacus")}
+    image = label_image(np.where(np.isin(voxels, list(named)), voxels, 0), muscle.frame, named)
+    with pytest.raises(ValueError, match=r"iliacus: .*give landmarks"):
+        draft = draft_of(image, monkeypatch)
+    landmarks = tmp_path / "iliacus_insertion.vtp"
+    write_polydata(landmarks, dict(blocks_of(hip().attachments["iliacus"]))["insertion_1"])
+    draft = draft_of(image, monkeypatch, landmarks=[landmarks])
+    (tendon,) = (guess for guess in draft.guesses if guess.value.startswith("tendon of"))
+    assert 40.0 < float(tendon.value.split()[2]) < 70.0
+    insertion = next(area for area in draft.areas["iliacus"] if area.role == "insertion")
+    assert (insertion.bone, insertion.closed, insertion.estimated) == ("femur", True, True)
+    scene = Scene.load(draft.write(tmp_path / "scene"))
+    assert replace(scene, model="paths").run(frames="0:3").verdicts["iliacus"] in ("ok", "look")
+
+
+def test_a_tendon_is_as_short_as_it_can_be_round_a_bone():
+    bone = solids_of(*mesh_of(ball((0, 0, 0), 20.0), 2.0, 8000))
+    ends = np.array([(-60.0, 0, 5), (60.0, 0, 5)])
+    line = taut_line(*ends, [bone], 3.0)
+    assert bone.distances(line).min() > 2.9
+    # Two tangents and an arc of the circle of radius 23, in the plane of the ends and the centre.
+    away = np.hypot(60.0, 5.0)
+    straight = np.sqrt(away**2 - 23.0**2)
+    arc = 23.0 * (np.pi - 2.0 * np.arctan(5.0 / 60.0) - 2.0 * np.arccos(23.0 / away))
+    length = np.linalg.norm(np.diff(line, axis=0), axis=1).sum()
+    assert length == pytest.approx(2.0 * straight + arc, rel=0.01)
+
+
+def test_belly_and_tendon_are_one_closed_surface():
+    across, along = np.indices((60, 30, 30))[1:] - 14.5, np.indices((60, 30, 30))[0] - 29.5
+    voxels = (across**2).sum(axis=0) / 100.0 + along**2 / 784.0 < 1.0
+    field = label_field(voxels, np.eye(4), smoothing=0.7)
+    belly = surface_from(*label_surface(field, 3.0))
+    target = np.array([14.5, 14.5, 100.0])
+    tendon = with_tendon(field, belly, target, [], 3.0)
+    points, triangles = checked_surface(tendon.surface, "muscle")
+    report = survey(points, triangles)
+    assert (report.closed, report.manifold, report.n_components) == (True, True, 1)
+    assert tendon.length == pytest.approx(100.0 - 57.5, abs=1.0)
+    assert points[:, 2].max() == pytest.approx(100.0 + tendon.radius, abs=0.3)
+    tube = np.pi * tendon.radius**2 * tendon.length
+    assert report.volume - field.volume == pytest.approx(tube, rel=0.3)

@@ -1,0 +1,125 @@
+"""``vtkmuscle from-labels`` and ``vtkmuscle init``: scenes drawn up from what there is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from vtkmuscle.cli.messages import one_clear_error, say
+from vtkmuscle.cli.options import QuietOption, named
+from vtkmuscle.core.errors import InputError
+
+if TYPE_CHECKING:
+    from vtkmuscle.labels.draft import Draft
+
+FrameOption = Annotated[
+    str, typer.Option("--frame", metavar="LPS|RAS", help="Frame of the surfaces: x to the left, or right.")
+]
+FolderOption = Annotated[
+    Path, typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write the scene to.")
+]
+OverwriteOption = Annotated[
+    bool, typer.Option("--overwrite", help="Write over a scene.toml that is there already.")
+]
+
+
+def from_labels(
+    label_map: Annotated[
+        Path,
+        typer.Argument(
+            metavar="MAP", help="A .nii.gz, .nrrd, .mha or .dcm file, or a folder of one per structure."
+        ),
+    ],
+    out: FolderOption,
+    landmarks: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Landmarks in the map's frame: files called MUSCLE_origin or MUSCLE_insertion."),
+    ] = None,
+    names: Annotated[
+        str | None,
+        typer.Option(
+            "--names",
+            help="Names of labels: musclemap, a task of TotalSegmentator, or a .csv of label, name.",
+        ),
+    ] = None,
+    edge: Annotated[float, typer.Option("--edge", min=0.1, help="Length of triangles' edges [mm].")] = 3.0,
+    frame: FrameOption = "LPS",
+    overwrite: OverwriteOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Make a scene of a segmentation: closed surfaces, areas where they touch, joints by fits to the bones.
+
+    What nobody said is guessed, with how sure each guess is: in guesses.csv, and in scene.toml above what was
+    guessed. To landmarks that a muscle's label does not reach a tendon is drawn. A muscle that cannot be made
+    is named with the reason, and the others are in the scene.
+    """
+    with one_clear_error(None):
+        from vtkmuscle.labels.maps import draft_of_labels
+
+        _check_free(out, overwrite)
+        draft = draft_of_labels(
+            label_map,
+            landmarks=landmarks or (),
+            names=names,
+            frame=frame,
+            edge=edge,
+            announce=lambda words: say(quiet, words),
+        )
+        _write(draft, out, quiet)
+
+
+def init(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Meshes of bones and muscles; landmarks called MUSCLE_origin or MUSCLE_insertion."
+        ),
+    ],
+    out: FolderOption = Path(),
+    bone: Annotated[
+        list[str] | None, typer.Option("--bone", metavar="NAME", help="A bone, whatever it is called.")
+    ] = None,
+    muscle: Annotated[
+        list[str] | None, typer.Option("--muscle", metavar="NAME", help="A muscle, whatever it is called.")
+    ] = None,
+    frame: FrameOption = "LPS",
+    overwrite: OverwriteOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Write a scene.toml from meshes and landmarks, with guesses of all that nobody said.
+
+    Names tell bones and muscles, sizes the unit, contact or landmarks the areas, fits to the bones the
+    joints. Each guess has a comment above it with how sure it is; guesses.csv lists them.
+    """
+    with one_clear_error(None):
+        from vtkmuscle.labels.meshes import draft_of_files
+
+        _check_free(out, overwrite)
+        draft = draft_of_files(files, out, bones=bone or (), muscles=muscle or (), frame=frame)
+        draft.complete()
+        _write(draft, out, quiet)
+
+
+def _check_free(out: Path, overwrite: bool) -> None:
+    if (out / "scene.toml").exists() and not overwrite:
+        raise InputError(out / "scene.toml", "it is there already", "say --overwrite, or another --out")
+
+
+def _write(draft: Draft, out: Path, quiet: bool) -> None:
+    from vtkmuscle.labels.guesses import LEFT_OUT, LOOK, table_of
+    from vtkmuscle.labels.page import write_page
+
+    path, page = draft.write(out), write_page(draft, out)
+    unsure = [one for one in draft.guesses if one.sureness < LOOK and one.value != LEFT_OUT]
+    say(quiet, f"{len(draft.guesses)} guesses are in {page}" + ("; to be looked at:" if unsure else ""))
+    for sureness, what, guess, why in table_of(unsure)[1:]:
+        say(quiet, f"  {sureness}  {what}: {guess}; {why}")
+    for name, why in draft.left_out.items():
+        typer.echo(f"left out: {name}: {why}", err=True)
+    say(
+        quiet,
+        f"wrote {path}, with {', '.join(draft.muscles)}: look at the guesses, then run it with",
+    )
+    say(quiet, f"  vtkmuscle run {path}")

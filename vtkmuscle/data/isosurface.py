@@ -1,0 +1,154 @@
+"""The surface of what is inside on a grid, as even triangles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from scipy import ndimage
+from scipy.sparse import coo_array, csr_array
+from vtkmodules.vtkCommonDataModel import vtkImageData
+from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D, vtkQuadricDecimation
+
+from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.label_field import LabelField
+from vtkmuscle.core.mesh.normals import vertex_normals
+from vtkmuscle.core.mesh.surface import edge_uses, point_components, survey, unique_edges
+from vtkmuscle.core.motion.rigid import apply_transform
+from vtkmuscle.core.types import Floats, Ints
+from vtkmuscle.data.arrays import points_of, set_point_array, surface_from, triangles_of
+
+#: Area of a triangle whose edges are 1 long.
+EVEN = math.sqrt(3.0) / 4.0
+#: Part of its label's volume that a surface may be off by.
+MOST_OFF = 0.01
+#: Times that a surface is moved along its normals to the label's volume: 2 are enough but for a few voxels.
+OFFSETS = 4
+#: Triangles that a label's surface has at least, if its voxels give so many.
+LEAST = 100
+
+
+def isosurface(values: Floats, origin: Floats, spacing: float) -> tuple[Floats, Ints]:
+    """Return the surface on which values (ni, nj, nk) on a grid are 0, facing to where they are positive."""
+    image = vtkImageData()
+    image.SetDimensions(*values.shape)
+    image.SetOrigin(*origin)
+    image.SetSpacing(spacing, spacing, spacing)
+    # The isosurface faces where values fall: turn them over, so that it faces outward.
+    set_point_array(image, "inside", -values.ravel(order="F"))
+    image.GetPointData().SetActiveScalars("inside")
+    contour = vtkFlyingEdges3D()
+    contour.SetInputData(image)
+    contour.SetValue(0, 0.0)
+    contour.ComputeNormalsOff()
+    contour.ComputeScalarsOff()
+    contour.Update()
+    surface = contour.GetOutput()
+    return points_of(surface), triangles_of(surface, "isosurface")
+
+
+def evened(
+    points: Floats,
+    triangles: Ints,
+    n_triangles: int,
+    projected: Callable[[Floats], Floats],
+    *,
+    passes: int = 8,
+) -> tuple[Floats, Ints]:
+    """Return a surface with fewer triangles, relaxed along itself so that they are even.
+
+    Parameters
+    ----------
+    points, triangles : (n, 3) array, (m, 3) int array
+        Closed, manifold.
+    n_triangles : int
+        About how many are wanted; where there are fewer, all stay.
+    projected : callable
+        From points (n, 3) to the nearest on the true surface.
+    passes : int
+        Number of relaxation passes.
+    """
+    whole = points, triangles
+    while n_triangles < len(whole[1]):
+        points, triangles = _decimated(*whole, n_triangles)
+        # Where it tears a thin place, fewer triangles go.
+        if (edge_uses(triangles) == 2).all():
+            break
+        points, triangles = whole
+        n_triangles *= 2
+    average = _neighbour_average(triangles, len(points))
+    for _ in range(passes):
+        shift = 0.7 * (average @ points - points)
+        normals = vertex_normals(points, triangles)
+        shift -= np.einsum("ij,ij->i", shift, normals)[:, None] * normals
+        points = projected(points + shift)
+    return projected(projected(points)), triangles
+
+
+def _decimated(points: Floats, triangles: Ints, n_triangles: int) -> tuple[Floats, Ints]:
+    decimation = vtkQuadricDecimation()
+    decimation.SetInputData(surface_from(points, triangles))
+    decimation.SetTargetReduction(1.0 - n_triangles / len(triangles))
+    # Without it, flat parts collapse in any order and leave slivers.
+    decimation.RegularizeOn()
+    decimation.Update()
+    surface = decimation.GetOutput()
+    return points_of(surface), triangles_of(surface, "isosurface")
+
+
+def _neighbour_average(triangles: Ints, n_points: int) -> csr_array:
+    edges = unique_edges(triangles)
+    ends = np.vstack([edges, edges[:, ::-1]])
+    counts = np.bincount(ends[:, 0], minlength=n_points)
+    return coo_array((1.0 / counts[ends[:, 0]], (ends[:, 0], ends[:, 1])), shape=(n_points,) * 2).tocsr()
+
+
+def label_surface(field: LabelField, edge: float) -> tuple[Floats, Ints]:
+    """Return the surface of a label, points (n, 3) [mm] and triangles (m, 3), as the label's volume has it.
+
+    Parameters
+    ----------
+    field : LabelField
+        Of the label.
+    edge : float
+        Length of the triangles' edges; about a voxel's where that is more [mm].
+
+    Raises
+    ------
+    ValueError
+        If it is not closed, manifold and in one piece, or its volume is off by more than 1 %.
+    """
+    # Neither finer than is of use, nor coarser than a thin label is deep, nor longer one way than another.
+    nodes = np.array(field.values.shape)
+    pitch = max(min(0.5 * edge, -float(field.values.min())), float(field.spacing.min()))
+    counts = np.ceil((nodes - 1) * field.spacing[::-1] / pitch).astype(int) + 1
+    values = ndimage.zoom(field.values, counts / nodes, order=1)
+    points, triangles = isosurface(values.T, np.zeros(3), 1.0)
+    points *= ((nodes - 1) / (np.array(values.shape) - 1))[::-1]
+    points, triangles = _largest(apply_transform(field.frame, points), triangles)
+    if np.linalg.det(field.frame) < 0.0:
+        triangles = triangles[:, ::-1].copy()
+    area = survey(points, triangles).area
+    wanted = max(LEAST, math.ceil(area / (EVEN * edge * edge)))
+    points, triangles = evened(points, triangles, wanted, field.projected)
+    for _ in range(OFFSETS):
+        report = survey(points, triangles)
+        points = points + (field.volume - report.volume) / report.area * vertex_normals(points, triangles)
+    report = survey(points, triangles)
+    bad = report.n_boundary_edges + report.n_nonmanifold_edges + report.n_misoriented_edges
+    if bad or report.n_degenerate_triangles or report.n_components > 1:
+        problem = f"its surface is not closed and manifold at {bad} edges"
+    elif abs(report.volume - field.volume) > MOST_OFF * field.volume:
+        problem = f"its surface holds {report.volume:.3g} mm^3, but its voxels {field.volume:.3g}"
+    else:
+        return points, triangles
+    raise InputError("", problem, "smooth the label in the program that made it, or leave it out")
+
+
+def _largest(points: Floats, triangles: Ints) -> tuple[Floats, Ints]:
+    """Return the part of a surface that has most triangles, with its own points."""
+    part = point_components(len(points), unique_edges(triangles))[triangles[:, 0]]
+    kept = triangles[part == np.argmax(np.bincount(part))]
+    used, ids = np.unique(kept, return_inverse=True)
+    return points[used], ids.reshape(-1, 3)

@@ -1,0 +1,156 @@
+"""Segmentations as files: NIfTI, NRRD, MetaImage and DICOM, with the names of their labels."""
+
+from __future__ import annotations
+
+import gzip
+import re
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonDataModel import vtkImageData
+
+from vtkmuscle.core.errors import InputError, MissingFileError
+from vtkmuscle.core.types import Floats
+from vtkmuscle.data.label_images import label_image
+from vtkmuscle.io.slicer import FRAMES
+from vtkmuscle.labels.names import name_table
+
+#: What is read, by the ends of names.
+SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm")
+#: The header of a NIfTI file has so many bytes; extensions come after four more.
+_NIFTI_HEADER = 348
+_NIFTI_LABEL = re.compile(rb'<Label\s[^>]*?Key="(\d+)"[^>]*>\s*(?:<!\[CDATA\[)?([^<\]]+)')
+
+
+def read_labels(
+    path: str | PathLike[str], *, names: str | None = None, frame: str = "LPS"
+) -> list[vtkImageData]:
+    """Read a segmentation.
+
+    Parameters
+    ----------
+    path : path
+        A .nii, .nii.gz, .nrrd, .nhdr, .mha or .mhd file of labels; a .seg.nrrd file of 3D Slicer; a .dcm file
+        of DICOM's kind Segmentation; or a folder of such files, of which each is one structure that has the
+        file's name.
+    names : str, optional
+        The names of the labels: ``"musclemap"``, a task of TotalSegmentator such as ``"total"``, or a .csv
+        file with lines of label, name. Without it, those that the file has: TotalSegmentator and 3D Slicer
+        write them, and DICOM has them.
+    frame : str, optional
+        ``"LPS"`` or ``"RAS"``: the frame of the images' world.
+
+    Returns
+    -------
+    list of vtkImageData
+        As :class:`~vtkmuscle.filters.LabelSurfaces` takes them, in mm; several where labels may overlap.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If there is no such file, it cannot be read, or holds no labels; if SimpleITK is not installed, or for
+        DICOM highdicom.
+    """
+    source = Path(path)
+    if frame not in FRAMES:
+        raise InputError("frame", f"there is no frame {frame!r}", f"allowed: {', '.join(FRAMES)}")
+    if not source.exists():
+        raise MissingFileError(source, "there is no such file or folder")
+    files = [source]
+    if source.is_dir():
+        files = sorted(file for file in source.iterdir() if file.name.lower().endswith(SUFFIXES))
+    if not files or not files[0].name.lower().endswith(SUFFIXES):
+        raise InputError(source, "this holds no label map", f"files end in {', '.join(SUFFIXES)}")
+    table = None if names is None else name_table(names)
+    turn = np.diag([-1.0, -1.0, 1.0, 1.0]) if frame == "RAS" else np.eye(4)
+    images = []
+    for file in files:
+        for voxels, place, own in _read(file):
+            if source.is_dir() and file.suffix.lower() != ".dcm":
+                images.append(label_image((voxels > 0).astype(np.uint8), turn @ place, {1: _stem(file)}))
+            else:
+                images.append(label_image(voxels, turn @ place, own if table is None else table))
+    return images
+
+
+def _stem(file: Path) -> str:
+    return re.sub(r"(\.seg)?\.(nii\.gz|\w+)$", "", file.name)
+
+
+Layer = tuple[NDArray[np.integer], Floats, Mapping[int, str]]
+
+
+def _read(file: Path) -> Iterator[Layer]:
+    """Give the layers of a file: voxels (nk, nj, ni), their places, and the names that the file has."""
+    if file.suffix.lower() == ".dcm":
+        yield _dicom(file)
+        return
+    itk = _needed("SimpleITK", file)
+    try:
+        image = itk.ReadImage(str(file))
+    except RuntimeError as error:
+        problem = str(error).strip().splitlines()[-1]
+        raise InputError(file, f"it cannot be read as an image: {problem}", "export it again") from error
+    if image.GetDimension() != 3:
+        problem = f"the image has {image.GetDimension()} dimensions, but must have 3"
+        raise InputError(file, problem, "save one volume of labels")
+    place = np.eye(4)
+    place[:3, :3] = np.array(image.GetDirection()).reshape(3, 3) * image.GetSpacing()
+    place[:3, 3] = image.GetOrigin()
+    voxels = itk.GetArrayFromImage(image)
+    if not np.issubdtype(voxels.dtype, np.integer):
+        whole = voxels.astype(np.int32)
+        if not np.array_equal(whole, voxels):
+            raise InputError(file, "its values are not whole numbers", "give a map of labels, not an image")
+        voxels = whole
+    layers = voxels[..., None] if voxels.ndim == 3 else voxels
+    names = _names(file, image)
+    for number in range(layers.shape[-1]):
+        yield np.ascontiguousarray(layers[..., number]), place, names.get(number, {})
+
+
+def _names(file: Path, image: Any) -> dict[int, dict[int, str]]:
+    """Return the names of labels by layer, that a file's header has."""
+    found: dict[int, dict[int, str]] = {}
+    if file.name.lower().endswith((".nii", ".nii.gz")):
+        opened = gzip.open if file.suffix.lower() == ".gz" else open
+        with opened(file, "rb") as stream:
+            header = stream.read(max(_NIFTI_HEADER, int(float(image.GetMetaData("vox_offset")))))
+        labels = _NIFTI_LABEL.findall(header[_NIFTI_HEADER:])
+        found[0] = {int(value): name.decode("utf-8", "replace").strip() for value, name in labels}
+    for key in image.GetMetaDataKeys():
+        segment = re.fullmatch(r"(Segment\d+)_LabelValue", key)
+        if segment and image.HasMetaDataKey(f"{segment[1]}_Name"):
+            layer_key = f"{segment[1]}_Layer"
+            layer = int(image.GetMetaData(layer_key)) if image.HasMetaDataKey(layer_key) else 0
+            name = image.GetMetaData(f"{segment[1]}_Name")
+            found.setdefault(layer, {})[int(image.GetMetaData(key))] = name
+    return found
+
+
+def _dicom(file: Path) -> Layer:
+    """Return the segments of a DICOM Segmentation; of those that overlap the later ones count."""
+    highdicom = _needed("highdicom", file)
+    try:
+        segmentation = highdicom.seg.segread(file)
+        volume = segmentation.get_volume(combine_segments=True, skip_overlap_checks=True)
+    except (ValueError, RuntimeError, TypeError, AttributeError) as error:
+        raise InputError(file, f"it is no DICOM Segmentation: {error}", "export it again") from error
+    numbers = segmentation.segment_numbers
+    names = {n: str(segmentation.get_segment_description(n).segment_label) for n in numbers}
+    # highdicom's axes are planes, rows and columns, from voxel numbers in that order to LPS.
+    place = np.array(volume.affine, dtype=np.float64)[:, [2, 1, 0, 3]]
+    return np.ascontiguousarray(volume.array), place, names
+
+
+def _needed(package: str, file: Path) -> Any:
+    try:
+        return import_module(package)
+    except ImportError as error:
+        remedy = "install what reads them, in the folder of vtkmuscle: python -m pip install '.[labels]'"
+        raise InputError(file, f"label maps need {package}, which is not installed", remedy) from error
