@@ -1,7 +1,7 @@
 """An atlas of phantom hips: many shapes of one hip, as a study, and the band of its moment arms.
 
 ``python benchmarks/atlas.py OUT --subjects 200`` writes the study of so many hips, runs it by Dask, and ranks
-the causes of the band's width; ``--write`` keeps the numbers for the documentation. Stop and start it as you
+the causes of the band's width. Stop and start it as you
 like.
 """
 
@@ -15,7 +15,6 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
-from made import ATLAS, note
 
 from vtkmuscle import Scene, SceneError
 from vtkmuscle.core.processors import processors
@@ -143,7 +142,6 @@ def main() -> None:
     asked.add_argument("--subjects", type=int, default=200)
     asked.add_argument("--frames", type=int, default=16)
     asked.add_argument("--workers", type=int)
-    asked.add_argument("--write", action="store_true", help="keep the numbers for the documentation")
     options = asked.parse_args()
     began = time.perf_counter()
     file = write_study(options.out, options.subjects, options.frames)
@@ -162,16 +160,11 @@ def main() -> None:
             [["muscle", "cause", "mean_slope_mm_per_sd", "mean_abs_slope_mm_per_sd", "part"], *causes],
         ),
     ):
-        folder = ATLAS if options.write else options.out
-        folder.mkdir(parents=True, exist_ok=True)
-        with (folder / f"{name}.csv").open("w", newline="") as lines:
+        with (options.out / f"{name}.csv").open("w", newline="") as lines:
             writer = csv.writer(lines, lineterminator="\n")
             writer.writerows(
                 [f"{one:.4g}" if isinstance(one, float) else one for one in row] for row in table
             )
-        if options.write:
-            command = f"python benchmarks/atlas.py OUT --subjects {options.subjects} --write"
-            note(folder / f"{name}.csv", command)
     for row in causes:
         print(*row)
 

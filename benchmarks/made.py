@@ -20,7 +20,6 @@ from vtkmuscle.pipelines.fibres import PUBLISHED_FIBRES
 HERE = Path(__file__).resolve().parent
 DOCS = HERE.parent / "docs"
 PAPER, HOW_RIGHT = DOCS / "validation/paper_tables", DOCS / "validation/how_right_tables"
-ATLAS = DOCS / "explanation/atlas_tables"
 #: Filters that no table is made with.
 WITHOUT_TABLES = {"AttachmentEstimator", "FibreField"}
 
@@ -49,12 +48,12 @@ def scripts_of(table: Path) -> list[Path]:
         return [paper / f"{table.stem}.py", paper / "common.py", paper / "published_loop.py"]
     if table.name == "battery.csv":
         return [HERE / "battery.py"]
-    return [HERE / ("atlas.py" if table.parent == ATLAS else "how_right.py")]
+    return [HERE / "how_right.py"]
 
 
 def tables() -> list[Path]:
     """Return the generated tables of the documentation."""
-    return sorted([*PAPER.glob("*.txt"), *HOW_RIGHT.rglob("*.csv"), *ATLAS.glob("*.csv")])
+    return sorted([*PAPER.glob("*.txt"), *HOW_RIGHT.rglob("*.csv")])
 
 
 def of(table: Path) -> dict[str, str]:

@@ -11,15 +11,12 @@ import argparse
 import shlex
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 import made
 from real_hip import data_folder
 
 ROOT = made.HERE.parent
-#: Hips of the documentation's atlas.
-SUBJECTS = "40"
 PHANTOM = ROOT / "tests" / "benchmarks" / "phantom_tables"
 
 
@@ -28,9 +25,6 @@ def command_of(table: Path) -> list[str]:
     if table.parent == made.PAPER:
         script = "benchmarks/paper/all_experiments.py"
         return [script, "--data", "real", "--only", table.stem, "--rst", "docs/validation/paper_tables"]
-    if table.parent == made.ATLAS:
-        folder = str(Path(tempfile.gettempdir()) / "vtkmuscle_atlas")
-        return ["benchmarks/atlas.py", folder, "--subjects", SUBJECTS, "--write"]
     if table.name == "battery.csv":
         return ["benchmarks/battery.py", "--rst", f"docs/{table.parent.relative_to(made.DOCS)}"]
     how = ["benchmarks/how_right.py", "--rst", f"docs/{table.parent.relative_to(made.DOCS)}"]

@@ -24,7 +24,6 @@ project_copyright = author
 version = release = vtkmuscle.__version__
 
 extensions = [
-    "atlas_picture",
     "sphinx_gallery.gen_gallery",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
@@ -40,7 +39,7 @@ extensions = [
 ]
 
 templates_path = ["_templates"]
-exclude_patterns = ["_build", "**.ipynb", "gallery/*.md5", "pictures"]
+exclude_patterns = ["_build", "**.ipynb", "gallery/**.md5", "pictures"]
 html_theme = "pydata_sphinx_theme"
 html_title = "vtkmuscle"
 html_theme_options = {"show_prev_next": False, "show_toc_level": 2, "header_links_before_dropdown": 6}
@@ -74,7 +73,9 @@ sphinx_gallery_conf = {
     "gallery_dirs": "gallery",
     "filename_pattern": r"plot_.*\.py",
     "image_scrapers": (Scraper(), "matplotlib"),
+    "subsection_order": "docstrings.place_of_group",
     "within_subsection_order": "docstrings.place_in_gallery",
+    "thumbnail_size": (480, 336),
     "reset_modules": ("docstrings.warnings_are_errors",),
     "reset_modules_order": "both",
     "abort_on_example_error": True,

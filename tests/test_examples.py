@@ -17,7 +17,7 @@ from vtkmuscle.plotting import can_render
 
 #: Where the package is, installed or not.
 PACKAGES = Path(vtkmuscle.__file__).parents[1]
-EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
+EXAMPLES = sorted((Path(__file__).parents[1] / "examples").rglob("plot_*.py"))
 LONGEST = 60  # lines
 
 

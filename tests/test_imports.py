@@ -12,6 +12,7 @@ import vtkmuscle
 import vtkmuscle.core
 import vtkmuscle.filters
 import vtkmuscle.io
+import vtkmuscle.opensim
 import vtkmuscle.plotting
 
 HEAVY = {"vtk", "vtkmodules", "pyvista", "numba", "scipy", "matplotlib", "typer", "rich", "pydantic"}
@@ -75,7 +76,9 @@ def test_filters_import_only_the_vtk_modules_that_they_use():
     assert not [name for name in loaded if name.startswith("vtkmodules.vtkRendering")]
 
 
-@pytest.mark.parametrize("forbidden", ["scipy.stats", "scipy.integrate", "matplotlib", "vtkmuscle.phantoms"])
+@pytest.mark.parametrize(
+    "forbidden", ["scipy.stats", "scipy.integrate", "matplotlib", "vtkmuscle.phantoms", "vtkmuscle.opensim"]
+)
 def test_a_run_imports_no(forbidden):
     # scipy.stats alone takes as long as numba, half a second; a run's figures import matplotlib where drawn.
     assert forbidden not in modules_after_importing("vtkmuscle.scenes")
@@ -89,7 +92,7 @@ def test_the_process_that_draws_imports_no(forbidden):
     assert forbidden not in packages(loaded)
 
 
-@pytest.mark.parametrize("package", [vtkmuscle, vtkmuscle.io, vtkmuscle.plotting])
+@pytest.mark.parametrize("package", [vtkmuscle, vtkmuscle.io, vtkmuscle.opensim, vtkmuscle.plotting])
 def test_public_names_exist_and_all_are_listed(package):
     assert all(getattr(package, name) is not None for name in package.__all__)
     if package is not vtkmuscle:
@@ -102,7 +105,7 @@ def test_unknown_name_is_an_attribute_error():
 
 
 def test_a_path_in_the_wrong_place_is_told_where_it_goes():
-    with pytest.raises(TypeError, match=r"Scene\.load\('scene\.toml'\) reads a file"):
+    with pytest.raises(TypeError, match=r"Scene\.load\('scene\.toml'\) reads a file or folder"):
         vtkmuscle.Scene("scene.toml")
     with pytest.raises(AttributeError, match=r"Scene\.load\(path\) reads a scene"):
         vtkmuscle.load("scene.toml")

@@ -92,3 +92,17 @@ def test_what_is_wrong_with_a_built_page_is_found(page_examples, tmp_path, tag, 
     (tmp_path / "page.html").write_text(good + tag, encoding="utf-8")
     (found,) = check_pages.faults(tmp_path)
     assert re.search(why, found)
+
+
+#: What somebody writes to fill in later.
+LATER = re.compile(r"\b(?:KNOWN|TODO|FIXME|TBD|XXX|Lorem)\b|\?\?\?|Not made again")
+
+
+def test_no_page_has_a_placeholder():
+    found = [
+        f"{page.name}:{number}"
+        for page in PAGES
+        for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1)
+        if LATER.search(line)
+    ]
+    assert not found

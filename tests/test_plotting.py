@@ -10,6 +10,7 @@ import pytest
 import pyvista as pv
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.data.arrays import (
@@ -31,11 +32,10 @@ from vtkmuscle.plotting import (
     plot_lengths,
     plot_muscle,
     plot_rest_pose,
-    plot_volume,
     preflight,
 )
-from vtkmuscle.plotting.actors import actors_of
-from vtkmuscle.plotting.studio import FINER
+from vtkmuscle.plotting.actors import actors_of, place_colours, strain_colours
+from vtkmuscle.plotting.moment_arms import places_across, shown_range
 from vtkmuscle.run import figures as run_figures
 from vtkmuscle.run.figures import write_figures
 
@@ -215,6 +215,56 @@ def test_a_fibre_that_shortens_is_blue_and_one_that_lengthens_is_not(renders):
     assert blue_pixels(longer, by=20) == 0
 
 
+def hues(image):
+    """Share of red and of blue in the pixels that have a colour, whatever their brightness."""
+    coloured = image[np.ptp(image, axis=2) > 60].astype(float)
+    return coloured / coloured.sum(axis=1, keepdims=True)
+
+
+def test_fibres_have_the_colours_of_their_scale_with_and_without_a_muscle(renders):
+    bones, fibres = two_bones(), straight_fibres()
+    view, colours = choose_view([spindle()], [bones]), strain_colours(np.array([10.0, -10.0]), 10.0)
+    with Studio() as studio:
+        within = studio.picture(actors_of([spindle()], view, fibres=fibres, colours=colours), view)
+        alone = studio.picture(actors_of([], view, fibres=fibres, colours=colours), view)
+    coloured = np.ptp(alone, axis=2) > 60
+    inside = coloured & (np.roll(coloured, 1, 1) & np.roll(coloured, -1, 1))
+    assert inside.sum() > 500
+    np.testing.assert_array_equal(within[inside], alone[inside])
+    ends = colours / colours.sum(axis=1, keepdims=True)
+    apart = np.abs(hues(within)[:, None] - ends).max(axis=2).min(axis=1)
+    assert np.median(apart) < 0.05
+
+
+def test_a_drawn_fibre_goes_through_its_points_without_corners(renders):
+    angles = np.linspace(0.0, np.pi, 5)
+    arc = polylines_from(
+        Polylines(40.0 * np.column_stack([np.cos(angles), 0 * angles, np.sin(angles)]), np.array([0, 5]))
+    )
+    view = framed((0.0, -1.0, 0.0), points_of(arc))
+    with Studio() as studio:
+        image = studio.picture(actors_of([], view, fibres=arc), view)
+    rows, columns = np.nonzero(image.min(axis=2) < 250)
+    per_pixel = 2.0 * view.half_height / image.shape[0]
+    x = (columns - image.shape[1] / 2.0) * per_pixel + view.focus[0]
+    z = (image.shape[0] / 2.0 - rows) * per_pixel + view.focus[2]
+    # The chords of this arc come 3 mm nearer to its centre than the arc does.
+    assert np.hypot(x, z).min() > 40.0 - 0.7
+
+
+def test_a_picture_in_more_detail_is_the_same_picture(renders):
+    muscle, bones = spindle(), DrawnBones(two_bones())
+    view = choose_view([muscle], [two_bones()])
+    with Studio() as studio, Studio(2.0) as fine:
+        actors = [actors_of([muscle], view, fixed_points=True, finer=one.finer) for one in (studio, fine)]
+        once, twice = studio.picture(actors[0], view, bones=bones), fine.picture(actors[1], view, bones=bones)
+    assert twice.shape[0] == 2 * once.shape[0]
+    coarse = (
+        twice[: 2 * once.shape[0], : 2 * once.shape[1]].reshape(once.shape[0], 2, -1, 2, 3).mean(axis=(1, 3))
+    )
+    assert np.mean(np.abs(coarse - once).max(axis=2) > 40) < 0.02
+
+
 def test_the_same_frame_twice_gives_the_same_panel_twice(renders):
     with Studio() as studio:
         bones = DrawnBones(two_bones())
@@ -224,11 +274,34 @@ def test_the_same_frame_twice_gives_the_same_panel_twice(renders):
     assert len(np.unique(one.reshape(-1, 3), axis=0)) > 100
 
 
+@pytest.mark.parametrize("form", ["png", "pdf", "svg"])
+def test_curves_are_lines_and_letters_where_the_form_has_such(renders, tmp_path, form):
+    written = {path.stem: path for path in write_figures(tmp_path, FakeResult(), form=form, dpi=75)}
+    assert {path.suffix for path in written.values()} == {f".{form}"}
+    text = written["with_fibres_lengths"].read_bytes()
+    if form == "png":
+        with Image.open(written["with_fibres_lengths"]) as image:
+            assert image.size == (525, 345)
+    else:
+        assert (b"<image" in text) is (b"/Subtype /Image" in text) is False
+    if form == "svg":
+        assert b"path length [mm]" in text
+        assert b"<image" in written["with_fibres_frames"].read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"), [({"form": "jpg"}, "png, pdf and svg"), ({"dpi": 0}, "20 to 2400")]
+)
+def test_a_figure_that_cannot_be_is_refused(tmp_path, options, words):
+    with pytest.raises(ValueError, match=words):
+        write_figures(tmp_path, FakeResult(), **options)
+
+
 def test_all_figures_of_a_run_are_written(renders, tmp_path):
     theme = pv.global_theme.to_dict()
     written = write_figures(tmp_path / "figures", FakeResult())
     of_fibres = {f"with_fibres_{name}" for name in ("frames", "lengths", "fibre_lengths")}
-    names = {"rest_pose", "bare_frames", "volume", *of_fibres}
+    names = {"rest_pose", "bare_frames", *of_fibres}
     assert {path.stem for path in written} == names
     assert set(written) == set((tmp_path / "figures").iterdir())
     for path in written:
@@ -241,10 +314,11 @@ def test_a_picture_of_a_studio_is_that_of_a_plotter(renders):
     """Two ways to light and to smooth edges, one scene."""
     muscle, bones, fibres = spindle(), two_bones(), straight_fibres()
     view = choose_view([muscle], [bones])
-    options = {"fibres": fibres, "strain": np.array([-9.0, 9.0]), "fixed_points": True}
-    slowly = picture(make_plotter(bones, [muscle], view, **options))
+    options, strain = {"fibres": fibres, "fixed_points": True}, np.array([-9.0, 9.0])
+    slowly = picture(make_plotter(bones, [muscle], view, **options, strain=strain))
     with Studio() as studio:
-        actors = actors_of([muscle], view, **options, finer=FINER)
+        colours = strain_colours(strain, 10.0)
+        actors = actors_of([muscle], view, **options, colours=colours, finer=studio.finer)
         quickly = studio.picture(actors, view, bones=DrawnBones(bones)).astype(int)
     assert quickly.shape == slowly.shape
     difference = np.abs(quickly - slowly).max(axis=2)
@@ -295,6 +369,34 @@ def test_a_surface_may_have_normals_of_another_name(renders):
     assert "TubeNormals" in tube.point_data
 
 
+# ---------------------------------------------------------------- places
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(0, 2**32 - 1))
+def test_places_are_in_the_order_across_the_fibres(seed):
+    """Fibres side by side that begin wherever they like, and run along z."""
+    rng = np.random.default_rng(seed)
+    across = rng.permutation(np.linspace(-30.0, 30.0, 12))
+    starts = rng.uniform(-200.0, 200.0, 12)
+    points = [[[x, 0.2 * x, s + t] for t in (0.0, 40.0, 80.0)] for x, s in zip(across, starts, strict=True)]
+    lines = polylines_from(Polylines(np.reshape(points, (-1, 3)), 3 * np.arange(13)))
+    np.testing.assert_allclose(places_across(lines), (across + 30.0) / 60.0, atol=1e-9)
+
+
+def test_colours_of_places_differ():
+    assert len(np.unique(place_colours(np.linspace(0.0, 1.0, 20)), axis=0)) == 20
+
+
+def test_one_spike_does_not_flatten_an_axis():
+    rng = np.random.default_rng(0)
+    arms = 40.0 + rng.normal(size=(50, 100))
+    arms[7, 3] = 800.0
+    low, high = shown_range(arms, np.full(50, 40.0))
+    assert low <= 0.0
+    assert 42.0 < high < 50.0
+
+
 # ---------------------------------------------------------------- curves
 
 
@@ -309,20 +411,6 @@ def test_the_length_figure_shows_each_fibre_and_the_mean():
     low, high = axes.get_ylim()
     assert low < 10.0
     assert high > 63.0
-
-
-def test_the_volume_figure_holds_what_is_far_from_one():
-    axes = plot_volume({"a": [0, 1], "b": [0, 1]}, {"a": [1.0, 1.07], "b": [1.0, 0.999]}).axes[0]
-    low, high = axes.get_ylim()
-    assert low < 0.93
-    assert high > 1.07
-
-
-def test_a_volume_that_looks_constant_is_given_in_words():
-    times = {"a": [0, 1], "b": [0, 1]}
-    flat = plot_volume(times, {"a": [1.0, 1.0], "b": [1.0, 1.0 - 3e-12]}).axes[0]
-    assert [one.get_text() for one in flat.texts] == ["at most 3e-12 from 1"]
-    assert not plot_volume(times, {"a": [1.0, 1.07], "b": [1.0, 1.0]}).axes[0].texts
 
 
 def test_a_single_frame_is_drawn_as_points():

@@ -249,11 +249,11 @@ def table_scene(folder, tmp_path, coordinates):
     [
         ("", {}),
         ('time = "time"', {}),
-        ('time = "knee"', {"knee": ("deg", "as knee grows")}),
-        ('coordinates = ["knee"]', {"knee": ("deg", "as knee grows")}),
+        ('time = "knee"', {"knee": ("deg", "")}),
+        ('coordinates = ["knee"]', {"knee": ("deg", "")}),
         (
             'coordinates = { knee = { positive = "flexion" }, slide = { unit = "mm" } }',
-            {"knee": ("deg", "flexion"), "slide": ("mm", "as slide grows")},
+            {"knee": ("deg", "flexion"), "slide": ("mm", "")},
         ),
     ],
 )

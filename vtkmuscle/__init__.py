@@ -15,11 +15,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from vtkmuscle._version import __version__
+from vtkmuscle.core.guesses import no_attribute
 
 if TYPE_CHECKING:
     from vtkmuscle import filters, phantoms, pipelines, plotting
+    from vtkmuscle.comparison import Comparison, compare
     from vtkmuscle.core.errors import InputError
     from vtkmuscle.core.motion.rigid import RigidMotion, hinge
+    from vtkmuscle.data.attachments import AttachmentArea
+    from vtkmuscle.run.one_muscle import MuscleResult
     from vtkmuscle.run.result import Result
     from vtkmuscle.run.table import MomentArmTable, Table
     from vtkmuscle.scene.data import Muscle
@@ -32,12 +36,16 @@ _MODULES = ("filters", "phantoms", "pipelines", "plotting")
 _SOURCES = {
     "RigidMotion": "vtkmuscle.core.motion.rigid",
     "hinge": "vtkmuscle.core.motion.rigid",
+    "AttachmentArea": "vtkmuscle.data.attachments",
+    "Comparison": "vtkmuscle.comparison",
+    "compare": "vtkmuscle.comparison",
     "InputError": "vtkmuscle.core.errors",
     "Spread": "vtkmuscle.studies.sensitivity",
     "run_with_errors": "vtkmuscle.studies.errors",
     "sensitivities": "vtkmuscle.studies.sensitivity",
     "MomentArmTable": "vtkmuscle.run.table",
     "Muscle": "vtkmuscle.scene.data",
+    "MuscleResult": "vtkmuscle.run.one_muscle",
     "Result": "vtkmuscle.run.result",
     "Scene": "vtkmuscle.scenes",
     "SceneError": "vtkmuscle.scene.faults",
@@ -45,9 +53,12 @@ _SOURCES = {
 }
 
 __all__ = [
+    "AttachmentArea",
+    "Comparison",
     "InputError",
     "MomentArmTable",
     "Muscle",
+    "MuscleResult",
     "Result",
     "RigidMotion",
     "Scene",
@@ -55,6 +66,7 @@ __all__ = [
     "Spread",
     "Table",
     "__version__",
+    "compare",
     "filters",
     "hinge",
     "phantoms",
@@ -70,8 +82,7 @@ def __getattr__(name: str) -> Any:
         return import_module(f"vtkmuscle.{name}")
     if name in _SOURCES:
         return getattr(import_module(_SOURCES[name]), name)
-    hint = "; Scene.load(path) reads a scene" if name in ("load", "read", "open") else ""
-    raise AttributeError(f"module 'vtkmuscle' has no attribute {name!r}{hint}")
+    raise no_attribute("vtkmuscle", name)
 
 
 def __dir__() -> list[str]:

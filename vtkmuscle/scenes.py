@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -11,6 +12,8 @@ from typing import TYPE_CHECKING, Any, Self
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
 from vtkmuscle.accuracy import StatedErrors
+from vtkmuscle.core.guesses import Guessed
+from vtkmuscle.core.words import names as as_names
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.filters.deformer.quality import PRESETS
@@ -31,7 +34,7 @@ _MOST_LISTED = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Scene(SceneData):
+class Scene(SceneData, Guessed):
     """Bones, muscles and a motion, checked and ready to run.
 
     All lengths are in the scene's unit: coordinates, translations, and settings such as a tolerance.
@@ -78,14 +81,6 @@ class Scene(SceneData):
     >>> len(result.times)
     2
     """
-
-    def __new__(cls, *arguments: Any, **fields: Any) -> Self:
-        """Refuse a path, with what reads it."""
-        if len(arguments) == 1 and not fields and isinstance(arguments[0], str | PathLike):
-            raise TypeError(
-                f"Scene takes bones, muscles and a motion; Scene.load({str(arguments[0])!r}) reads a file"
-            )
-        return super().__new__(cls)
 
     def __post_init__(self) -> None:
         if isinstance(self.bones, vtkMultiBlockDataSet):
@@ -203,6 +198,52 @@ class Scene(SceneData):
             )
         target = None if out is None else Path(out)
         return run_scene(self, target, RunOptions.of(options), errors=StatedErrors(self))
+
+    def __getitem__(self, name: str) -> Any:
+        """Return a muscle or a bone at rest, as PyVista has it: ``scene["iliacus"].plot()``."""
+        import pyvista  # noqa: PLC0415 -- a run needs none
+
+        known: dict[str, Any] = {**self.bones, **{one: self.muscles[one].surface for one in self.muscles}}
+        if name not in known:
+            raise SceneError(f"the scene has no muscle or bone {name!r}", "", suggestion(name, known))
+        return pyvista.wrap(known[name])
+
+    def plot(
+        self,
+        *,
+        muscles: str | Sequence[str] | None = None,
+        show: bool = True,
+        off_screen: bool | None = None,
+    ) -> Any:
+        """Show bones, muscles and landmarks at rest, in a window or in a cell of a notebook.
+
+        Origins are black, insertions red, via rings white.
+
+        Parameters
+        ----------
+        muscles : str or sequence of str, optional
+            Which to show; default all.
+        show : bool, optional
+            False to get the plotter before it is shown, to add to it or to capture it.
+        off_screen : bool, optional
+            Draw without a window; PyVista's own setting by default.
+
+        Returns
+        -------
+        pyvista.Plotter or None
+            Where it is not shown; None once it is.
+
+        Raises
+        ------
+        SceneError
+            If there is no such muscle.
+        """
+        from vtkmuscle.run.display import plotter_at_rest  # noqa: PLC0415 -- only pictures need PyVista
+
+        plotter = plotter_at_rest(
+            self if muscles is None else self.with_muscles(*as_names(muscles)), off_screen
+        )
+        return plotter.show() if show else plotter
 
     def __repr__(self) -> str:
         muscles = ", ".join(self.muscles)

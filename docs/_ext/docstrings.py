@@ -4,22 +4,44 @@ from __future__ import annotations
 
 import re
 import warnings
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from PIL import Image, ImageChops, ImageOps
 from sphinx.application import Sphinx
 
 _DOI = re.compile(r"(?<![\w/`<])doi:(10\.\d{4,9}/[-._;()/:<>a-zA-Z0-9]*[a-zA-Z0-9])")
 _filters_before: list[Any] = []
-#: The gallery's examples, in the order in which a reader may want them.
-_EXAMPLES = """quickstart model hip moment_arm two_joints knee gait_cycle opensim_model fixed_points
-fibre_templates own_template pennate_block pennate_belly fibre_field superficial_fibres
-fibre_ends iliacus branching_pipeline time_slider animated_hip"""
+#: The gallery's examples by the folder of each, in the order in which a reader may want them.
+_EXAMPLES = {
+    "first": "quickstart hip landmark_ring wrong_muscle compare model",
+    "joints": "moment_arm places two_joints knee gait_cycle opensim_model",
+    "fibres": (
+        "fibre_templates own_template pennate_block pennate_belly fibre_field superficial_fibres fibre_ends"
+    ),
+    "program": "branching_pipeline time_slider animated_hip fixed_points iliacus",
+}
 
 
 def place_in_gallery(filename: str) -> int:
     """Return where an example comes in the gallery."""
-    return _EXAMPLES.split().index(filename.removeprefix("plot_").removesuffix(".py"))
+    return " ".join(_EXAMPLES.values()).split().index(filename.removeprefix("plot_").removesuffix(".py"))
+
+
+def place_of_group(folder: str) -> int:
+    """Return where a group of examples comes, by its folder."""
+    return list(_EXAMPLES).index(Path(folder).name)
+
+
+def fill_tiles(app: Sphinx, _: Any) -> None:
+    """Cut the white rims off the gallery's small pictures, so that what they show fills its tile."""
+    for path in (Path(app.confdir) / "gallery").glob("*/images/thumb/*.png"):
+        with Image.open(path) as picture:
+            plain = picture.convert("RGB")
+        box = ImageChops.difference(plain, Image.new("RGB", plain.size, "white")).getbbox()
+        if box is not None:
+            ImageOps.pad(plain.crop(box), plain.size, Image.Resampling.LANCZOS, "white").save(path)
 
 
 def warnings_are_errors(gallery_conf: dict[str, Any], fname: str, when: str) -> None:
@@ -62,6 +84,7 @@ def _linked(doi: re.Match[str]) -> str:
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register all of it with Sphinx."""
     app.setup_extension("sphinx.ext.autodoc")
+    app.connect("env-updated", fill_tiles)
     app.connect("autodoc-skip-member", skip_imported)
     app.connect("autodoc-process-docstring", escape_bars, priority=400)
     app.connect("autodoc-process-docstring", link_dois, priority=410)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,11 @@ def write_command_line_page(app: Sphinx, config: Any) -> None:
     command = typer.main.get_command(command_line)
     context = typer.Context(command, info_name="vtkmuscle")
     text = get_docs_for_click(obj=command, ctx=context, name="vtkmuscle", title="The command line")
+    for name, one in command.commands.items():  # Typer cuts what a command does
+        whole = " ".join((one.help or "").partition("\n\n")[0].split())
+        text = re.sub(
+            rf"^\* `{name}`: .*$", lambda _, n=name, w=whole: f"* `{n}`: {w}", text, flags=re.MULTILINE
+        )
     page = Path(app.confdir) / "reference" / "command_line.md"
     if not page.exists() or page.read_text(encoding="utf-8") != text:
         page.write_text(text, encoding="utf-8")

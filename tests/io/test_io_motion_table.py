@@ -122,7 +122,7 @@ def test_the_angle_of_a_hinge_comes_back_as_a_coordinate(tmp_path):
     write_motion_table(tmp_path / "knee.csv", motion, "tibia")
     read = read_motion_table(tmp_path / "knee.csv", "tibia", time="time", coordinates=["knee_flexion"])
     assert read.coordinates["knee_flexion"].values.tolist() == [0, 10, 25]
-    assert read.coordinates["knee_flexion"].positive == "as knee_flexion grows"
+    assert read.coordinates["knee_flexion"].positive == ""
     kinds = {"knee_flexion": {"unit": "rad", "positive": "flexion"}}
     found = read_motion_table(tmp_path / "knee.csv", "tibia", coordinates=kinds).coordinates["knee_flexion"]
     assert (found.unit, found.positive) == ("rad", "flexion")

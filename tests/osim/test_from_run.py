@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from vtkmuscle import Scene, SceneError
 from vtkmuscle.cli import app
 from vtkmuscle.opensim import read_osim, write_mujoco, write_opensim
-from vtkmuscle.opensim.muscle_paths import PointPath
+from vtkmuscle.opensim.muscle_paths import PointPath, moment_arm
 
 GRID = {"grid": {"upper": [-10, 30, 10], "lower": [0, 40, 10]}}
 
@@ -28,15 +28,29 @@ def values_of(result):
     return {name: one.natural for name, one in result.motion.coordinates.items()}
 
 
+def rms(off):
+    return float(np.sqrt((off**2).mean()))
+
+
 def test_functions_have_the_lengths_of_the_run(ran, tmp_path):
     path, result = ran
     (found,) = write_opensim(path, tmp_path / "strap.osim", result=result)
     model = read_osim(tmp_path / "strap.osim")
     lengths = 1000.0 * model.muscle("strap").path.lengths(model.tree, values_of(result))
     mean = result.lengths["strap"].mean(axis=1)
-    assert np.abs(lengths - mean).max() == pytest.approx(found.largest_fit_error, abs=1e-6)
-    assert found.fit_error < 0.3
-    assert found.held_back_error < 0.6
+    np.testing.assert_allclose(found.length_errors, lengths - mean, atol=1e-6)
+    assert rms(found.length_errors) < 0.4
+    for name, off in found.arm_errors.items():
+        arms = 1000.0 * moment_arm(found.out.path, model.tree, values_of(result), name)
+        np.testing.assert_allclose(off, arms - result.moment_arms()["strap"][name].mean, atol=1e-3)
+        assert rms(off) < 1.0
+    rows = (tmp_path / "strap_errors.csv").read_text().splitlines()
+    assert rows[0] == "muscle,of,rms_mm,largest_mm,mean_mm"
+    assert [row.split(",")[:2] for row in rows[1:]] == [
+        ["strap", "length"],
+        ["strap", "upper"],
+        ["strap", "lower"],
+    ]
     assert set(found.out.path.names) == {"upper", "lower"}
     assert len(found.fibres) == 10
 
@@ -52,26 +66,21 @@ def test_more_groups_stand_for_the_fibres_better(ran, tmp_path):
     assert list(read_osim(tmp_path / "four.osim").muscles) == [f"strap_{i}" for i in range(1, len(four) + 1)]
 
 
-def test_points_lengthen_as_their_fibre_does(ran, tmp_path):
+def test_points_and_cylinders_have_lengths_and_moment_arms(ran, tmp_path):
     path, result = ran
     (found,) = write_opensim(path, tmp_path / "points.osim", result=result, form="points")
     assert isinstance(found.out.path, PointPath)
-    assert {point.body for point in found.out.path.points} <= {"proximal", "middle", "distal"}
-    assert found.fit_error < 1.0
-    model = read_osim(tmp_path / "points.osim")
-    lengths = 1000.0 * model.muscle("strap").path.lengths(model.tree, values_of(result))
-    changes = lengths - lengths.mean()
-    fibres = result.lengths["strap"] - result.lengths["strap"].mean(axis=0)
-    errors = np.sqrt(((changes[:, None] - fibres) ** 2).mean(axis=0))
-    assert errors.min() == pytest.approx(found.fit_error, rel=1e-3)
+    assert {point.body for point in found.out.path.points} == {"proximal", "middle", "distal"}
+    assert rms(found.length_errors) < 0.7
+    assert all(rms(off) < 2.0 for off in found.arm_errors.values())
+    # No constant is left: the tendon's length is that of the path.
+    assert abs(found.length_errors.mean()) < 0.3
 
 
 @pytest.mark.skipif(importlib.util.find_spec("opensim") is None, reason="the extra opensim is not installed")
 @pytest.mark.parametrize("form", ["functions", "points"])
 def test_opensim_gives_what_vtkmuscle_gave(ran, tmp_path, form):
     import opensim
-
-    from vtkmuscle.opensim.muscle_paths import moment_arm
 
     opensim.Logger.setLevelString("error")
     path, result = ran
@@ -127,4 +136,6 @@ def test_the_command_line_says_what_paths_cost(ran, tmp_path):
     assert said.exit_code == 0, said.output
     assert "strap_1: " in said.output
     assert "fibres as a polynomial of" in said.output
+    assert "errors in mm: length" in said.output
+    assert "tendon_slack_length" in said.output
     assert read_osim(tmp_path / "strap.osim").muscles

@@ -51,7 +51,7 @@ def test_slides_are_exported_in_metres(drawn, tmp_path, form):
     known = result.lengths["spindle"].mean(axis=1)
     assert np.ptp(known) == pytest.approx(12.0, abs=1.0)
     np.testing.assert_allclose(np.diff(lengths), np.diff(known), atol=0.1)
-    assert found.largest_fit_error < 0.1
+    assert np.abs(found.length_errors).max() < 0.3
 
 
 @pytest.mark.skipif(importlib.util.find_spec("opensim") is None, reason="the extra opensim is not installed")

@@ -2,6 +2,7 @@
 
 import itertools
 
+import numpy as np
 import pytest
 from browser import Page, needs_chromium
 
@@ -232,6 +233,108 @@ def test_it_plays_and_stops(page):
     page.value("new Promise((done) => setTimeout(done, 300))")
     assert page.value("report.viewer.state.frame") == at
     choose(page, "time", 0)
+
+
+def test_a_link_leads_to_a_frame_and_follows_the_slider(page, run_folder):
+    page.value("(() => { location.hash = '#frame=2'; })()")
+    page.wait("report.viewer.state.frame === 2")
+    choose(page, "time", 1)
+    assert page.value("location.hash") == "#frame=1"
+    choose(page, "time", 0)
+
+
+def test_moment_arms_on_the_cards_are_those_of_the_frame(page, run_folder):
+    result = run_folder[1]
+    arms = result.moment_arms()["spindle"]["knee_angle"]
+    for position in (0, 2):
+        choose(page, "time", position)
+        said = page.value("document.querySelector('[data-arm]').textContent").replace("\u2212", "-")
+        assert float(said.split()[0]) == pytest.approx(arms.mean[position], abs=0.06)
+        assert said.endswith(f"at {arms.values[position]:.1f} deg")
+    choose(page, "time", 0)
+
+
+def test_a_chart_is_saved_as_numbers(page, run_folder):
+    rows = page.value("csvOf(document.getElementById('lengths'))").splitlines()
+    assert rows[0] == 'series,knee angle [deg],"length, bone to bone [mm]",low,high'
+    means = [float(row.split(",")[2]) for row in rows if row.startswith("spindle,")]
+    np.testing.assert_allclose(means, run_folder[1].lengths["spindle"].mean(axis=1), rtol=1e-4)
+    bands = [row.split(",") for row in rows if row.startswith("spindle: all paths,")]
+    np.testing.assert_allclose(
+        [float(row[4]) for row in bands], run_folder[1].lengths["spindle"].max(axis=1), rtol=1e-4
+    )
+
+
+def test_one_spike_does_not_flatten_an_axis(page):
+    traces = """[{ y: Array.from({ length: 40 }, (_, i) => 30 + i % 3) },
+      { meta: { low: Array(40).fill(25), high: [...Array(39).fill(40), 800] }, y: [25, 40, 800] }]"""
+    low, high = page.value(f"rangeOf({traces}).range")
+    assert low <= 25
+    assert 40 <= high < 50
+    assert page.value("rangeOf([{ y: [1, 2, 3] }])") == {}
+
+
+def test_a_picture_is_saved_larger_and_says_what_it_shows(page):
+    size = page.value(
+        "(() => { const c = document.getElementById('canvas'); return [c.clientWidth, c.clientHeight]; })()"
+    )
+    choose(page, "colour-by", "strain")
+    drawn = """(() => {
+      const c = labelled(report.viewer, report.data, document.getElementById('canvas'), TIMES);
+      const { data } = c.getContext("2d").getImageData(0, 0, c.width, c.height);
+      const dark = (x, y, w, h) => {
+        let sum = 0;
+        for (let j = y; j < y + h; j++) for (let i = x; i < x + w; i++)
+          sum += data[4 * (j * c.width + i)] < 60;
+        return sum;
+      };
+      const scale = dark(0, c.height - 60 * TIMES, 300 * TIMES, 60 * TIMES);
+      return [c.width, c.height, scale, dark(0, 0, 300 * TIMES, 40 * TIMES), data[4 * (c.width - 5)]];
+    })()"""
+    for times in (2, 4):
+        width, height, scale, time, background = page.value(drawn.replace("TIMES", str(times)))
+        assert [width, height] == [times * side for side in size]
+        assert scale > 50 * times
+        assert time > 50 * times
+        assert background == 255
+    choose(page, "colour-by", "muscle")
+
+
+def test_views_have_the_names_of_the_body_where_its_front_is_said(page):
+    choose(page, "front", "0 -1")
+    buttons = "[...document.querySelectorAll('[data-side]')]"
+    views = f"Object.fromEntries({buttons}.map((one) => [one.dataset.side, one.textContent]))"
+    # Of somebody who looks along -y with z up, the left hand is at +x.
+    assert page.value(views) == {"1 0": "left", "-1 0": "right", "0 1": "back", "0 -1": "front"}
+    choose(page, "front", "")
+    assert page.value(views)["1 0"] == "+x"
+
+
+def test_it_prints_whole(page, tmp_path):
+    before = page.value("document.querySelectorAll('details[open]').length")
+    page.value("dispatchEvent(new Event('beforeprint'))")
+    page.call("Emulation.setEmulatedMedia", media="print")
+    page.resize(718, 900)
+    assert page.value("document.querySelectorAll('details:not([open])').length") == 0
+    charts = page.value(
+        """[...document.querySelectorAll('.js-plotly-plot')].filter((c) => c.checkVisibility()).map((c) =>
+          [...["path.js-line", ".legend text"].map((part) => c.querySelectorAll(part).length),
+           c.getBoundingClientRect().right])"""
+    )
+    drawn = page.value("report.data.curves.checks.filter((one) => !one.flat).length")
+    assert len(charts) == 3 + max(drawn, 0)
+    for lines, names, right in charts:
+        assert lines >= 2
+        assert names >= 2
+        assert right <= 718
+    cut = """[...document.querySelectorAll('.table')].filter((one) => one.scrollWidth > one.clientWidth + 1)
+      .map((one) => one.getAttribute('aria-label'))"""
+    assert page.value(cut) == []
+    page.value("dispatchEvent(new Event('afterprint'))")
+    page.call("Emulation.setEmulatedMedia", media="")
+    page.resize(1440, 900)
+    assert page.value("document.querySelectorAll('.printed').length") == 0
+    assert page.value("document.querySelectorAll('details[open]').length") == before
 
 
 @pytest.mark.parametrize("width", [390, 1440])

@@ -54,7 +54,7 @@ def test_without_trame_it_is_said_what_to_install(scene_file, monkeypatch):
     from vtkmuscle.view import make_app
 
     monkeypatch.setitem(sys.modules, "trame.app", None)
-    with pytest.raises(ImportError, match=r"vtkmuscle\[view\]"):
+    with pytest.raises(ImportError, match=r"'\.\[view\]'"):
         make_app(scene_file)
 
 

@@ -10,18 +10,29 @@ import signal
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vtkmuscle._version import __version__
 from vtkmuscle.cli.cohort import cohort
+from vtkmuscle.cli.exporting import check, export_muscles
 from vtkmuscle.cli.labels import from_labels, init
 from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, TerminatedError, one_clear_error, say
-from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, with_run_options
+from vtkmuscle.cli.options import (
+    LiteratureOption,
+    OutOption,
+    QuietOption,
+    RunOptions,
+    named,
+    with_run_options,
+)
 from vtkmuscle.cli.running import run_and_tell
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.isolation import leave_out_working_folder
+
+if TYPE_CHECKING:
+    from vtkmuscle.run import Result
 
 #: Of flexion in the frames of the demo [degrees]: as far as that phantom goes, in fewer steps.
 DEMO_ANGLES = tuple(range(0, 91, 5))
@@ -154,7 +165,7 @@ def export(
     out: Annotated[Path, typer.Argument(help=".gltf for a web page, .vtkhdf, .osim, or .xml for MuJoCo.")],
     time: Annotated[float | None, typer.Option("--time", help="Which pose. Default: the last.")] = None,
     form: Annotated[
-        str, typer.Option("--form", help="For OpenSim: functions of coordinates, or points on bodies.")
+        str, typer.Option("--form", help="For OpenSim: functions of coordinates, or points and cylinders.")
     ] = "functions",
     groups: Annotated[
         int, typer.Option("--groups", min=1, help="For OpenSim: groups of fibres per muscle, at most.")
@@ -162,23 +173,31 @@ def export(
     into: Annotated[
         Path | None, typer.Option("--into", help="For OpenSim: a model to put the muscles into.")
     ] = None,
+    replace: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--replace", metavar="OURS=THEIRS", help="A muscle of that model which one of the scene replaces."
+        ),
+    ] = None,
+    specific_tension: Annotated[
+        float, typer.Option("--specific-tension", help="Force per cross-section, in N/cm^2.")
+    ] = 60.0,
+    mass: Annotated[
+        list[str] | None, typer.Option("--mass", metavar="BODY=KG", help="Of a body of a new model.")
+    ] = None,
+    geometry_only: Annotated[
+        bool, typer.Option("--geometry-only", help="Paths without muscles' properties.")
+    ] = False,
 ) -> None:
     """Export a pose of a run's results for a web page (glTF), or a .pvd series as one .vtkhdf file.
 
-    Or the muscles of a scene with joints as a model of OpenSim or MuJoCo: the scene is run, and what each
-    path costs in accuracy is said.
+    Or the muscles of a scene with joints as a model of OpenSim or MuJoCo: from its results, or from the
+    scene, which is run. By how much lengths and moment arms differ from the run is said and written.
     """
     with one_clear_error(None):
         if out.suffix.lower() in (".osim", ".xml"):
-            from vtkmuscle.opensim import write_mujoco, write_opensim
-
-            if out.suffix.lower() == ".xml":
-                written = write_mujoco(source, out, groups=groups)
-            else:
-                written = write_opensim(source, out, form=form, groups=groups, into=into)
-            for one in written:
-                typer.echo(f"{one.out.name}: {one}")
-            typer.echo(f"wrote {out}")
+            options = {"groups": groups, "specific_tension": specific_tension}
+            export_muscles(source, out, form, into, replace or [], mass or [], geometry_only, options)
         elif out.suffix.lower() == ".vtkhdf":
             from vtkmuscle.io import read_series, write_vtkhdf
             from vtkmuscle.run.store.writing import merged
@@ -203,13 +222,62 @@ def report(
             "--out", "-o", metavar="HTML", parser=named, help="Default: report.html in that folder."
         ),
     ] = None,
+    literature: LiteratureOption = None,
 ) -> None:
     """Write the page of a finished run again: the scene, curves, tables and verdicts in one file."""
     with one_clear_error(out):
-        from vtkmuscle.run import Result
         from vtkmuscle.run.store import PAGE
 
-        typer.echo(f"wrote {Result.load(results).write_report(out or results / PAGE)}")
+        typer.echo(f"wrote {_loaded(results, literature).write_report(out or results / PAGE)}")
+
+
+def _loaded(results: Path, literature: Path | None) -> Result:
+    """Return the results in a folder, with published moment arms where a table of them is given."""
+    from vtkmuscle.run import Result
+
+    found = Result.load(results)
+    return found if literature is None else found.with_literature(literature)
+
+
+@app.command()
+def figures(
+    results: Annotated[Path, typer.Argument(help="Folder of a run's results.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="PATH", parser=named, help="Default: figures in that folder."),
+    ] = None,
+    form: Annotated[str, typer.Option("--form", metavar="png|pdf|svg", help="Of the files.")] = "png",
+    dpi: Annotated[float, typer.Option("--dpi", help="Pixels per inch of pictures.")] = 300.0,
+    literature: LiteratureOption = None,
+) -> None:
+    """Draw the figures of a finished run again, for a journal: as PDF or SVG, at any resolution."""
+    with one_clear_error(out):
+        found = _loaded(results, literature).write_figures(out or results / "figures", form=form, dpi=dpi)
+        typer.echo(f"wrote {len(found)} figures to {found[0].parent}")
+
+
+@app.command()
+def compare(
+    results: Annotated[list[Path], typer.Argument(help="Folders of results; the first is compared to.")],
+    out: OutOption = None,
+    literature: LiteratureOption = None,
+    opensim: Annotated[
+        Path | None,
+        typer.Option("--opensim", metavar="OSIM", help="A model whose muscles are compared, too."),
+    ] = None,
+) -> None:
+    """Lay runs over one another: curves, differences with errors, one page and one table.
+
+    Settings, sides and subjects match by the names of muscles and coordinates. Without --out it writes to
+    comparison, in the folder you are in.
+    """
+    with one_clear_error(out):
+        from vtkmuscle.comparison import compare as compared
+
+        for path in compared(results, literature=literature, opensim=opensim).write(
+            out or Path("comparison")
+        ):
+            typer.echo(f"wrote {path}")
 
 
 @app.command("view")
@@ -297,6 +365,7 @@ def tradeoff(
 app.command()(cohort)
 app.command("from-labels")(from_labels)
 app.command()(init)
+app.command()(check)
 
 
 @app.command()

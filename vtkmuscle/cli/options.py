@@ -22,6 +22,12 @@ OutOption = Annotated[
     Path | None,
     typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to."),
 ]
+LiteratureOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--literature", metavar="CSV", help="Published moment arms to draw beside those of the run."
+    ),
+]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and warnings only.")]
 
 

@@ -28,6 +28,18 @@ def shown(value: object) -> str:
         return f"a number of more than {4300} digits"
 
 
+def names(given: str | Iterable[str]) -> list[str]:
+    """Return names as a list; a text is one name, not its letters.
+
+    Examples
+    --------
+    >>> from vtkmuscle.core.words import names
+    >>> names("iliacus"), names(("iliacus", "psoas"))
+    (['iliacus'], ['iliacus', 'psoas'])
+    """
+    return [given] if isinstance(given, str) else list(given)
+
+
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Return what to do about a word that is not known: the nearest known one, and all of them.
 

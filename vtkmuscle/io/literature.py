@@ -146,6 +146,51 @@ def curves_for(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class DrawnCurve:
+    """What is drawn of a source: a line, a single value, or a band between two sides.
+
+    Attributes
+    ----------
+    source, label : str
+        Whose it is, and what the legend says.
+    angles, arms : (n,) arrays
+        Of the line, or of the lower side [degrees, mm].
+    upper : (n,) array or None
+        Of the upper side; None of a line.
+    """
+
+    source: str
+    label: str
+    angles: Floats
+    arms: Floats
+    upper: Floats | None = None
+
+
+def drawn(curves: Sequence[LiteratureCurve]) -> list[DrawnCurve]:
+    """Return curves as they are drawn: bands where a source has two sides, else lines or single values."""
+    uppers = {_sides(curve): curve for curve in curves if curve.part.endswith(UPPER)}
+    lowers = {_sides(curve) for curve in curves if curve.part.endswith(LOWER)}
+    found = []
+    for one in curves:
+        other = uppers.get(_sides(one))
+        if one.part.endswith(LOWER) and other is not None:
+            first, last = max(one.angles[0], other.angles[0]), min(one.angles[-1], other.angles[-1])
+            grid = np.unique(np.concatenate([one.angles, other.angles]))
+            grid = grid[(grid >= first) & (grid <= last)]
+            low, high = (np.interp(grid, side.angles, side.arms) for side in (one, other))
+            found.append(DrawnCurve(one.source, f"{one.source}, fibres", grid, low, high))
+        elif not (one.part.endswith(UPPER) and _sides(one) in lowers):  # that is drawn with the other side
+            label = ", ".join(word.replace("_", " ") for word in (one.source, one.part) if word)
+            found.append(DrawnCurve(one.source, label, one.angles, one.arms))
+    return found
+
+
+def _sides(curve: LiteratureCurve) -> tuple[str, str]:
+    """Return what the two sides of a band have in common."""
+    return curve.source, curve.part.removesuffix(LOWER).removesuffix(UPPER)
+
+
 def _names(name: str) -> tuple[str, ...]:
     """Return a name, and the one without its side."""
     return (name, name[:-2]) if name[-2:].casefold() in ("_r", "_l") else (name,)

@@ -187,7 +187,7 @@ def _kinds(
     else:
         named = list(coordinates)
     given = coordinates if isinstance(coordinates, Mapping) else {}
-    return {name: {"positive": f"as {name} grows", **given.get(name, {})} for name in named}
+    return {name: {"positive": "", **given.get(name, {})} for name in named}
 
 
 def _counts_rows(values: Floats) -> bool:

@@ -11,8 +11,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from vtkmuscle.opensim.checking import ModelCheck, check_model
     from vtkmuscle.opensim.enriching import enriched
-    from vtkmuscle.opensim.from_run import ExportedMuscle, export_muscles, write_mujoco, write_opensim
+    from vtkmuscle.opensim.from_run import ExportedMuscle, errors_table, write_mujoco, write_opensim
     from vtkmuscle.opensim.mjcf import mjcf_of
     from vtkmuscle.opensim.model import OsimModel, read_osim
     from vtkmuscle.opensim.motion_file import MotionFile, read_motion_file
@@ -20,8 +21,9 @@ if TYPE_CHECKING:
 
 #: Names of each module, which is loaded when one of them is asked for: a scene with joints exports nothing.
 _NAMES = {
+    "checking": ("ModelCheck", "check_model"),
     "enriching": ("enriched",),
-    "from_run": ("ExportedMuscle", "export_muscles", "write_mujoco", "write_opensim"),
+    "from_run": ("ExportedMuscle", "errors_table", "write_mujoco", "write_opensim"),
     "mjcf": ("mjcf_of",),
     "model": ("OsimModel", "read_osim"),
     "motion_file": ("MotionFile", "read_motion_file"),
@@ -31,11 +33,13 @@ _SOURCES = {name: module for module, names in _NAMES.items() for name in names}
 
 __all__ = [
     "ExportedMuscle",
+    "ModelCheck",
     "MotionFile",
     "MuscleOut",
     "OsimModel",
+    "check_model",
     "enriched",
-    "export_muscles",
+    "errors_table",
     "mjcf_of",
     "osim_of",
     "read_motion_file",

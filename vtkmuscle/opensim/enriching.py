@@ -4,12 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from xml.parsers import expat
+from xml.etree import ElementTree
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.io.xml_elements import read_xml
-from vtkmuscle.opensim.model import read_osim
-from vtkmuscle.opensim.osim_text import ComponentPaths, MuscleOut, muscle_element
+from vtkmuscle.opensim.model import OsimModel, read_osim
+from vtkmuscle.opensim.osim_text import ComponentPaths, MuscleOut, cylinder_elements, muscle_element
+
+
+def checked_model(path: Path) -> OsimModel:
+    """Return a model of OpenSim that muscles can be put into.
+
+    Raises
+    ------
+    ValueError
+        If the file is no model, or not of version 4.
+    """
+    version = read_xml(path).attributes.get("Version", "0")
+    if not version.isdecimal() or int(version) < 40000:
+        raise InputError(path, f"the model is of version {version}", "save it again with OpenSim 4")
+    return read_osim(path)
 
 
 def enriched(model: Path, muscles: Sequence[MuscleOut], *, replace: Sequence[str] = ()) -> str:
@@ -30,14 +44,10 @@ def enriched(model: Path, muscles: Sequence[MuscleOut], *, replace: Sequence[str
         If the file is no such model, has a muscle of that name that is not taken out, or no muscle that is
         to be taken out.
     """
-    read = read_osim(model)
-    document = read_xml(model)
-    version = document.attributes.get("Version", "0")
-    if not version.isdecimal() or int(version) < 40000:
-        raise InputError(model, f"the model is of version {version}", "save it again with OpenSim 4")
-    names = {muscle.name for muscle in muscles}
+    read = checked_model(model)
     for one in replace:
         read.muscle(one)  # raises where there is none
+    names = {muscle.name for muscle in muscles}
     for one in sorted(names & (set(read.muscles) - set(replace))):
         raise InputError(
             model, f"the model has a muscle {one!r} already", "call the new one otherwise, or replace"
@@ -46,54 +56,35 @@ def enriched(model: Path, muscles: Sequence[MuscleOut], *, replace: Sequence[str
         {body: "/ground" if body == read.tree.root else f"/bodyset/{body}" for body in read.tree.bodies},
         {name: f"/jointset/{joint}/{name}" for name, joint in read.joint_of.items()},
     )
-    text = _as_utf8(model)
-    forces = "".join(muscle_element(one, paths) for one in muscles)
-    return _with_forces(text, forces, set(replace), model)
+    root = ElementTree.fromstring(
+        _as_utf8(model), ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    )
+    forces = root.find("Model/ForceSet/objects")
+    if forces is None:
+        raise InputError(model, "the model has no ForceSet", "save it again with OpenSim 4")
+    for force in [force for force in forces if force.get("name") in replace]:
+        forces.remove(force)
+    _add(forces, "".join(muscle_element(one, paths) for one in muscles))
+    for body, cylinders in cylinder_elements(muscles).items():
+        path = "Model/Ground" if body == read.tree.root else f"Model/BodySet/objects/Body[@name='{body}']"
+        holder = root.find(path)
+        assert holder is not None
+        for tag in ("WrapObjectSet", "objects"):
+            inner = holder.find(tag)
+            holder = ElementTree.SubElement(holder, tag) if inner is None else inner
+        _add(holder, cylinders)
+    return '<?xml version="1.0" encoding="UTF-8" ?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _as_utf8(path: Path) -> bytes:
+def _add(holder: ElementTree.Element, text: str) -> None:
+    holder.extend(ElementTree.fromstring(f"<objects>{text}</objects>"))
+
+
+def _as_utf8(path: Path) -> str:
+    """Return a file's text without what it says of its encoding, which is not always so."""
     data = path.read_bytes()
     try:
-        return data.decode("utf-8-sig").encode()
+        text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return data.decode("latin-1").encode()
-
-
-def _with_forces(text: bytes, forces: str, replace: set[str], path: Path) -> str:
-    """Return a model's text with forces at the end of its set of them, and some taken out."""
-    parser = expat.ParserCreate("utf-8")
-    stack: list[str] = []
-    cuts: list[tuple[int, int]] = []
-    found: dict[str, int] = {}
-    begun: dict[int, int] = {}
-    place = ["OpenSimDocument", "Model", "ForceSet", "objects"]
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        if stack == place and attributes.get("name") in replace:
-            begun[len(stack)] = parser.CurrentByteIndex
-        stack.append(tag)
-        if stack == place:
-            found["empty"] = parser.CurrentByteIndex
-
-    def end(tag: str) -> None:
-        if stack == place:
-            found["end"] = parser.CurrentByteIndex
-        stack.pop()
-        if len(stack) in begun:
-            closing = text.index(b">", parser.CurrentByteIndex) + 1
-            cuts.append((begun.pop(len(stack)), closing))
-
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.Parse(text, True)
-    if "end" not in found:
-        raise InputError(path, "the model has no ForceSet", "save it again with OpenSim 4")
-    if found["end"] == found["empty"]:  # <objects/>
-        closing = text.index(b">", found["empty"]) + 1
-        pieces = [text[: found["empty"]], b"<objects>\n", forces.encode(), b"</objects>", text[closing:]]
-        return b"".join(pieces).decode()
-    kept, at = [], 0
-    for first, last in cuts:
-        kept.append(text[at:first])
-        at = last
-    kept += [text[at : found["end"]], forces.encode(), text[found["end"] :]]
-    return b"".join(kept).decode()
+        text = data.decode("latin-1")
+    return text.partition("?>")[2] if text.startswith("<?xml") else text

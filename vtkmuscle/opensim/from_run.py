@@ -1,31 +1,35 @@
-"""Muscles of a run as paths of OpenSim: functions of coordinates, or points on bodies."""
+"""Muscles of a run in models of OpenSim and MuJoCo: paths with the run's lengths and moment arms."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.groups import group_errors, group_fibres
 from vtkmuscle.core.motion.frames import inverses
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io import write_text
-from vtkmuscle.opensim.enriching import enriched
+from vtkmuscle.io.parts import file_digest
+from vtkmuscle.opensim.enriching import checked_model, enriched
 from vtkmuscle.opensim.fitted_lengths import fit_length
 from vtkmuscle.opensim.fitted_points import fit_points
-from vtkmuscle.opensim.hill import opensim_properties
+from vtkmuscle.opensim.hill import SPECIFIC_TENSION, completed_properties, opensim_properties
+from vtkmuscle.opensim.meshes import write_meshes
 from vtkmuscle.opensim.mjcf import mjcf_of
-from vtkmuscle.opensim.muscle_paths import FunctionPath
+from vtkmuscle.opensim.muscle_paths import FunctionPath, PointPath, moment_arm
 from vtkmuscle.opensim.osim_text import MuscleOut, osim_of
 from vtkmuscle.opensim.scene_joints import SceneJoints, coordinate_values
 from vtkmuscle.opensim.slide_units import slides_in_metres
 from vtkmuscle.opensim.tree import KinematicTree
 from vtkmuscle.run.result import Result
+from vtkmuscle.run.table import Table
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.files import SceneFiles, parsed
@@ -33,14 +37,17 @@ from vtkmuscle.scene.motion import joints_of
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scenes import Scene
 
-#: Error of a path over points that further points are not worth [m], root mean square.
+#: What a path over points may leave of lengths and moment arms [m], root mean square, before a cylinder is
+#: added: less than meshes and landmarks are good for.
 TOLERANCE = 0.5e-3
 _FORMS = ("functions", "points")
+#: A path without a muscle in OpenSim.
+GEOMETRY_ONLY = "PathActuator"
 
 
 @dataclass(frozen=True, eq=False)
 class ExportedMuscle:
-    """A group of fibres as it was written, and what that cost.
+    """A group of fibres as it was written, and how far that is from the run.
 
     Attributes
     ----------
@@ -49,118 +56,153 @@ class ExportedMuscle:
     out : MuscleOut
         What was written [m].
     fibres : tuple of int
-        Those that it stands for.
+        Those that it stands for, on the mean.
     group_error : float
         RMS of the changes of their paths' lengths against the group's mean [mm].
-    fit_error, largest_fit_error : float
-        Of the path against the mean (functions) or the path that stands for the group (points) [mm]; for
-        points the change of length counts.
-    held_back_error : float or None
-        Of a function, at poses by which its order was chosen [mm].
+    length_errors : (f,) array
+        Of the path's length against the group's mean, in the poses of the run [mm].
+    arm_errors : dict of str to (f,) array
+        Of its moment arms against the group's mean, by coordinate [mm, 1 by a slide].
     """
 
     muscle: str
     out: MuscleOut
     fibres: tuple[int, ...]
     group_error: float
-    fit_error: float
-    largest_fit_error: float
-    held_back_error: float | None = None
+    length_errors: Floats
+    arm_errors: dict[str, Floats]
 
     def __str__(self) -> str:
         path = self.out.path
         if isinstance(path, FunctionPath):
             what = f"a polynomial of {', '.join(path.names)}, order {path.order}"
         else:
-            moving = sum(point.moves for point in path.points)
-            what = f"{len(path.points)} points" + (f", {moving} of them moving" if moving else "")
+            what = f"{len(path.points)} points and {len(path.cylinders)} cylinders"
+        errors = {"length": self.length_errors} | self.arm_errors
+        said = ", ".join(
+            f"{name} {_rms(off):.2g} (at most {np.abs(off).max():.2g})" for name, off in errors.items()
+        )
         return (
-            f"{len(self.fibres)} fibres as {what}; error {self.fit_error:.2g} mm "
-            f"(at most {self.largest_fit_error:.2g}), of the group {self.group_error:.2g} mm"
+            f"{len(self.fibres)} fibres as {what}; errors in mm: {said}; of the group {self.group_error:.2g}"
         )
 
 
+def errors_table(found: Sequence[ExportedMuscle]) -> Table:
+    """Return the errors of paths in the poses of the run, a row per muscle and length or coordinate."""
+    rows = (
+        (one.out.name, name, _rms(off), float(np.abs(off).max()), float(off.mean()))
+        for one in found
+        for name, off in ({"length": one.length_errors} | one.arm_errors).items()
+    )
+    return Table(("muscle", "of", "rms_mm", "largest_mm", "mean_mm"), rows)
+
+
 def write_opensim(
-    scene_file: str | PathLike[str],
+    source: str | PathLike[str],
     out: str | PathLike[str],
     *,
     result: Result | None = None,
     into: str | PathLike[str] | None = None,
+    replace: Mapping[str, str] | None = None,
     form: str = "functions",
     groups: int = 1,
     parameters: Mapping[str, Mapping[str, float]] | None = None,
+    specific_tension: float = SPECIFIC_TENSION,
     kind: str = "Millard2012EquilibriumMuscle",
+    masses: Mapping[str, float] | None = None,
 ) -> list[ExportedMuscle]:
     """Write the muscles of a scene with joints as a model of OpenSim.
 
+    Beside it are ``NAME_errors.csv``, and for a new model the meshes of bones and muscles in ``Geometry``.
+
     Parameters
     ----------
-    scene_file : path
-        A scene.toml with ``[joints.NAME]`` or ``[opensim]``.
+    source : path
+        A scene.toml with ``[joints.NAME]`` or ``[opensim]``, which is run; or the folder of its results.
     out : path
         The .osim file.
     result : Result, optional
-        Of a run of the scene; without it the scene is run.
+        Of a run of the scene, in place of another one.
     into : path, optional
         A model that the muscles are put into, all else staying as it is: that of ``[opensim]``, or one of
         the same bodies and coordinates. By default none: a new model with the scene's joints.
+    replace : mapping of str to str, optional
+        By muscle of the scene, that of the model whose name and properties it takes.
     form : str, optional
         ``"functions"``, lengths as polynomials of the coordinates that a muscle crosses (FunctionBasedPath);
-        or ``"points"``, a few points on bones.
+        or ``"points"``, points on bones and cylinders to wind round.
     groups : int, optional
         Groups of fibres per muscle, at most.
     parameters : mapping of str to mapping, optional
-        Properties of each muscle in OpenSim, in place of those of the scene's ``hill``; of
-        ``max_isometric_force`` each group has its fibres' share. Paths without a muscle (``PathActuator``)
-        have none of the scene's.
+        Properties of each muscle in OpenSim, in place of those of the scene's ``hill``, of the muscle that it
+        replaces and of its architecture, see :func:`~vtkmuscle.opensim.hill.completed_properties`; of
+        ``max_isometric_force`` each group has its fibres' share.
+    specific_tension : float, optional
+        Force per cross-section [N/cm^2], for the muscles whose force is that of their architecture.
     kind : str, optional
-        Class of the muscles in OpenSim.
+        Class of the muscles in OpenSim; ``"PathActuator"`` for paths without muscles' properties.
+    masses : mapping of str to float, optional
+        Of the bodies of a new model [kg]; the others have none.
 
     Returns
     -------
     list of ExportedMuscle
-        What was written and what it cost.
+        What was written, and how far it is from the run.
 
     Raises
     ------
     SceneError, ValueError
-        If the scene has no joints, is mirrored, or a muscle failed or has no fibres.
+        If the scene has no joints, is mirrored, or a muscle failed, has no fibres, crosses a coordinate that
+        does not move or has no length left for a tendon; or if the model is not of version 4.
     """
-    run = _run_of(Path(scene_file), result)
-    asked = parameters or {}
-    if kind != "PathActuator":
-        asked = {name: {**hill, **asked.get(name, {})} for name, hill in run.hill.items()}
-    found = export_muscles(*run.muscles, form=form, groups=groups, parameters=asked, kind=kind)
+    model = None if into is None else checked_model(Path(into))
+    run = _run_of(Path(source), result)
+    replaced = dict(replace or {})
+    given = dict(run.hill)
+    if model is not None:
+        for name, theirs in replaced.items():
+            given[name] = {**model.muscle(theirs).parameters, **given.get(name, {})}
+    for name, one in (parameters or {}).items():
+        given[name] = {**given.get(name, {}), **one}
+    found = _exported(run, form, groups, given, specific_tension, kind, replaced)
     outs = [one.out for one in found]
-    text = osim_of(run.tree, outs, name=run.name) if into is None else enriched(Path(into), outs)
-    write_text(Path(out), text)
+    file = Path(out)
+    if into is None:
+        meshes = write_meshes(file.parent, run.surfaces, run.tree, run.joints.frame, run.metres)
+        text = osim_of(run.tree, outs, name=run.result.name, masses=masses, meshes=meshes)
+    else:
+        text = enriched(Path(into), outs, replace=list(replaced.values()))
+    write_text(file, text)
+    errors_table(found).write(file.with_name(f"{file.stem}_errors.csv"), digits=6)
     return found
 
 
 def write_mujoco(
-    scene_file: str | PathLike[str],
+    source: str | PathLike[str],
     out: str | PathLike[str],
     *,
     result: Result | None = None,
     groups: int = 1,
+    parameters: Mapping[str, Mapping[str, float]] | None = None,
+    specific_tension: float = SPECIFIC_TENSION,
+    kind: str = "Millard2012EquilibriumMuscle",
+    masses: Mapping[str, float] | None = None,
 ) -> list[ExportedMuscle]:
-    """Write the muscles of a scene with joints as a model of MuJoCo: tendons over points fixed to bones.
+    """Write the muscles of a scene with joints as a model of MuJoCo: tendons, and muscles that pull them.
 
     Parameters
     ----------
-    scene_file : path
-        A scene.toml with ``[joints.NAME]`` or ``[opensim]``.
+    source : path
+        A scene.toml with ``[joints.NAME]`` or ``[opensim]``, which is run; or the folder of its results.
     out : path
         The .xml file (MJCF).
-    result : Result, optional
-        Of a run of the scene; without it the scene is run.
-    groups : int, optional
-        Groups of fibres per muscle, at most.
+    result, groups, parameters, specific_tension, kind, masses
+        As of :func:`write_opensim`. A ``kind`` of ``"PathActuator"`` leaves tendons without muscles.
 
     Returns
     -------
     list of ExportedMuscle
-        What was written and what it cost.
+        What was written, and how far it is from the run.
 
     Raises
     ------
@@ -168,26 +210,53 @@ def write_mujoco(
         As :func:`write_opensim`; and if the joints have what MuJoCo has not, see
         :func:`~vtkmuscle.opensim.mjcf_of`.
     """
-    run = _run_of(Path(scene_file), result)
-    found = export_muscles(*run.muscles, form="points", groups=groups, moving=False)
-    write_text(Path(out), mjcf_of(run.tree, [one.out for one in found], name=run.name))
+    run = _run_of(Path(source), result)
+    given = {name: {**one, **(parameters or {}).get(name, {})} for name, one in run.hill.items()}
+    found = _exported(run, "points", groups, given, specific_tension, kind, {})
+    file = Path(out)
+    meshes = write_meshes(file.parent, run.surfaces, run.tree, run.joints.frame, run.metres)
+    ranges = {one.out.name: one.out.path.lengths(run.tree, run.values) for one in found}
+    text = mjcf_of(
+        run.tree,
+        [one.out for one in found],
+        name=run.result.name,
+        masses=masses,
+        meshes=meshes,
+        lengths=ranges,
+    )
+    write_text(file, text)
+    errors_table(found).write(file.with_name(f"{file.stem}_errors.csv"), digits=6)
     return found
 
 
 class _Run(NamedTuple):
     """A run of a scene with joints, as exports take it.
 
-    Its name, its tree [m], properties of muscles in OpenSim, and what :func:`export_muscles` takes.
+    Its joints; the tree, coordinates in its frames, and metres per unit of the scene; per muscle the bodies
+    of origin and insertion, the coordinates that it crosses, and its properties in OpenSim; and surfaces at
+    rest on bodies.
     """
 
-    name: str
+    result: Result
+    joints: SceneJoints
     tree: KinematicTree
+    values: dict[str, Floats]
+    metres: float
+    ends: dict[str, tuple[str, str]]
+    crossed: dict[str, tuple[str, ...]]
     hill: dict[str, dict[str, float]]
-    muscles: tuple[Result, SceneJoints, Mapping[str, Floats], Mapping[str, tuple[str, ...]]]
+    surfaces: dict[str, tuple[str, vtkPolyData]]
 
 
-def _run_of(path: Path, result: Result | None) -> _Run:
-    """Return a run of a scene; without a result it is run."""
+def _run_of(source: Path, result: Result | None) -> _Run:
+    """Return a run of a scene, its results where they are there, else it is run."""
+    path = source
+    if source.is_dir():
+        result = result or Result.load(source)
+        path = Path(result.report["scene_file"])
+        if not path.is_file() or file_digest(path) != result.report["sha256"]["scene"]:
+            what = f"the scene that was run, {path}, has changed or is no longer there"
+            raise InputError(source, what, "export its scene.toml, which runs it again")
     table = validated(parsed(path), path)
     files = SceneFiles(path)
     joints = joints_of(table, files)
@@ -196,113 +265,114 @@ def _run_of(path: Path, result: Result | None) -> _Run:
     if table.mirror is not None:
         raise SceneError("mirrored scenes are not exported", "mirror", "export the other side", path)
     scene = Scene.load(path)
-    result = result or scene.run(figures=False)
+    metres = MILLIMETRES[scene.units] / 1000.0
+    tree, factors = slides_in_metres(joints.tree.scaled(metres))
     _, values = coordinate_values(table, joints.tree, files)
-    now = {name: column[list(result.frames)] for name, column in values.items()}
-    attached = {
-        name: tuple(
-            next(joints.bodies[area.bone] for area in muscle.attachments if area.role == role)
-            for role in ("origin", "insertion")
-        )
-        for name, muscle in scene.muscles.items()
-        if name in result.lengths
-    }
-    tree, _ = slides_in_metres(joints.tree.scaled(MILLIMETRES[scene.units] / 1000.0))
-    hill = {
-        name: opensim_properties(muscle.hill, MILLIMETRES[scene.units] / 1000.0)
-        for name, muscle in scene.muscles.items()
-    }
-    return _Run(scene.name, tree, hill, (result, joints, now, attached))
+    ends, crossed = {}, {}
+    for name, muscle in scene.muscles.items():
+        bones = {area.role: area.bone for area in reversed(muscle.attachments)}
+        ends[name] = (joints.bodies[bones["origin"]], joints.bodies[bones["insertion"]])
+        crossed[name] = tuple(one for one in tree.crossed(ends[name]) if one in (muscle.crosses or ()))
+        still = [one for one in crossed[name] if one not in values or np.ptp(values[one]) < 1e-9]
+        if still:
+            grid = ", ".join(f"{one} = [FIRST, LAST, STEP]" for one in crossed[name])
+            raise SceneError(
+                f"the motion does not move {', '.join(still)}, which muscle {name!r} crosses: the model "
+                "would have no moment arms by that",
+                "motion",
+                f"move it too, e.g. grid = {{ {grid} }}, or leave it out of muscles.{name}.crosses",
+                path,
+            )
+    result = result or scene.run(figures=False)
+    now = {name: factors[name] * column[list(result.frames)] for name, column in values.items()}
+    hill = {name: opensim_properties(muscle.hill, metres) for name, muscle in scene.muscles.items()}
+    surfaces = {name: (joints.bodies[name], surface) for name, surface in scene.bones.items()}
+    surfaces |= {f"{name}_at_rest": (ends[name][0], one.surface) for name, one in scene.muscles.items()}
+    return _Run(result, joints, tree, now, metres, ends, crossed, hill, surfaces)
 
 
-def export_muscles(
-    result: Result,
-    joints: SceneJoints,
-    values: Mapping[str, Floats],
-    attached: Mapping[str, tuple[str, ...]],
-    *,
-    form: str = "functions",
-    groups: int = 1,
-    moving: bool = True,
-    parameters: Mapping[str, Mapping[str, float]] | None = None,
-    kind: str = "Millard2012EquilibriumMuscle",
+def _exported(
+    run: _Run,
+    form: str,
+    groups: int,
+    given: Mapping[str, Mapping[str, float]],
+    specific_tension: float,
+    kind: str,
+    names: Mapping[str, str],
 ) -> list[ExportedMuscle]:
-    """Return the muscles of a run as paths.
-
-    Parameters
-    ----------
-    result : Result
-        Of a scene with joints.
-    joints : SceneJoints
-        Of the scene.
-    values : mapping of str to (f,) array
-        Of the joints' coordinates in the frames of the result [radians, or the scene's unit].
-    attached : mapping of str to (str, str)
-        The bodies of each muscle's origin and insertion.
-    form, groups, parameters, kind
-        As of :func:`write_opensim`.
-    moving : bool, optional
-        Whether points of a path may move on their bones.
-
-    Raises
-    ------
-    ValueError
-        If there is no such form, or a muscle failed.
-    """
+    """Return the muscles of a run as paths."""
     if form not in _FORMS:
         raise InputError("", f"there is no form {form!r}; allowed: {', '.join(_FORMS)}")
-    metres = MILLIMETRES[result.units] / 1000.0
-    tree, factors = slides_in_metres(joints.tree.scaled(metres))
-    in_metres = {one: factors[one] * column for one, column in values.items()}
+    result, tree = run.result, run.tree
+    arms = result.moment_arms()
+    rest = {
+        name: np.clip([tree.coordinate(name).rest], column.min(), column.max())
+        for name, column in run.values.items()
+    }
     found: list[ExportedMuscle] = []
-    for name, given in result.lengths.items():
-        if len(given) < len(result.frames):
-            raise InputError("", f"muscle {name!r} failed after {len(given)} of {len(result.frames)} frames")
-        lengths = given / 1000.0
+    for name, lengths in result.lengths.items():
+        if len(lengths) < len(result.frames):
+            raise InputError(
+                "", f"muscle {name!r} failed after {len(lengths)} of {len(result.frames)} frames"
+            )
         labels = group_fibres(lengths, groups)
-        errors, medoids = group_errors(lengths, labels)
-        ends = attached[name]
-        crossed = {one: in_metres[one] for one in tree.crossed(ends) if one in values}
-        lines = _lines(result, name, joints, values, metres) if form == "points" else None
-        own = dict((parameters or {}).get(name, {}))
-        force = own.get("max_isometric_force")
-        for group, medoid in enumerate(medoids):
+        errors = group_errors(lengths, labels)
+        lines = _lines(run, name) if form == "points" else None
+        for group in range(int(labels.max()) + 1):
             mine = np.flatnonzero(labels == group)
-            label = name if len(medoids) == 1 else f"{name}_{group + 1}"
-            if force is not None:
-                own["max_isometric_force"] = force * len(mine) / len(labels)
-            cost = 1000.0 * float(np.sqrt((errors[mine] ** 2).mean()))
-            held_back = None
+            mean = lengths[:, mine].mean(axis=1) / 1000.0
+            by = {
+                one: arms[name][one].arms[:, mine].mean(axis=1)
+                / (1000.0 if tree.coordinate(one).is_angle else 1.0)
+                for one in run.crossed[name]
+            }
+            path: FunctionPath | PointPath
             if lines is None:
-                fit = fit_length(lengths[:, mine].mean(axis=1), crossed)
-                out = MuscleOut(label, fit.path, dict(own), kind)
-                errs = (1000.0 * fit.error, 1000.0 * fit.largest_error)
-                held_back = 1000.0 * fit.held_back_error
+                path = fit_length(mean, {one: run.values[one] for one in by}, by)
             else:
-                points = fit_points(
-                    lines[:, medoid],
-                    tree,
-                    in_metres,
-                    (ends[0], ends[1]),
-                    tolerance=TOLERANCE,
-                    moving=moving,
+                line = lines[:, mine].mean(axis=1)
+                path = fit_points(line, tree, run.values, run.ends[name], mean, by, tolerance=TOLERANCE)
+            own: dict[str, float] = {}
+            if kind != GEOMETRY_ONLY:
+                own = completed_properties(
+                    given.get(name, {}),
+                    result.report["muscles"][name]["architecture"],
+                    name,
+                    length=float(path.lengths(tree, rest)[0]),
+                    share=float(mean.mean() / lengths.mean() * 1000.0),
+                    specific_tension=specific_tension,
                 )
-                out = MuscleOut(label, points.path, dict(own), kind)
-                errs = (1000.0 * points.error, 1000.0 * points.largest_error)
-            found.append(ExportedMuscle(name, out, tuple(int(i) for i in mine), cost, *errs, held_back))
+                own["max_isometric_force"] *= len(mine) / len(labels)
+            label = names.get(name, name) + ("" if labels.max() == 0 else f"_{group + 1}")
+            found.append(
+                ExportedMuscle(
+                    name,
+                    MuscleOut(label, path, own, kind),
+                    tuple(int(i) for i in mine),
+                    _rms(errors[mine]),
+                    1000.0 * (path.lengths(tree, run.values) - mean),
+                    {
+                        one: (moment_arm(path, tree, run.values, one) - arm)
+                        * (1000.0 if tree.coordinate(one).is_angle else 1.0)
+                        for one, arm in by.items()
+                    },
+                )
+            )
     return found
 
 
-def _lines(
-    result: Result, name: str, joints: SceneJoints, values: Mapping[str, Floats], metres: float
-) -> Floats:
+def _lines(run: _Run, name: str) -> Floats:
     """Return the points of the paths (f, n, p, 3) in the frame of the tree's root [m]."""
-    tree: KinematicTree = joints.tree
-    rest, now = tree.poses({}), tree.poses(values)
+    tree, joints = run.tree, run.joints
+    rest, now = tree.poses({}), tree.poses(run.values)
     hold = rest[joints.fixed] @ inverses(now[joints.fixed])
     to_root = inverses(hold) @ rest[joints.frame]
     frames = []
-    for position, frame in enumerate(result.frames):
-        points = result.paths(name, frame=frame).points
-        frames.append(metres * (points @ to_root[position, :3, :3].T + to_root[position, :3, 3]))
+    for position, frame in enumerate(run.result.frames):
+        points = run.metres * run.result.paths(name, frame=frame).points
+        frames.append(points @ to_root[position, :3, :3].T + to_root[position, :3, 3])
     return np.array(frames)
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt((values**2).mean()))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -12,15 +12,29 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.frames import inverses
 from vtkmuscle.core.types import Floats
 from vtkmuscle.opensim.functions import Constant, CoordinateFunction, Multiplier, Polynomial
+from vtkmuscle.opensim.hill import NEEDED
+from vtkmuscle.opensim.meshes import FOLDER
 from vtkmuscle.opensim.muscle_paths import PointPath
-from vtkmuscle.opensim.osim_text import INERTIA, MASS, MuscleOut
+from vtkmuscle.opensim.osim_text import CYLINDER, GYRATION, MuscleOut, along
 from vtkmuscle.opensim.tree import Joint, JointAxis, KinematicTree
 
 #: Highest power of a coupling in MuJoCo.
 _HIGHEST = 4
+#: Mass of what has none [kg].
+LEAST_MASS = 0.001
+#: What is seen, and neither touches nor weighs anything.
+_PASSIVE = 'contype="0" conaffinity="0" mass="0" rgba="0.8 0.75 0.7 0.5"'
 
 
-def mjcf_of(tree: KinematicTree, muscles: Sequence[MuscleOut] = (), *, name: str = "model") -> str:
+def mjcf_of(
+    tree: KinematicTree,
+    muscles: Sequence[MuscleOut] = (),
+    *,
+    name: str = "model",
+    masses: Mapping[str, float] | None = None,
+    meshes: Mapping[str, Sequence[str]] | None = None,
+    lengths: Mapping[str, Floats] | None = None,
+) -> str:
     """Return a model of MuJoCo as text.
 
     A turn or slide that is its coordinate itself is a joint of the coordinate's name. Where it is a
@@ -32,9 +46,15 @@ def mjcf_of(tree: KinematicTree, muscles: Sequence[MuscleOut] = (), *, name: str
     tree : KinematicTree
         In metres.
     muscles : sequence of MuscleOut, optional
-        With paths over points that are fixed to bodies.
+        With paths over points that are fixed to bodies, and round cylinders.
     name : str, optional
         Of the model.
+    masses : mapping of str to float, optional
+        Of the bodies [kg]; the others have 0.001 kg, for MuJoCo moves nothing without mass.
+    meshes : mapping of str to sequence of str, optional
+        Of the bodies: names of .stl files, without suffix, in the folder ``Geometry`` beside the model.
+    lengths : mapping of str to array, optional
+        Those that a muscle's tendon has [m], by its name: with them, and Hill's parameters, it gets a muscle.
 
     Returns
     -------
@@ -51,23 +71,28 @@ def mjcf_of(tree: KinematicTree, muscles: Sequence[MuscleOut] = (), *, name: str
     for muscle in muscles:
         _check(muscle)
     sites = _sites(muscles)
+    shown = meshes or {}
 
     def body(name: str) -> str:
-        inner = "".join(
-            f'<site name="{site}" pos="{_numbers(place)}"/>\n' for site, on, place in sites if on == name
-        )
+        inner = "".join(f'<geom type="mesh" mesh="{mesh}" {_PASSIVE}/>\n' for mesh in shown.get(name, ()))
+        inner += "".join(text for on, text in sites if on == name)
         inner += "".join(body(child) for child, joint in joints.items() if joint.parent == name)
         joint = joints.get(name)
         if joint is None:
             return inner
-        return _body(joint, inner, model)
+        return _body(joint, inner, model, (masses or {}).get(name, LEAST_MASS))
 
     world = body(tree.root)
     tendons = "".join(
-        f'<spatial name="{muscle.name}">\n'
-        + "".join(f'<site site="{muscle.name}-P{i + 1}"/>\n' for i in range(_count(muscle)))
-        + "</spatial>\n"
+        f'<spatial name="{muscle.name}">\n' + "".join(_way(muscle)) + "</spatial>\n" for muscle in muscles
+    )
+    actuators = "".join(
+        _actuator(muscle, lengths[muscle.name])
         for muscle in muscles
+        if lengths is not None and set(NEEDED) <= set(muscle.parameters)
+    )
+    assets = "".join(
+        f'<mesh name="{mesh}" file="{mesh}.stl"/>\n' for names in shown.values() for mesh in names
     )
     for one in tree.couplings:
         model.couple(one.dependent, one.independent, one.function)
@@ -75,11 +100,15 @@ def mjcf_of(tree: KinematicTree, muscles: Sequence[MuscleOut] = (), *, name: str
     if missing:
         raise InputError("", f"no joint is the coordinate {missing[0]!r} itself, as MuJoCo needs it")
     return f"""<mujoco model={quoteattr(name)}>
-<compiler angle="radian" autolimits="true"/>
+<compiler angle="radian" autolimits="true" meshdir="{FOLDER}"/>
+<asset>
+{assets}</asset>
 <worldbody>
 {world}</worldbody>
 <tendon>
 {tendons}</tendon>
+<actuator>
+{actuators}</actuator>
 <equality>
 {"".join(model.equalities)}</equality>
 </mujoco>
@@ -103,7 +132,7 @@ class _Model:
         )
 
 
-def _body(joint: Joint, inner: str, model: _Model) -> str:
+def _body(joint: Joint, inner: str, model: _Model, mass: float) -> str:
     """Return a child's body: a frame at the joint, which moves, with the child's own frame in it."""
     turn = Rotation.from_matrix(joint.parent_frame[:3, :3].copy()).as_quat()
     back = inverses(joint.child_frame[None])[0]
@@ -125,11 +154,10 @@ def _body(joint: Joint, inner: str, model: _Model) -> str:
     place = joint.parent_frame[:3, 3] + joint.parent_frame[:3, :3] @ shift
     return (
         f'<body name="{joint.name}_frame" pos="{_numbers(place)}" quat="{_quaternion(turn)}">\n'
-        f'<inertial pos="0 0 0" mass="{MASS}" diaginertia="{INERTIA} {INERTIA} {INERTIA}"/>\n'
         f"{''.join(parts)}"
+        f"{_inertial(LEAST_MASS)}"
         f'<body name="{joint.child}" pos="{_numbers(back[:3, 3])}" quat="{_quaternion(own)}">\n'
-        f'<inertial pos="0 0 0" mass="{MASS}" diaginertia="{INERTIA} {INERTIA} {INERTIA}"/>\n'
-        f"{inner}</body>\n</body>\n"
+        f"{_inertial(mass)}{inner}</body>\n</body>\n"
     )
 
 
@@ -167,17 +195,47 @@ def _check(muscle: MuscleOut) -> None:
             raise InputError("", f"muscle {muscle.name!r}: MuJoCo has no points that move, or come and go")
 
 
-def _sites(muscles: Sequence[MuscleOut]) -> list[tuple[str, str, Floats]]:
-    return [
-        (f"{muscle.name}-P{i}", point.body, np.asarray(point.place, dtype=np.float64))
-        for muscle in muscles
-        if isinstance(muscle.path, PointPath)
-        for i, point in enumerate(muscle.path.points, start=1)
-    ]
+def _sites(muscles: Sequence[MuscleOut]) -> list[tuple[str, str]]:
+    """Return what paths go over and round: bodies, and elements on them."""
+    found = []
+    for muscle in muscles:
+        assert isinstance(muscle.path, PointPath)
+        for i, point in enumerate(muscle.path.points, start=1):
+            place = _numbers(np.asarray(point.place, dtype=np.float64))
+            found.append((point.body, f'<site name="{muscle.name}-P{i}" pos="{place}"/>\n'))
+        for i, one in enumerate(muscle.path.cylinders, start=1):
+            turn = _quaternion(Rotation.from_matrix(along(one.axis)).as_quat())
+            text = (
+                f'<geom name="{muscle.name}-C{i}" type="cylinder" pos="{_numbers(one.centre)}" quat="{turn}" '
+                f'size="{float(one.radius)!r} {CYLINDER / 2.0!r}" group="3" {_PASSIVE}/>\n'
+            )
+            found.append((one.body, text))
+    return found
 
 
-def _count(muscle: MuscleOut) -> int:
-    return len(muscle.path.points) if isinstance(muscle.path, PointPath) else 0
+def _way(muscle: MuscleOut) -> Iterator[str]:
+    assert isinstance(muscle.path, PointPath)
+    round_it = {one.after: i for i, one in enumerate(muscle.path.cylinders, start=1)}
+    for i in range(len(muscle.path.points)):
+        yield f'<site site="{muscle.name}-P{i + 1}"/>\n'
+        if i in round_it:
+            yield f'<geom geom="{muscle.name}-C{round_it[i]}"/>\n'
+
+
+def _actuator(muscle: MuscleOut, lengths: Floats) -> str:
+    """Return a muscle of MuJoCo: its lengths are in parts of the optimal one, along the tendon."""
+    force, fibre, tendon = (muscle.parameters[name] for name in NEEDED)
+    cosine = float(np.cos(muscle.parameters.get("pennation_angle_at_optimal", 0.0)))
+    ends = np.array([lengths.min(), lengths.max()])
+    return (
+        f'<muscle name="{muscle.name}_muscle" tendon="{muscle.name}" force="{force * cosine!r}" '
+        f'lengthrange="{_numbers(ends)}" range="{_numbers((ends - tendon) / (fibre * cosine))}"/>\n'
+    )
+
+
+def _inertial(mass: float) -> str:
+    inertia = mass * GYRATION**2
+    return f'<inertial pos="0 0 0" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>\n'
 
 
 def _quaternion(xyzw: Floats) -> str:

@@ -1,4 +1,4 @@
-"""Paths of muscles over points on bodies, and paths that are functions: lengths and moment arms."""
+"""Paths of muscles over points and round cylinders, and paths that are functions: lengths and moment arms."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from vtkmuscle.opensim.tree import KinematicTree
 
 #: How far beyond its range a conditional point still counts [radians, or units of length], as in OpenSim.
 RANGE_MARGIN = 1e-5
+#: A length that is none, against divisions by it.
+TINY = 1e-300
 #: Step of the central difference for moment arms [radians, or units of length].
 STEP = 1e-4
 
@@ -71,8 +73,66 @@ class PathPoint:
 
 
 @dataclass(frozen=True, eq=False)
+class Cylinder:
+    """A cylinder without ends, round which a path winds the shorter way between two of its points.
+
+    Parameters
+    ----------
+    body : str
+        The body that it moves with.
+    centre, axis : (3,) array
+        A point on its axis, and the direction of that, in the body's frame.
+    radius : float
+        Of the same unit.
+    after : int
+        Number of the path's point that is followed by it, counted from 0.
+    """
+
+    body: str
+    centre: Floats
+    axis: Floats
+    radius: float
+    after: int
+
+    def lengths(self, pose: Floats, first: Floats, second: Floats) -> Floats:
+        """Return the way (f,) from points (f, 3) to others, straight where that misses the cylinder.
+
+        Parameters
+        ----------
+        pose : (f, 4, 4) array
+            Of its body.
+        first, second : (f, 3) array
+            Where the points are. Seen along the axis the way is two tangents and an arc; unrolled, it is
+            straight.
+        """
+        return self.ways(pose, first, second)[0]
+
+    def ways(self, pose: Floats, first: Floats, second: Floats) -> tuple[Floats, Floats]:
+        """Return the ways, and which way round they go (f,): 1 or -1 about the axis, 0 where it is missed."""
+        z = self.axis / np.linalg.norm(self.axis)
+        a, b = (np.einsum("fji,fj->fi", pose[:, :3, :3], one - pose[:, :3, 3]) for one in (first, second))
+        along = (b - a) @ z
+        a, b = (one - self.centre - ((one - self.centre) @ z)[:, None] * z for one in (a, b))
+        way = b - a
+        straight = np.linalg.norm(way, axis=1)
+        part = np.clip(-(a * way).sum(axis=1) / np.maximum(straight, TINY) ** 2, 0.0, 1.0)
+        misses = np.linalg.norm(a + part[:, None] * way, axis=1) >= self.radius
+        far = np.linalg.norm(a, axis=1), np.linalg.norm(b, axis=1)
+        cosine = (a * b).sum(axis=1) / np.maximum(far[0] * far[1], TINY)
+        arc = np.arccos(np.clip(cosine, -1.0, 1.0))
+        tangents = np.zeros(len(arc))
+        for one in far:
+            misses |= one <= self.radius
+            arc -= np.arccos(np.minimum(self.radius / np.maximum(one, TINY), 1.0))
+            tangents += np.sqrt(np.maximum(one**2 - self.radius**2, 0.0))
+        planar = np.where(misses, straight, tangents + self.radius * np.maximum(arc, 0.0))
+        turns: Floats = np.where(misses, 0.0, np.sign(np.cross(a, b) @ z))
+        return np.hypot(planar, along), turns
+
+
+@dataclass(frozen=True, eq=False)
 class PointPath:
-    """Straight lines from point to point.
+    """Straight lines from point to point, and round cylinders.
 
     Parameters
     ----------
@@ -80,10 +140,13 @@ class PointPath:
         From origin to insertion.
     wraps : sequence of str, optional
         Names of surfaces that it winds round, which is not computed here.
+    cylinders : sequence of Cylinder, optional
+        Those that it winds round, one at most between two points.
     """
 
     points: Sequence[PathPoint]
     wraps: Sequence[str] = ()
+    cylinders: Sequence[Cylinder] = ()
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -124,19 +187,34 @@ class PointPath:
             )
         full = tree.completed(values)
         held = full if counted_at is None else tree.completed(counted_at)
-        poses = tree.poses(full)
-        frames = len(poses[tree.root])
         ranges = {one.name: one.range for one in tree.coordinates}
+        return self.lengths_at(tree.poses(full), full, held, ranges)
+
+    def lengths_at(
+        self,
+        poses: Mapping[str, Floats],
+        full: Mapping[str, Floats],
+        held: Mapping[str, Floats],
+        ranges: Mapping[str, tuple[float, float] | None],
+    ) -> Floats:
+        """Return the length (f,) where the bodies are known (f, 4, 4), and what points go by."""
+        frames = len(next(iter(poses.values())))
+        winds = {one.after: one for one in self.cylinders}
         total = np.zeros(frames)
         last = np.zeros((frames, 3))
         begun = np.zeros(frames, dtype=np.bool_)
         with np.errstate(over="ignore", invalid="ignore"):
-            for point in self.points:
+            for number, point in enumerate(self.points):
                 pose = poses[point.body]
                 place = np.einsum("fij,fj->fi", pose[:, :3, :3], point.places(full, frames, ranges))
                 place += pose[:, :3, 3]
                 counted = point.counts(held, frames)
-                total += np.where(counted & begun, np.linalg.norm(place - last, axis=1), 0.0)
+                round_it = winds.get(number - 1)
+                if round_it is None:
+                    way = np.linalg.norm(place - last, axis=1)
+                else:
+                    way = round_it.lengths(poses[round_it.body], last, place)
+                total += np.where(counted & begun, way, 0.0)
                 last[counted] = place[counted]
                 begun |= counted
         if not np.isfinite(total).all():

@@ -27,8 +27,12 @@ from vtkmuscle.opensim.tree import Joint, JointAxis, JointCoordinate, KinematicT
 VERSION = 40600
 #: Kinds of muscles that are written.
 MUSCLES = ("Millard2012EquilibriumMuscle", "Thelen2003Muscle", "DeGrooteFregly2016Muscle", "PathActuator")
-#: Mass of a body [kg] and its moments of inertia [kg m^2], where nothing is said: no bone tells them.
-MASS, INERTIA = 1.0, 0.01
+#: Radius of gyration of a body whose mass is stated [m], a quarter of a bone's length: no bone tells it.
+GYRATION = 0.1
+#: Length of a cylinder [m], which to a path has no ends.
+CYLINDER = 0.5
+#: How much is seen of a muscle that does not move with the model.
+OPACITY = 0.3
 _AXES = [kind + number for kind in ("rotation", "translation") for number in "123"]
 
 
@@ -69,6 +73,7 @@ def osim_of(
     *,
     name: str = "model",
     masses: Mapping[str, float] | None = None,
+    meshes: Mapping[str, Sequence[str]] | None = None,
 ) -> str:
     """Return a model of OpenSim as text.
 
@@ -81,8 +86,10 @@ def osim_of(
     name : str, optional
         Of the model.
     masses : mapping of str to float, optional
-        Of the bodies [kg]; others have 1 kg. Moments of inertia are 0.01 kg m^2: lengths, moment arms and
-        inverse kinematics do not depend on them, dynamics does.
+        Of the bodies [kg]; others have none. Moments of inertia are those of a radius of 0.1 m about each
+        axis. Lengths, moment arms and inverse kinematics do not depend on them, dynamics does.
+    meshes : mapping of str to sequence of str, optional
+        Of the bodies: names of .stl files, without suffix, in the folder ``Geometry`` beside the model.
 
     Returns
     -------
@@ -105,10 +112,11 @@ def osim_of(
         {body: "/ground" if body == tree.root else f"/bodyset/{body}" for body in tree.bodies},
         _coordinate_paths(tree),
     )
-    given = masses or {}
+    for body in masses or {}:
+        paths.body(body)  # raises where there is none
+    inside = _insides(muscles, meshes or {})
     bodies = "".join(
-        f'<Body name="{body}"><mass>{given.get(body, MASS)!r}</mass><mass_center>0 0 0</mass_center>'
-        f"<inertia>{INERTIA} {INERTIA} {INERTIA} 0 0 0</inertia></Body>\n"
+        f'<Body name="{body}">{_mass((masses or {}).get(body, 0.0))}{inside.get(body, "")}</Body>\n'
         for body in tree.bodies[1:]
     )
     joints = "".join(_joint(joint, tree, paths) for joint in tree.joints)
@@ -124,7 +132,7 @@ def osim_of(
     return f"""<?xml version="1.0" encoding="UTF-8" ?>
 <OpenSimDocument Version="{VERSION}">
 <Model name={quoteattr(name)}>
-<Ground name="ground"/>
+<Ground name="ground">{inside.get(tree.root, "")}</Ground>
 <gravity>0 -9.80665 0</gravity>
 <length_units>meters</length_units>
 <force_units>N</force_units>
@@ -159,6 +167,53 @@ class ComponentPaths:
         if name not in self.coordinates:
             raise InputError("", f"there is no coordinate {name!r}; there are {', '.join(self.coordinates)}")
         return self.coordinates[name]
+
+
+def _mass(mass: float) -> str:
+    inertia = f"{mass * GYRATION**2!r} " * 3 + "0 0 0"
+    return f"<mass>{mass!r}</mass><mass_center>0 0 0</mass_center><inertia>{inertia}</inertia>"
+
+
+def _insides(muscles: Sequence[MuscleOut], meshes: Mapping[str, Sequence[str]]) -> dict[str, str]:
+    """Return what is in the elements of bodies: meshes, and cylinders that paths wind round."""
+    found: dict[str, str] = {}
+    for body, names in meshes.items():
+        found[body] = "<attached_geometry>\n" + "".join(map(_mesh, names)) + "</attached_geometry>\n"
+    for body, cylinders in cylinder_elements(muscles).items():
+        inside = f'<WrapObjectSet name="wrapobjectset"><objects>\n{cylinders}</objects></WrapObjectSet>\n'
+        found[body] = found.get(body, "") + inside
+    return found
+
+
+def _mesh(name: str) -> str:
+    opacity = OPACITY if name.endswith("_at_rest") else 1.0
+    return (
+        f'<Mesh name="{name}_mesh"><mesh_file>{name}.stl</mesh_file>'
+        f"<Appearance><opacity>{opacity}</opacity></Appearance></Mesh>\n"
+    )
+
+
+def cylinder_elements(muscles: Sequence[MuscleOut]) -> dict[str, str]:
+    """Return the elements of the cylinders that paths wind round, by body."""
+    found: dict[str, str] = {}
+    for muscle in muscles:
+        for number, one in enumerate(getattr(muscle.path, "cylinders", ()), start=1):
+            text = (
+                f'<WrapCylinder name="{muscle.name}-C{number}"><active>true</active>'
+                f"<xyz_body_rotation>{_numbers(_turn(along(one.axis)))}</xyz_body_rotation>"
+                f"<translation>{_numbers(one.centre)}</translation><quadrant>all</quadrant>"
+                f"<radius>{float(one.radius)!r}</radius><length>{CYLINDER!r}</length></WrapCylinder>\n"
+            )
+            found[one.body] = found.get(one.body, "") + text
+    return found
+
+
+def along(axis: Floats) -> Floats:
+    """Return a frame (3, 3) whose z axis is a direction."""
+    z = axis / np.linalg.norm(axis)
+    x = np.cross(z, np.eye(3)[np.abs(z).argmin()])
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
 
 
 def _owners(tree: KinematicTree) -> dict[str, str]:
@@ -265,8 +320,15 @@ def _function_path(path: FunctionPath, paths: ComponentPaths) -> str:
 
 def _point_path(muscle: MuscleOut, path: PointPath, paths: ComponentPaths) -> str:
     points = "".join(_point(f"{muscle.name}-P{i}", one, paths) for i, one in enumerate(path.points, start=1))
+    wraps = "".join(
+        f'<PathWrap name="{muscle.name}-W{i}"><wrap_object>{muscle.name}-C{i}</wrap_object>'
+        f"<method>hybrid</method><range>{one.after + 1} {one.after + 2}</range></PathWrap>\n"
+        for i, one in enumerate(path.cylinders, start=1)
+    )
     return f"""<GeometryPath name="path"><PathPointSet><objects>
-{points}</objects><groups/></PathPointSet></GeometryPath>
+{points}</objects><groups/></PathPointSet>
+<PathWrapSet><objects>
+{wraps}</objects><groups/></PathWrapSet></GeometryPath>
 """
 
 

@@ -108,7 +108,7 @@ def motion_of_tree(
         name: Coordinate(
             np.degrees(full[name]) if kind.is_angle else full[name],
             "deg" if kind.is_angle else kind.unit,
-            kind.positive or f"as {name} grows",
+            kind.positive or "",
             twists(name, 1.0 if kind.is_angle else TRANSLATIONS[kind.unit]),
         )
         for name, kind in kinds.items()

@@ -1,4 +1,4 @@
-"""Off-screen pictures of a run: muscles, fibres and bones, fibre lengths and volumes over time.
+"""Off-screen pictures of a run: muscles, fibres and bones, fibre lengths and moment arms over time.
 
 Surfaces are rendered in parallel projection on white, by VTK into figures and by PyVista where they are to be
 moved; panels, titles, legends and curves are set with matplotlib's objects, so that no library's global state
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from vtkmuscle.plotting.export import export_scene
-    from vtkmuscle.plotting.figures import plot_lengths, plot_muscle, plot_rest_pose, plot_volume
+    from vtkmuscle.plotting.figures import plot_lengths, plot_muscle, plot_rest_pose
     from vtkmuscle.plotting.moment_arms import plot_moment_arms
     from vtkmuscle.plotting.movie import check_movie, write_movie
     from vtkmuscle.plotting.moving import MovingScene, Pose
@@ -40,7 +40,6 @@ _SOURCES = {
     "plot_moment_arms": "moment_arms",
     "plot_muscle": "figures",
     "plot_rest_pose": "figures",
-    "plot_volume": "figures",
     "show_time": "times",
     "write_movie": "movie",
 }
@@ -61,7 +60,6 @@ __all__ = [
     "plot_moment_arms",
     "plot_muscle",
     "plot_rest_pose",
-    "plot_volume",
     "show_time",
     "write_movie",
 ]

@@ -9,8 +9,10 @@ from matplotlib import colormaps
 from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.vtkCommonComputationalGeometry import vtkCardinalSpline
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkTubeFilter
+from vtkmodules.vtkFiltersGeneral import vtkSplineFilter
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
 from vtkmuscle.core.mesh.normals import vertex_normals
@@ -26,12 +28,14 @@ from vtkmuscle.data.arrays import (
     vtk_points,
 )
 from vtkmuscle.data.drawn_bones import DrawnBone
-from vtkmuscle.plotting.colours import FIBRE_MAP, IVORY, MUSCLE_RED, PALETTE
+from vtkmuscle.plotting.colours import FIBRE_MAP, IVORY, MUSCLE_RED, NEUTRAL, PALETTE, PLACE_MAP
 from vtkmuscle.plotting.views import View
 
 _PLAIN_FIBRES = "#f3d9c9"
 #: Sides of a fibre's tube.
 _SIDES = 8
+#: Straight pieces that a drawn fibre has: its points are joined by a cubic spline.
+_PIECES = 48
 _COLOURS = "Colours"
 
 
@@ -40,25 +44,25 @@ def actors_of(
     view: View,
     *,
     fibres: vtkPolyData | None = None,
-    strain: Floats | None = None,
-    strain_limit: float = 10.0,
+    colours: NDArray[np.uint8] | None = None,
     fixed_points: bool = False,
     show_muscles: bool = True,
-    finer: int = 1,
+    finer: float = 1.0,
 ) -> list[vtkActor]:
     """Return muscles, fibres and fixed points, as of :func:`~vtkmuscle.plotting.make_plotter`.
 
+    Fibres have colours (n_fibres, 3), and of the muscle round them the far wall alone is drawn, grey: nothing
+    is before them that would change these colours.
     Balls have the right size where ``finer`` pixels are rendered for one along each side of the picture.
     """
     actors = []
     if fibres is not None and fibres.GetNumberOfLines():
-        actors.append(fibre_actor(fibres, view.half_height / 160.0, strain=strain, limit=strain_limit))
+        actors.append(fibre_actor(fibres, view.half_height / 160.0, colours))
     for muscle in muscles:
         if fixed_points:
             actors += fixed_point_actors(muscle, finer * view.size[1] / 110.0)
         if show_muscles:
-            opacity = 0.35 if fixed_points or fibres is not None else 0.5
-            actors.append(surface_actor(muscle, MUSCLE_RED, opacity=opacity))
+            actors.append(_muscle_actor(muscle, fibres is not None, 0.35 if fixed_points else 0.5))
     return actors
 
 
@@ -97,22 +101,40 @@ def fixed_point_actors(muscle: vtkPolyData, diameter: float) -> list[vtkActor]:
     return actors
 
 
-def fibre_actor(
-    fibres: vtkPolyData, radius: float, *, strain: Floats | None = None, limit: float = 10.0
-) -> vtkActor:
-    """Return fibres as tubes, in the colour of their strain where it is given (n_fibres,) [%]."""
+def strain_colours(strain: Floats, limit: float) -> NDArray[np.uint8]:
+    """Return the colours (n, 3) of strains (n,) [%], full at a limit in either direction."""
+    return _colours(FIBRE_MAP, 0.5 + 0.5 * strain / limit)
+
+
+def place_colours(places: Floats) -> NDArray[np.uint8]:
+    """Return the colours (n, 3) of places (n,) across a muscle, 0 to 1."""
+    return _colours(PLACE_MAP, places)
+
+
+def fibre_actor(fibres: vtkPolyData, radius: float, colours: NDArray[np.uint8] | None = None) -> vtkActor:
+    """Return fibres as tubes round the splines through their points, in colours (n_fibres, 3) if given."""
     lines = polylines_from(polylines_of(fibres, "plotting: fibres"))
-    if strain is not None:
-        set_cell_array(lines, _COLOURS, _colours(strain, limit))
+    if colours is not None:
+        set_cell_array(lines, _COLOURS, colours)
+    cubic = vtkCardinalSpline()  # bent at its ends as at the points beside them, which keeps arcs round
+    cubic.SetLeftConstraint(3)
+    cubic.SetRightConstraint(3)
+    cubic.SetLeftValue(1.0)
+    cubic.SetRightValue(1.0)
+    splines = vtkSplineFilter()
+    splines.SetSpline(cubic)
+    splines.SetInputData(lines)
+    splines.SetSubdivideToSpecified()
+    splines.SetNumberOfSubdivisions(_PIECES)
     tubes = vtkTubeFilter()
-    tubes.SetInputData(lines)
+    tubes.SetInputConnection(splines.GetOutputPort())
     tubes.SetRadius(radius)
     tubes.SetNumberOfSides(_SIDES)
     tubes.CappingOn()
     tubes.Update()
     actor = _actor(tubes.GetOutput(), _PLAIN_FIBRES, ambient=0.25)
     actor.GetProperty().SetBackfaceCulling(True)  # nobody sees the inside of a tube
-    if strain is not None:
+    if colours is not None:
         mapper = actor.GetMapper()
         mapper.SetScalarVisibility(True)
         mapper.SetScalarModeToUseCellFieldData()
@@ -131,8 +153,16 @@ def fixed_bones(muscle: vtkPolyData) -> Ints:
     return point_array(muscle, "FixedTo", "plotting: muscle").astype(np.int64)
 
 
-def _colours(strain: Floats, limit: float) -> NDArray[np.uint8]:
-    found: NDArray[np.uint8] = colormaps[FIBRE_MAP](0.5 + 0.5 * strain / limit, bytes=True)[:, :3]
+def _muscle_actor(muscle: vtkPolyData, with_fibres: bool, opacity: float) -> vtkActor:
+    """Return a muscle that light goes through, of one with fibres the wall behind them."""
+    actor = surface_actor(muscle, NEUTRAL if with_fibres else MUSCLE_RED, opacity=opacity)
+    actor.GetProperty().SetBackfaceCulling(not with_fibres)
+    actor.GetProperty().SetFrontfaceCulling(with_fibres)
+    return actor
+
+
+def _colours(name: str, part: Floats) -> NDArray[np.uint8]:
+    found: NDArray[np.uint8] = colormaps[name](part, bytes=True)[:, :3]
     return found
 
 

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 IVORY = "#efe6d0"
 MUSCLE_RED = "#8b1a1a"
+#: Of a muscle round fibres in colour, which it must not tint.
+NEUTRAL = "#9a9590"
 FIBRE_MAP = "coolwarm"
+#: Of places across a muscle.
+PLACE_MAP = "viridis"
 #: Colours of Okabe and Ito, which colour-blind readers can tell apart; bones and muscles take them in turn.
 PALETTE = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442")

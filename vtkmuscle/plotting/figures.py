@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -18,14 +17,11 @@ from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.data.drawn_bones import DrawnBones
-from vtkmuscle.plotting.actors import actors_of, fixed_bones
+from vtkmuscle.plotting.actors import actors_of, fixed_bones, strain_colours
 from vtkmuscle.plotting.colours import FIBRE_MAP, MUSCLE_RED, PALETTE
 from vtkmuscle.plotting.sheets import LEGEND_FONT, Panel, curves, legend_columns, sheet
-from vtkmuscle.plotting.studio import FINER, Studio
+from vtkmuscle.plotting.studio import Studio
 from vtkmuscle.plotting.views import View, clearest_view
-
-#: A volume that changes by less looks like a straight line.
-_FLAT = 1e-4
 
 
 def plot_rest_pose(
@@ -127,8 +123,7 @@ def plot_muscle(
             [muscle],
             view,
             fibres=None if fibres is None else fibres[i],
-            strain=None if strains is None else strains[i],
-            strain_limit=limit,
+            colours=None if strains is None else strain_colours(strains[i], limit),
         )
         image = studio.picture(actors, view, bones=bones, transforms=moved)
         panels.append(Panel(image, labels[i] if labels else "", view))
@@ -179,48 +174,7 @@ def plot_lengths(
         axes.add_collection(lines)
     axes.plot([], [], color=MUSCLE_RED, alpha=0.5, linewidth=0.7, label=f"{values.shape[1]} {of}s")
     axes.plot(times, values.mean(axis=1), color="black", linewidth=2.2, marker=marker, label="mean")
-    axes.legend(frameon=False)
-    return figure
-
-
-def plot_volume(
-    times: Mapping[str, ArrayLike],
-    ratios: Mapping[str, ArrayLike],
-    *,
-    title: str = "",
-    time_label: str = "time",
-) -> Figure:
-    """Return the volume of each muscle over time, as a part of its volume at rest.
-
-    Parameters
-    ----------
-    times, ratios : mapping of str to (k,) array_like
-        Per muscle the times and V / V0.
-    title, time_label : str, optional
-        What to write on the figure.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        To be saved by ``savefig``.
-    """
-    figure, axes = curves(title, time_label, "volume / volume at rest")
-    axes.axhspan(0.99, 1.01, color="0.92", zorder=0, label="within 1 %")
-    errors = [0.012]
-    # Lines that lie on each other are all seen: the later ones are thinner.
-    widths = np.linspace(4.5, 1.5, max(len(ratios), 2))
-    for (name, ratio), colour, width in zip(ratios.items(), itertools.cycle(PALETTE), widths, strict=False):
-        marker = "o" if np.size(ratio) == 1 else ""
-        axes.plot(
-            times[name], ratio, color=colour, linewidth=width, marker=marker, label=name.replace("_", " ")
-        )
-        errors.append(1.1 * float(np.abs(np.asarray(ratio) - 1.0).max()))
-    axes.set_ylim(1.0 - max(errors), 1.0 + max(errors))
-    if len(errors) > 1 and max(errors[1:]) < _FLAT:  # the lines do not show what it is
-        words = f"at most {max(errors[1:]) / 1.1:.1g} from 1"
-        axes.text(0.5, 0.62, words, transform=axes.transAxes, ha="center", fontsize=LEGEND_FONT)
-    axes.ticklabel_format(axis="y", useOffset=False)
-    axes.legend(frameon=False)
+    axes.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     return figure
 
 
@@ -228,7 +182,7 @@ def _with_fixed_points(
     bones: DrawnBones, muscle: vtkPolyData, view: View, studio: Studio
 ) -> NDArray[np.uint8]:
     """Return a picture with the fixed points; those behind a bone shine through it."""
-    actors = actors_of([muscle], view, fixed_points=True, finer=FINER)
+    actors = actors_of([muscle], view, fixed_points=True, finer=studio.finer)
     image = studio.picture(actors, view, bones=bones)
     points = studio.picture(actors[:-1], view)
     low, high = points.min(axis=2), points.max(axis=2)

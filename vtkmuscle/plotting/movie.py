@@ -88,6 +88,6 @@ def _ffmpeg() -> Any:
         import imageio_ffmpeg  # noqa: PLC0415 -- an extra
     except ImportError as error:
         raise ImportError(
-            "an .mp4 needs imageio-ffmpeg: python -m pip install 'vtkmuscle[movie]'; a .gif needs no more"
+            "an .mp4 needs imageio-ffmpeg: python -m pip install '.[movie]'; a .gif needs no more"
         ) from error
     return imageio_ffmpeg

@@ -20,7 +20,7 @@ from vtkmuscle.data.arrays import (
     triangles_of,
 )
 from vtkmuscle.plotting.colours import IVORY, PALETTE
-from vtkmuscle.plotting.studio import x_server_warning_off
+from vtkmuscle.plotting.surfaces import plain_plotter
 from vtkmuscle.plotting.views import View, axes_of, choose_view
 
 #: Width and height of the picture in pixels.
@@ -59,6 +59,8 @@ class MovingScene:
         None for a window that ``plotter.show()`` opens, unless PyVista is set to draw off-screen.
     size : (int, int), optional
         Width and height [pixels].
+    opacity : float, optional
+        Of muscles without fibres, 0 to 1.
 
     Attributes
     ----------
@@ -86,6 +88,7 @@ class MovingScene:
         *,
         off_screen: bool | None = None,
         size: tuple[int, int] = SIZE,
+        opacity: float = 0.9,
     ) -> None:
         import pyvista  # noqa: PLC0415 -- figures need none
 
@@ -94,16 +97,11 @@ class MovingScene:
         self.view = choose_view(
             [pyvista.merge([pyvista.wrap(one) for one in seen])], [multiblock_from(dict(named))]
         )
-        with x_server_warning_off():
-            self.plotter = pyvista.Plotter(
-                off_screen=off_screen, window_size=list(size), theme=pyvista.themes.DocumentTheme()
-            )
-        self.plotter.set_background("white")
-        self.plotter.enable_anti_aliasing("ssaa")
+        self.plotter = plain_plotter(size, off_screen)
         colours = {name: PALETTE[i % len(PALETTE)] for i, name in enumerate(muscles or fibres)}
         self._bones = {name: self._surface(surface, IVORY, 1.0)[0] for name, surface in named.items()}
         self._muscles = {
-            name: self._surface(surface, colours[name], 0.55 if name in fibres else 0.9)
+            name: self._surface(surface, colours[name], 0.55 if name in fibres else opacity)
             for name, surface in muscles.items()
         }
         self._fibres = {name: self._lines(lines, colours[name]) for name, lines in fibres.items()}

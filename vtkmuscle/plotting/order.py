@@ -36,12 +36,14 @@ class FigureOrder:
     given: Mapping[str, Any]
     rendered: bool = False
 
-    def write(self, folder: Path, bones: DrawnBones, studio: Studio) -> Path:
-        """Draw it, and return the .png file in a folder, which is made where it does not exist."""
-        from vtkmuscle.plotting.sheets import save_png  # noqa: PLC0415 -- loads matplotlib
+    def write(
+        self, folder: Path, bones: DrawnBones, studio: Studio, form: str = "png", dpi: float = 150.0
+    ) -> Path:
+        """Draw it, and return the file in a folder, which is made where it does not exist."""
+        from vtkmuscle.plotting.sheets import save_figure  # noqa: PLC0415 -- loads matplotlib
 
         folder.mkdir(parents=True, exist_ok=True)
         scene = {"bones": bones, "studio": studio} if self.rendered else {}
-        path = folder / f"{self.name}.png"
-        save_png(getattr(vtkmuscle.plotting, self.plot)(**self.given, **scene), path)
+        path = folder / f"{self.name}.{form}"
+        save_figure(getattr(vtkmuscle.plotting, self.plot)(**self.given, **scene), path, dpi)
         return path

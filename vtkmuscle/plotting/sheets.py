@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -32,6 +33,12 @@ class Panel:
     title: str
     view: View
 
+    @property
+    def inches(self) -> tuple[float, float]:
+        """Its width and height on paper, whatever its detail."""
+        width, height = self.view.size
+        return width / DOTS_PER_INCH, height / DOTS_PER_INCH
+
 
 def legend_columns(width: float, labels: Sequence[str]) -> int:
     """Return in how many columns a legend fits into a figure of some width [inches]."""
@@ -44,8 +51,8 @@ def sheet(panels: Sequence[Panel], title: str, units: str, *, legend: Sequence[s
     columns = len(panels) if len(panels) <= 4 else math.ceil(len(panels) / 2)
     rows = [panels[i : i + columns] for i in range(0, len(panels), columns)]
     gap, head, top, bottom = 0.12, 0.34, 0.45 if title else 0.0, 0.85  # inches
-    widths = [sum(p.image.shape[1] / DOTS_PER_INCH + gap for p in row) + gap for row in rows]
-    heights = [max(p.image.shape[0] for p in row) / DOTS_PER_INCH + head for row in rows]
+    widths = [sum(p.inches[0] + gap for p in row) + gap for row in rows]
+    heights = [max(p.inches[1] for p in row) + head for row in rows]
     width = max(5.0, *widths)
     bottom += LEGEND_ROW * (math.ceil(len(legend) / legend_columns(width, legend)) - 1 if legend else 0)
     height = top + bottom + sum(heights)
@@ -57,15 +64,20 @@ def sheet(panels: Sequence[Panel], title: str, units: str, *, legend: Sequence[s
     for row, row_width, row_height in zip(rows, widths, heights, strict=True):
         x = (width - row_width) / 2.0 + gap
         for panel in row:
-            w, h = panel.image.shape[1] / DOTS_PER_INCH, panel.image.shape[0] / DOTS_PER_INCH
+            w, h = panel.inches
             axes = figure.add_axes((x / width, (y - head - h) / height, w / width, h / height))
-            axes.imshow(_opaque(panel.image), interpolation="none", aspect="auto")
-            axes.set_axis_off()
-            axes.set_title(panel.title, fontsize=13, y=1.0)  # where it would be: looking for it takes time
-            _scale_bar(axes, panel, units)
+            hang(axes, panel, units)
             x += w + gap
         y -= row_height
     return figure
+
+
+def hang(axes: Axes, panel: Panel, units: str) -> None:
+    """Show a panel on axes of its shape, with its title and a scale bar."""
+    axes.imshow(_opaque(panel.image), interpolation="none", aspect="auto")
+    axes.set_axis_off()
+    axes.set_title(panel.title, fontsize=13, y=1.0)  # where it would be: looking for it takes time
+    _scale_bar(axes, panel, units)
 
 
 def _opaque(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -75,8 +87,17 @@ def _opaque(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return found
 
 
-def save_png(figure: Figure, path: Path) -> None:
-    """Write a figure whose canvas is Agg's as a PNG: as ``savefig`` does, in a third of its time."""
+def save_figure(figure: Figure, path: Path, dpi: float = DOTS_PER_INCH) -> None:
+    """Write a figure whose canvas is Agg's as a .png, .pdf or .svg: what is no picture in lines and letters.
+
+    A PNG as ``savefig`` does, in a third of its time.
+    """
+    figure.set_dpi(dpi)
+    if path.suffix != ".png":
+        with rc_context({"pdf.fonttype": 42, "svg.fonttype": "none"}):  # letters stay letters
+            date = {".pdf": "CreationDate", ".svg": "Date"}[path.suffix]
+            figure.savefig(path, dpi=dpi, metadata={date: None})
+        return
     canvas = figure.canvas
     assert isinstance(canvas, FigureCanvasAgg)
     canvas.draw()

@@ -48,13 +48,21 @@ class Studio:
 
     It belongs to the thread that has made it; use it as a context, or close it.
 
+    Parameters
+    ----------
+    detail : float, optional
+        Pixels of a picture for one of its view, along each side.
+
     Attributes
     ----------
+    finer : float
+        Pixels that are rendered for one of a view, along each side.
     pictures, triangles : int
         How many pictures were taken, and how many triangles were drawn for them.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, detail: float = 1.0) -> None:
+        self._detail, self.finer = detail, FINER * detail
         with x_server_warning_off():
             self._window, self._renderer = vtkRenderWindow(), vtkRenderer()
             self._window.SetOffScreenRendering(True)
@@ -84,7 +92,7 @@ class Studio:
         bones: DrawnBones | None = None,
         transforms: Mapping[str, Floats] | None = None,
     ) -> NDArray[np.uint8]:
-        """Return a picture (height, width, 3) of some actors and bones on white.
+        """Return a picture (height, width, 3) of some actors and bones on white, in the studio's detail.
 
         Parameters
         ----------
@@ -104,7 +112,7 @@ class Studio:
             shader = actor.GetShaderProperty()
             if not shader.GetNumberOfShaderReplacements():
                 shader.AddFragmentShaderReplacement("//VTK::Light::Impl", True, _LIT, False)
-        width, height = view.size
+        width, height = (round(self._detail * side) for side in view.size)
         self._window.SetSize(FINER * width, FINER * height)
         look_from(self._renderer.GetActiveCamera(), view)
         self._renderer.ResetCameraClippingRange()

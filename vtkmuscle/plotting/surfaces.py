@@ -9,7 +9,7 @@ from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import blocks_of
-from vtkmuscle.plotting.actors import actors_of, surface_actor
+from vtkmuscle.plotting.actors import actors_of, strain_colours, surface_actor
 from vtkmuscle.plotting.studio import look_from, x_server_warning_off
 from vtkmuscle.plotting.views import View
 
@@ -18,6 +18,21 @@ if TYPE_CHECKING:
 
 #: Pixels that PyVista's smoothing of edges renders for one of a picture, along each side.
 _FINER = 4
+
+
+def plain_plotter(size: tuple[int, int], off_screen: bool | None) -> pyvista.Plotter:
+    """Return a white plotter whatever the user's theme, in the user's backend for notebooks."""
+    import pyvista  # noqa: PLC0415 -- figures need none
+
+    theme, own = pyvista.themes.DocumentTheme(), pyvista.global_theme
+    if own.jupyter_backend != theme.jupyter_backend:  # PyVista checks a backend where it is set, not before
+        theme.jupyter_backend = own.jupyter_backend
+    theme.trame = own.trame
+    with x_server_warning_off():
+        plotter = pyvista.Plotter(off_screen=off_screen, window_size=list(size), theme=theme)
+    plotter.set_background("white")
+    plotter.enable_anti_aliasing("ssaa")
+    return plotter
 
 
 def make_plotter(
@@ -32,7 +47,7 @@ def make_plotter(
     show_muscles: bool = True,
     off_screen: bool | None = True,
 ) -> pyvista.Plotter:
-    """Return a plotter with ivory bones, translucent red muscles and fibres as tubes.
+    """Return a plotter with ivory bones, translucent muscles and fibres as tubes before them.
 
     Parameters
     ----------
@@ -60,20 +75,12 @@ def make_plotter(
     pyvista.Plotter
         To be shown, or captured by ``screenshot``; close it afterwards.
     """
-    import pyvista  # noqa: PLC0415 -- figures need none
-
-    with x_server_warning_off():
-        plotter = pyvista.Plotter(
-            off_screen=off_screen, window_size=view.size, theme=pyvista.themes.DocumentTheme()
-        )
-    plotter.set_background("white")
-    plotter.enable_anti_aliasing("ssaa")
+    plotter = plain_plotter(view.size, off_screen)
     actors = actors_of(
         muscles,
         view,
         fibres=fibres,
-        strain=strain,
-        strain_limit=strain_limit,
+        colours=None if strain is None else strain_colours(strain, strain_limit),
         fixed_points=fixed_points,
         show_muscles=show_muscles,
         finer=_FINER,

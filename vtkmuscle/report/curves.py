@@ -12,7 +12,7 @@ from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
-from vtkmuscle.io.literature import LOWER, UPPER, LiteratureCurve, curves_for
+from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn
 from vtkmuscle.plotting.colours import PALETTE
 from vtkmuscle.report.packing import Pack
 from vtkmuscle.report.source import RunResult
@@ -217,37 +217,17 @@ def _arms(found: JointArms, error: Estimate | None, published: Sequence[Literatu
 
 def _published(curves: Sequence[LiteratureCurve], per_degree: float) -> list[dict[str, Any]]:
     """Return published curves: bands where a source has two sides, else lines or single values."""
-    colours = {
-        source: PALETTE[-1 - k % len(PALETTE)]
-        for k, source in enumerate(dict.fromkeys(c.source for c in curves))
-    }
-    uppers = {_sides(curve): curve for curve in curves if curve.part.endswith(UPPER)}
-    lowers = {_sides(curve) for curve in curves if curve.part.endswith(LOWER)}
+    colours: dict[str, str] = {}
     found = []
-    for curve in curves:
-        drawn: dict[str, Any] = {"colour": colours[curve.source]}
-        other = uppers.get(_sides(curve))
-        if curve.part.endswith(LOWER) and other is not None:
-            grid = np.unique(np.concatenate([curve.angles, other.angles]))
-            grid = grid[
-                (grid >= max(curve.angles[0], other.angles[0]))
-                & (grid <= min(curve.angles[-1], other.angles[-1]))
-            ]
-            low, high = (np.interp(grid, side.angles, side.arms) for side in (curve, other))
-            drawn |= {"x": rounded(grid * per_degree), "low": rounded(low), "high": rounded(high)}
-            drawn["label"] = f"{curve.source}, fibres"
-        elif curve.part.endswith(UPPER) and _sides(curve) in lowers:
-            continue  # drawn with the other side
-        else:
-            drawn |= {"x": rounded(curve.angles * per_degree), "y": rounded(curve.arms)}
-            drawn["label"] = ", ".join(label_of(word) for word in (curve.source, curve.part) if word)
-        found.append(drawn)
+    for one in drawn(curves):
+        colour = colours.setdefault(one.source, PALETTE[-1 - len(colours) % len(PALETTE)])
+        arms = (
+            {"y": rounded(one.arms)}
+            if one.upper is None
+            else {"low": rounded(one.arms), "high": rounded(one.upper)}
+        )
+        found.append({"colour": colour, "label": one.label, "x": rounded(one.angles * per_degree), **arms})
     return found
-
-
-def _sides(curve: LiteratureCurve) -> tuple[str, str]:
-    """Return what the two sides of a band have in common."""
-    return curve.source, curve.part.removesuffix(LOWER).removesuffix(UPPER)
 
 
 def _coordinates(result: RunResult, arms: Mapping[str, Mapping[str, JointArms]]) -> list[dict[str, Any]]:

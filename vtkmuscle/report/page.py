@@ -10,10 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import numpy as np
 from markupsafe import Markup
 
 from vtkmuscle._version import __version__
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
+from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.report.curves import Limit, colour_of, curves_of, label_of
 from vtkmuscle.report.packing import Pack, packed
@@ -41,7 +43,7 @@ RESTS_ON = {
 #: The parts of the page's program, in the order in which they are read.
 _SCRIPTS = (
     *("arrays.js", "webgl.js", "shaders.js", "colours.js", "shapes.js", "camera.js", "viewer.js"),
-    *("curves.js", "page.js"),
+    *("saving.js", "curves.js", "page.js"),
 )
 
 
@@ -69,7 +71,7 @@ def write_page(path: str | PathLike[str], result: RunResult, limits: Mapping[str
 def page_of(result: RunResult, limits: Mapping[str, Limit]) -> str:
     """Return the page of a run as text, see :func:`write_page`."""
     with ThreadPoolExecutor(1) as pool:  # which compresses while the arrays are gathered
-        return _page_of(result, limits, pool.submit(_plotly))
+        return _page_of(result, limits, pool.submit(plotly_text))
 
 
 def _page_of(result: RunResult, limits: Mapping[str, Limit], plotly: Future[str]) -> str:
@@ -78,7 +80,9 @@ def _page_of(result: RunResult, limits: Mapping[str, Limit], plotly: Future[str]
     pack = Pack()
     scene = scene_of(result, pack)
     curves = curves_of(result, arms, limits, pack)
-    muscles = [_card(result, number_, name) for number_, name in enumerate(result.muscle_names)]
+    muscles = [
+        _card(result, place, name, arms.get(name, {})) for place, name in enumerate(result.muscle_names)
+    ]
     errors = errors_of(report)
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("vtkmuscle.report", "page"),
@@ -91,8 +95,8 @@ def _page_of(result: RunResult, limits: Mapping[str, Limit], plotly: Future[str]
     return environment.get_template("report.html").render(
         name=result.name,
         version=__version__,
-        style=_part("style.css"),
-        script=Markup("\n").join(map(_part, _SCRIPTS)),
+        style=part("style.css"),
+        script=Markup("\n").join(map(part, _SCRIPTS)),
         lead=_lead(result),
         summary=_summary(result),
         stopped=report.get("stopped_by") if not report["complete"] else None,
@@ -133,12 +137,12 @@ def _arms(result: RunResult) -> Mapping[str, Mapping[str, JointArms]]:
     return result.moment_arms() if found else {}
 
 
-def _part(name: str) -> Markup:
+def part(name: str) -> Markup:
     """Return a part of the page as it is; it is ours, and holds no end of a script."""
     return Markup((files("vtkmuscle.report") / "page" / name).read_text(encoding="utf-8"))
 
 
-def _plotly() -> str:
+def plotly_text() -> str:
     """Return Plotly's program, compressed and written as text: two fifths of its size."""
     from plotly.offline import get_plotlyjs  # noqa: PLC0415 -- a page alone needs it
 
@@ -178,29 +182,33 @@ def _listed(names: list[str]) -> str:
     return ", ".join(names[:-1]) + (" and " if len(names) > 1 else "") + names[-1]
 
 
-def _card(result: RunResult, place: int, name: str) -> dict[str, Any]:
+def _card(result: RunResult, place: int, name: str, arms: Mapping[str, JointArms]) -> dict[str, Any]:
     muscle = result.report["muscles"][name]
-    facts = []
+    facts: list[tuple[str, str, list[str] | None]] = []
     lengths = result.lengths.get(name)
     if lengths is not None and len(lengths):
         mean = lengths.mean(axis=1)
-        facts.append(("mean length, bone to bone", f"{number(mean.min())} to {number(mean.max())} mm"))
+        facts.append(("mean length, bone to bone", f"{number(mean.min())} to {number(mean.max())} mm", None))
     lengths = result.fibre_lengths.get(name)
     if lengths is not None and len(lengths):
         mean = lengths.mean(axis=1)
-        facts.append(("mean fibre length", f"{number(mean.min())} to {number(mean.max())} mm"))
-    for coordinate, found in (muscle.get("moment_arms") or {}).items():
-        words = f"{number(found['mean_mm'])} mm ({number(found['min_mm'])} to {number(found['max_mm'])})"
-        facts.append((f"moment arm, {label_of(coordinate)}", words))
+        facts.append(("mean fibre length", f"{number(mean.min())} to {number(mean.max())} mm", None))
+    for coordinate, found in arms.items():
+        some = np.unique([0, len(found.values) // 2, len(found.values) - 1])
+        means = " / ".join(number(found.mean[i]) for i in some)
+        values = " / ".join(number(found.values[i]) for i in some)
+        unit = "mm" if found.unit in ANGLES else ""
+        words = f"{means} {unit} at {values} {found.unit}"
+        facts.append((f"moment arm, {label_of(coordinate)}", words, [name, coordinate]))
     architecture = muscle.get("architecture") or {}
     if "tendon_from" in architecture:
         area = _with_error(muscle, "pcsa_without_tendon", architecture["pcsa_without_tendon_mm2"], 100.0)
-        facts.append((f"PCSA, {RESTS_ON[architecture['tendon_from']]}", f"{area} cm²"))
+        facts.append((f"PCSA, {RESTS_ON[architecture['tendon_from']]}", f"{area} cm²", None))
     if muscle.get("volume_mm3"):
-        facts.append(("volume", f"{_with_error(muscle, 'volume', muscle['volume_mm3'], 1000.0)} cm³"))
+        facts.append(("volume", f"{_with_error(muscle, 'volume', muscle['volume_mm3'], 1000.0)} cm³", None))
     finished = result.finished(name)
     if finished < len(result.frames):
-        facts.append(("frames", f"{finished} of {len(result.frames)}"))
+        facts.append(("frames", f"{finished} of {len(result.frames)}", None))
     return {
         "name": name,
         "label": label_of(name),

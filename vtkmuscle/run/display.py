@@ -9,12 +9,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.words import suggestion
+from vtkmuscle.core.words import names, suggestion
 from vtkmuscle.data.arrays import blocks_of, points_of
 from vtkmuscle.plotting import MovingScene, Pose
+from vtkmuscle.scene.data import SceneData
 
 if TYPE_CHECKING:
     from vtkmuscle.run.frames import KeptFrames
+
+
+#: Colours of landmarks by their role.
+_ROLES = {"origin": "black", "insertion": "red", "via": "white"}
+
+
+def plotter_at_rest(scene: SceneData, off_screen: bool | None) -> Any:
+    """Return a plotter with the bones, muscles and landmarks of a scene."""
+    import pyvista  # noqa: PLC0415 -- a run needs none
+
+    surfaces = {name: muscle.surface for name, muscle in scene.muscles.items()}
+    plotter = MovingScene(scene.bones, surfaces, {}, off_screen=off_screen, opacity=0.4).plotter
+    for area in (area for muscle in scene.muscles.values() for area in muscle.attachments):
+        look = {"color": _ROLES[area.role], "reset_camera": False}
+        plotter.add_points(area.landmarks, render_points_as_spheres=True, point_size=11, **look)
+        if len(area.landmarks) > 1:
+            line = pyvista.lines_from_points(area.landmarks, close=area.closed)
+            plotter.add_mesh(line, line_width=4, **look)
+    return plotter
 
 
 class ResultDisplay:
@@ -24,7 +44,7 @@ class ResultDisplay:
     ----------
     result : KeptFrames
         A :class:`vtkmuscle.Result`.
-    muscles : sequence of str, optional
+    muscles : str or sequence of str, optional
         Which to show; default all.
     **options
         Of :class:`~vtkmuscle.plotting.MovingScene`.
@@ -39,10 +59,12 @@ class ResultDisplay:
         What these are.
     """
 
-    def __init__(self, result: KeptFrames, muscles: Sequence[str] | None = None, **options: Any) -> None:
+    def __init__(
+        self, result: KeptFrames, muscles: str | Sequence[str] | None = None, **options: Any
+    ) -> None:
         self._result = result
         self.times, self.time_label = list(result.times), result.time_label
-        self._names = list(result.muscle_names if muscles is None else muscles)
+        self._names = names(result.muscle_names if muscles is None else muscles)
         for name in self._names:
             if name not in result.muscle_names:
                 known = suggestion(name, result.muscle_names)

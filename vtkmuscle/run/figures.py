@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import warnings
 from collections.abc import Mapping
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.moment_arms.by_coordinate import JointArms
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.data.drawn_bones import DrawnBone
 from vtkmuscle.filters.fibre_tubes import FibreTubes
@@ -25,6 +26,10 @@ from vtkmuscle.scene.data import SceneData
 
 if TYPE_CHECKING:
     from vtkmuscle.run.result import Result
+
+
+#: What a figure can be written as.
+FORMS = ("png", "pdf", "svg")
 
 
 class Drawing:
@@ -128,8 +133,8 @@ class Drawing:
         self._figures[figure.name] = self._process.draw(figure, self._beside)
 
 
-def write_figures(folder: str | Path, result: Result) -> list[Path]:
-    """Write all figures of a run: the rest pose, each muscle in three frames, its fibres, the volumes.
+def write_figures(folder: str | Path, result: Result, *, form: str = "png", dpi: float = 150.0) -> list[Path]:
+    """Write all figures of a run: the rest pose, each muscle in three frames, lengths and moment arms.
 
     Parameters
     ----------
@@ -137,26 +142,37 @@ def write_figures(folder: str | Path, result: Result) -> list[Path]:
         Made where it does not exist.
     result : Result
         What :meth:`vtkmuscle.Scene.run` returns.
+    form : str, optional
+        ``"png"``; or ``"pdf"`` or ``"svg"``, in which curves and letters are drawn as such.
+    dpi : float, optional
+        Pixels per inch of what is a picture; the figure's size on paper stays.
 
     Returns
     -------
     list of Path
         ``rest_pose.png``, per muscle ``NAME_frames.png`` and (where it has fibres) ``NAME_lengths.png`` of
-        its paths, ``NAME_fibre_lengths.png``, ``NAME_moment_arms.png`` where the report has some, and
-        ``volume.png``.
+        its paths, ``NAME_fibre_lengths.png``, and ``NAME_moment_arms.png`` where the report has some.
 
     Raises
     ------
+    ValueError
+        For another form, or pixels that are not 20 to 2400 to an inch.
     RuntimeError
         If no picture can be rendered here; nothing is written then. :func:`can_render` asks beforehand.
     """
+    if form not in FORMS:
+        raise InputError(form, "a figure is one of png, pdf and svg", "choose one of these")
+    if not 20.0 <= dpi <= 2400.0:
+        raise InputError("", f"dpi is {dpi:g}, but a figure has 20 to 2400 pixels to an inch", "e.g. 300")
     reason = can_render()
     if reason is not None:
         raise RuntimeError(f"no figures can be made: {reason}")
-    from vtkmuscle.plotting.studio import Studio  # noqa: PLC0415 -- only figures need it
+    from vtkmuscle.plotting.sheets import DOTS_PER_INCH  # noqa: PLC0415 -- only figures need it
+    from vtkmuscle.plotting.studio import Studio  # noqa: PLC0415
 
-    with Studio() as studio:
-        return [one.write(Path(folder), result.drawn_bones, studio) for one in figures_of(result)]
+    with Studio(dpi / DOTS_PER_INCH) as studio:
+        figures = figures_of(result)
+        return [one.write(Path(folder), result.drawn_bones, studio, form, dpi) for one in figures]
 
 
 def figures_of(result: Result) -> list[FigureOrder]:
@@ -165,7 +181,7 @@ def figures_of(result: Result) -> list[FigureOrder]:
     figures = [rest_pose(result.name, result.units, at_rest)]
     for name in result.muscle_names:
         figures += figures_of_muscle(result, name)
-    return figures + _figures_of_all(result)
+    return figures + _moment_arms(result)
 
 
 def rest_pose(scene: str, units: str, muscles: Mapping[str, vtkPolyData]) -> FigureOrder:
@@ -192,31 +208,31 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
                 "times": result.times[: len(known[name])],
                 "lengths": known[name],
                 "of": of,
-                "title": _title(result, name),
+                "title": _title(name),
                 "time_label": result.time_label,
             }
             figures.append(FigureOrder(f"{name}_{suffix}", "plot_lengths", given))
     return figures
 
 
-def _figures_of_all(result: Result) -> list[FigureOrder]:
-    """Return those figures of a run that need all muscles: moment arms of each, and the volumes."""
-    muscles = result.report["muscles"]
-    arms = result.moment_arms() if any(one.get("moment_arms") for one in muscles.values()) else {}
-    figures = [
-        FigureOrder(f"{name}_moment_arms", "plot_moment_arms", _moment_arms(result, name, arms[name]))
-        for name in result.muscle_names
-        if name in arms and result.finished(name)
-    ]
-    if result.report["model"] != "paths":
-        rows = {name: muscles[name]["frames"] for name in result.muscle_names}
-        given = {
-            "times": {name: [row["time"] for row in table] for name, table in rows.items()},
-            "ratios": {name: [row["volume_ratio"] for row in table] for name, table in rows.items()},
-            "title": result.name,
-            "time_label": result.time_label,
-        }
-        figures.append(FigureOrder("volume", "plot_volume", given))
+def _moment_arms(result: Result) -> list[FigureOrder]:
+    """Return the figures that need all muscles: moment arms of each."""
+    if not any(one.get("moment_arms") for one in result.report["muscles"].values()):
+        return []
+    figures = []
+    for name, arms in result.moment_arms().items():
+        if result.finished(name):
+            known = result.errors[name]
+            given = {
+                "arms": dict(arms),
+                "muscle": result.rest_muscle(name),
+                "fibres": result.rest_fibres(name),
+                "errors": {one: known[key].total for one in arms if (key := f"moment_arm_{one}") in known},
+                "literature": tuple(result.literature.get(name, ())),
+                "title": _title(name),
+                "units": result.units,
+            }
+            figures.append(FigureOrder(f"{name}_moment_arms", "plot_moment_arms", given, rendered=True))
     return figures
 
 
@@ -232,25 +248,14 @@ def _frames(result: Result, name: str) -> dict[str, object]:
         "transforms": [result.motion.at(float(result.motion.times[number])) for number in frames],
         "fibres": fibres or None,
         "rest_fibres": result.rest_fibres(name),
-        "labels": [_at(result.time_label, float(result.motion.times[number])) for number in frames],
-        "title": _title(result, name),
+        "labels": [_at(result, number) for number in frames],
+        "title": _title(name),
         "units": result.units,
     }
 
 
-def _moment_arms(result: Result, name: str, arms: Mapping[str, JointArms]) -> dict[str, object]:
-    known = result.errors[name]
-    return {
-        "arms": dict(arms),
-        "errors": {one: known[key].total for one in arms if (key := f"moment_arm_{one}") in known},
-        "literature": tuple(result.literature.get(name, ())),
-        "title": _title(result, name),
-    }
-
-
-def _title(result: Result, name: str) -> str:
-    verdict = result.verdicts.get(name)
-    return name.replace("_", " ") + (f": {verdict}" if verdict else "")
+def _title(name: str) -> str:
+    return name.replace("_", " ")
 
 
 def _tubes(fibres: vtkPolyData) -> vtkPolyData:
@@ -269,7 +274,10 @@ def _telling_frames(result: Result, name: str) -> list[int]:
     return sorted({frames[0], *(worst or [frames[(len(frames) - 1) // 2]]), frames[-1]}) if frames else []
 
 
-def _at(label: str, time: float) -> str:
-    """Return a time in words: ``time 3``, or ``hip flexion 30 deg``."""
-    name, _, unit = label.partition(" [")
-    return f"{name} {time:.4g} {unit.removesuffix(']')}".strip()
+def _at(result: Result, frame: int) -> str:
+    """Return the time of a frame to a hundredth of them all: ``time 3``, or ``hip flexion 30 deg``."""
+    times = result.motion.times
+    span = float(np.ptp(times)) or 1.0
+    name, _, unit = result.time_label.partition(" [")
+    rounded = round(float(times[frame]), max(0, 2 - math.ceil(math.log10(span)))) + 0.0
+    return f"{name} {rounded:g} {unit.removesuffix(']')}".strip()

@@ -12,6 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
 
 from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.guesses import Guessed
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
@@ -23,7 +24,7 @@ from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.run.track import MuscleTrack
 
 
-class KeptFrames:
+class KeptFrames(Guessed):
     """The muscles, fibres and bones of a run, frame by frame; parameters as of :class:`vtkmuscle.Result`."""
 
     def __init__(
@@ -204,9 +205,18 @@ class KeptFrames:
             )
 
 
-def _read_only(rows: Mapping[str, Sequence[Floats]]) -> dict[str, Floats]:
+class ByMuscle(dict[str, Floats]):
+    """Arrays by the name of a muscle, told in a line each."""
+
+    def __repr__(self) -> str:
+        return "\n".join(
+            f"{name}: {one.shape} array, {one.min():.4g} to {one.max():.4g}" for name, one in self.items()
+        )
+
+
+def _read_only(rows: Mapping[str, Sequence[Floats]]) -> ByMuscle:
     """Return arrays of what is there per frame, not to be changed: moment arms by them are found once."""
-    arrays = {name: np.array(one) for name, one in rows.items() if one}
+    arrays = ByMuscle({name: np.array(one) for name, one in rows.items() if one})
     for array in arrays.values():
         array.setflags(write=False)
     return arrays

@@ -96,12 +96,20 @@ CHECKS = {
         smaller=True,
     ),
     # A jump of 1 mm from one frame to the next is a moment arm that is wrong by 57 mm at steps of 1 degree.
-    # A muscle that buckled made jumps of 18 mm.
+    # One fibre of a hundred may snap over an edge, and hardly changes the mean.
     "jumps": Check(
+        1.0,
+        100.0,
+        "mm",
+        "a fibre's length jumps by {}: it snaps over a bone",
+        "use smaller steps of the motion, and do not use its moment arms about there",
+    ),
+    # A muscle that buckled made jumps of 18 mm in all of its fibres.
+    "widespread jumps": Check(
         1.0,
         5.0,
         "mm",
-        "a fibre's length jumps by {}: the muscle buckles or snaps over a bone",
+        "the lengths of one in twenty fibres jump by {} or more: the muscle buckles or snaps over a bone",
         "use smaller steps of the motion, and do not use moment arms about there",
     ),
     # Of a fibre whose length jumps: what moves straight off a bone, as a strap that lifts, is not aside.

@@ -12,14 +12,11 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import smoothed_curve
-from vtkmuscle.core.moment_arms.by_coordinate import JointArms
-from vtkmuscle.core.moment_arms.of_joints import joint_arms
-from vtkmuscle.run.frames import KeptFrames
 from vtkmuscle.run.limits import CHECKS
+from vtkmuscle.run.one_muscle import MuscleResult
+from vtkmuscle.run.result_tables import ResultTables
 from vtkmuscle.run.store import ResultFolder
-from vtkmuscle.run.table import MomentArmTable, Table, length_table
 from vtkmuscle.run.verdict import VERDICTS
-from vtkmuscle.scene.data import MILLIMETRES
 
 Floats = NDArray[np.float64]
 
@@ -27,7 +24,7 @@ Floats = NDArray[np.float64]
 _MOST_LISTED = 8
 
 
-class Result(KeptFrames):
+class Result(ResultTables):
     """The muscles, fibres and bones of a run, frame by frame, and its report.
 
     Parameters
@@ -126,6 +123,15 @@ class Result(KeptFrames):
         """
         return cls(**ResultFolder(Path(folder)).result())
 
+    def __getitem__(self, name: str) -> MuscleResult:
+        """Return all that there is of one muscle: ``result["iliacus"].fibre_lengths``."""
+        return MuscleResult(self, name)
+
+    @property
+    def muscles(self) -> dict[str, MuscleResult]:
+        """Per muscle all that there is of it."""
+        return {name: self[name] for name in self.muscle_names}
+
     def __repr__(self) -> str:
         verdicts = list(self.verdicts.values())
         muscles = ", ".join(f"{name} ({self.verdicts[name]})" for name in self.muscle_names)
@@ -150,107 +156,12 @@ class Result(KeptFrames):
         """
         return {name: smoothed_curve(lengths, passes=passes) for name, lengths in self.lengths.items()}
 
-    def moment_arms(self, *coordinates: str) -> MomentArmTable:
-        """Return the moment arms of all paths in the kept frames: the levers of their pulls.
-
-        Parameters
-        ----------
-        *coordinates : str
-            Names of coordinates of the motion; default: all that change, or whose joint is known.
-
-        Returns
-        -------
-        MomentArmTable
-            Per muscle and coordinate arms, -dl/dq beside them and a quartic fit [mm], see
-            :class:`~vtkmuscle.core.moment_arms.by_coordinate.JointArms`; ``table()`` gives a table.
-
-        Raises
-        ------
-        ValueError
-            If no muscle has fibres, the motion has no such coordinate or none that changes, or the
-            coordinates change together only, and their joints are not known.
-        """
-        if not self.lengths:
-            raise InputError(
-                "", "no muscle of the run has fibres, so there are no moment arms", "give it fibres"
-            )
-        if coordinates not in self._known_arms:
-            self._known_arms[coordinates] = self._joint_arms(coordinates)
-        arms, refused = self._known_arms[coordinates]
-        return MomentArmTable(arms, refused, self.errors)
-
-    def _joint_arms(
-        self, coordinates: tuple[str, ...]
-    ) -> tuple[dict[str, dict[str, JointArms]], dict[str, str]]:
-        """Return the moment arms per muscle and coordinate, and why there are none by others."""
-        motion = self.motion.part(self.frames)
-        arms: dict[str, dict[str, JointArms]] = {}
-        refused: dict[str, str] = {}
-        problems: list[InputError] = []
-        for name, lengths in self.lengths.items():
-            if len(lengths) < len(self.frames):
-                continue  # it failed on the way
-            crossed = self.crosses.get(name)
-            among = coordinates or tuple(motion.coordinates)
-            if crossed is not None and not any(
-                one in among and (motion.coordinates[one].changes or motion.coordinates[one].twists)
-                for one in crossed
-            ):
-                continue  # it crosses none by which there are arms
-            try:
-                arms[name], without = joint_arms(
-                    lengths,
-                    self.wrenches(name),
-                    motion,
-                    coordinates or None,
-                    crossed=crossed,
-                    millimetres=MILLIMETRES[self.units],
-                )
-            except InputError as error:  # of this muscle alone, where others cross other coordinates
-                problems.append(error)
-                without = dict.fromkeys(crossed or among, str(error))
-            refused |= without
-        if problems and not arms:
-            raise problems[0]
-        return arms, refused
-
-    def length_table(self) -> Table:
-        """Return the lengths of the paths, a row per muscle, fibre and frame, as lengths.csv."""
-        return length_table(self.lengths, self.errors, "each_length", self.frames, self.times)
-
-    def fibre_length_table(self) -> Table:
-        """Return the lengths of the fibres, a row per muscle, fibre and frame, as fibre_lengths.csv."""
-        return length_table(self.fibre_lengths, self.errors, "each_fibre_length", self.frames, self.times)
-
-    def frame_table(self) -> Table:
-        """Return the figures of the report, a row per muscle and frame; NaN where a muscle has none.
-
-        ``report["definitions"]`` says what they are. What is no number, as the measures of fibres, is left to
-        the report.
-        """
-        muscles = self.report["muscles"]
-        rows = [{"muscle": name, **row} for name in self.muscle_names for row in muscles[name]["frames"]]
-        known = {
-            key: None for row in rows for key, value in row.items() if not isinstance(value, dict | list)
-        }
-        return Table(tuple(known), ([row.get(key) for key in known] for row in rows))
-
-    def to_frame(self) -> Any:
-        """Return the lengths of the paths for pandas, as ``length_table()`` has them.
-
-        Raises
-        ------
-        ImportError
-            If pandas is not installed; ``length_table()`` needs none.
-        """
-        return self.length_table().to_frame()
-
     def plot(
         self,
         *,
         frame: int | None = None,
         time: float | None = None,
-        muscles: Sequence[str] | None = None,
+        muscles: str | Sequence[str] | None = None,
         show: bool = True,
         off_screen: bool | None = None,
     ) -> Any:
@@ -260,7 +171,7 @@ class Result(KeptFrames):
         ----------
         frame, time : int, float, optional
             Of one kept frame; without either, a slider goes through all of them.
-        muscles : sequence of str, optional
+        muscles : str or sequence of str, optional
             Which to show; default all.
         show : bool, optional
             False to get the plotter before it is shown, to add to it or to capture it.
@@ -294,7 +205,7 @@ class Result(KeptFrames):
         path: str | PathLike[str],
         *,
         fps: float = 15.0,
-        muscles: Sequence[str] | None = None,
+        muscles: str | Sequence[str] | None = None,
         size: tuple[int, int] = (1024, 768),
     ) -> Path:
         """Write a film of all kept frames.
@@ -305,7 +216,7 @@ class Result(KeptFrames):
             A .gif, or an .mp4, which needs the extra ``movie``; replaced where it exists.
         fps : float, optional
             Frames per second.
-        muscles : sequence of str, optional
+        muscles : str or sequence of str, optional
             Which to show; default all.
         size : (int, int), optional
             Width and height [pixels], even numbers.
@@ -339,27 +250,35 @@ class Result(KeptFrames):
         finally:
             shown.scene.plotter.close()
 
-    def write_figures(self, folder: str | PathLike[str]) -> list[Path]:
-        """Draw the figures of a run again: rest pose, muscles, lengths, moment arms, volumes.
+    def write_figures(
+        self, folder: str | PathLike[str], *, form: str = "png", dpi: float = 150.0
+    ) -> list[Path]:
+        """Draw the figures of a run again: rest pose, muscles, lengths, moment arms.
 
         Parameters
         ----------
         folder : path
             Made where it does not exist.
+        form : str, optional
+            ``"png"``; or ``"pdf"`` or ``"svg"``, in which curves and letters are drawn as such.
+        dpi : float, optional
+            Pixels per inch of what is a picture; the size on paper stays.
 
         Returns
         -------
         list of Path
-            The .png files.
+            The files.
 
         Raises
         ------
+        ValueError
+            For another form, or pixels that are not 20 to 2400 to an inch.
         RuntimeError
             If no picture can be rendered here.
         """
         from vtkmuscle.run.figures import write_figures  # noqa: PLC0415 -- only figures need PyVista
 
-        return write_figures(Path(folder), self.plain())
+        return write_figures(Path(folder), self.plain(), form=form, dpi=dpi)
 
     def write_report(self, path: str | PathLike[str]) -> Path:
         """Write the page of the run: the scene to be turned and moved, curves, tables and verdicts.

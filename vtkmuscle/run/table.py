@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.guesses import no_attribute
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
@@ -101,6 +102,9 @@ class Table(Mapping[str, NDArray[Any]]):
         rows = len(next(iter(self._columns.values()), ()))
         return f"Table: {rows} rows of {', '.join(self._columns)}"
 
+    def __getattr__(self, name: str) -> Any:
+        raise no_attribute("Table", name)
+
     def where(self, **wanted: Any) -> Self:
         """Return the rows in which columns have these values: ``table.where(muscle="iliacus", frame=10)``.
 
@@ -118,7 +122,7 @@ class Table(Mapping[str, NDArray[Any]]):
             kept &= np.isclose(column, value, rtol=1e-9, atol=1e-9) if floats else column == value
         return self.stacked(tuple(self), [{name: column[kept] for name, column in self._columns.items()}])
 
-    def write(self, path: str | PathLike[str], *, digits: int | None = None) -> Path:
+    def to_csv(self, path: str | PathLike[str], *, digits: int | None = None) -> Path:
         """Write the table as comma-separated values, NaN as nothing, and return the file.
 
         Parameters

@@ -27,7 +27,10 @@ _AT_REST = {
     "bare": ("bare_share", 100.0),
 }
 #: The checks that need fibres.
-_OF_FIBRES = ("long fibres", "short fibres", "jumps", "slid off", "fibres outside", "fibres in bone")
+_OF_FIBRES = (
+    *("long fibres", "short fibres", "jumps", "widespread jumps"),
+    *("slid off", "fibres outside", "fibres in bone"),
+)
 
 
 #: A point of a fibre lies on a bone where nothing but muscle is between them: nearer than this [mm].
@@ -187,7 +190,9 @@ def _series(
         times = np.array([row["time"] for row in rows], dtype=np.float64)
         of_motion = () if motion is None else (even_stretches(motion), largest_turns(motion))
         jumps = length_jumps(fibres.lengths, times, *of_motion)
-        values["jumps"] = np.concatenate([[0.0], jumps.max(axis=1)]) if len(jumps) else np.zeros(len(times))
+        for name, share in (("jumps", 100), ("widespread jumps", 95)):
+            values[name] = np.zeros(len(times))
+            values[name][1:] = np.percentile(jumps, share, axis=1) if len(jumps) else 0.0
         values["slid off"] = np.array(
             [0.0 if one is None else one[0] for one in fibres.slides or [None] * len(times)]
         )

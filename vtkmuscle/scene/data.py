@@ -10,6 +10,7 @@ from typing import Any
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.words import shown
 from vtkmuscle.data.aponeuroses import Aponeurosis, aponeuroses_data, aponeuroses_of
 from vtkmuscle.data.arrays import multiblock_from
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of
@@ -19,7 +20,7 @@ from vtkmuscle.io.literature import LiteratureCurve
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Muscle:
     """A muscle of a scene.
 
@@ -28,7 +29,8 @@ class Muscle:
     surface : vtkPolyData
         Closed surface of triangles that face outward, in the rest pose.
     attachments : sequence of AttachmentArea, or vtkMultiBlockDataSet
-        Where it is attached, and the via rings that it passes through.
+        Where it is attached, and the via rings that it passes through; ``(role, bone, landmarks, closed)`` is
+        an area, too.
     fibres : mapping, optional
         Keyword arguments of :func:`vtkmuscle.pipelines.decompose`, and ``weight_tolerance`` of
         FibreTransport, 0.3 where it is not given, 0 for exact transport; None for a muscle without fibres.
@@ -61,12 +63,24 @@ class Muscle:
     aponeuroses: tuple[Aponeurosis, ...] = ()
 
     def __post_init__(self) -> None:
-        given: Any = self.attachments
+        given: Any = self.surface
+        if not isinstance(given, vtkPolyData):
+            got = shown(given)
+            raise TypeError(
+                f"Muscle takes a surface, but got {got}; pyvista.read(path) reads one from a file"
+            )
+        given = self.attachments
         areas = attachments_of(given, "attachments") if isinstance(given, vtkMultiBlockDataSet) else given
+        areas = [AttachmentArea(*one) if isinstance(one, tuple) else one for one in areas]
         object.__setattr__(self, "attachments", tuple(areas))
         given = self.aponeuroses
         sheets = aponeuroses_of(given, "aponeuroses") if isinstance(given, vtkMultiBlockDataSet) else given
         object.__setattr__(self, "aponeuroses", tuple(sheets))
+
+    def __repr__(self) -> str:
+        areas = ", ".join(f"{area.role} on {area.bone}" for area in self.attachments) or "no attachments"
+        fibres = "no fibres" if self.fibres is None else f"fibres {dict(self.fibres)}"
+        return f"Muscle({self.surface.GetNumberOfCells()} triangles; {areas}; {fibres})"
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,7 +37,7 @@ def dask() -> Any:
         import distributed  # noqa: PLC0415
         import pyarrow  # noqa: F401, PLC0415
     except ImportError as error:
-        remedy = "install it: python -m pip install 'vtkmuscle[cohort]'"
+        remedy = "install it: python -m pip install '.[cohort]'"
         raise InputError("", f"a cohort needs {error.name}", remedy) from error
     return distributed
 
@@ -99,7 +99,7 @@ def _workers(distributed: Any, client: Any, retries: int) -> Workers:
         try:
             client.run(import_module, "vtkmuscle.studies.case")  # by name: nothing of the package is sent
         except ImportError as error:
-            remedy = "install 'vtkmuscle[cohort]' there too"
+            remedy = "install '.[cohort]' there too"
             raise InputError("", f"a worker cannot import vtkmuscle ({error})", remedy) from error
         code, folder, run = code_digest(), str(parts.folder.absolute()), secrets.token_hex(4)
         submitted: dict[str, Case] = {}

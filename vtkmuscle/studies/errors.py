@@ -15,7 +15,7 @@ import numpy as np
 from vtkmuscle.accuracy import KINDS, SOLVED, Solution, StatedErrors
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.processors import processors
-from vtkmuscle.core.words import suggestion
+from vtkmuscle.core.words import names, suggestion
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.run import Result, RunOptions, frame_numbers, run_scene
 from vtkmuscle.run.store.claim import claimed
@@ -34,7 +34,7 @@ def run_with_errors(
     scene: Scene,
     out: str | PathLike[str] | None = None,
     *,
-    errors: bool | Iterable[str] = True,
+    errors: bool | str | Iterable[str] = True,
     landmark_error: float = 5.0,
     landmark_samples: int = 8,
     **options: Any,
@@ -47,7 +47,7 @@ def run_with_errors(
         What is run.
     out : path, optional
         Folder to write to, as of :meth:`vtkmuscle.Scene.run`; further solves are kept there too.
-    errors : bool or iterable of str, optional
+    errors : bool, str or iterable of str, optional
         What part of the error of lengths, moment arms and areas is found: ``"model"`` (paths against the
         volume), ``"mesh"`` (edges half as long), ``"slices"`` (of the fibres at rest), ``"pruning"`` (of the
         weights that carry them), ``"landmarks"`` (moved about); True is all but the last.
@@ -79,7 +79,7 @@ def run_with_errors(
     >>> sorted(result.errors["spindle"]["length"].parts)
     ['fibres', 'model', 'segments']
     """
-    wanted = {*(() if errors is False else SOLVED if errors is True else errors)}
+    wanted = {*(() if errors is False else SOLVED if errors is True else names(errors))}
     for kind in sorted(wanted.difference(KINDS)):
         raise InputError("errors", f"there is no kind {kind!r}", suggestion(kind, KINDS))
     if not (np.isfinite(landmark_error) and landmark_error > 0.0):

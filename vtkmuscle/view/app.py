@@ -93,7 +93,7 @@ def _trame() -> dict[str, Any]:
         from trame_pyvista.ui import get_viewer  # noqa: PLC0415
     except ImportError as error:
         raise ImportError(
-            f"the viewer needs trame ({error.name} is missing): python -m pip install 'vtkmuscle[view]'; "
+            f"the viewer needs trame ({error.name} is missing): python -m pip install '.[view]'; "
             "the page report.html of a run needs nothing more"
         ) from error
     return {

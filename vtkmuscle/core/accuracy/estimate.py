@@ -87,7 +87,7 @@ def expanded_of_samples(values: ArrayLike, *, of_mean: bool = False) -> Floats:
     return np.asarray(factor * samples.std(axis=0, ddof=1))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Estimate:
     """A quantity and what is known of its error.
 
@@ -115,6 +115,12 @@ class Estimate:
     value: Floats
     unit: str
     parts: Mapping[str, Floats] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        short = self.report()
+        causes = ", ".join(self.parts) or "no cause known"
+        number = f"{short['value']:.4g} \u00b1 {short['total']:.2g} {self.unit}"
+        return f"Estimate({np.shape(self.value)}: {number}; {causes})"
 
     @property
     def total(self) -> Floats:

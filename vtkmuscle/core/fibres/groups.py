@@ -34,22 +34,12 @@ def group_fibres(lengths: Floats, count: int) -> Ints:
     return groups
 
 
-def group_errors(lengths: Floats, groups: Ints) -> tuple[Floats, Floats]:
-    """Return what groups cost, and the fibres that stand for them.
-
-    Returns
-    -------
-    errors : (n,) array
-        RMS of each fibre's change of length against its group's, in the unit of the lengths.
-    medoids : (k,) int array
-        The fibre of each group that is nearest to its mean.
-    """
+def group_errors(lengths: Floats, groups: Ints) -> Floats:
+    """Return the RMS (n,) of each fibre's change of length against that of its group, in its unit."""
     changes = lengths - lengths.mean(axis=0)
     errors = np.zeros(lengths.shape[1])
-    medoids = []
     for group in range(int(groups.max()) + 1):
-        mine = np.flatnonzero(groups == group)
+        mine = groups == group
         off = changes[:, mine] - changes[:, mine].mean(axis=1, keepdims=True)
         errors[mine] = np.sqrt((off**2).mean(axis=0))
-        medoids.append(int(mine[np.argmin(errors[mine])]))
-    return errors, np.array(medoids, dtype=np.int64)
+    return errors

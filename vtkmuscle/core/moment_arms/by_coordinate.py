@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from vtkmuscle.core.types import Floats, Ints
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class JointArms:
     """Moment arms of the paths of a muscle by one coordinate: the levers of their pulls.
 
@@ -42,6 +42,12 @@ class JointArms:
     slopes: Floats
     quartic: Floats | None
     quartic_residuals: Floats | None
+
+    def __repr__(self) -> str:
+        low, high = (f"{value:g}" for value in (self.values.min(), self.values.max()))
+        arms, paths = self.arms, self.arms.shape[1]
+        spread = f"{arms.mean():.1f} ({arms.min():.1f} to {arms.max():.1f}), {paths} paths"
+        return f"JointArms by {self.coordinate}, {low} to {high} {self.unit}: {spread}"
 
     @property
     def mean(self) -> Floats:

@@ -8,8 +8,9 @@ is here, once.
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 
@@ -83,7 +84,10 @@ class Filter(Running, Algorithm):
         own = cls.__dict__.get("__doc__") or ""
         cls.__doc__ = documented(own, cls.parameter_declarations, cls.input_ports, cls.output_ports)
 
-    def __init__(self, **settings: Any) -> None:
+    def __init__(self, *data: Any, **settings: Any) -> None:
+        if data:
+            name = type(self).__name__
+            raise TypeError(f"{name} takes parameters by name; {name}()(data) runs it on data")
         self._parameter_values: dict[str, Any] = {}
         self._producers: list[Any] = []
         super().__init__()
@@ -129,6 +133,15 @@ class Filter(Running, Algorithm):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _rebuild, (type(self), self.parameters())
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            words = re.sub(r"(?<!^)(?=[A-Z])", "_", name.removeprefix("Set").removeprefix("Get")).lower()
+            known = suggestion(words, self.parameter_declarations)
+            raise AttributeError(
+                f"{type(self).__name__} has no attribute {name!r}; parameters are attributes: {known}"
+            )
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name}={value!r}" for name, value in self._parameter_values.items())

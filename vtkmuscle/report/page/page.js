@@ -11,6 +11,7 @@ async function begin() {
   const curves = makeCurves(data.curves, block, (position) => go(shownNear(data.scene.shown, position)));
   const { shown } = data.scene;
 
+  let last;
   function go(place) {
     slider.value = place;
     const position = shown[place];
@@ -19,6 +20,16 @@ async function begin() {
     slider.setAttribute("aria-valuetext", words);
     viewer?.set({ frame: place });
     curves.show(position);
+    tellArms(data.curves, position);
+    if (last !== undefined && last !== place) history.replaceState(null, "", `#frame=${data.frames[position]}`);
+    last = place;
+  }
+
+  function goToLink() {
+    const [, wanted] = location.hash.match(/^#frame=(\d+)$/) || [];
+    if (wanted === undefined) return false;
+    go(shownNear(shown, nearest(data.frames, Number(wanted))));
+    return true;
   }
 
   slider.addEventListener("input", () => go(Number(slider.value)));
@@ -33,13 +44,15 @@ async function begin() {
       document.getElementById("scene").scrollIntoView({ behavior: "smooth" });
     });
   }
-  go(0);
+  if (!goToLink()) go(0);
+  window.addEventListener("hashchange", goToLink);
 
   const script = document.createElement("script");
   script.textContent = new TextDecoder().decode(await inflated("plotly"));
   document.head.append(script);
   choices(curves);
   await curves.draw();
+  forPaper(curves, viewer);
   window.report = { viewer, curves, data, go };
   document.documentElement.dataset.ready = "yes";
 }
@@ -88,29 +101,95 @@ function controls(viewer, data, canvas) {
     });
   }
   for (const button of document.querySelectorAll("[data-view]")) {
-    const towards = button.dataset.view ? button.dataset.view.split(" ").map(Number) : null;
-    button.addEventListener("click", () => viewer.look(towards));
+    button.addEventListener("click", () => viewer.look(button.dataset.view ? button.dataset.view.split(" ").map(Number) : null));
   }
-  document.getElementById("picture").addEventListener("click", () => {
-    viewer.pixels();
-    const link = document.createElement("a");
-    link.href = canvas.toDataURL("image/png");
-    link.download = "scene.png";
-    link.click();
+  const front = document.getElementById("front");
+  front.addEventListener("change", () => {
+    const [x, y] = front.value.split(" ").map(Number);
+    const named = { front: [x, y], back: [-x, -y], left: [-y, x], right: [y, -x] };
+    const sides = Object.fromEntries(Object.entries(named).map(([name, side]) => [side.map((one) => one + 0).join(" "), name]));
+    for (const button of document.querySelectorAll("[data-side]")) button.textContent = (front.value && sides[button.dataset.side]) || button.dataset.name;
   });
+  for (const button of document.querySelectorAll("[data-picture]")) {
+    button.addEventListener("click", () => save(labelled(viewer, data, canvas, Number(button.dataset.picture)).toDataURL("image/png"), "scene.png"));
+  }
   const ruler = document.getElementById("ruler");
   const axes = document.getElementById("axes");
   viewer.watch((camera, height) => {
-    const half = heightOf(camera, canvas.clientWidth / height);
-    const perUnit = height / (2 * half);
-    const wanted = (90 / perUnit) * data.scene.mm;
-    const power = 10 ** Math.floor(Math.log10(wanted));
-    const nice = [5, 2, 1].find((digit) => digit * power <= wanted) * power;
-    ruler.style.width = `${(nice / data.scene.mm) * perUnit}px`;
-    ruler.textContent = `${plain(nice)} mm`;
+    const bar = scaleBar(camera, canvas.clientWidth, height, data.scene.mm);
+    ruler.style.width = `${bar.width}px`;
+    ruler.textContent = bar.words;
     drawAxes(axes, axesOf(camera));
   });
   viewer.set({});
+}
+
+/* A scale bar of a round length, some 90 pixels wide. */
+function scaleBar(camera, width, height, mm) {
+  const perUnit = height / (2 * heightOf(camera, width / height));
+  const wanted = (90 / perUnit) * mm;
+  const power = 10 ** Math.floor(Math.log10(wanted));
+  const nice = [5, 2, 1].find((digit) => digit * power <= wanted) * power;
+  return { width: (nice / mm) * perUnit, words: `${plain(nice)} mm` };
+}
+
+/* The scene with its scale bar, its time or angle, and the scale of its colours. */
+function labelled(viewer, data, canvas, times) {
+  const picture = viewer.picture(times);
+  const pen = picture.getContext("2d");
+  const [width, height] = [picture.width / times, picture.height / times];
+  pen.scale(times, times);
+  pen.font = "15px system-ui, sans-serif";
+  pen.fillStyle = "#000";
+  const bar = scaleBar(viewer.camera, canvas.clientWidth, canvas.clientHeight, data.scene.mm);
+  pen.fillRect(20, height - 20, bar.width, 3);
+  pen.fillText(bar.words, 20, height - 27);
+  const position = data.scene.shown[viewer.state.frame];
+  pen.fillText(`${data.curves.timeName} ${plain(data.curves.times[position])}${data.curves.timeUnit}`, 20, 30);
+  const by = document.getElementById("colour-by");
+  const range = viewer.ranges[by.value];
+  if (range) {
+    const [left, top] = [width - 260, height - 40];
+    const fill = pen.createLinearGradient(left, 0, left + 230, 0);
+    COLOUR_MAPS[range.map].forEach((colour, k, all) => fill.addColorStop(k / (all.length - 1), colour));
+    pen.fillStyle = fill;
+    pen.fillRect(left, top, 230, 12);
+    pen.fillStyle = "#000";
+    pen.fillText(by.selectedOptions[0].textContent, left, top - 8);
+    [[range.low, "left"], [(range.low + range.high) / 2, "center"], [range.high, "right"]].forEach(([value, side], k) => {
+      pen.textAlign = side;
+      pen.fillText(brief(value, range.unit), left + 115 * k, top + 28);
+    });
+  }
+  return picture;
+}
+
+/* Moment arms at the slider's frame, on the cards. */
+function tellArms(curves, position) {
+  for (const place of document.querySelectorAll("[data-arm]")) {
+    const [muscle, coordinate] = JSON.parse(place.dataset.arm);
+    const found = curves.muscles.find((one) => one.name === muscle).arms[coordinate];
+    const axis = curves.coordinates.find((one) => one.name === coordinate);
+    const k = nearest(found.values, axis.values[position]);
+    const error = found.error ? ` \u00b1 ${found.error[k].toPrecision(2)}` : "";
+    const mean = found.mean[k].toFixed(1).replace("-", "\u2212");
+    place.textContent = `${mean}${error} ${axis.of === "1" ? "" : "mm "}at ${found.values[k].toFixed(1)} ${axis.unit}`;
+  }
+}
+
+/* On paper everything is open, as wide as the paper, and every coordinate and check has its curve. */
+function forPaper(curves, viewer) {
+  let closed = [];
+  window.addEventListener("beforeprint", () => {
+    closed = [...document.querySelectorAll("details:not([open])")];
+    for (const one of closed) one.open = true;
+    viewer?.pixels();
+    curves.print(true);
+  });
+  window.addEventListener("afterprint", () => {
+    for (const one of closed) one.open = false;
+    curves.print(false);
+  });
 }
 
 function brief(value, unit) {
@@ -119,8 +198,12 @@ function brief(value, unit) {
 }
 
 function drawAxes(svg, { right, up }) {
+  const ends = [0, 1, 2].map((axis) => [24 * right[axis], -24 * up[axis]]);
   const marks = ["x", "y", "z"].map((name, axis) => {
-    const [x, y] = [24 * right[axis], -24 * up[axis]];
+    const [x, y] = ends[axis];
+    // One that points at the eye, or is hidden by a longer one, has no place for its name.
+    const hides = (other) => Math.hypot(...other) > Math.hypot(x, y) && Math.hypot(other[0] - x, other[1] - y) < 10;
+    if (Math.hypot(x, y) < 6 || ends.some(hides)) return "";
     return `<line x1="0" y1="0" x2="${x.toFixed(1)}" y2="${y.toFixed(1)}"/><text x="${(1.35 * x).toFixed(1)}" y="${(1.35 * y + 4).toFixed(1)}">${name}</text>`;
   });
   svg.innerHTML = marks.join("");

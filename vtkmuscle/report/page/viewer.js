@@ -35,7 +35,11 @@ function makeViewer(canvas, scene, block) {
 
   function draw() {
     waiting = false;
-    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    paint(Math.min(window.devicePixelRatio || 1, 2), BACKGROUND);
+    for (const watcher of watchers) watcher(camera, canvas.clientHeight);
+  }
+
+  function paint(ratio, background) {
     const width = Math.max(1, Math.round(canvas.clientWidth * ratio));
     const height = Math.max(1, Math.round(canvas.clientHeight * ratio));
     if (canvas.width !== width || canvas.height !== height) {
@@ -43,7 +47,7 @@ function makeViewer(canvas, scene, block) {
       canvas.height = height;
     }
     gl.viewport(0, 0, width, height);
-    gl.clearColor(...BACKGROUND, 1);
+    gl.clearColor(...background, 1);
     gl.enable(gl.DEPTH_TEST);
     gl.depthFunc(gl.LEQUAL);
     gl.depthMask(true);
@@ -53,14 +57,23 @@ function makeViewer(canvas, scene, block) {
 
     const shown = muscles.filter((muscle) => !state.hidden.has(muscle.name) && state.frame < muscle.frames);
     if (state.bones === "solid") drawBones(seen, 1);
-    if (state.fibres) for (const muscle of shown) if (muscle.fibres) drawFibres(seen, muscle);
+    const fibres = () => state.fibres && shown.filter((muscle) => muscle.fibres).forEach((muscle) => drawFibres(seen, muscle));
+    const before = state.surfaces === "translucent" && state.by !== "muscle" && state.by !== "stretch";
+    if (!before) fibres();
     if (state.surfaces !== "hidden") {
-      const alpha = state.surfaces === "solid" ? 1 : state.by === "muscle" || state.by === "stretch" ? 0.5 : 0.14;
+      const alpha = state.surfaces === "solid" ? 1 : before ? 0.3 : 0.5;
       const skins = shown.filter((muscle) => muscle.surface);
       nearestOnly(alpha, () => skins.forEach((muscle) => drawMuscle(seen, muscle, alpha)));
     }
+    if (before) {
+      // Nothing may tint the colours of a scale: fibres come before their muscle, and behind bones alone.
+      gl.clear(gl.DEPTH_BUFFER_BIT);
+      gl.colorMask(false, false, false, false);
+      if (state.bones === "solid") drawBones(seen, 1);
+      gl.colorMask(true, true, true, true);
+      fibres();
+    }
     if (state.bones === "translucent") nearestOnly(0.28, () => drawBones(seen, 0.28));
-    for (const watcher of watchers) watcher(camera, canvas.clientHeight);
   }
 
   /* Of see-through surfaces the nearest one alone is drawn: first how far it is, then its colour. */
@@ -100,7 +113,7 @@ function makeViewer(canvas, scene, block) {
     const stretched = state.by === "stretch";
     use(surfaces, seen);
     gl.uniform1i(surfaces.at.coloured, stretched ? 1 : 0);
-    gl.uniform3fv(surfaces.at.colour, state.by === "muscle" || stretched ? muscle.colour : [0.72, 0.62, 0.6]);
+    gl.uniform3fv(surfaces.at.colour, state.by === "muscle" || stretched ? muscle.colour : [0.6, 0.59, 0.57]);
     gl.uniform1f(surfaces.at.alpha, stretched ? Math.max(alpha, 0.92) : alpha);
     if (stretched) paintBy(surfaces, ranges.stretch);
     gl.uniformMatrix4fv(surfaces.at.place, false, skin.place);
@@ -145,6 +158,15 @@ function makeViewer(canvas, scene, block) {
     look(towards) {
       Object.assign(camera, towards ? cameraOf(anglesOf(towards), muscles, bones) : home);
       invalidate();
+    },
+    /* What is drawn, on white, with some pixels for one of the page. */
+    picture(times) {
+      paint(times, [1, 1, 1]);
+      const copy = document.createElement("canvas");
+      [copy.width, copy.height] = [canvas.width, canvas.height];
+      copy.getContext("2d").drawImage(canvas, 0, 0);
+      draw();
+      return copy;
     },
     /* What is drawn, as numbers: for tests. */
     pixels() {

@@ -124,7 +124,7 @@ class ResultWriter(ResultFolder):
 
     def write_table(self, name: str, table: Table, *, digits: int | None = _DIGITS) -> None:
         """Write a table by the name of its file; without ``digits`` as many as keep every bit."""
-        table.write(self.path / name, digits=digits)
+        table.to_csv(self.path / name, digits=digits)
 
     def write_report(self, report: Mapping[str, Any]) -> None:
         """Write report.json."""

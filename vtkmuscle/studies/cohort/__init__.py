@@ -1,6 +1,6 @@
 """Cohorts: many subjects, motions and muscles, run by Dask, into one table.
 
-``vtkmuscle cohort STUDY.toml --out DIR`` on the command line; needs ``pip install 'vtkmuscle[cohort]'``.
+``vtkmuscle cohort STUDY.toml --out DIR`` on the command line; needs ``pip install '.[cohort]'``.
 """
 
 from vtkmuscle.studies.cohort.run import run_study

@@ -45,7 +45,7 @@ def front(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
 def write_trade_off(out: Path, found: TradeOff) -> list[Path]:
     """Write ``tradeoff.csv``, ``tradeoff.html`` and a plot per error (PNG and SVG); return their paths."""
     together = found.table.where(muscle="all")
-    paths, drawings = [found.table.write(out / "tradeoff.csv", digits=_DIGITS)], []
+    paths, drawings = [found.table.to_csv(out / "tradeoff.csv", digits=_DIGITS)], []
     for measure in ERRORS:
         figure = _front_of(together, measure, f"{found.scene}: {len(found.muscles)} muscles")
         if figure is not None:

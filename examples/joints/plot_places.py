@@ -1,0 +1,30 @@
+"""
+Moment arms by place in the muscle
+==================================
+
+The paths of a broad muscle have moment arms of their own: those in front flex, those behind may extend. A
+figure of a run has each in the colour of its place across the muscle, and a picture that shows which that is;
+black is the mean, with its error.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from vtkmuscle import Scene, phantoms, plotting
+
+scene = Scene.from_phantom(phantoms.hip(angles=range(0, 91, 10)), n_fibres=60).with_muscles("gluteus_medius")
+result = scene.run()
+one = result["gluteus_medius"]
+with plotting.Studio() as studio:
+    figure = plotting.plot_moment_arms(
+        one.moment_arms,
+        result.drawn_bones,
+        studio,
+        muscle=result.rest_muscle("gluteus_medius"),
+        fibres=result.rest_fibres("gluteus_medius"),
+        errors={name: one.errors[f"moment_arm_{name}"].total for name in one.moment_arms},
+    )
+figure.canvas.draw()
+shown = plt.figure(figsize=figure.get_size_inches(), dpi=figure.dpi)
+shown.figimage(np.asarray(figure.canvas.buffer_rgba()))
+plt.show()

@@ -1,0 +1,157 @@
+"""Runs over one another: differences by known answers, and a page that shows them."""
+
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from browser import Page, needs_chromium
+from osim_texts import LAST, axis, model_4, muscle
+from typer.testing import CliRunner
+
+import vtkmuscle
+from vtkmuscle.cli import app
+from vtkmuscle.comparison.curves import Curve, difference, side_apart
+from vtkmuscle.core.accuracy.estimate import Estimate
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
+from vtkmuscle.core.motion.coordinates import Coordinate
+from vtkmuscle.run.table import Table
+
+ANGLES = np.linspace(0.0, 60.0, 7)
+
+
+@dataclass
+class Made:
+    """What a comparison takes of a result, its moment arms and lengths lines over the angle."""
+
+    slope: float = 0.5
+    muscle: str = "vastus_r"
+    coordinate: str = "knee_angle_r"
+    angles: np.ndarray = field(default_factory=lambda: ANGLES)
+    error: float | None = 3.0
+
+    def __post_init__(self):
+        self.name, self.muscle_names, self.verdicts = "made", [self.muscle], {self.muscle: "ok"}
+        self.frames, self.times = range(len(self.angles)), list(self.angles)
+        self.time_label = f"{self.coordinate.replace('_', ' ')} [deg]"
+        self.literature = {}
+        self.report = {"muscles": {self.muscle: {"moment_arms": {}}}}
+        rows = self.slope * self.angles[:, None] + np.array([-2.0, 0.0, 2.0])
+        self.lengths = {self.muscle: 100.0 + rows}
+        self.fibre_lengths = {}
+        self.motion = SimpleNamespace(coordinates={self.coordinate: Coordinate(self.angles, "deg")})
+        known = np.full(len(self.angles), 0.0 if self.error is None else self.error)
+        quantity = Estimate(rows.mean(axis=1), "mm", {"solve": known})
+        self.errors = {self.muscle: {} if self.error is None else {f"moment_arm_{self.coordinate}": quantity}}
+        self._arms = JointArms(
+            self.coordinate, "deg", "", np.arange(len(rows)), self.angles, rows, rows, None, None
+        )
+        self.report["muscles"][self.muscle]["moment_arms"] = {self.coordinate: {}}
+
+    def moment_arms(self):
+        return {self.muscle: {self.coordinate: self._arms}}
+
+
+def test_runs_differ_by_what_they_differ_by():
+    table = vtkmuscle.compare({"one": Made(0.5), "other": Made(0.6, error=4.0)}).table()
+    arms = table.where(quantity="moment arm, knee angle", run="other")
+    assert arms["difference"][0] == pytest.approx(0.1 * ANGLES.mean())
+    assert arms["difference_largest"][0] == pytest.approx(6.0)
+    assert arms["at"][0] == 60.0
+    assert arms["difference_rms"][0] == pytest.approx(0.1 * np.sqrt(np.mean(ANGLES**2)))
+    assert arms["difference_err"][0] == pytest.approx(5.0)  # of 3 and 4
+    assert np.isnan(table.where(run="one")["difference"]).all()
+
+
+def test_a_run_does_not_differ_from_itself():
+    apart = vtkmuscle.compare([Made(), Made()]).table().where(run="made (2)")
+    np.testing.assert_allclose(apart["difference_rms"], 0.0, atol=1e-12)
+
+
+def test_sides_are_compared_and_other_frames_met_between():
+    left = Made(0.5, "vastus_l", "knee_angle_l", angles=np.linspace(-5.0, 33.0, 11))
+    table = vtkmuscle.compare({"right": Made(), "left": left}).table()
+    assert set(table["muscle"]) == {"vastus"}
+    apart = table.where(run="left", quantity="moment arm, knee angle")
+    assert apart["difference_rms"][0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_both_sides_of_one_run_are_two_runs():
+    both = Made()
+    other = Made(0.7, "vastus_l", "knee_angle_l")
+    both.muscle_names = ["vastus_r", "vastus_l"]
+    both.verdicts |= other.verdicts
+    both.lengths |= other.lengths
+    both.errors |= other.errors
+    both.report["muscles"] |= other.report["muscles"]
+    arms = {**both.moment_arms(), **other.moment_arms()}
+    both.moment_arms = lambda: arms
+    table = vtkmuscle.compare({"walk": both}).table().where(quantity="moment arm, knee angle")
+    assert list(table["run"]) == ["walk", "walk, vastus_l"]
+    assert table["difference_largest"][1] == pytest.approx(0.2 * 60.0)
+
+
+def test_curves_that_do_not_overlap_have_no_difference():
+    one = Curve("q", "x", "mm", np.array([0.0, 1.0]), *[np.zeros(2)] * 3)
+    assert difference(one, replace(one, x=one.x + 2.0)) is None
+    assert difference(one, replace(one, x=one.x + 1.0)).x.tolist() == [1.0]
+
+
+@pytest.mark.parametrize(("name", "without"), [("a_r", "a"), ("a_L", "a"), ("atlas", "atlas"), ("r", "r")])
+def test_a_side_is_the_end_of_a_name(name, without):
+    assert side_apart(name) == without
+
+
+def test_opensims_own_muscle_is_a_run_of_its_own(tmp_path):
+    """A muscle from the thigh to the shank over a plain hinge: its length is that of a straight line."""
+    axes = [axis("rotation1", "0 0 1", "knee_angle", "LinearFunction", "<coefficients>1 0</coefficients>")]
+    axes += [axis(f"rotation{k}", direction) for k, direction in ((2, "0 1 0"), (3, "1 0 0"))]
+    axes += [axis(f"translation{k}", d) for k, d in ((1, "1 0 0"), (2, "0 1 0"), (3, "0 0 1"))]
+    model = tmp_path / "leg.osim"
+    model.write_text(model_4(forces=muscle("", LAST), axes=axes))
+    table = vtkmuscle.compare({"run": Made(muscle="vastus", coordinate="knee_angle")}, opensim=model)
+    curves = table.curves["vastus"]
+    turn = np.radians(ANGLES)
+    shank = np.array([0.04 * np.cos(turn) + 0.05 * np.sin(turn), 0.04 * np.sin(turn) - 0.05 * np.cos(turn)])
+    apart = shank - np.array([[0.03], [0.3]])
+    length = np.hypot(*apart)
+    np.testing.assert_allclose(curves["length, bone to bone"]["leg.osim"].mean, 1000.0 * length, rtol=1e-9)
+    pulled = (apart[0] * -shank[1] + apart[1] * shank[0]) / length  # of the last point, by the angle
+    arm = curves["moment arm, knee angle"]["leg.osim"].mean
+    np.testing.assert_allclose(arm, -1000.0 * pulled, rtol=1e-6)
+
+
+def test_nothing_in_common_is_one_clear_error():
+    with pytest.raises(ValueError, match=r"no muscle is in two .*one: vastus_r; other: psoas"):
+        vtkmuscle.compare({"one": Made(), "other": Made(muscle="psoas")})
+
+
+def test_a_page_and_a_table_are_written(tmp_path):
+    published = tmp_path / "published.csv"
+    published.write_text("source,muscle,dof,angle_deg,moment_arm_mm\nA1999,vastus,knee_angle,5,30\n")
+    found = vtkmuscle.compare({"one": Made(), "<other>": Made(0.6)}, literature=published)
+    page, table = found.write(tmp_path / "out")
+    text = page.read_text()
+    assert "A1999" in text
+    assert "<other>" not in text.split("<script")[0]
+    assert isinstance(found.table(), Table)
+    assert len(table.read_text().splitlines()) == 1 + 2 * 2
+
+
+@needs_chromium
+def test_the_page_draws_all_runs_and_their_differences(tmp_path):
+    page, _ = vtkmuscle.compare({"one": Made(), "other": Made(0.6)}).write(tmp_path)
+    with Page() as shown:
+        shown.open(page.as_uri())
+        charts = "[...document.querySelectorAll('.js-plotly-plot')].map((one) => one.data.length)"
+        assert shown.value(charts) == [2, 1, 4, 2]  # lengths have no errors here, arms have bands
+        rows = shown.value("csvOf(document.getElementById('chart-0-1-apart'))").splitlines()
+        assert rows[-1].startswith("other,60,6")
+        assert shown.errors == []
+        assert [one for one in shown.requests if not one.startswith(("data:", "blob:"))] == [page.as_uri()]
+
+
+def test_the_command_says_what_it_cannot_read(tmp_path):
+    answer = CliRunner().invoke(app, ["compare", str(tmp_path / "a"), str(tmp_path / "b")])
+    assert answer.exit_code != 0
+    assert "Traceback" not in answer.output

@@ -1,0 +1,108 @@
+"""``vtkmuscle export`` of muscles to OpenSim and MuJoCo, and ``vtkmuscle check`` of a model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from vtkmuscle.cli.messages import one_clear_error
+from vtkmuscle.core.errors import InputError
+
+
+def export_muscles(
+    source: Path,
+    out: Path,
+    form: str,
+    into: Path | None,
+    replace: Sequence[str],
+    masses: Sequence[str],
+    geometry_only: bool,
+    options: dict[str, Any],
+) -> None:
+    """Write a model, and say by how much its paths differ from the run."""
+    from vtkmuscle.opensim import write_mujoco, write_opensim
+    from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
+
+    if geometry_only:
+        options["kind"] = GEOMETRY_ONLY
+    if masses:
+        options["masses"] = {body: _kilograms(text) for body, text in pairs(masses, "--mass").items()}
+    if out.suffix.lower() == ".xml" and (into is not None or replace):
+        raise InputError("--into", "muscles are put into models of OpenSim only", "leave it out")
+    if out.suffix.lower() == ".xml":
+        written = write_mujoco(source, out, **options)
+    else:
+        written = write_opensim(source, out, form=form, into=into, replace=pairs(replace), **options)
+    for one in written:
+        typer.echo(f"{one.out.name}: {one}")
+        if one.out.parameters:
+            typer.echo(f"  {', '.join(f'{name} {value:.4g}' for name, value in one.out.parameters.items())}")
+    typer.echo(f"wrote {out}, and the errors in {out.stem}_errors.csv")
+
+
+def _kilograms(text: str) -> float:
+    try:
+        mass = float(text)
+    except ValueError:
+        mass = -1.0
+    if not 0.0 <= mass < inf:
+        raise InputError("--mass", f"{text!r} is no mass", "write BODY=KG, e.g. femur=8.5")
+    return mass
+
+
+def pairs(texts: Sequence[str], option: str = "--replace") -> dict[str, str]:
+    """Return what an option is given as pairs, OURS=THEIRS."""
+    for text in texts:
+        if not all(text.partition("=")):
+            raise InputError(option, f"{text!r} is no pair", "write both sides of the =")
+    return {ours: theirs for ours, _, theirs in (text.partition("=") for text in texts)}
+
+
+def check(
+    model: Annotated[Path, typer.Argument(help="A model of OpenSim, .osim.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="The page, .html. Default: MODEL_check.html here.")
+    ] = None,
+    repair: Annotated[
+        Path | None, typer.Option("--repair", help="Write the model with paths fitted to those of a scene.")
+    ] = None,
+    scene: Annotated[
+        Path | None, typer.Option("--scene", help="For --repair: a scene.toml, or the folder of its results.")
+    ] = None,
+    replace: Annotated[
+        list[str] | None,
+        typer.Option("--replace", metavar="OURS=THEIRS", help="For --repair: the scene's muscle of one."),
+    ] = None,
+) -> None:
+    """Find where muscles of a model of OpenSim jump, and where their moment arms change sign.
+
+    Each is swept over the ranges of the coordinates that it crosses. The page lists what was found with its
+    poses, and a table beside it (.csv). With the surfaces of a scene, paths can be replaced by fitted ones.
+    """
+    with one_clear_error(out):
+        from vtkmuscle.opensim import check_model, write_opensim
+        from vtkmuscle.opensim.check_page import evaluated, write_check_page
+
+        if (repair is None) != (scene is None) or (repair is not None and not replace):
+            raise InputError(
+                "--repair", "a repair takes a scene and muscles to replace", "give --scene and --replace too"
+            )
+        page = out or Path(f"{model.stem}_check.html")
+        if repair is not None and scene is not None:
+            for new in write_opensim(scene, repair, into=model, replace=pairs(replace or [])):
+                typer.echo(f"{new.out.name}: {new}")
+            model = repair
+        found = check_model(model)
+        typer.echo(evaluated(found))
+        kinds = [one.what for one in found.findings]
+        for one in found.findings:
+            if "jumps" in one.what:
+                where = ", ".join(f"{name} {value:.4g}" for name, value in found.shown(one).items())
+                typer.echo(f"{one.muscle}: {one.what} by {1000.0 * one.size:.1f} mm at {where}")
+        typer.echo(f"{kinds.count('moment arm changes sign')} moment arms change their sign")
+        write_check_page(found, page)
+        typer.echo(f"wrote {page}, {found.table().write(page.with_suffix('.csv'), digits=6)}")

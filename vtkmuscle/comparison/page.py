@@ -1,0 +1,139 @@
+"""The page of a comparison, of the parts that the page of a run is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from typing import Any
+
+import jinja2
+import numpy as np
+from markupsafe import Markup
+
+from vtkmuscle._version import __version__
+from vtkmuscle.comparison.curves import Curve, difference, side_apart
+from vtkmuscle.io.literature import LiteratureCurve, drawn
+from vtkmuscle.report.curves import colour_of, label_of, rounded
+from vtkmuscle.report.page import part, plotly_text
+from vtkmuscle.report.tables import Cell, Sheet, number
+from vtkmuscle.run.table import Table
+
+
+def page_of(
+    names: Sequence[str],
+    curves: Mapping[str, Mapping[str, Mapping[str, Curve]]],
+    literature: Mapping[str, Sequence[LiteratureCurve]],
+    table: Table,
+) -> str:
+    """Return the page as text: curves over one another, differences to the first run, and the table."""
+    environment = jinja2.Environment(
+        loader=jinja2.ChoiceLoader(
+            [
+                jinja2.PackageLoader("vtkmuscle.comparison", "page"),
+                jinja2.PackageLoader("vtkmuscle.report", "page"),
+            ]
+        ),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    colours = {name: colour_of(k) for k, name in enumerate(names)}
+    charts = [
+        _chart(f"chart-{i}-{j}", runs, colours, literature.get(muscle, ()))
+        for i, (muscle, known) in enumerate(curves.items())
+        for j, runs in enumerate(known.values())
+    ]
+    own = (files("vtkmuscle.comparison") / "page" / "comparison.js").read_text(encoding="utf-8")
+    return environment.get_template("comparison.html").render(
+        names=names,
+        colours=colours,
+        version=__version__,
+        style=part("style.css"),
+        script=Markup("\n").join(
+            [part("arrays.js"), part("colours.js"), part("curves.js"), part("saving.js"), Markup(own)]
+        ),
+        muscles=[
+            (label_of(muscle), [(f"chart-{i}-{j}", quantity) for j, quantity in enumerate(known)])
+            for i, (muscle, known) in enumerate(curves.items())
+        ],
+        tables=[_sheet(muscle, table.where(muscle=muscle)) for muscle in curves],
+        data=charts,
+        plotly=Markup(plotly_text()),
+    )
+
+
+def _chart(
+    place: str, runs: Mapping[str, Curve], colours: Mapping[str, str], literature: Sequence[LiteratureCurve]
+) -> dict[str, Any]:
+    first = next(iter(runs.values()))
+    of_arm = first.quantity.startswith("moment arm")
+    coordinate = first.over.partition(" [")[0]
+    published = [one for one in literature if of_arm and side_apart(one.dof).replace("_", " ") == coordinate]
+    return {
+        "id": place,
+        "x": first.over,
+        "y": f"{first.quantity} [{first.unit}]",
+        "runs": [
+            {
+                "label": name,
+                "colour": colours[name],
+                **{key: rounded(getattr(one, key)) for key in ("x", "mean", "low", "high")},
+                "error": None if one.error is None else rounded(one.error),
+            }
+            for name, one in runs.items()
+        ],
+        "differences": [
+            {
+                "label": name,
+                "colour": colours[name],
+                "x": rounded(apart.x),
+                "mean": rounded(apart.values),
+                "error": None if apart.error is None else rounded(apart.error),
+            }
+            for name, one in list(runs.items())[1:]
+            if (apart := difference(one, first)) is not None
+        ],
+        "literature": [
+            {
+                "label": one.label,
+                "x": rounded(one.angles),
+                **(
+                    {"y": rounded(one.arms)}
+                    if one.upper is None
+                    else {"low": rounded(one.arms), "high": rounded(one.upper)}
+                ),
+            }
+            for one in drawn(published)
+        ],
+    }
+
+
+def _sheet(muscle: str, table: Table) -> Sheet:
+    head = [
+        "quantity",
+        "run",
+        "verdict",
+        "mean \u00b1 error",
+        "difference",
+        "rms",
+        "largest",
+        "at",
+        "its error",
+    ]
+    rows = []
+    for i in range(len(table["run"])):
+        mean, error = table["mean"][i], table["mean_err"][i]
+        value = number(mean) + (f" \u00b1 {number(error, 2)}" if np.isfinite(error) else "")
+        verdict = str(table["verdict"][i])
+        words = [f"{table['quantity'][i]} [{table['unit'][i]}]", str(table["run"][i])]
+        keys = ("difference", "difference_rms", "difference_largest", "at", "difference_err")
+        rows.append(
+            [
+                *map(Cell, words),
+                Cell(verdict, verdict if verdict in ("look", "failed") else ""),
+                *map(Cell, (value, *(number(float(table[key][i])) for key in keys))),
+            ]
+        )
+    note = "Means over all frames; differences to the first run, where both are, with their errors."
+    return Sheet(label_of(muscle), head, rows, note)
