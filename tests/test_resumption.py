@@ -22,6 +22,7 @@ from vtkmuscle.data.aponeuroses import Aponeurosis
 from vtkmuscle.data.arrays import points_of, set_field_array, with_points
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.io import LiteratureCurve
+from vtkmuscle.io.parts import Part, Parts
 from vtkmuscle.run.muscles import MuscleRun
 from vtkmuscle.run.store.keys import IRRELEVANT, digest_of, muscle_keys
 from vtkmuscle.scene.data import Muscle, SceneData
@@ -143,6 +144,8 @@ def test_a_folder_without_a_finished_run_is_one_clear_error(scene, tmp_path):
                 Result.load(out)
             (out / name).write_bytes(kept)
     Result.load(out)
+    Parts(out / "finished").write("scene", "", Part({"files": {}}))
+    refused(out, "an earlier version of vtkmuscle")
 
 
 @pytest.fixture(scope="module")

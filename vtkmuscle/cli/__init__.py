@@ -371,9 +371,9 @@ def tradeoff(
 
 
 app.command()(cohort)
-app.command()(check)
 app.command("from-labels")(from_labels)
 app.command()(init)
+app.command()(check)
 
 
 @app.command()

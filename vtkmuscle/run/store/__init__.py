@@ -151,6 +151,8 @@ class ResultFolder:
         """Return what a :class:`~vtkmuscle.Result` is made of; see :meth:`vtkmuscle.Result.load`."""
         report = self._finished_report()
         noted, millimetres = self._note(SCENE).values, MILLIMETRES[report["units"]]
+        if "motion" not in noted:
+            raise InputError(self.notes.path(SCENE), "an earlier version of vtkmuscle has written it", _AGAIN)
         bones = {name: self._at_rest(f"bones/{name}") for name in noted["bones"]}
         coordinates = {name: Coordinate(**one) for name, one in noted["motion"]["coordinates"].items()}
 
