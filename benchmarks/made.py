@@ -21,7 +21,7 @@ HERE = Path(__file__).resolve().parent
 DOCS = HERE.parent / "docs"
 PAPER, HOW_RIGHT = DOCS / "validation/paper_tables", DOCS / "validation/how_right_tables"
 #: Filters that no table is made with.
-WITHOUT_TABLES = {"AttachmentEstimator", "FibreField"}
+WITHOUT_TABLES = {"AttachmentEstimator", "FibreField", "LabelSurfaces"}
 
 
 def settings() -> str:

@@ -24,6 +24,7 @@ from vtkmuscle.core.paths import bone_contact, neighbours, pose, sheet, surround
 #: Modules that know a constant, its name, and what it is.
 CONSTANTS = (
     ((neighbours,), "MODULUS", "modulus across the paths"),
+    ((neighbours,), "SHEAR_MODULUS", "shear modulus along the paths"),
     ((surroundings,), "MODULUS", "modulus of the layer aside"),
     ((surroundings,), "LEAST_LAYER", "least thickness of that layer"),
     ((surroundings,), "LEAST_ACROSS", "sine from which a bone tells aside"),

@@ -32,7 +32,7 @@ def test_a_cell_that_is_no_number_begins_no_formula(run, tmp_path):
         assert all(cell[:1] not in ("=", "+", "@") for cell in cells), path
     assert f"'{NAME}" in next(csv.reader([(run[1] / "moment_arms.csv").read_text().splitlines()[1]]))
     table = Table(("name", "@sum", "mm"), [("+1", "a", -2.0), ("-x", "b", 1.0)])
-    assert table.write(tmp_path / "t.csv").read_text() == "name,'@sum,mm\n'+1,a,-2.0\n'-x,b,1.0\n"
+    assert table.to_csv(tmp_path / "t.csv").read_text() == "name,'@sum,mm\n'+1,a,-2.0\n'-x,b,1.0\n"
 
 
 def test_a_page_shows_a_name_and_no_markup_of_it(run):

@@ -105,4 +105,4 @@ def check(
                 typer.echo(f"{one.muscle}: {one.what} by {1000.0 * one.size:.1f} mm at {where}")
         typer.echo(f"{kinds.count('moment arm changes sign')} moment arms change their sign")
         write_check_page(found, page)
-        typer.echo(f"wrote {page}, {found.table().write(page.with_suffix('.csv'), digits=6)}")
+        typer.echo(f"wrote {page}, {found.table().to_csv(page.with_suffix('.csv'), digits=6)}")

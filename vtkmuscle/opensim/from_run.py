@@ -173,7 +173,7 @@ def write_opensim(
     else:
         text = enriched(Path(into), outs, replace=list(replaced.values()))
     write_text(file, text)
-    errors_table(found).write(file.with_name(f"{file.stem}_errors.csv"), digits=6)
+    errors_table(found).to_csv(file.with_name(f"{file.stem}_errors.csv"), digits=6)
     return found
 
 
@@ -225,7 +225,7 @@ def write_mujoco(
         lengths=ranges,
     )
     write_text(file, text)
-    errors_table(found).write(file.with_name(f"{file.stem}_errors.csv"), digits=6)
+    errors_table(found).to_csv(file.with_name(f"{file.stem}_errors.csv"), digits=6)
     return found
 
 

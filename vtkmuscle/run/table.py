@@ -7,7 +7,7 @@ import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,8 +102,10 @@ class Table(Mapping[str, NDArray[Any]]):
         rows = len(next(iter(self._columns.values()), ()))
         return f"Table: {rows} rows of {', '.join(self._columns)}"
 
-    def __getattr__(self, name: str) -> Any:
-        raise no_attribute("Table", name)
+    if not TYPE_CHECKING:  # which knows the names
+
+        def __getattr__(self, name: str) -> Any:
+            raise no_attribute("Table", name)
 
     def where(self, **wanted: Any) -> Self:
         """Return the rows in which columns have these values: ``table.where(muscle="iliacus", frame=10)``.

@@ -92,6 +92,6 @@ def run_study(
         for name in _STATISTICS:
             (folder / f"{name}.csv").unlink(missing_ok=True)
             if name in tables:
-                tables[name].write(folder / f"{name}.csv")
+                tables[name].to_csv(folder / f"{name}.csv")
         write_cohort(cohort, parts, folder, tables)
     return report
