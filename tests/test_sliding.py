@@ -7,6 +7,7 @@ from vtkmuscle import Scene
 from vtkmuscle.core.bones.bone import Bone
 from vtkmuscle.core.motion.rigid import RigidMotion, rotation_about
 from vtkmuscle.data.arrays import surface_from
+from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_from, attachments_of
 from vtkmuscle.phantoms import leg
 from vtkmuscle.phantoms.implicit import thick_curve
 from vtkmuscle.phantoms.meshing import mesh_of, solid_of_revolution
@@ -75,13 +76,14 @@ def test_the_verdict_names_the_bone_the_frame_and_the_remedy():
     assert "via ring" in reason["do"]
 
 
-def cord_over(motion):
-    """Run the cord beside the vastus with a motion of the leg."""
+def cord_over(motion, rings=()):
+    """Run the cord beside the vastus with a motion of the leg, and via rings on its way."""
     phantom = leg()
     one = Scene.from_phantom(phantom, n_fibres=12)
     line, radii = np.array(BESIDE, dtype=np.float64), np.array(RADII)
     cord = surface_from(*mesh_of(thick_curve(line, radii), 2.5, 1500))
-    muscle = Muscle(cord, phantom.attachments["vastus"], {"n_fibres": 12})
+    areas = attachments_from([*attachments_of(phantom.attachments["vastus"], "test"), *rings])
+    muscle = Muscle(cord, areas, {"n_fibres": 12})
     result = Scene("slides", one.bones, {"cord": muscle}, motion, model="paths").run(figures=False)
     return result.report["muscles"]["cord"]["verdict"]
 
@@ -99,6 +101,16 @@ def test_a_cord_that_the_knee_draws_off_the_condyle_is_told_of():
     assert verdict["verdict"] != "ok"
     assert found["slid off"]["value"] > CHECKS["slid off"].look
     assert "'femur'" in found["slid off"]["says"]
+
+
+def test_the_remedy_helps():
+    """A ring on the femur, round the cord where it crosses the condyle, holds it there."""
+    across = np.array([(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)])
+    turns = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
+    circle = np.array(BESIDE[4]) + 6.5 * np.column_stack([np.cos(turns), np.sin(turns)]) @ across
+    ring = AttachmentArea(VIA, "femur", circle, closed=True)
+    verdict = cord_over(turned_inwards(leg().motion, 50.0), [ring])
+    assert "slid off" not in {reason["check"] for reason in verdict["reasons"]}
 
 
 def test_a_cord_that_stays_on_the_condyle_is_not():

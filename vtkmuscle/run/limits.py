@@ -42,14 +42,14 @@ class Check:
     smaller: bool = False
 
 
-#: What to do where a solve has gone wrong.
-STEPS = "use smaller steps of the motion or a finer quality, and look at its surface there"
+#: What to do where a surface is rough.
+ROUGH = "look at its surface there; quality = 'accurate' makes it smoother, and a mesh of even triangles"
 
 #: What is judged. The limits, and why they are what they are:
 CHECKS = {
     # Kohout and Cervenka 2021 (doi:10.1007/978-3-030-72379-8_24), Fig. 11: less than 1 % with few iterations;
     # 5 % is seen by eye.
-    "volume": Check(1.0, 5.0, "%", "its volume is off by {}", STEPS),
+    "volume": Check(1.0, 5.0, "%", "its volume is off by {}", ROUGH),
     # They are set, not solved for: anything but rounding is a fault.
     "fixed points": Check(
         0.01, 1.0, "mm", "a point that is fixed to a bone is {} off it", "report this: it is a fault"
@@ -70,7 +70,7 @@ CHECKS = {
         45.0,
         "deg",
         "the surface is crumpled: one in twenty edges is bent by {} since rest, or more",
-        "look at the surface there; " + STEPS,
+        ROUGH,
     ),
     # An edge whose triangles lie on each other, and did not at rest. Few are a crease, as in a groin.
     "folded": Check(
@@ -78,7 +78,7 @@ CHECKS = {
         3.0,
         "%",
         "{} of its edges are folded back and were not at rest",
-        "look at the surface; " + STEPS,
+        ROUGH,
     ),
     "long fibres": Check(
         LONGEST,
@@ -102,7 +102,7 @@ CHECKS = {
         100.0,
         "mm",
         "a fibre's length jumps by {}: it snaps over a bone",
-        "use smaller steps of the motion, and do not use its moment arms about there",
+        "do not use its moment arms about there",
     ),
     # A muscle that buckled made jumps of 18 mm in all of its fibres.
     "widespread jumps": Check(
@@ -110,7 +110,7 @@ CHECKS = {
         5.0,
         "mm",
         "the lengths of one in twenty fibres jump by {} or more: the muscle buckles or snaps over a bone",
-        "use smaller steps of the motion, and do not use moment arms about there",
+        "do not use moment arms about there; its attachments, or a via ring (role = 'via'), may hold it",
     ),
     # Of a fibre whose length jumps: what moves straight off a bone, as a strap that lifts, is not aside.
     # Beyond 100 mm it is on another bone.
@@ -178,13 +178,13 @@ CHECKS = {
         5.0,
         "mm",
         "a point is {} deeper in a bone than at rest",
-        "use smaller steps of the motion, or look whether it is squeezed between two bones",
+        "look whether the bone is closed, and whether the muscle is squeezed between two bones",
     ),
     "widespread penetration": Check(
         0.1,
         1.0,
         "mm",
         "one in twenty free points is {} deeper in a bone than at rest, or more",
-        "use smaller steps of the motion, or look whether it is squeezed between two bones",
+        "look whether the bone is closed, and whether the muscle is squeezed between two bones",
     ),
 }

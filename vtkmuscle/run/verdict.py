@@ -13,7 +13,7 @@ from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.moment_arms.length_jumps import even_stretches, largest_turns, length_jumps
 from vtkmuscle.core.motion.rigid import RigidMotion, apply_transform, inverse
 from vtkmuscle.core.types import Floats
-from vtkmuscle.run.limits import CHECKS, FULL_SIZE, STEPS
+from vtkmuscle.run.limits import CHECKS, FULL_SIZE
 
 OK, LOOK, FAILED = "ok", "look", "failed"
 #: Verdicts, the better one first.
@@ -142,7 +142,7 @@ def judge(
         frame, time, why = failure
         problem, remedy = fault_of(why, placed=True)
         says = f"it could not be computed: {problem}"
-        do = remedy or STEPS
+        do = remedy or "look at the frame before it"
         reasons.append(Reason("computed", FAILED, frame, time, 0.0, 0.0, "", says, do))
     reasons.sort(key=lambda reason: -VERDICTS.index(reason.verdict))
     return {
