@@ -543,6 +543,7 @@ def test_a_scene_in_another_unit_reports_the_same_millimetres(flexor, unit):
 
 
 @pytest.mark.filterwarnings("ignore:SliceMorpher. the muscle is bent too much for parallel planes")
+@pytest.mark.filterwarnings("ignore:.*it changes nothing. without external_force")
 @pytest.mark.parametrize(("table", "word"), LENGTHS)
 def test_a_setting_that_is_a_length_is_in_the_unit_of_its_scene(flexor, table, word):
     default = TABLES[table][word].default
