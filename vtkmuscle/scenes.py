@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
 
 from vtkmuscle.accuracy import StatedErrors
-from vtkmuscle.core.guesses import Guessed
+from vtkmuscle.core.guesses import WithHints
 from vtkmuscle.core.words import names as as_names
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import blocks_of
@@ -34,7 +34,7 @@ _MOST_LISTED = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Scene(SceneData, Guessed):
+class Scene(SceneData, WithHints):
     """Bones, muscles and a motion, checked and ready to run.
 
     All lengths are in the scene's unit: coordinates, translations, and settings such as a tolerance.

@@ -78,7 +78,8 @@ def test_nothing_else_is_in_the_proxy(kind):
     for parameter in kind.parameter_declarations.values():
         optional = parameter.kind in (int, float) and parameter.default is None
         expected += [f"Automatic{camel_case(parameter.name)}"] * optional + [camel_case(parameter.name)]
-    expected += ["TimestepValues"] * (kind.time_steps is not Filter.time_steps)
+    timed = kind.times_from is not None or kind.time_steps is not Filter.time_steps
+    expected += ["TimestepValues"] * timed
     if len(kind.output_ports) > 1:
         expected += [camel_case(port.name) for port in kind.output_ports]
     assert names == expected

@@ -76,7 +76,7 @@ def no_attribute(kind: str, name: str) -> AttributeError:
     return AttributeError(f"{subject} has no attribute {name!r}{hint}")
 
 
-class GuessedClass(type):
+class ClassWithHints(type):
     """A class that says what to write for names that it has not."""
 
     if not TYPE_CHECKING:  # which knows the names
@@ -85,7 +85,7 @@ class GuessedClass(type):
             raise no_attribute(cls.__name__, name)
 
 
-class Guessed(metaclass=GuessedClass):
+class WithHints(metaclass=ClassWithHints):
     """What such a class derives from: its objects say it too, and where a path was given, what reads it."""
 
     def __new__(cls, *arguments: Any, **fields: Any) -> Self:

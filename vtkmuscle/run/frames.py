@@ -12,7 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
 
 from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.guesses import Guessed
+from vtkmuscle.core.guesses import WithHints
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
@@ -24,7 +24,7 @@ from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.run.track import MuscleTrack
 
 
-class KeptFrames(Guessed):
+class KeptFrames(WithHints):
     """The muscles, fibres and bones of a run, frame by frame; parameters as of :class:`vtkmuscle.Result`."""
 
     def __init__(
