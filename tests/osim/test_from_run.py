@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 from vtkmuscle import Scene, SceneError
 from vtkmuscle.cli import app
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.opensim import read_osim, write_mujoco, write_opensim
 from vtkmuscle.opensim.muscle_paths import PointPath, moment_arm
 
@@ -64,6 +65,20 @@ def test_more_groups_stand_for_the_fibres_better(ran, tmp_path):
     assert max(group.group_error for group in four) < one[0].group_error
     assert sum(group.out.parameters["max_isometric_force"] for group in four) == pytest.approx(500.0)
     assert list(read_osim(tmp_path / "four.osim").muscles) == [f"strap_{i}" for i in range(1, len(four) + 1)]
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"parameters": {"srap": {}}}, "no muscle 'srap'; it has strap"),
+        ({"replace": {"strap": "theirs"}}, "no model whose muscles are replaced"),
+    ],
+)
+def test_what_would_change_nothing_in_a_model_is_refused(ran, tmp_path, given, words):
+    path, result = ran
+    with pytest.raises(InputError, match=words):
+        write_opensim(path, tmp_path / "one.osim", result=result, **given)
+    assert not (tmp_path / "one.osim").exists()
 
 
 def test_points_and_cylinders_have_lengths_and_moment_arms(ran, tmp_path):

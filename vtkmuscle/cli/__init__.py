@@ -10,9 +10,8 @@ import os
 import signal
 import sys
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -21,20 +20,12 @@ from vtkmuscle.cli.cohort import cohort
 from vtkmuscle.cli.exporting import check, export_muscles
 from vtkmuscle.cli.labels import from_labels, init
 from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, TerminatedError, one_clear_error, say
-from vtkmuscle.cli.options import (
-    LiteratureOption,
-    OutOption,
-    QuietOption,
-    RunOptions,
-    named,
-    with_run_options,
-)
+from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, with_run_options
+from vtkmuscle.cli.results import compare, figures, report, view
 from vtkmuscle.cli.running import run_and_tell
+from vtkmuscle.cli.tradeoff import tradeoff
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.isolation import leave_out_working_folder
-
-if TYPE_CHECKING:
-    from vtkmuscle.run import Result
 
 #: Of flexion in the frames of the demo [degrees]: as far as that phantom goes, in fewer steps.
 DEMO_ANGLES = tuple(range(0, 91, 5))
@@ -221,155 +212,11 @@ def export(
             typer.echo(f"wrote {out}: the pose at {pose.time:g}")
 
 
-@app.command()
-def report(
-    results: Annotated[Path, typer.Argument(help="Folder of a run's results.")],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", metavar="HTML", parser=named, help="Default: report.html in that folder."
-        ),
-    ] = None,
-    literature: LiteratureOption = None,
-) -> None:
-    """Write the page of a finished run again: the scene, curves, tables and verdicts in one file."""
-    with one_clear_error(out):
-        from vtkmuscle.run.store import PAGE
-
-        typer.echo(f"wrote {_loaded(results, literature).write_report(out or results / PAGE)}")
-
-
-def _loaded(results: Path, literature: Path | None) -> Result:
-    """Return the results in a folder, with published moment arms where a table of them is given."""
-    from vtkmuscle.run import Result
-
-    found = Result.load(results)
-    return found if literature is None else found.with_literature(literature)
-
-
-@app.command()
-def figures(
-    results: Annotated[Path, typer.Argument(help="Folder of a run's results.")],
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", metavar="PATH", parser=named, help="Default: figures in that folder."),
-    ] = None,
-    form: Annotated[str, typer.Option("--form", metavar="png|pdf|svg", help="Of the files.")] = "png",
-    dpi: Annotated[float, typer.Option("--dpi", help="Pixels per inch of pictures.")] = 300.0,
-    literature: LiteratureOption = None,
-) -> None:
-    """Draw the figures of a finished run again, for a journal: as PDF or SVG, at any resolution."""
-    with one_clear_error(out):
-        found = _loaded(results, literature).write_figures(out or results / "figures", form=form, dpi=dpi)
-        typer.echo(f"wrote {len(found)} figures to {found[0].parent}")
-
-
-@app.command()
-def compare(
-    results: Annotated[list[Path], typer.Argument(help="Folders of results; the first is compared to.")],
-    out: OutOption = None,
-    literature: LiteratureOption = None,
-    opensim: Annotated[
-        Path | None,
-        typer.Option("--opensim", metavar="OSIM", help="A model whose muscles are compared, too."),
-    ] = None,
-) -> None:
-    """Lay runs over one another: curves, differences with errors, one page and one table.
-
-    Settings, sides and subjects match by the names of muscles and coordinates. Without --out it writes to
-    comparison, in the folder you are in.
-    """
-    with one_clear_error(out):
-        from vtkmuscle.comparison import compare as compared
-
-        for path in compared(results, literature=literature, opensim=opensim).write(
-            out or Path("comparison")
-        ):
-            typer.echo(f"wrote {path}")
-
-
-@app.command("view")
-def view_command(
-    source: Annotated[Path, typer.Argument(help="Folder of a run's results, or a scene.toml.")],
-    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Default: a free one.")] = 0,
-    browser: Annotated[
-        bool, typer.Option("--browser/--no-browser", help="Open it in a browser, or print the address.")
-    ] = True,
-) -> None:
-    """Look at results, or at a scene that is solved as the slider moves, in a browser; Ctrl-C ends it."""
-    with one_clear_error(None):
-        from vtkmuscle.view import view
-
-        view(source, port=port, browser=browser)
-
-
-@app.command()
-def tradeoff(
-    scene: Annotated[
-        str,
-        typer.Argument(metavar="SCENE", help="A scene.toml, or 'demo': the phantom hip."),
-    ],
-    out: Annotated[
-        Path,
-        typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to."),
-    ],
-    only: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--only",
-            metavar="NAME",
-            help="Group or beginning of names of settings; may be repeated.",
-        ),
-    ] = None,
-    muscle: Annotated[
-        list[str] | None,
-        typer.Option("--muscle", metavar="NAME", help="Muscle; may be repeated."),
-    ] = None,
-    frames: Annotated[
-        str | None,
-        typer.Option("--frames", metavar="A:B:STEP", help="Frames to compare. Default: every fifth."),
-    ] = None,
-    every: Annotated[
-        int,
-        typer.Option("--every", metavar="N", min=1, help="Use only every Nth frame of the motion."),
-    ] = 1,
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Run settings again that are finished in the folder.")
-    ] = False,
-    quiet: QuietOption = False,
-) -> None:
-    """Measure what speed costs in accuracy: run a scene with many settings, each against a converged run.
-
-    Finished settings are kept in OUT and not run again; stop and start it as you like.
-    """
-    with one_clear_error(None):
-        from vtkmuscle.run import frame_numbers
-        from vtkmuscle.scenes import Scene
-        from vtkmuscle.studies.tradeoff import trade_off, write_trade_off
-        from vtkmuscle.studies.variation import thinned
-
-        if scene == "demo":
-            from vtkmuscle import phantoms
-
-            loaded = Scene.from_phantom(phantoms.hip())
-        else:
-            loaded = Scene.load(scene)
-        motion = thinned(loaded.motion, every)
-        loaded = replace(loaded, motion=motion)
-        compared = None if frames is None else frame_numbers(frames, len(motion.times))
-        found = trade_off(
-            loaded,
-            out,
-            only=only or (),
-            muscles=muscle or (),
-            compared=compared,
-            fresh=fresh,
-            announce=lambda words: say(quiet, words),
-        )
-        for path in write_trade_off(out, found):
-            say(quiet, f"wrote {path}")
-
-
+app.command()(report)
+app.command()(figures)
+app.command()(compare)
+app.command()(view)
+app.command()(tradeoff)
 app.command()(cohort)
 app.command("from-labels")(from_labels)
 app.command()(init)

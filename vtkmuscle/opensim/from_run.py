@@ -156,14 +156,12 @@ def write_opensim(
         does not move or has no length left for a tendon; or if the model is not of version 4.
     """
     model = None if into is None else checked_model(Path(into))
+    if replace and model is None:
+        raise InputError("replace", "there is no model whose muscles are replaced", "give it as into")
     run = _run_of(Path(source), result)
     replaced = dict(replace or {})
-    given = dict(run.hill)
-    if model is not None:
-        for name, theirs in replaced.items():
-            given[name] = {**model.muscle(theirs).parameters, **given.get(name, {})}
-    for name, one in (parameters or {}).items():
-        given[name] = {**given.get(name, {}), **one}
+    theirs = {} if model is None else {name: model.muscle(one).parameters for name, one in replaced.items()}
+    given = _properties(run, theirs, parameters or {})
     found = _exported(run, form, groups, given, specific_tension, kind, replaced)
     outs = [one.out for one in found]
     file = Path(out)
@@ -211,7 +209,7 @@ def write_mujoco(
         :func:`~vtkmuscle.opensim.mjcf_of`.
     """
     run = _run_of(Path(source), result)
-    given = {name: {**one, **(parameters or {}).get(name, {})} for name, one in run.hill.items()}
+    given = _properties(run, {}, parameters or {})
     found = _exported(run, "points", groups, given, specific_tension, kind, {})
     file = Path(out)
     meshes = write_meshes(file.parent, run.surfaces, run.tree, run.joints.frame, run.metres)
@@ -289,6 +287,15 @@ def _run_of(source: Path, result: Result | None) -> _Run:
     surfaces = {name: (joints.bodies[name], surface) for name, surface in scene.bones.items()}
     surfaces |= {f"{name}_at_rest": (ends[name][0], one.surface) for name, one in scene.muscles.items()}
     return _Run(result, joints, tree, now, metres, ends, crossed, hill, surfaces)
+
+
+def _properties(
+    run: _Run, theirs: Mapping[str, Mapping[str, float]], given: Mapping[str, Mapping[str, float]]
+) -> dict[str, dict[str, float]]:
+    """Return the properties of each muscle: those given, else those of the scene, else those it replaces."""
+    if unknown := sorted({*theirs, *given} - {*run.hill}):
+        raise InputError("", f"the scene has no muscle {unknown[0]!r}", f"it has {', '.join(run.hill)}")
+    return {name: {**theirs.get(name, {}), **own, **given.get(name, {})} for name, own in run.hill.items()}
 
 
 def _exported(
