@@ -113,7 +113,7 @@ def random_points(geometry: MuscleGeometry) -> Floats:
     found = np.empty((0, 3))
     while len(found) < SAMPLES:
         places = rng.uniform(low, high, (4 * SAMPLES, 3))
-        found = np.vstack([found, places[geometry.distance.depth(places) > 0.0]])
+        found = np.vstack([found, places[geometry.solids.inside(places)]])
     return found[:SAMPLES]
 
 
@@ -125,8 +125,8 @@ def quality(name: str, fibres: object, muscle: object, bones: object) -> None:
     steps = np.diff(lines.points.reshape(len(lines), -1, 3), axis=1)
     steps /= np.linalg.norm(steps, axis=2, keepdims=True)
     turns = np.degrees(np.arccos(np.clip((steps[:, 1:] * steps[:, :-1]).sum(axis=2), -1, 1)))
-    distance = muscle_geometry(muscle, "muscle").distance
-    outside = np.where(distance.depth(lines.points) > 0, 0.0, distance.unsigned(lines.points))
+    signed = muscle_geometry(muscle, "muscle").solids.distances(lines.points)
+    outside = np.maximum(signed, 0.0)
     found, ideal, even = coverage(fibres, muscle)
     length = summary["Length"]
     entered = cell_array(measured, "Penetration", name)

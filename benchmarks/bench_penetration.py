@@ -88,7 +88,7 @@ def main():
     data = Path(os.environ.get("VTKMUSCLE_DATA", Path(__file__).parents[2] / "shared" / "data"))
     options = argparse.ArgumentParser()
     options.add_argument("folder", nargs="?", type=Path, default=data / "lhdl_hip")
-    options.add_argument("--modes", nargs="+", choices=MODES, default=["sdf", "voxel"])
+    options.add_argument("--modes", nargs="+", choices=MODES, default=["default", "published"])
     options.add_argument("--muscles", nargs="+")
     chosen = options.parse_args()
     if not (chosen.folder / "scene.toml").is_file():

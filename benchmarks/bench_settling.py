@@ -19,8 +19,7 @@ from real_hip import data_folder
 from vtkmuscle import Scene
 from vtkmuscle.core.deformation import settling
 from vtkmuscle.data.arrays import point_array
-from vtkmuscle.data.moving_bones import RestBones
-from vtkmuscle.filters.bone_motion import bones_of
+from vtkmuscle.data.moving_bones import MovingBones, RestBones, bones_of
 from vtkmuscle.run import muscle_pipeline
 
 ROUNDS = (1, 2, 3, 5, 10, 20, 40)
@@ -49,9 +48,8 @@ def front(scene: Scene, name: str, every: int) -> None:
             poses.append((np.array(point_array(muscle, "Carried", name)), np.array(transforms)))
     fixed_to = np.array(point_array(muscle, "FixedTo", name))
     shape, bones = deformer._solver.shape, RestBones(name)
-    moving = bones_of(scene.bones_data(), name)
-    still = np.array([np.eye(4)] * len(moving))
-    bones.take(moving, still, collision="sdf")
+    still = np.array([np.eye(4)] * len(scene.bones))
+    bones.take(MovingBones(bones_of(scene.bones_data(), name), still), collision="sdf")
     free = fixed_to < 0
     rest_depths = bones.depths(shape.points[free], still)
     print(name)

@@ -18,8 +18,9 @@ from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: How far a displacement spreads over the surface, the standard deviation along a line, as a part of the
-#: muscle's mean thickness 2 V / A. Of four muscles of a real hip, 0.3 leaves one a tenth rougher; 0.6 and 0.8
-#: take them farther from where they are carried and are rougher after five rounds (bench_settling.py).
+#: muscle's mean thickness 2 V / A. Of four muscles of a real hip 0.2 and 0.3 leave one a tenth rougher or
+#: another a tenth smoother; 0.8 is rougher, and takes all farther from where they are carried
+#: (bench_settling.py).
 SPREAD = 0.4
 
 #: How far ways out of a bone spread where they would tear the muscle, likewise; and how often points go on
