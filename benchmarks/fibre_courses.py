@@ -19,10 +19,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from how_right import Floats, Table
+from how_right import Floats, Table, phantoms
 from scipy.spatial import cKDTree
 
-from vtkmuscle import Scene, phantoms
+from vtkmuscle import Scene
 from vtkmuscle.core.fibres.arrangement import arrangement
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.mesh.normals import unit_vectors
