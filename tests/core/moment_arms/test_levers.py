@@ -34,7 +34,7 @@ def straight(motion, bone="shank"):
     nothing = np.zeros((len(STARTS), 2, 3))
     wrenches = np.array(
         [
-            path_wrenches(one, stays, stays + 1, [0, 1], 2, lambda *_: nothing.copy(), np.zeros_like)[:, 1]
+            path_wrenches(one, stays, stays + 1, {}, 2, lambda _: nothing.copy(), np.zeros_like)[:, 1]
             for one in points
         ]
     )

@@ -2,16 +2,27 @@
 
 import numpy as np
 import pytest
+import pyvista as pv
 from scipy.spatial.transform import Rotation
 
-from vtkmuscle.core.paths.bone_contact import add_contacts, pressure_at
-from vtkmuscle.core.paths.equilibrium import add_neighbours, add_springs, newton_step
+from vtkmuscle.core.bones.bone import Bone
+from vtkmuscle.core.paths.bone_contact import PUSH as BONE_PUSH
+from vtkmuscle.core.paths.bone_contact import BoneContacts, add_contacts, pressure_at
+from vtkmuscle.core.paths.equilibrium import (
+    add_neighbours,
+    add_springs,
+    change_gradient,
+    newton_step,
+    prepare_solve,
+)
 from vtkmuscle.core.paths.neighbours import (
     MODULUS,
     NEIGHBOURS,
     SHEAR_MODULUS,
     Neighbours,
     neighbours_of,
+    path_widths,
+    widening,
 )
 from vtkmuscle.core.paths.ring_contact import add_rings, hold_in_rings, rings_at
 from vtkmuscle.core.paths.via_rings import via_ring
@@ -133,8 +144,9 @@ def stiffness(blocks, neighbours: Neighbours, directions: Floats):
     return matrix[:, 1:-1, :, :, 1:-1].reshape(f * (n - 2) * 3, -1)
 
 
+@pytest.mark.parametrize("as_one", [False, True])
 @pytest.mark.parametrize(("left_over", "off"), [(1e-12, 1e-9), (0.1, 0.3)])
-def test_a_step_of_newtons_method_solves_its_equations(rng, left_over, off):
+def test_a_step_of_newtons_method_solves_its_equations(rng, left_over, off, as_one):
     sheet = Sheet(rng)
     gradient, blocks, directions = sheet.slopes(sheet.x)
     matrix = stiffness(blocks, sheet.neighbours, directions)
@@ -142,12 +154,69 @@ def test_a_step_of_newtons_method_solves_its_equations(rng, left_over, off):
     step = np.empty_like(sheet.x)
     gradient[:, [0, -1]] = 0.0
     work = np.empty_like(blocks), np.empty((4, *gradient.shape)), np.empty((4, 1, *blocks.shape[1:]))
-    slope = newton_step(gradient, blocks, sheet.neighbours, directions, left_over, *work, step)
+    prepare_solve(blocks, sheet.neighbours, directions, as_one, work[0], work[2])
+    slope = newton_step(gradient, blocks, sheet.neighbours, directions, as_one, left_over, *work, step)
     known = np.linalg.solve(matrix, -gradient[:, 1:-1].ravel()).reshape(step[:, 1:-1].shape)
     assert np.linalg.norm(step[:, 1:-1] - known) < off * np.linalg.norm(known)
     assert not step[:, [0, -1]].any()
     assert slope == pytest.approx((gradient * step).sum(), rel=1e-12)
     assert slope < 0.0
+
+
+def test_the_change_of_the_gradient_is_the_slope_of_all_forces(rng):
+    """Ends go as well, tangents turn and widths change: against central differences."""
+    sheet = Sheet(rng)
+    lengths = np.linalg.norm(np.diff(sheet.x, axis=1), axis=2).sum(axis=1) / rng.uniform(0.7, 1.4, 4)
+    velocity, pairs = rng.normal(size=sheet.x.shape), (len(sheet.neighbours.pairs), 2, 3)
+
+    def forces(x):
+        gradient, blocks = np.zeros_like(x), np.zeros((*x.shape[:2], 6))
+        add_springs(x, sheet.held, sheet.pull, gradient, blocks)
+        flat = x.reshape(-1, 3), gradient.reshape(-1, 3), blocks.reshape(-1, 6)
+        add_neighbours(*flat, sheet.neighbours, path_widths(x, lengths), np.empty(pairs))
+        return gradient[:, 1:-1]
+
+    there, back = (forces(sheet.x + step * velocity) for step in (1e-5, -1e-5))
+    change = np.full_like(velocity, np.nan)
+    widths = path_widths(sheet.x, lengths), widening(sheet.x, lengths)
+    change_gradient(sheet.x, velocity, full(sheet.held), sheet.neighbours, *widths, np.empty(4), change)
+    np.testing.assert_allclose(change[:, 1:-1], (there - back) / 2e-5, rtol=1e-6, atol=1e-6)
+    assert not change[:, [0, -1]].any()
+
+
+def test_a_path_beyond_any_sensible_stretch_gets_no_wider():
+    line = np.zeros((3, 5, 3))
+    line[:, :, 0] = np.outer([1.0, 10.0, 0.1], np.linspace(0.0, 4.0, 5))
+    rest = np.full(3, 4.0)
+    assert (widening(line, rest) < 0.0).tolist() == [True, False, False]
+    np.testing.assert_allclose(path_widths(line, rest) ** -2, [1.0, 4.0, 0.25])
+
+
+def test_the_load_of_a_ball_is_the_slope_of_its_force(rng):
+    """In closed form, in a bone that is turned: it pushes along the radius, and its normals turn."""
+    ball = pv.Icosphere(radius=30.0, nsub=5)
+    bone = Bone(np.array(ball.points, dtype=np.float64), ball.regular_faces)
+    # Points are up to 1 mm in what the bone keeps free about it.
+    ways = rng.normal(size=(2, 200, 3))
+    ways /= np.linalg.norm(ways, axis=2, keepdims=True)
+    depth = rng.uniform(0.2, 1.0, (2, 200, 1))
+    contacts = BoneContacts({0: bone}, np.full((1, 2, 200), 6.0), 10.0)
+    transforms = np.eye(4)[None].copy()
+    transforms[0, :3, :3] = Rotation.random(random_state=rng).as_matrix()
+    transforms[0, :3, 3] = 5.0, -40.0, 70.0
+    x = transforms[0, :3, 3] + (36.0 - depth) * ways
+    force, stiffness = contacts.load(0, x, transforms, contacts.at(x, transforms)[2][0], 1e-2)
+    pushed = BONE_PUSH * depth
+    inner = (slice(None), slice(1, -1))
+    np.testing.assert_allclose(force[inner], (pushed * ways)[inner], atol=0.03 * BONE_PUSH)
+    along = np.einsum("fni,fnij,fnj->fn", ways, stiffness, ways)[inner]
+    np.testing.assert_allclose(along, BONE_PUSH, rtol=0.03)
+    # Aside the force only turns: on the mean over the ball's flat triangles the stiffness is -force / radius.
+    aside = np.cross(ways, rng.normal(size=3))
+    aside /= np.linalg.norm(aside, axis=2, keepdims=True)
+    turned = np.einsum("fni,fnij,fnj->fn", aside, stiffness, aside)[inner].mean()
+    assert turned == pytest.approx((-pushed / (36.0 - depth))[inner].mean(), rel=0.1)
+    assert not force[:, [0, -1]].any()
 
 
 def test_the_stiffness_of_springs_contacts_and_neighbours_is_the_slope_of_their_forces(rng):

@@ -10,7 +10,8 @@ from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.motion.rigid import apply_transform, hinge, rotation_about
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread, lines_on_surface
-from vtkmuscle.core.paths.sheet import GREATEST_STRETCH, POINTS, MusclePaths
+from vtkmuscle.core.paths.neighbours import GREATEST_STRETCH
+from vtkmuscle.core.paths.sheet import POINTS, MusclePaths
 from vtkmuscle.core.paths.skinning import Skinning
 
 TURN = rotation_about((10.0, -20.0, 30.0), np.array([1.0, 2.0, 2.0]) / 3.0, 65.0)

@@ -99,3 +99,25 @@ def test_a_strap_over_two_joints_has_both_rollers_as_levers_in_every_pose(upper)
         mean = levers(state, numbers, (0, 0, 0), AXIS).mean()
         assert mean == pytest.approx(ARMS[0], abs=upper)
         assert levers(state, numbers[1:], lower, -AXIS).mean() == pytest.approx(-ARMS[1], abs=0.6)
+
+
+def test_a_bone_that_no_path_ends_on_pushes_paths_and_has_its_wrench():
+    """A cylinder that moves by itself, as a patella does, under a strap whose ends stay."""
+    made, paths = strung_phantom("wrapping_cylinder"), known_paths("wrapping_cylinder")
+    pulley = made.names.index("pulley")
+    free = made.pulled(
+        fibres=paths.fibres,
+        start_bones=paths.start_bones,
+        end_bones=paths.end_bones,
+        bones={2: made.bones[pulley]},
+    )
+    middle = np.zeros(3)
+    rest = np.tile(np.eye(4), (3, 1, 1))
+    state = free.follow(free.rest, rest)
+    for part in (1, 2):
+        there, back = (
+            free.follow(state, twisted(rest, 2, part, size, middle)).lengths for size in (SMALL, -SMALL)
+        )
+        slopes = -(there - back) / (2.0 * SMALL)
+        np.testing.assert_allclose(state.wrenches[:, 2, part], slopes, atol=0.03)
+        assert np.abs(slopes).mean() > 0.3

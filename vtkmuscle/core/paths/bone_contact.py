@@ -49,6 +49,33 @@ class Proximity(NamedTuple):
     outward: Floats
 
 
+class Load(NamedTuple):
+    """What a bone does to points, itself or by what goes with it.
+
+    Attributes
+    ----------
+    force : (f, n, 3) array
+        On the points; the gradient of their energy is less by it [mm].
+    stiffness : (f, n, 3, 3) array
+        By how much the force falls as a point moves [1].
+    """
+
+    force: Floats
+    stiffness: Floats
+
+    @classmethod
+    def of_moves(cls, forces: Floats, move: float, turn: Floats) -> Load:
+        """Return the load of forces (7, f, n, 3) at points, at those moved along axes, and against them.
+
+        move : float
+            How far [mm].
+        turn : (3, 3) array
+            Of the axes along which they were moved.
+        """
+        falls = (forces[4:] - forces[1:4]) / (2.0 * move)
+        return cls(forces[0], np.einsum("dfnc,ed->fnce", falls, turn))
+
+
 class BoneContacts:
     """The bones that paths keep away from.
 
@@ -103,11 +130,24 @@ class BoneContacts:
             normals[k] = (one.outward @ transforms[number, :3, :3].T).reshape(x.shape)
         return gaps, normals, near
 
-    def at_bone(self, k: int, x: Floats, transforms: Floats, before: Proximity) -> tuple[Floats, Floats]:
-        """Return the gaps (f, n) to the k-th bone, and their directions (f, n, 3); see :meth:`at`."""
-        one, number = self._near(k, x, transforms, before), self.numbers[k]
-        normals: Floats = (one.outward @ transforms[number, :3, :3].T).reshape(x.shape)
-        return one.gaps.reshape(x.shape[:2]), normals
+    def load(self, k: int, x: Floats, transforms: Floats, near: Proximity, move: float) -> Load:
+        """Return what the k-th bone does to the points x (f, n, 3), whose proximity is known.
+
+        move : float
+            How far points are moved to see how the forces change, central differences [mm].
+        """
+        turn = transforms[self.numbers[k], :3, :3]
+        pressed = np.flatnonzero(near.gaps < self.rounding)
+        moves = move * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+        distance, outward = self._bones[k].field((near.points[pressed] + moves[:, None]).reshape(-1, 3))
+        gaps = np.full((7, near.gaps.size), np.inf)
+        normals, forces = np.zeros((7, near.gaps.size, 3)), np.zeros((7, *x.shape[:2]))
+        gaps[:, pressed] = distance.reshape(7, -1) - self._standoff[k].reshape(-1)[pressed]
+        normals[:, pressed] = outward.reshape(7, -1, 3) @ turn.T
+        gaps, normals = gaps.reshape(forces.shape), normals.reshape(7, *x.shape)
+        unused = np.zeros_like(x), np.zeros((*x.shape[:2], 6))
+        add_contacts(x, gaps, normals, PUSH, self.rounding, *unused, forces)
+        return Load.of_moves(forces[..., None] * normals, move, turn)
 
     def _near(self, k: int, x: Floats, transforms: Floats, before: Proximity | None) -> Proximity:
         number, bone = self.numbers[k], self._bones[k]

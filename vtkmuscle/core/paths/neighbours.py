@@ -33,6 +33,9 @@ LEAST_SPACING = 0.5
 #: last digits would say in which direction.
 TOO_NEAR = 0.01
 
+#: Bounds of a path's stretch, beyond which none is sensible (a muscle works between about 0.5 and 1.6).
+LEAST_STRETCH, GREATEST_STRETCH = 0.25, 4.0
+
 #: Distances that differ by less than this part of the greater, or of a path's length, are the same.
 SAME = 1e-9
 
@@ -98,3 +101,22 @@ def neighbours_of(fibres: Floats) -> Neighbours:
     spacing = np.maximum(distances, LEAST_SPACING * usual)
     stiffness = (length / (spacing * (n - 1))) ** 2
     return Neighbours(pairs, distances, ahead[apart], np.outer(stiffness, (MODULUS, SHEAR_MODULUS)))
+
+
+def path_widths(points: Floats, lengths: Floats) -> Floats:
+    """Return how much wider than at rest paths (f, n, 3) are that keep their volume, (f,).
+
+    lengths : (f,) array
+        At rest [mm].
+    """
+    stretch = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1) / lengths
+    widths: Floats = 1.0 / np.sqrt(stretch.clip(LEAST_STRETCH, GREATEST_STRETCH))
+    return widths
+
+
+def widening(points: Floats, lengths: Floats) -> Floats:
+    """Return how the :func:`path_widths` of paths (f, n, 3) change with their lengths, (f,) [1/mm]."""
+    widths = path_widths(points, lengths)
+    within = (widths > GREATEST_STRETCH**-0.5) & (widths < LEAST_STRETCH**-0.5)
+    change: Floats = np.where(within, -0.5 * widths**3 / lengths, 0.0)
+    return change

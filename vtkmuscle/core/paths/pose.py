@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from vtkmuscle.core.paths.bone_contact import PUSH, BoneContacts, Proximity, add_contacts
+from vtkmuscle.core.paths.bone_contact import BoneContacts, Load, Proximity, add_contacts
 from vtkmuscle.core.paths.equilibrium import (
     STEP_LEFT,
     add_neighbours,
     add_springs,
+    change_gradient,
     newton_step,
+    prepare_solve,
 )
-from vtkmuscle.core.paths.neighbours import Neighbours
-from vtkmuscle.core.paths.ring_contact import Rings, add_rings, hold_in_rings, ring_loads, rings_at
+from vtkmuscle.core.paths.neighbours import Neighbours, path_widths, widening
+from vtkmuscle.core.paths.ring_contact import Rings, add_rings, hold_in_rings, ring_load, rings_at
 from vtkmuscle.core.paths.surroundings import Surroundings
 from vtkmuscle.core.paths.via_rings import ViaRing
 from vtkmuscle.core.paths.wrenches import path_wrenches
@@ -23,12 +25,6 @@ from vtkmuscle.core.types import Floats, Ints
 
 #: How far a bone or a point is moved to see how the forces change, in thicknesses of the muscle.
 SMALL_MOVE = 1e-4
-
-#: Steps in which the response to a bone's move is solved for, and the part of the residual that conjugate
-#: gradients leave in each. Of four muscles of a real hip and one of a knee, one step with 1e-3 left has mean
-#: levers 0.6 to 2.9 mm off -dl/dq (rms), two with 0.03 have 0.3 to 0.9 mm, three 0.1 to 0.6 mm; with three a
-#: muscle's paths take half as long again.
-RESPONSES, RESPONSE_LEFT = 3, 0.03
 
 
 class Sheet(NamedTuple):
@@ -42,8 +38,8 @@ class Sheet(NamedTuple):
         Which bones the ends are fixed to.
     thickness : float
         Of the muscle [mm].
-    widths : callable
-        How much wider than at rest paths (f, n, 3) are that keep their volume, (f,).
+    lengths : (f,) array
+        Of the paths at rest [mm].
     around, contacts, neighbours
         Tissue and pressure, the bones, and the springs between paths.
     rings : sequence of (int, ViaRing)
@@ -56,7 +52,7 @@ class Sheet(NamedTuple):
     start_bones: Ints
     end_bones: Ints
     thickness: float
-    widths: Callable[[Floats], Floats]
+    lengths: Floats
     around: Surroundings
     contacts: BoneContacts
     neighbours: Neighbours
@@ -84,7 +80,8 @@ class SheetPose:
 
     def __init__(self, sheet: Sheet, transforms: Floats, middle: Floats) -> None:
         around = sheet.around
-        self._sheet = sheet
+        self._sheet, self._middle = sheet, middle
+        self._x = sheet.fibres
         self._neighbours, self._contacts = sheet.neighbours, sheet.contacts
         self._near: list[Proximity] = []
         #: Of each bone, what its tissue holds points with: stiffness (f, n, 3, 3) and pull (f, n, 3).
@@ -123,8 +120,11 @@ class SheetPose:
 
     def look_at(self, x: Floats, push: float) -> None:
         """Compute the gradient of the energy at x (f, n, 3), and its stiffness."""
-        gradient, blocks = self.gradient, self._blocks
-        self._hold_together(x, gradient, blocks, self._directions)
+        self._x, gradient, blocks = x, self.gradient, self._blocks
+        add_springs(x, self._held, self._pull, gradient, blocks)
+        x_, gradient_, blocks_ = (array.reshape(-1, array.shape[2]) for array in (x, gradient, blocks))
+        widths = path_widths(x, self._sheet.lengths)
+        add_neighbours(x_, gradient_, blocks_, self._neighbours, widths, self._directions)
         gaps, normals, self._near = self._contacts.at(x, self._moved, self._near)
         rounding = self._contacts.rounding
         add_contacts(x, gaps, normals, push, rounding, gradient, blocks, self._pressure)
@@ -132,20 +132,19 @@ class SheetPose:
         add_rings(x, self._rings, points, push, rounding, gradient, blocks, self._ring_pressure)
         gradient[:, [0, -1]] = 0.0
 
-    def _hold_together(self, x: Floats, gradient: Floats, blocks: Floats, directions: Floats) -> None:
-        """Write what springs, tissue and neighbours add to the gradient and its stiffness."""
-        add_springs(x, self._held, self._pull, gradient, blocks)
-        x_, gradient_, blocks_ = (array.reshape(-1, array.shape[2]) for array in (x, gradient, blocks))
-        add_neighbours(x_, gradient_, blocks_, self._neighbours, self._sheet.widths(x), directions)
-
     def step(self) -> float:
         """Compute the step of Newton's method, ``way``, and return its slope."""
-        return self._solve(self.gradient, STEP_LEFT)
+        self._prepare_solve(as_one=False)
+        return self._solve(self.gradient, as_one=False)
 
-    def _solve(self, gradient: Floats, left_over: float) -> float:
+    def _prepare_solve(self, *, as_one: bool) -> None:
+        inverses, _, sheet = self._work
+        prepare_solve(self._blocks, self._neighbours, self._directions, as_one, inverses, sheet)
+
+    def _solve(self, gradient: Floats, *, as_one: bool) -> float:
         """Write to ``way`` what takes the stiffness from a gradient to nothing, and return its slope."""
         stiffness = self._blocks, self._neighbours, self._directions
-        return float(newton_step(gradient, *stiffness, left_over, *self._work, self.way))
+        return float(newton_step(gradient, *stiffness, as_one, STEP_LEFT, *self._work, self.way))
 
     def contacts(self) -> Ints:
         """Return how many points of each path bones and rings press on, (f,)."""
@@ -154,98 +153,49 @@ class SheetPose:
         )
         return presses
 
-    def wrenches(self, x: Floats) -> Floats:
-        """Return the wrenches of the paths at x, which was looked at last, about its origin."""
-        ends = self._sheet.start_bones, self._sheet.end_bones
-        moving = sorted({*ends[0].tolist(), *ends[1].tolist(), *self._tissue, *self._ring_bones})
+    @property
+    def points(self) -> Floats:
+        """Points that were looked at last, (f, n, 3) [mm]."""
+        return self._x + self._middle
 
-        def change(bone: int, velocity: Floats, turn: Floats, given: Floats) -> Floats:
-            return self._change_by_points(x, given) + self._change(x, bone, velocity, turn)
+    def wrenches(self) -> Floats:
+        """Return the wrenches of the paths that were looked at last, about the origin, (f, b, 6)."""
+        x, sheet, loads = self._x, self._sheet, self._loads()
+        held = sum((load.stiffness for load in loads.values()), np.zeros((*x.shape, 3)))
+        widths = path_widths(x, sheet.lengths), widening(x, sheet.lengths)
+        wider = np.empty(len(x))
+        self._prepare_solve(as_one=True)
 
-        def response(gradient: Floats) -> Floats:
-            return self._response(x, gradient)
+        def change(velocity: Floats) -> Floats:
+            result = np.empty_like(x)
+            change_gradient(x, velocity, held, self._neighbours, *widths, wider, result)
+            return result
 
-        return path_wrenches(x, *ends, moving, len(self._moved), change, response)
+        def step(gradient: Floats) -> Floats:
+            self._solve(gradient, as_one=True)
+            return self.way.copy()
 
-    def _response(self, x: Floats, gradient: Floats) -> Floats:
-        """Return how the points at x go, so that the gradient changes by minus ``gradient``.
+        ends = sheet.start_bones, sheet.end_bones
+        wrenches = path_wrenches(x, *ends, loads, len(self._moved), change, step)
+        wrenches[:, :, 3:] += np.cross(self._middle, wrenches[:, :, :3])
+        return wrenches
 
-        By generalised conjugate residuals (Eisenstat, Elman, Schultz 1983, doi:10.1137/0720023), whose
-        preconditioner is the matrix of Newton's method: that leaves out how tangents and the bones' surfaces
-        turn, which the change of the gradient itself knows.
-        """
-        left, found = gradient.copy(), np.zeros_like(x)
-        before: list[tuple[Floats, Floats, float]] = []
-        for _ in range(RESPONSES):
-            self._solve(left, RESPONSE_LEFT)
-            way = self.way.copy()
-            change = self._change_by_points(x, way)
-            for other, change_by_other, size in before:
-                part = float((change * change_by_other).sum()) / size
-                way -= part * other
-                change -= part * change_by_other
-            size = float((change * change).sum())
-            if size == 0.0:
-                break
-            part = -float((left * change).sum()) / size
-            found += part * way
-            left += part * change
-            before.append((way, change, size))
-        return found
-
-    def _change_by_points(self, x: Floats, velocity: Floats) -> Floats:
-        """Return how the gradient at x changes as the points go with velocities, 0 at the ends.
-
-        A central difference. Where ends go, too: a path that gets longer gets narrower, and one whose end
-        turns aside has another tangent, from which its neighbours are at right angles.
-        """
-        fastest = float(np.abs(velocity).max())
-        if fastest == 0.0:
-            return np.zeros_like(x)
-        part = SMALL_MOVE * self._sheet.thickness / fastest
-        after, before = (self._gradient_at(x + way * velocity) for way in (part, -part))
-        change: Floats = (after - before) / (2.0 * part)
-        return change
-
-    def _gradient_at(self, x: Floats) -> Floats:
-        """Return the gradient at points near to those that were looked at last."""
-        gradient, blocks = np.zeros_like(x), np.zeros_like(self._blocks)
-        self._hold_together(x, gradient, blocks, np.empty_like(self._directions))
-        gaps, normals, _ = self._contacts.at(x, self._moved, self._near)
-        rounding, points = self._contacts.rounding, self._ring_points
-        add_contacts(x, gaps, normals, PUSH, rounding, gradient, blocks, np.empty_like(self._pressure))
-        add_rings(
-            x, self._rings, points, PUSH, rounding, gradient, blocks, np.empty_like(self._ring_pressure)
-        )
-        gradient[:, [0, -1]] = 0.0
-        return gradient
-
-    def _change(self, x: Floats, bone: int, velocity: Floats, turn: Floats) -> Floats:
-        """Return how the gradient at x changes as a bone moves, beside which the ends stay."""
-        change = np.zeros_like(x)
-        if bone in self._tissue:
-            held, given = self._tissue[bone]
-            force = given - np.einsum("fnij,fnj->fni", held, x)
-            change -= np.einsum("fnij,fnj->fni", held, velocity) + np.cross(turn, force)
-        if bone in self._contacts.numbers:
-            # The bone's surface curves: its normals where the points will be, seen from the bone.
-            k, fastest = self._contacts.numbers.index(bone), float(np.abs(velocity).max())
-            part = SMALL_MOVE * self._sheet.thickness / fastest if fastest > 0.0 else 1.0
-            after, before = (self._push_of(k, x - way * velocity) for way in (part, -part))
-            change -= (after - before) / (2.0 * part) + np.cross(turn, (after + before) / 2.0)
-        for ring in np.flatnonzero(np.array(self._ring_bones) == bone):
-            loads = x, self._rings, int(ring), self._ring_points[ring], self._ring_pressure[ring], PUSH
-            force, held = ring_loads(*loads)
-            change -= np.einsum("fnij,fnj->fni", held, velocity) + np.cross(turn, force)
-        return change
-
-    def _push_of(self, k: int, x: Floats) -> Floats:
-        """Return with what forces a bone presses on points (f, n, 3)."""
-        gaps, normals = self._contacts.at_bone(k, x, self._moved, self._near[k])
-        pressure = np.zeros((1, *x.shape[:2]))
-        add_contacts(
-            x, gaps[None], normals[None], PUSH, self._contacts.rounding,
-            np.zeros_like(x), np.zeros((*x.shape[:2], 6)), pressure,
-        )  # fmt: skip
-        force: Floats = pressure[0][..., None] * normals
-        return force
+    def _loads(self) -> dict[int, Load]:
+        """Return what the bones that do anything do to the points."""
+        x = self._x
+        loads = [
+            (number, Load(given - np.einsum("fnij,fnj->fni", held, x), held))
+            for number, (held, given) in self._tissue.items()
+        ]
+        contacts, move = self._contacts, SMALL_MOVE * self._sheet.thickness
+        for k, number in enumerate(contacts.numbers):
+            if self._pressure[k].any():
+                loads.append((number, contacts.load(k, x, self._moved, self._near[k], move)))
+        for k, number in enumerate(self._ring_bones):
+            if (points := self._ring_points[k]).any():
+                loads.append((number, ring_load(x, self._rings, k, points, contacts.rounding, move)))
+        together: dict[int, Load] = {}
+        for number, load in loads:
+            both = [one for one in (together.get(number), load) if one is not None]
+            together[number] = Load(*(sum(parts) for parts in zip(*both, strict=True)))
+        return together

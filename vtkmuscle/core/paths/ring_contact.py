@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.paths.bone_contact import pressure_at
+from vtkmuscle.core.paths.bone_contact import PUSH, Load, pressure_at
 from vtkmuscle.core.paths.equilibrium import add_direction
 from vtkmuscle.core.paths.via_rings import ViaRing, is_inside, moved_ring, nearest_on_polygon
 from vtkmuscle.core.types import Floats, Ints
@@ -171,24 +171,24 @@ def outside_of(rings: Rings, x: Floats, outside: Floats) -> None:
             outside[ring, a] = max(way_to_edge(corners, s, t)[2], 0.0) if segment >= 0 else 0.0
 
 
-def ring_loads(
-    x: Floats, rings: Rings, ring: int, points: Ints, held: Floats, push: float
-) -> tuple[Floats, Floats]:
-    """Return the forces (f, n, 3) and stiffnesses (f, n, 3, 3) of a ring on the points of paths x (f, n, 3).
+def ring_load(x: Floats, rings: Rings, ring: int, points: Ints, rounding: float, move: float) -> Load:
+    """Return what a ring does to the points of paths x (f, n, 3) that it holds.
 
-    points, held : (f,) int and (f, n) arrays
-        The points that the ring holds, and how hard it presses.
+    points : (f,) int array
+        Which of each path, 0 for none.
+    move : float
+        How far points are moved to see how the forces change, central differences [mm].
     """
-    force, stiffness = np.zeros_like(x), np.zeros((*x.shape, 3))
-    frame = rings.frames[ring]
-    corners = rings.corners[rings.offsets[ring] : rings.offsets[ring + 1]]
-    for a in np.flatnonzero(points):
-        i = points[a]
-        height, u, v, way = outside_at(frame, corners, x[a, i])
-        force[a, i] = -push * height * frame[1]
-        stiffness[a, i] = push * np.outer(frame[1], frame[1])
-        if held[a, i] > 0.0:
-            into = (u * frame[2] + v * frame[3]) / way
-            force[a, i] += held[a, i] * into
-            stiffness[a, i] += push * np.outer(into, into)
-    return force, stiffness
+    first, last = rings.offsets[ring : ring + 2]
+    alone = Rings(
+        rings.frames[ring : ring + 1],
+        rings.corners[first:last],
+        np.array([0, last - first]),
+        rings.outside[ring : ring + 1],
+    )
+    forces = np.zeros((7, *x.shape))
+    unused = np.zeros((*x.shape[:2], 6)), np.zeros((1, *x.shape[:2]))
+    moves = move * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+    for force, way in zip(forces, moves, strict=True):
+        add_rings(x + way, alone, points[None], PUSH, rounding, force, *unused)
+    return Load.of_moves(-forces, move, np.eye(3))

@@ -15,7 +15,7 @@ from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.motion.blending import screw_between
 from vtkmuscle.core.motion.rigid import inverse
 from vtkmuscle.core.paths.bone_contact import FIRST_PUSH, PUSH, BoneContacts
-from vtkmuscle.core.paths.neighbours import neighbours_of
+from vtkmuscle.core.paths.neighbours import neighbours_of, path_widths
 from vtkmuscle.core.paths.pose import Sheet, SheetPose
 from vtkmuscle.core.paths.ring_contact import outside_of, rings_at
 from vtkmuscle.core.paths.surroundings import surroundings_of
@@ -43,9 +43,6 @@ LARGEST_MOVE = 4.0
 #: A step is shortened as long as the energy rises at its end by more than this part of the slope that it
 #: began with, but no more often than that.
 _RISE, _SHORTENED = 0.5, 8
-
-#: Bounds of a path's stretch, beyond which none is sensible (a muscle works between about 0.5 and 1.6).
-LEAST_STRETCH, GREATEST_STRETCH = 0.25, 4.0
 
 #: Bones whose moves differ by less than this have moved together: paths go with them as they are [mm].
 _TOGETHER = 1e-9
@@ -163,20 +160,18 @@ class MusclePaths:
             start_bones,
             end_bones,
             self.thickness,
-            self.widths,
+            self._lengths,
             around,
             BoneContacts(bones, around.standoff, self._segment),
             neighbours_of(self.fibres),
             tuple(rings),
             outside,
         )
-        self.rest: PathState = self._settle(self.fibres, still)
+        self.rest: PathState = _state(*self._settle(self.fibres, still), still)
 
     def widths(self, points: Floats) -> Floats:
         """Return how much wider than at rest paths (f, n, 3) are that keep their volume, (f,)."""
-        lengths = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
-        stretch: Floats = (lengths / self._lengths).clip(LEAST_STRETCH, GREATEST_STRETCH)
-        return 1.0 / np.sqrt(stretch)
+        return path_widths(points, self._lengths)
 
     def directions_at(self, points: Floats) -> Floats:
         """Return the unit directions (p, 3) of the fibres at rest, where points (p, 3) are."""
@@ -198,15 +193,16 @@ class MusclePaths:
         moves = _moves(known, transforms)
         if np.ptp(moves, axis=0).max() <= _TOGETHER:
             return self._together(before, moves, transforms)
-        steps = math.ceil(self._carried(known, transforms) / (LARGEST_MOVE * self._segment))
-        state = replace(before, transforms=known)
+        steps = max(math.ceil(self._carried(known, transforms) / (LARGEST_MOVE * self._segment)), 1)
+        points, last = before.points, known
         for number in range(1, steps + 1):
             pose = transforms
             if number < steps:
                 pairs = zip(known, transforms, strict=True)
                 pose = np.array([screw_between(a, b, number / steps) for a, b in pairs])
-            state = self._settle(self._with_bones(state.points, _moves(state.transforms, pose)), pose)
-        return state
+            sheet, settled = self._settle(self._with_bones(points, _moves(last, pose)), pose)
+            points, last = sheet.points, pose
+        return _state(sheet, settled, transforms)
 
     def _together(self, before: PathState, moves: Floats, transforms: Floats) -> PathState:
         """Return the paths after all bones have moved alike."""
@@ -238,8 +234,8 @@ class MusclePaths:
         )
         return np.ascontiguousarray(first + part * (last - first))
 
-    def _settle(self, start: Floats, transforms: Floats) -> PathState:
-        """Return the equilibrium in a pose that is near to some points (f, n, 3)."""
+    def _settle(self, start: Floats, transforms: Floats) -> tuple[SheetPose, bool]:
+        """Return the sheet in a pose, in the equilibrium near to some points, and whether it came to rest."""
         x = start.copy()
         x[:, 0] = _carried_by(transforms[self.start_bones], self.fibres[:, 0])
         x[:, -1] = _carried_by(transforms[self.end_bones], self.fibres[:, -1])
@@ -270,9 +266,11 @@ class MusclePaths:
             elif -slope < enough:
                 settled = True
                 break
-        wrenches = pose.wrenches(x)
-        wrenches[:, :, 3:] += np.cross(middle, wrenches[:, :, :3])
-        return PathState(x + middle, transforms, wrenches, pose.contacts(), settled)
+        return pose, settled
+
+
+def _state(sheet: SheetPose, settled: bool, transforms: Floats) -> PathState:
+    return PathState(sheet.points, transforms, sheet.wrenches(), sheet.contacts(), settled)
 
 
 def half_thickness(surface: Floats, triangles: Ints) -> float:
