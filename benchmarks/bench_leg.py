@@ -18,6 +18,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from run_stages import print_table
+from sampling import Sampling
 
 from vtkmuscle import Scene
 from vtkmuscle.phantoms import leg
@@ -61,20 +63,15 @@ def main() -> None:
                 at[25 * part] = memory()
 
     seen: list[str] = []
-    before, began, processor = memory(), time.perf_counter(), time.process_time()
-    with tempfile.TemporaryDirectory() as folder:
+    before, began = memory(), time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder, Sampling() as sampling:
         result = scene.run(Path(folder) / "out", figures=False, workers=given.workers, observe=observe)
-    wall, used = time.perf_counter() - began, time.process_time() - processor
+    wall = time.perf_counter() - began
     print(
         f"{len(scene.muscles)} muscles, {given.frames} frames, model {given.model}, {given.workers} workers"
     )
-    print(f"processor {used:.0f} s, wall {wall:.0f} s")
-    stages: dict[str, float] = {}
-    for report in result.report["muscles"].values():
-        for stage, seconds in report["seconds"].items():
-            stages[stage] = stages.get(stage, 0.0) + seconds
-    for stage, seconds in sorted(stages.items(), key=lambda item: -item[1]):
-        print(f"  {stage:<16}{seconds:8.1f} s of wall, all muscles")
+    print(f"wall {wall:.0f} s; processor:")
+    print_table(sampling.seconds)
     grown = ", ".join(f"{part} %: {size:.0f}" for part, size in at.items())
     print(f"memory [MB]: {before:.0f} before; at most until {grown}; at the end {memory():.0f}")
     print(
