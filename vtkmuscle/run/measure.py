@@ -12,7 +12,13 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.bones.bone import Bone, depth_in
 from vtkmuscle.core.mesh.bent import BentSurface, bent_surface
 from vtkmuscle.core.mesh.hinges import dihedral_angles
-from vtkmuscle.core.mesh.surface import edge_lengths, signed_volume, triangle_stretches, unique_edges
+from vtkmuscle.core.mesh.surface import (
+    edge_lengths,
+    side_products,
+    signed_volume,
+    triangle_stretches,
+    unique_edges,
+)
 from vtkmuscle.core.mesh.topology import mesh_topology
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
 from vtkmuscle.core.motion.rigid import apply_transform
@@ -39,6 +45,11 @@ class MuscleMeasure:
         The bones that have an inside, at rest.
     millimetres : float
         Millimetres per unit of length.
+
+    Attributes
+    ----------
+    n_edges : int
+        Edges that have a length, 1 where there is none.
     """
 
     def __init__(
@@ -54,10 +65,9 @@ class MuscleMeasure:
         self._rest = points_of(rest)
         self._triangles = triangles_of(rest, "muscle")
         self._fixed_to = np.array(point_array(rest, "FixedTo", "muscle"))
-        edges = unique_edges(self._triangles)
-        lengths = edge_lengths(self._rest, edges)
-        self._edges, self._edge_lengths = edges[lengths > 0], lengths[lengths > 0]
+        self.n_edges = max(int((edge_lengths(self._rest, unique_edges(self._triangles)) > 0).sum()), 1)
         self._volume = signed_volume(self._rest, self._triangles)
+        self._sides = side_products(self._rest, self._triangles)
         self._quads = mesh_topology(len(self._rest), self._triangles).quads
         angles, defined = dihedral_angles(self._rest, self._quads)
         self._unfolded = defined & (np.abs(angles) < np.radians(NOT_FOLDED))
@@ -68,11 +78,6 @@ class MuscleMeasure:
     @cached_property
     def _rest_tree(self) -> TriangleTree:
         return shared_tree(self._rest, self._triangles)
-
-    @property
-    def n_edges(self) -> int:
-        """Number of edges."""
-        return max(len(self._edges), 1)
 
     @property
     def size(self) -> float:
@@ -94,19 +99,17 @@ class MuscleMeasure:
     def frame(self, points: Floats, transforms: Mapping[str, Floats]) -> dict[str, Any]:
         """Return the figures of a frame, see :data:`~vtkmuscle.run.report.DEFINITIONS`.
 
+        The deformer's report has those of edges.
+
         ``points`` (n, 3) are the deformed muscle's, ``transforms`` those of the bones from rest to now.
         """
         now = {bone: transforms.get(bone, np.eye(4)) for bone in self._bones}
-        lengths = edge_lengths(points, self._edges)
-        stretch = lengths / self._edge_lengths
-        least, greatest, areas = triangle_stretches(self._rest, points, self._triangles)
+        least, greatest, areas = triangle_stretches(self._sides, side_products(points, self._triangles))
         misshapen = (greatest > BEYOND * LONGEST) | (least < SHORTEST / BEYOND)
         angles, _ = dihedral_angles(points, self._quads)
         folded = self._unfolded & (np.abs(angles) > np.radians(FOLDED))
         return {
             "volume_ratio": signed_volume(points, self._triangles) / self._volume,
-            "edge_stretch_p95": float(np.percentile(stretch, 95)),
-            "edge_stretch_max": float(stretch.max()),
             "misshapen_area": float(areas[misshapen].sum() / areas.sum()),
             "folded_edges": int(folded.sum()),
             **self._penetration(points, now),

@@ -13,8 +13,10 @@ from vtkmuscle.core.mesh.surface import (
     half_edges,
     numbered_edges,
     point_components,
+    side_products,
     signed_volume,
     survey,
+    triangle_stretches,
     unique_edges,
 )
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
@@ -66,6 +68,19 @@ def test_edges_are_numbered_however_many_meet_in_a_point(n):
 def test_edge_lengths():
     points = np.array([(0.0, 0, 0), (3, 4, 0), (3, 4, 12)])
     np.testing.assert_allclose(edge_lengths(points, np.array([[0, 1], [1, 2], [0, 2]])), [5, 12, 13])
+
+
+def test_stretches_are_the_singular_values_of_the_map_of_each_triangle(rng):
+    """Of any linear map of a triangle's plane into space; a triangle without area has none."""
+    flat, maps = rng.normal(size=(50, 3, 2)), rng.normal(size=(50, 3, 2))
+    rest = np.concatenate([np.dstack([flat, np.full((50, 3), 7.0)]).reshape(-1, 3), np.zeros((3, 3))])
+    now = np.concatenate([(flat @ maps.transpose(0, 2, 1)).reshape(-1, 3), rng.normal(size=(3, 3))])
+    triangles = np.arange(153).reshape(-1, 3)
+    least, greatest, areas = triangle_stretches(side_products(rest, triangles), side_products(now, triangles))
+    expected = np.linalg.svd(maps, compute_uv=False)
+    np.testing.assert_allclose(np.column_stack([greatest, least])[:-1], expected, rtol=1e-6)
+    np.testing.assert_allclose(2.0 * areas, np.linalg.norm(triangle_normals(rest, triangles), axis=1))
+    assert (least[-1], greatest[-1], areas[-1]) == (1.0, 1.0, 0.0)
 
 
 def test_volume_of_a_tetrahedron():

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.jit import array_kernel, kernel
@@ -237,5 +236,7 @@ def _flood_outside(cells: Cells) -> None:
 
     cells : (nx, ny, nz), changed in place.
     """
+    from scipy.ndimage import label  # noqa: PLC0415 -- only the published model has voxels
+
     parts = label(cells != BOUNDARY)[0]
     cells[parts == parts[0, 0, 0]] = OUTSIDE

@@ -100,17 +100,23 @@ def _fill_lengths(points: Floats, edges: Ints, lengths: Floats) -> None:
         lengths[e] = np.sqrt(x * x + y * y + z * z)
 
 
-def triangle_stretches(rest: Floats, now: Floats, triangles: Ints) -> tuple[Floats, Floats, Floats]:
+def side_products(points: Floats, triangles: Ints) -> Floats:
+    """Return the products a . a, a . b and b . b of two sides of each triangle (m, 3), (3, m) [mm^2]."""
+    first, second, third = points.T[:, triangles.T].swapaxes(0, 1)
+    a, b = second - first, third - second
+    return np.stack([sum(p * q) for p, q in ((a, a), (a, b), (b, b))])
+
+
+def triangle_stretches(rest: Floats, now: Floats) -> tuple[Floats, Floats, Floats]:
     """Return how much triangles are stretched in the directions in which they are least and most.
 
-    These are the singular values of the map from a triangle at rest to itself now.
+    These are the singular values of the map from a triangle at rest to itself now: the square roots of the
+    eigenvalues of G^-1 H, of the 2 x 2 matrices G and H of the products of its sides at rest and now.
 
     Parameters
     ----------
-    rest, now : (n, 3) arrays
-        Positions [mm].
-    triangles : (m, 3) int array
-        Point ids.
+    rest, now : (3, m) arrays
+        What :func:`side_products` gives of them.
 
     Returns
     -------
@@ -119,17 +125,15 @@ def triangle_stretches(rest: Floats, now: Floats, triangles: Ints) -> tuple[Floa
     areas : (m,) array
         At rest [mm^2].
     """
-    before, after = (np.diff(points[triangles], axis=1) for points in (rest, now))
-    metric, moved = (np.einsum("tai,tbi->tab", sides, sides) for sides in (before, after))
-    determinants = np.maximum(np.linalg.det(metric), 0.0)
-    areas: Floats = 0.5 * np.sqrt(determinants)
+    squared, squared_now = (np.maximum(aa * bb - ab * ab, 0.0) for aa, ab, bb in (rest, now))
+    areas: Floats = 0.5 * np.sqrt(squared)
     known = areas > 0.0
-    squares = np.ones((len(triangles), 2))
-    of = np.linalg.solve(metric[known], moved[known])
-    half, product = np.trace(of, axis1=1, axis2=2) / 2.0, np.linalg.det(of)
-    apart = np.sqrt(np.maximum(half**2 - product, 0.0))
-    squares[known] = np.stack([half - apart, half + apart], axis=1)
-    least, greatest = np.sqrt(np.maximum(squares.T, 0.0))
+    over = np.divide(1.0, squared, out=np.zeros_like(squared), where=known)
+    half = 0.5 * over * (rest[2] * now[0] - 2.0 * rest[1] * now[1] + rest[0] * now[2])
+    apart = np.sqrt(np.maximum(half * half - over * squared_now, 0.0))
+    least, greatest = (
+        np.where(known, np.sqrt(np.maximum(square, 0.0)), 1.0) for square in (half - apart, half + apart)
+    )
     return least, greatest, areas
 
 
