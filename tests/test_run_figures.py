@@ -95,7 +95,7 @@ def test_the_process_that_draws_makes_the_bones_coarser_for_the_page_too(
     def never(*_):
         raise AssertionError("made twice")
 
-    monkeypatch.setattr(drawn_bones, "vertex_normals", never)
+    monkeypatch.setattr(drawn_bones, "mean_normals", never)
     scene.run(tmp_path, frames=0)
     assert (tmp_path / "report.html").is_file()
 

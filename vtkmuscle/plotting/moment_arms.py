@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -73,6 +74,7 @@ def plot_moment_arms(
     panel = None
     if muscle is not None and places is not None and bones is not None and studio is not None:
         view = clearest_view([muscle], [bones.spread()])
+        view = replace(view, area=view.aspect * (_PICTURE * DOTS_PER_INCH) ** 2)  # pixel for pixel
         actors = actors_of([muscle], view, fibres=fibres, colours=place_colours(places))
         panel = Panel(studio.picture(actors, view, bones=bones), "fibres at rest", view)
     beside = 0.0 if panel is None else _PICTURE * panel.view.aspect + 0.5

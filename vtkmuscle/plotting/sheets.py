@@ -101,9 +101,9 @@ def save_figure(figure: Figure, path: Path, dpi: float = DOTS_PER_INCH) -> None:
     canvas = figure.canvas
     assert isinstance(canvas, FigureCanvasAgg)
     canvas.draw()
-    opaque = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+    image = Image.frombuffer("RGBA", canvas.get_width_height(physical=True), canvas.buffer_rgba())
     # White and flat colours are runs of one value.
-    opaque.save(path, compress_level=1, compress_type=zlib.Z_RLE, dpi=(figure.dpi, figure.dpi))
+    image.convert("RGB").save(path, compress_level=1, compress_type=zlib.Z_RLE, dpi=(figure.dpi,) * 2)
 
 
 def _scale_bar(axes: Axes, panel: Panel, units: str) -> None:

@@ -14,8 +14,6 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import blocks_of, points_of, triangles_of
 from vtkmuscle.data.drawn_bones import spread_over
 
-PANEL_AREA = 520_000  # pixels
-
 
 @dataclass(frozen=True, eq=False)
 class View:
@@ -31,17 +29,20 @@ class View:
         Half the height of the picture [mm].
     aspect : float
         Width over height of the picture.
+    area : float
+        Its size [pixels].
     """
 
     direction: Floats
     focus: Floats
     half_height: float
     aspect: float
+    area: float = 520_000.0
 
     @property
     def size(self) -> tuple[int, int]:
         """Width and height of the picture in pixels."""
-        return round(math.sqrt(PANEL_AREA * self.aspect)), round(math.sqrt(PANEL_AREA / self.aspect))
+        return round(math.sqrt(self.area * self.aspect)), round(math.sqrt(self.area / self.aspect))
 
 
 def choose_view(

@@ -325,7 +325,7 @@ def _cells(column: NDArray[Any], digits: int | None) -> Iterable[Any]:
     """Return what is written of a column."""
     values: list[Any] = column.tolist()
     if column.dtype.kind == "U":
-        return map(plain_cell, values)
+        return map({text: plain_cell(text) for text in set(values)}.__getitem__, values)
     if column.dtype.kind != "f":
         return values
     written = map(repr if digits is None else f"%.{digits}g".__mod__, values)

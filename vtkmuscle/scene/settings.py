@@ -32,7 +32,9 @@ class Settings(BaseModel):
 
     def given(self) -> dict[str, Any]:
         """Return the settings that the table has."""
-        return {name: getattr(self, name) for name in self.model_fields_set}
+        return {
+            name: getattr(self, name) for name in type(self).model_fields if name in self.model_fields_set
+        }
 
 
 def _checked(declaration: Parameter[Any], value: Any) -> Any:

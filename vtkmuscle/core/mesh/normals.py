@@ -20,9 +20,13 @@ def triangle_normals(points: Floats, triangles: Ints) -> Floats:
 
 def vertex_normals(points: Floats, triangles: Ints) -> Floats:
     """Return the unit normal of each point, area-weighted over its triangles; 0 where there is none."""
+    return mean_normals(triangle_normals(points, triangles), triangles, len(points))
+
+
+def mean_normals(normals: Floats, triangles: Ints, n: int) -> Floats:
+    """Return :func:`vertex_normals` of n points by :func:`triangle_normals` (m, 3)."""
     at = triangles.T.ravel()
-    normals = triangle_normals(points, triangles)
-    total = [np.bincount(at, np.tile(axis, 3), minlength=len(points)) for axis in normals.T]
+    total = [np.bincount(at, np.tile(axis, 3), minlength=n) for axis in normals.T]
     return unit_vectors(np.stack(total, axis=1))
 
 
