@@ -75,7 +75,7 @@ def test_figures_and_page_take_no_more_than_committed(guard, monkeypatch, plante
         monkeypatch.setattr(Studio, "picture", lambda self, *a, **k: [picture(Studio(), *a, **k), self][0])
     if planted == "bones as fine as they come":
         monkeypatch.setattr(
-            drawn_bones, "clustered", lambda points, faces, wanted: (np.arange(len(points)), faces)
+            drawn_bones, "clustered", lambda points, faces, *_: (np.arange(len(points)), faces)
         )
     committed = json.loads(guard.COMMITTED.read_text(encoding="utf-8"))
     now = work_counts.drawing()
