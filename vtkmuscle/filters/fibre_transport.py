@@ -278,9 +278,9 @@ class FibreTransport(Filter):
             )
         known = fibres.points, lines.points
         if self._tendons is None or not all(map(np.array_equal, self._tendons[0], known)):
-            even = [evenly_spaced(lines.line(i), now.shape[1]) for i in range(len(lines))]
+            even = evenly_spaced(lines.points, lines.offsets, now.shape[1])
             shape = fibres.points.reshape(len(fibres), -1, 3)
-            self._tendons = known, Tendons(shape, np.array(even), _fixed(rest, shape[:, [0, -1]]))
+            self._tendons = known, Tendons(shape, even, _fixed(rest, shape[:, [0, -1]]))
         held = self._tendons[1].held(moved.reshape(len(fibres), -1, 3), now)
         return held.reshape(-1, 3)
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from vtkmuscle.core.fibres.mean_value import coordinate_mesh, in_chunks
 from vtkmuscle.core.fibres.vertex_groups import VertexGroups, vertex_groups
 from vtkmuscle.core.jit import array_kernel, kernel, reduction
-from vtkmuscle.core.mesh.surface import mean_point
 from vtkmuscle.core.processors import processors
 from vtkmuscle.core.types import Floats, Ints
 
@@ -125,7 +124,7 @@ def sparse_transport(weights: SparseWeights, points: Floats, *, threads: int = 0
     Each point is summed up by itself, so that the result does not depend on the number of threads; few
     weights are left to one.
     """
-    centre = mean_point(points)
+    centre = points.mean(axis=0)
     centred = weights.groups.with_means(points - centre)
     moved = np.empty((len(weights.starts) - 1, 3))
     count = min(threads or processors(), 1 + len(weights.values) // WORTH_A_THREAD)

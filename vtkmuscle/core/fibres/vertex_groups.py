@@ -8,7 +8,6 @@ import numpy as np
 
 from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.bins import stable_order
-from vtkmuscle.core.mesh.surface import mean_point
 from vtkmuscle.core.types import Floats, Ints
 
 #: Squares of distances that differ by less than this part of the greatest from the mean are equal: in a
@@ -68,7 +67,7 @@ def vertex_groups(points: Floats) -> VertexGroups:
     spans, parts, radii = np.empty((n - 1, 2), np.int64), np.empty((n - 1, 2), np.int64), np.empty(n - 1)
     if n > 1:
         squares = np.empty(n)
-        _squares(points, order, mean_point(points), squares)
+        _squares(points, order, points.mean(axis=0), squares)
         equal = EQUALLY_FAR * squares.max()
         _divide(np.ascontiguousarray(points), equal if equal > 0.0 else 1.0, order, spans, parts, radii)
     return VertexGroups(order, spans[:, 0].copy(), spans[:, 1].copy(), parts, radii)

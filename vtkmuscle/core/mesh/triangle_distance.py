@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.bins import sorted_into_bins
+from vtkmuscle.core.mesh.surface import sorted_into_bins
 from vtkmuscle.core.types import Floats, Ints
 
 #: Where on a triangle a point is: in its face, on the edge from corner k to the next, or at corner k.
