@@ -9,7 +9,6 @@ with fibres that are not spread (``spreading=0``), and by default.
 from __future__ import annotations
 
 import argparse
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 

@@ -113,11 +113,11 @@ def move_ends(points: Floats, ends: Ints, others: Ints, places: Floats) -> None:
     places : (k, 3) array
         Where the ends go [mm].
     """
-    for end, other, place in zip(ends, others, places, strict=True):
-        count, way = abs(other - end), place - points[end]
-        j = np.arange(1, int(np.ceil(REACH * count)))
-        points[end + np.sign(other - end) * j] += (1.0 - j / (REACH * count))[:, None] * way
-        points[end] = place
+    counts, ways = np.abs(others - ends), places - points[ends]
+    fibre, j = np.nonzero(np.arange(counts.max(initial=0)) < REACH * counts[:, None])
+    parts = 1.0 - j / (REACH * counts[fibre])
+    points[ends[fibre] + np.sign(others - ends)[fibre] * j] += parts[:, None] * ways[fibre]
+    points[ends] = places
 
 
 def _between(points: Floats, offsets: Ints, shifts: Floats) -> Floats:
@@ -135,7 +135,10 @@ def _between(points: Floats, offsets: Ints, shifts: Floats) -> Floats:
 
 def _station_steps(lines: Floats, within: Cloud) -> Floats:
     """Return how far places (k, STATIONS, 3) of fibres are from the middle of their cells, across them."""
-    low, high = np.minimum(within.low, lines.min(axis=(0, 1))), np.maximum(within.high, lines.max(axis=(0, 1)))
+    low, high = (
+        np.minimum(within.low, lines.min(axis=(0, 1))),
+        np.maximum(within.high, lines.max(axis=(0, 1))),
+    )
     length = float(np.linalg.norm(np.diff(lines, axis=1), axis=2).sum())
     extent, step = high - low, length / (len(lines) * (STATIONS - 1))
     # The space between fibres in the muscle.

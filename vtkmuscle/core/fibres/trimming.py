@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,14 +128,19 @@ def _replaced_ends(
     points: Floats, offsets: Ints, cut_first: Floats, firsts: Floats, cut_last: Floats, lasts: Floats
 ) -> Floats:
     """Return fibres with lengths cut off both ends and other ends put there, their points spaced evenly."""
-    result = np.empty((len(points), 3))
-    for i, (begin, end) in enumerate(pairwise(offsets)):
-        line, whole = points[begin:end], np.array([0, end - begin])
-        arcs = segment_lengths(line, whole)[1]
-        low, high = cut_first[i], arcs[-1] - cut_last[i]
-        kept = np.concatenate([[low], arcs[(arcs > low) & (arcs < high)], [high]])
-        line = np.vstack([firsts[i], places_along(line, whole, kept[None])[0], lasts[i]])
-        result[begin:end] = evenly_spaced(line, np.array([0, len(line)]), end - begin)[0]
+    counts, along = np.diff(offsets), segment_lengths(points, offsets)[1]
+    along = along - np.repeat(along[offsets[:-1]], counts)
+    low, high = cut_first, along[offsets[1:] - 1] - cut_last
+    kept = (along > np.repeat(low, counts)) & (along < np.repeat(high, counts))
+    bounds = np.append(0, np.cumsum(np.add.reduceat(kept.astype(np.int64), offsets[:-1]) + 4))
+    ends = np.column_stack([bounds[:-1], bounds[:-1] + 1, bounds[1:] - 2, bounds[1:] - 1])
+    cut, whole = places_along(points, offsets, np.column_stack([low, high])), np.empty((bounds[-1], 3))
+    whole[ends] = np.stack([firsts, cut[:, 0], cut[:, 1], lasts], axis=1)
+    whole[np.setdiff1d(np.arange(len(whole)), ends)] = points[kept]
+    result = np.empty_like(points)
+    for count in np.unique(counts):
+        alike = counts == count
+        result[np.repeat(alike, counts)] = evenly_spaced(whole, bounds, count)[alike].reshape(-1, 3)
     return result
 
 

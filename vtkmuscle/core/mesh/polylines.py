@@ -38,7 +38,7 @@ def smooth_polylines(points: Floats, offsets: Ints, k: float, iterations: int) -
 
 
 def inner_points(offsets: Ints) -> Ints:
-    """Return the numbers of the points of polylines that are no ends; offsets (m + 1,): their firsts, and n."""
+    """Return which points of polylines are no ends, by number; offsets (m + 1,) as :func:`places_along`."""
     inner = np.ones(offsets[-1], dtype=np.bool_)
     inner[offsets[:-1]] = inner[offsets[1:] - 1] = False
     return np.flatnonzero(inner)
@@ -80,7 +80,7 @@ def places_along(points: Floats, offsets: Ints, arcs: Floats) -> Floats:
 
 
 def segment_lengths(points: Floats, offsets: Ints) -> tuple[Floats, Floats]:
-    """Return the length of the segment to each point of polylines, 0 for a first one, and their sums, (n,)."""
+    """Return the length of the segment to each point of polylines (n,), 0 to a first one, and their sums."""
     lengths = np.zeros(len(points))
     lengths[1:] = np.linalg.norm(np.diff(points, axis=0), axis=1)
     lengths[offsets[:-1]] = 0.0

@@ -21,6 +21,14 @@ def half_edges(triangles: Ints) -> Ints:
     return triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
 
 
+def faces_between(triangles: Ints, ids: Ints) -> Ints:
+    """Return the triangles (k, 3) all of whose points are among some."""
+    member = np.zeros(int(triangles.max(initial=-1)) + 1, dtype=np.bool_)
+    member[ids[ids < len(member)]] = True
+    faces: Ints = triangles[member[triangles].all(axis=1)]
+    return faces
+
+
 def unique_edges(triangles: Ints) -> Ints:
     """Return each undirected edge of triangles (m, 3) once, (k, 2), sorted, the smaller point id first."""
     return numbered_edges(triangles)[0]
