@@ -142,7 +142,7 @@ class FibreTransport(Filter):
     and counted.
 
     All weights of 1600 points on 9878 vertices take 126 MB. With ``weight_tolerance`` groups of vertices
-    whose weights are much the same have one weight, and affine motions stay exact; 0.3 keeps one in thirty.
+    whose weights are much the same have one weight, and affine motions stay exact; 0.3 keeps one in ten.
     What that costs is in ``WeightError``: the largest error of a fibre point if the muscle is bent by about
     one radian.
 
@@ -177,7 +177,7 @@ class FibreTransport(Filter):
         minimum=0.0,
         maximum=10.0,
         doc="Tolerance for merging vertices into groups that share one weight: with a larger one transport "
-        "is faster, takes less memory and is less exact. 0 merges nothing; 0.3 keeps one weight in thirty.",
+        "is faster, takes less memory and is less exact. 0 merges nothing; 0.3 keeps one weight in ten.",
     )
 
     method = Parameter(

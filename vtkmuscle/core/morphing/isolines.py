@@ -278,7 +278,7 @@ def _per_class(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, 
     k = first[t] + np.arange(len(t)) - np.repeat(np.cumsum(counts) - counts, counts)
     shares = (np.minimum(high[t], (k + 1) / N_CLASSES) - np.maximum(low[t], k / N_CLASSES)) / (high - low)[t]
     of_areas, of_slopes = (np.bincount(k, shares * sizes[t], N_CLASSES) for sizes in (areas, slopes))
-    return of_areas, of_slopes
+    return of_areas.astype(np.float64), of_slopes.astype(np.float64)
 
 
 def _strictly(levels: Floats) -> Floats:

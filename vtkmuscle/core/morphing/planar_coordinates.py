@@ -38,7 +38,7 @@ def mean_value_weights(polygon: Floats, points: Floats) -> Floats:
     sines, cosines = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], (a * b).sum(axis=2)
     with np.errstate(divide="ignore", invalid="ignore"):  # on the polygon: replaced below
         tangents = np.where(cosines >= 0.0, sines / (products + cosines), (products - cosines) / sines)
-        weights = (np.roll(tangents, 1, axis=1) + tangents) / lengths
+        weights: Floats = (np.roll(tangents, 1, axis=1) + tangents) / lengths
         weights /= weights.sum(axis=1, keepdims=True)
     on_edge = (cosines < 0.0) & (np.abs(sines) <= 1e-15 * products)
     for row in np.flatnonzero(on_edge.any(axis=1) | (lengths == 0.0).any(axis=1)):
