@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.mesh.ring_rotations import nearest_rotation
+from vtkmuscle.core.motion.nearest_rotation import nearest_rotation
 from vtkmuscle.core.motion.rigid import inverse
 from vtkmuscle.core.types import Floats
 
@@ -61,7 +61,7 @@ def _quaternion(transform: Floats) -> Floats:
     Shepperd 1978, *Quaternion from rotation matrix*, doi:10.2514/3.55767b.
     """
     r = transform[:3, :3].copy()
-    nearest_rotation(r, np.empty((6, 3)))  # motions from tables are rigid to a few digits only
+    nearest_rotation(r, np.empty((8, 4)))  # motions from tables are rigid to a few digits only
     trace = r[0, 0] + r[1, 1] + r[2, 2]
     q = np.array([r[0, 0], r[1, 1], r[2, 2], trace])
     i = q.argmax()
