@@ -66,7 +66,7 @@ class VoxelGrid:
         On a face it lies in two cells, and both have to be.
         """
         at = (np.asarray(points, dtype=np.float64) - self.origin) / self.spacing
-        found = ((at >= 0.0) & (at < self.cells.shape)).all(axis=1)
+        found: Bools = np.asarray(((at >= 0.0) & (at < self.cells.shape)).all(axis=1))
         low, high = ((at[found] + slack).astype(np.int64) for slack in (-ON_A_FACE, ON_A_FACE))
         last = np.array(self.cells.shape) - 1
         inside: Bools = np.ones(len(low), dtype=np.bool_)
