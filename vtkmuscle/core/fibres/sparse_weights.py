@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import csr_array, vstack
 
 from vtkmuscle.core.fibres.equal_shares import halved
-from vtkmuscle.core.fibres.mean_value import coordinate_mesh, in_chunks
+from vtkmuscle.core.fibres.mean_value import coordinate_mesh, weights_of
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Added to the diagonal of the equations for the making up, where that is 1: means in one plane.
@@ -19,6 +19,8 @@ _RIDGE = 1e-12
 _MADE_UP = 1e-10
 #: Weights are changed by no more than this part of their sum; a row that would be keeps all its weights.
 LARGEST_CHANGE = 1.0
+#: Points whose weights are grouped at once.
+AT_ONCE = 128
 #: Halvings from a group to those that it is made of.
 HALVINGS = 2
 
@@ -144,22 +146,22 @@ def sparse_mean_value_coordinates(
     sizes = np.concatenate([level.sizes for level in groups.levels])
     threshold = 2.0 * prune * groups.levels[0].radii.max() / len(points)
 
-    def keep(rows: slice, weights: Floats) -> tuple[csr_array, float]:
-        away = queries[rows] - mesh.centre
+    # Rows in the order of the groups: a group's weights are next to each other.
+    places, ordered_bent = np.argsort(groups.order), bent[groups.order]
+    parts, error = [csr_array((0, len(sizes)))], 0.0
+    for first in range(0, len(queries), AT_ONCE):
+        some = queries[first : first + AT_ONCE]
+        weights = weights_of(mesh, some, threads, places=places, first=first)
         grouped = _grouped(weights, groups, threshold)
-        made_up = _make_up(grouped, means, sizes, away)
+        made_up = _make_up(grouped, means, sizes, some - mesh.centre)
         if not made_up.all():
             whole = _grouped(weights, groups, -np.inf)
             grouped = csr_array(vstack([(grouped if fine else whole)[[i]] for i, fine in enumerate(made_up)]))
-        missed = grouped @ means_of_bent - weights @ bent[groups.order]
-        return grouped, float(np.linalg.norm(missed, axis=1).max())
-
-    # Rows in the order of the groups: a group's weights are next to each other.
-    places = np.argsort(groups.order)
-    parts = in_chunks(mesh, queries, keep, threads, places=places, report=report)
-    empty = csr_array((0, len(sizes)))
-    matrix = csr_array(vstack([part for part, _ in parts], format="csr") if parts else empty)
-    return SparseWeights(matrix, max((error for _, error in parts), default=0.0), groups)
+        missed = grouped @ means_of_bent - weights @ ordered_bent
+        error = max(error, float(np.linalg.norm(missed, axis=1).max()))
+        parts.append(grouped)
+        report(min(1.0, (first + AT_ONCE) / len(queries)))
+    return SparseWeights(csr_array(vstack(parts, format="csr")), error, groups)
 
 
 def sparse_transport(weights: SparseWeights, points: Floats) -> Floats:
