@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from vtkmuscle.core.fibres.trimming import EndArea
+from vtkmuscle.core.mesh.surface import faces_between
 from vtkmuscle.core.types import Floats, Ints
 
 
@@ -51,9 +52,7 @@ def ends_as_printed(
 
 def _area_triangles(area: EndArea) -> Floats:
     """Return the corners (m, 3, 3) of an area's triangles; its points as such where it has none."""
-    attached = np.zeros(len(area.points), dtype=np.bool_)
-    attached[area.patch] = True
-    triangles = area.triangles[attached[area.triangles].all(axis=1)]
+    triangles = faces_between(area.triangles, area.patch)
     if not len(triangles):
         triangles = np.repeat(area.patch[:, None], 3, axis=1)
     corners: Floats = np.ascontiguousarray(area.points[triangles])
