@@ -156,7 +156,7 @@ def time_transport(fibres: object, muscle: object) -> None:
         moved = sparse_transport(weights, bent)
         exact = moved if exact is None else exact
         error = np.linalg.norm(moved - exact, axis=1)
-        megabytes = (weights.values.nbytes + weights.columns.nbytes) / 1e6
+        megabytes = (weights.matrix.data.nbytes + weights.matrix.indices.nbytes) / 1e6
         print(
             f"  prune {prune:5.2f}: weights {took:.2f} s ({cpu:.2f} s of processor), {megabytes:6.1f} MB, "
             f"frame {frame:5.1f} ms; bent by a radian: error {error.mean():.3f} mm, max {error.max():.3f}, "

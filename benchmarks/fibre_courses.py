@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable, Iterator
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -89,7 +88,7 @@ def course_figures(muscle: Any, areas: Any, way: Way) -> str:
         fibres = way(muscle, areas, 100).update().output
         times.append(time.process_time() - start)
     lines, samples = polylines_of(fibres, "fibres"), muscle_geometry(muscle, "muscle").samples(SAMPLES)
-    dense = np.vstack([evenly_spaced(lines.points[a:b], DENSE) for a, b in pairwise(lines.offsets)])
+    dense = evenly_spaced(lines.points, lines.offsets, DENSE).reshape(-1, 3)
     found = arrangement(lines.points, lines.offsets, samples)
     away = np.percentile(cKDTree(dense).query(samples)[0], 95)
     length = polyline_lengths(lines.points, lines.offsets).mean()
@@ -111,7 +110,7 @@ def courses(paths: list[Path]) -> Table:
 
 def directions(lines: Polylines, left_out: int) -> tuple[Floats, Floats]:
     """Return places evenly along lines, without those at the ends, and the directions there."""
-    even = np.array([evenly_spaced(lines.line(i), PLACES) for i in range(len(lines))])
+    even = evenly_spaced(lines.points, lines.offsets, PLACES)
     ahead = unit_vectors((even[:, 2:] - even[:, :-2]).reshape(-1, 3)).reshape(len(even), -1, 3)
     kept = slice(left_out, PLACES - 2 - left_out)
     return even[:, 1:-1][:, kept].reshape(-1, 3), ahead[:, kept].reshape(-1, 3)

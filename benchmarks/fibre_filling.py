@@ -9,7 +9,6 @@ with fibres that are not spread (``spreading=0``), and by default.
 from __future__ import annotations
 
 import argparse
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +33,7 @@ def bare_share(muscle: Any, attachments: Any, **settings: Any) -> float:
     """Return the part of a muscle that is farther than two spacings from any fibre."""
     lines = polylines_of(decompose(muscle, attachments, **settings).update().output, "fibres")
     geometry = muscle_geometry(muscle, "muscle")
-    dense = np.vstack([evenly_spaced(lines.points[a:b], PLACES) for a, b in pairwise(lines.offsets)])
+    dense = evenly_spaced(lines.points, lines.offsets, PLACES).reshape(-1, 3)
     apart = cKDTree(dense).query(geometry.samples(SAMPLES))[0]
     volume = abs(signed_volume(geometry.points, geometry.triangles))
     spacing = np.sqrt(volume / polyline_lengths(lines.points, lines.offsets).sum())

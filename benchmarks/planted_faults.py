@@ -56,8 +56,6 @@ HEAD, UNSEEN = ("kind", "where", "was", "planted", "seen by"), "no test"
 EQUIVALENT: dict[str, str] = {
     "core.collision.distance_collision._crosses: max(_LEAST_STEP * field.cell, abs(height - zone)) -> "
     "(_LEAST_STEP * field.cell)": "equivalent: shorter steps find the same crossing, later",
-    "core.fibres.sparse_weights.sparse_transport: min(threads or processors(), 1 + len(weights.values) // "
-    "WORTH_A_THREAD) -> (threads or processors())": "equivalent: threads change the time alone",
     "core.moment_arms.local_regression.local_regression: min(len(samples), MOST_TO_CHOOSE) -> "
     "(len(samples))": "equivalent: a window is chosen by all samples, later",
     "core.bones.bone.: 1e-3 -> 0.002": "equivalent: any small unevenness decides between axes",

@@ -41,7 +41,7 @@ def test_mean_value_weights_of_1600_points(measured, hip):
 def test_transport_of_1600_points(measured, hip):
     points, triangles = checked_surface(hip.muscle, "iliacus")
     weights = sparse_mean_value_coordinates(points, triangles, points_of(hip.hundred_fibres), prune=0.0)
-    measured(lambda: sparse_transport(weights, points, threads=1), rounds=ROUNDS)
+    measured(lambda: sparse_transport(weights, points), rounds=ROUNDS)
 
 
 def test_field_of_a_bone_all_over_its_surface(measured, hip):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vtkmuscle.core.mesh.label_field import label_field
+from vtkmuscle.core.label_field import label_field
 from vtkmuscle.core.mesh.surface import signed_volume, survey
 from vtkmuscle.data.arrays import blocks_of, checked_surface, field_array, field_string
 from vtkmuscle.data.isosurface import label_surface

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vtkmuscle import Scene
-from vtkmuscle.core.mesh.label_field import label_field
+from vtkmuscle.core.label_field import label_field
 from vtkmuscle.core.mesh.normals import triangle_normals
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume, survey

@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkCommonMath import vtkMatrix3x3
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.label_field import LabelField, label_field
+from vtkmuscle.core.label_field import LabelField, label_field
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import field_array, set_field_array, set_point_array
 
@@ -77,7 +77,7 @@ class Label:
     frame: Floats
 
     def field(self, smoothing: float) -> LabelField:
-        """Return its smooth signed distance; see :func:`~vtkmuscle.core.mesh.label_field.label_field`."""
+        """Return its smooth signed distance; see :func:`~vtkmuscle.core.label_field.label_field`."""
         placed = self.frame.copy()
         placed[:3, 3] += self.frame[:3, :3] @ [axis.start for axis in self.box[::-1]]
         inner = tuple(

@@ -16,7 +16,7 @@ from vtkmuscle.core.errors import InputError, placed
 from vtkmuscle.core.mesh.sampling import samples_inside
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.solids import Solids, solids_of
-from vtkmuscle.core.mesh.surface import edge_uses, half_edges
+from vtkmuscle.core.mesh.surface import edge_lengths, edge_uses, faces_between, half_edges
 from vtkmuscle.core.mesh.topology import opposite_half_edges
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.morphing.sections import ClosedSurface
@@ -84,8 +84,7 @@ class MuscleGeometry:
     @cached_property
     def mean_edge(self) -> float:
         """Mean length of an edge [mm]; in a closed mesh all edges are in two triangles, and count twice."""
-        edges = half_edges(self.triangles)
-        return float(np.linalg.norm(self.points[edges[:, 1]] - self.points[edges[:, 0]], axis=1).mean())
+        return float(edge_lengths(self.points, half_edges(self.triangles)).mean())
 
     @cached_property
     def solids(self) -> Solids:
@@ -126,9 +125,7 @@ class MuscleGeometry:
         """Return the triangles between points (j,) of the surface, None if there are none."""
 
         def tree() -> TriangleTree | None:
-            member = np.zeros(len(self.points), dtype=np.bool_)
-            member[patch] = True
-            faces = self.triangles[member[self.triangles].all(axis=1)]
+            faces = faces_between(self.triangles, patch)
             return triangle_tree(self.points, faces) if len(faces) else None
 
         return self.once(("tree", patch.tobytes()), tree)

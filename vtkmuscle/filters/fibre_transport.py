@@ -142,7 +142,7 @@ class FibreTransport(Filter):
     and counted.
 
     All weights of 1600 points on 9878 vertices take 126 MB. With ``weight_tolerance`` groups of vertices
-    whose weights are much the same have one weight, and affine motions stay exact; 0.3 keeps one in thirty.
+    whose weights are much the same have one weight, and affine motions stay exact; 0.3 keeps one in ten.
     What that costs is in ``WeightError``: the largest error of a fibre point if the muscle is bent by about
     one radian.
 
@@ -177,7 +177,7 @@ class FibreTransport(Filter):
         minimum=0.0,
         maximum=10.0,
         doc="Tolerance for merging vertices into groups that share one weight: with a larger one transport "
-        "is faster, takes less memory and is less exact. 0 merges nothing; 0.3 keeps one weight in thirty.",
+        "is faster, takes less memory and is less exact. 0 merges nothing; 0.3 keeps one weight in ten.",
     )
 
     method = Parameter(
@@ -278,9 +278,9 @@ class FibreTransport(Filter):
             )
         known = fibres.points, lines.points
         if self._tendons is None or not all(map(np.array_equal, self._tendons[0], known)):
-            even = [evenly_spaced(lines.line(i), now.shape[1]) for i in range(len(lines))]
+            even = evenly_spaced(lines.points, lines.offsets, now.shape[1])
             shape = fibres.points.reshape(len(fibres), -1, 3)
-            self._tendons = known, Tendons(shape, np.array(even), _fixed(rest, shape[:, [0, -1]]))
+            self._tendons = known, Tendons(shape, even, _fixed(rest, shape[:, [0, -1]]))
         held = self._tendons[1].held(moved.reshape(len(fibres), -1, 3), now)
         return held.reshape(-1, 3)
 

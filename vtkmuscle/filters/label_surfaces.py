@@ -6,7 +6,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.mesh.label_field import LabelField
+from vtkmuscle.core.label_field import LabelField
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.data.arrays import multiblock_from, set_field_array, surface_from

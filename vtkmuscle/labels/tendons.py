@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.mesh.label_field import LabelField
+from vtkmuscle.core.label_field import LabelField
 from vtkmuscle.core.mesh.solids import Solids
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.types import Floats

@@ -21,9 +21,9 @@ from vtkmuscle.pipelines.fibres import decompose
 TRANSPORT_SETTINGS: dict[str, tuple[type[Filter], str]] = {
     "weight_tolerance": (FibreTransport, "weight_tolerance")
 }
-#: What ``weight_tolerance`` is in scenes: of 1600 fibre points in 9878 vertices it keeps 5 MB of weights
-#: instead of 126, and a frame takes 0.7 ms instead of 48; a muscle bent by a radian has fibre points
-#: 0.007 mm off, 0.036 mm at most (``benchmarks/bench_fibres.py --transport``).
+#: What ``weight_tolerance`` is in scenes: of 1600 points in 9878 vertices it keeps 14 MB of weights
+#: instead of 126, and a frame takes 4 ms instead of 24 to 48; a muscle bent by a radian has points 0.008 mm
+#: off, 0.03 mm at most (``benchmarks/bench_fibres.py --transport``).
 WEIGHT_TOLERANCE = 0.3
 
 

@@ -4,9 +4,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 from spindle import spindle
 
-from vtkmuscle.core.fibres import sparse_weights
 from vtkmuscle.core.fibres.mean_value import mean_value_coordinates, transport
-from vtkmuscle.core.fibres.sparse_weights import sparse_mean_value_coordinates, sparse_transport
+from vtkmuscle.core.fibres.sparse_weights import (
+    sparse_mean_value_coordinates,
+    sparse_transport,
+    vertex_groups,
+)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +51,7 @@ def test_fewer_weights_cost_accuracy_and_the_error_says_how_much(mesh):
     kept, errors, said = [], [], []
     for prune in (0.03, 0.3, 2.0):
         sparse = sparse_mean_value_coordinates(points, triangles, queries, prune=prune)
-        kept.append(len(sparse.values))
+        kept.append(len(sparse.matrix.data))
         errors.append(np.linalg.norm(sparse_transport(sparse, bent(points)) - exact, axis=1).max())
         said.append(sparse.error)
     assert kept[0] > 2 * kept[2]
@@ -63,11 +66,11 @@ def test_a_turned_muscle_has_the_same_weights(mesh):
     points, triangles, queries = mesh
     turn = Rotation.from_rotvec([0.3, -1.1, 0.7])
     still, turned = (
-        sparse_mean_value_coordinates(p, triangles, q, prune=0.5)
+        sparse_mean_value_coordinates(p, triangles, q, prune=0.5).matrix
         for p, q in ((points, queries), (turn.apply(points), turn.apply(queries)))
     )
-    assert_array_equal(still.columns, turned.columns)
-    assert_allclose(still.values, turned.values, atol=1e-9)
+    assert_array_equal(still.indices, turned.indices)
+    assert_allclose(still.data, turned.data, atol=1e-9)
 
 
 def test_groups_are_worth_more_than_the_larger_weights_alone(mesh):
@@ -75,7 +78,7 @@ def test_groups_are_worth_more_than_the_larger_weights_alone(mesh):
     weights = mean_value_coordinates(points, triangles, queries)
     sparse = sparse_mean_value_coordinates(points, triangles, queries, prune=0.3)
     exact = transport(weights, bent(points))
-    count = len(sparse.values) // len(queries)
+    count = len(sparse.matrix.data) // len(queries)
     assert count < 0.4 * len(points)
     alone = np.where(weights >= np.sort(weights, axis=1)[:, -2 * count, None], weights, 0.0)
     alone /= alone.sum(axis=1, keepdims=True)
@@ -104,22 +107,42 @@ def test_what_is_done_is_reported_and_stops_where_that_fails(mesh):
     assert len(told) == 2
 
 
-def test_the_result_does_not_depend_on_threads(mesh, monkeypatch):
-    monkeypatch.setattr(sparse_weights, "WORTH_A_THREAD", 100)
+def test_the_result_does_not_depend_on_threads(mesh):
     points, triangles, queries = mesh
     one, three = (
         sparse_mean_value_coordinates(points, triangles, queries, prune=0.5, threads=n) for n in (1, 3)
     )
-    assert_array_equal(one.starts, three.starts)
-    assert_array_equal(one.columns, three.columns)
-    assert_array_equal(one.values, three.values)
+    assert_array_equal(one.matrix.indices, three.matrix.indices)
+    assert_array_equal(one.matrix.data, three.matrix.data)
     assert one.error == three.error
-    assert_array_equal(
-        sparse_transport(one, bent(points), threads=1), sparse_transport(one, bent(points), threads=5)
-    )
 
 
 def test_no_points_have_no_weights(mesh):
     points, triangles, _ = mesh
     sparse = sparse_mean_value_coordinates(points, triangles, np.zeros((0, 3)), prune=1.0)
     assert sparse_transport(sparse, points).shape == (0, 3)
+
+
+def test_groups_are_compact_and_their_means_those_of_their_vertices(mesh):
+    points = mesh[0]
+    groups = vertex_groups(points)
+    values = np.random.default_rng(0).normal(size=points.shape)
+    means = iter(groups.with_means(values))
+    scattered = np.linalg.norm(np.ptp(points, axis=0)) / 2
+    for level in groups.levels:
+        for start, size, radius in zip(level.starts, level.sizes, level.radii, strict=True):
+            ids = groups.order[start : start + size]
+            assert_allclose(next(means), values[ids].mean(axis=0), atol=1e-12)
+            apart = np.linalg.norm(points[ids] - points[ids].mean(axis=0), axis=1).max()
+            assert radius == pytest.approx(apart, abs=1e-9)
+        if 16 < level.sizes.max() <= 64:
+            assert np.median(level.radii) < 0.35 * scattered
+    assert sorted(groups.order) == list(range(len(points)))
+    assert (level.sizes == 1).all()
+
+
+@pytest.mark.parametrize("points", [np.zeros((1, 3)), np.zeros((5, 3)), np.eye(3)[:2]])
+def test_few_or_equal_points_have_groups(points):
+    groups = vertex_groups(points)
+    assert sorted(groups.order) == list(range(len(points)))
+    assert (groups.levels[-1].sizes == 1).all()

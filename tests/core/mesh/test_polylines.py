@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.mesh.polylines import end_directions, evenly_spaced, resample_polyline, smooth_polylines
+from vtkmuscle.core.mesh.polylines import end_directions, evenly_spaced, places_along, smooth_polylines
 
 
 def random_lines(seed, sizes=(2, 7, 1, 16, 3)):
@@ -65,26 +65,28 @@ def test_lengths_are_the_sums_of_segments():
 @given(seed=st.integers(0, 10**6), count=st.integers(2, 40))
 def test_evenly_spaced_points_are_on_the_line_and_equally_far_along_it(seed, count):
     points, offsets = random_lines(seed)
-    line = points[offsets[3] : offsets[4]]
-    spaced = evenly_spaced(line, count)
-    assert len(spaced) == count
-    assert_array_equal(spaced[[0, -1]], line[[0, -1]])
-    arcs = np.append(0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
-    targets = np.linspace(0, arcs[-1], count)
-    expected = np.column_stack([np.interp(targets, arcs, line[:, i]) for i in range(3)])
-    assert_allclose(spaced, expected, atol=1e-10)
+    lines = evenly_spaced(points, offsets, count)
+    for spaced, (first, last) in zip(lines, pairwise(offsets), strict=True):
+        line = points[first:last]
+        assert len(spaced) == count
+        assert_array_equal(spaced[[0, -1]], line[[0, -1]])
+        arcs = np.append(0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
+        targets = np.linspace(0, arcs[-1], count)
+        expected = np.column_stack([np.interp(targets, arcs, line[:, i]) for i in range(3)])
+        assert_allclose(spaced, expected, atol=1e-10)
 
 
 def test_resampling_clamps_arcs_to_the_line_and_passes_repeated_points():
     line = np.array([[0.0, 0, 0], [0, 0, 0], [4, 0, 0], [4, 0, 0], [4, 2, 0]])
     arcs = np.array([-1.0, 0, 1, 4, 5, 6, 9])
     expected = [[0, 0, 0], [0, 0, 0], [1, 0, 0], [4, 0, 0], [4, 1, 0], [4, 2, 0], [4, 2, 0]]
-    assert_allclose(resample_polyline(line, arcs), expected, atol=1e-14)
+    assert_allclose(places_along(line, np.array([0, 5]), arcs[None])[0], expected, atol=1e-14)
 
 
 def test_a_line_of_one_place_is_resampled_to_that_place():
     for line in (np.ones((1, 3)), np.ones((4, 3))):
-        assert_array_equal(resample_polyline(line, np.array([0.0, 1.0])), np.ones((2, 3)))
+        offsets = np.array([0, len(line)])
+        assert_array_equal(places_along(line, offsets, np.array([[0.0, 1.0]])), np.ones((1, 2, 3)))
 
 
 def test_end_directions_pass_over_repeated_points():

@@ -15,6 +15,7 @@ from vtkmuscle.core.mesh.surface import (
     point_components,
     side_products,
     signed_volume,
+    sorted_into_bins,
     survey,
     triangle_stretches,
     unique_edges,
@@ -189,3 +190,13 @@ def test_survey_of_two_parts_and_a_loose_point():
 
 def test_survey_area():
     assert survey(*box((0, 0, 0), (1, 2, 3), 0.5)).area == pytest.approx(22)
+
+
+@settings(deadline=None, max_examples=40)
+@given(bins=st.lists(st.integers(0, 7), max_size=60))
+def test_numbers_are_bin_by_bin_and_ascending_within_each(bins):
+    bins = np.array(bins, dtype=np.int64)
+    order, starts = sorted_into_bins(bins, 8)
+    np.testing.assert_array_equal(order, np.argsort(bins, kind="stable"))
+    np.testing.assert_array_equal(np.diff(starts), np.bincount(bins, minlength=8))
+    assert starts[0] == 0

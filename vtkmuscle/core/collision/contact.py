@@ -10,7 +10,6 @@ import numpy as np
 from vtkmuscle.core.collision.clearance import Clearance
 from vtkmuscle.core.collision.muscle_contact import MuscleContact
 from vtkmuscle.core.collision.obstacles import Approach, Obstacle
-from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.motion.frames import inverses
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Bools, Floats, Ints
@@ -298,33 +297,13 @@ def _moved_boxes(transforms: Floats, middles: Floats, halves: Floats) -> tuple[F
     return centres - reach, centres + reach
 
 
-@array_kernel
 def _box(points: Floats, free: Bools) -> tuple[Floats, Floats]:
-    """Return the lowest and highest coordinates of the free points, infinite where there is none."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for k in range(3):
-        least, greatest = np.inf, -np.inf
-        for i in range(len(points)):
-            if free[i]:
-                # Unlike min() and max() this is one instruction: it need not care about NaN.
-                c = points[i, k]
-                least = c if c < least else least
-                greatest = c if c > greatest else greatest
-        low[k], high[k] = least, greatest
-    return low, high
+    """Return the least and the greatest coordinates (3,) of the free points (n, 3)."""
+    mine = points[free]
+    return mine.min(axis=0), mine.max(axis=0)
 
 
-@array_kernel
 def _box_seen_from(transform: Floats, points: Floats, free: Bools) -> tuple[Floats, Floats]:
-    """Return the lowest and highest coordinates of the free points where a transform takes them."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for k in range(3):
-        least, greatest = np.inf, -np.inf
-        for i in range(len(points)):
-            if free[i]:
-                c = transform[k, 0] * points[i, 0] + transform[k, 1] * points[i, 1]
-                c = c + transform[k, 2] * points[i, 2] + transform[k, 3]
-                least = c if c < least else least
-                greatest = c if c > greatest else greatest
-        low[k], high[k] = least, greatest
-    return low, high
+    """Return the box of the free points as :func:`_box`, in the frame that a transform leads to."""
+    mine = apply_transform(transform, points[free])
+    return mine.min(axis=0), mine.max(axis=0)

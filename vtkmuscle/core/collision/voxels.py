@@ -64,28 +64,15 @@ class VoxelGrid:
 
         On a face it lies in two cells, and both have to be.
         """
-        positions = np.ascontiguousarray(points, dtype=np.float64)
-        found = np.empty(len(positions), dtype=np.bool_)
-        _beside(positions, self.origin, self.spacing, self.cells, found, np.empty((2, 3), np.int64))
+        at = (np.asarray(points, dtype=np.float64) - self.origin) / self.spacing
+        found: Bools = np.asarray(((at >= 0.0) & (at < self.cells.shape)).all(axis=1))
+        low, high = ((at[found] + slack).astype(np.int64) for slack in (-ON_A_FACE, ON_A_FACE))
+        last = np.array(self.cells.shape) - 1
+        inside: Bools = np.ones(len(low), dtype=np.bool_)
+        for side in np.ndindex(2, 2, 2):
+            inside &= self.cells[tuple(np.where(side, high, low).clip(0, last).T)] >= BOUNDARY
+        found[found] = inside
         return found
-
-
-@kernel
-def _beside(points: Floats, origin: Floats, spacing: Floats, cells: Cells, found: Bools, span: Ints) -> None:
-    """Write whether all cells that each point lies in are of the bone; span : (2, 3) working memory."""
-    for i in range(len(points)):
-        within = True
-        for axis in range(3):
-            at = (points[i, axis] - origin[axis]) / spacing[axis]
-            within = within and 0.0 <= at < cells.shape[axis]
-            last = cells.shape[axis] - 1
-            span[0, axis] = min(max(int(np.floor(at - ON_A_FACE)), 0), last) if within else 0
-            span[1, axis] = min(max(int(np.floor(at + ON_A_FACE)), 0), last) if within else 0
-        for x in range(span[0, 0], span[1, 0] + 1):
-            for y in range(span[0, 1], span[1, 1] + 1):
-                for z in range(span[0, 2], span[1, 2] + 1):
-                    within = within and cells[x, y, z] >= BOUNDARY
-        found[i] = within
 
 
 def build_voxel_grid(

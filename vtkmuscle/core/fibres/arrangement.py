@@ -70,7 +70,7 @@ def arrangement(points: Floats, offsets: Ints, samples: Floats) -> Arrangement:
     0.0
     """
     fibres = [points[a:b] for a, b in pairwise(offsets)]
-    lines = np.array([evenly_spaced(fibre, STATIONS) for fibre in fibres])
+    lines = evenly_spaced(points, offsets, STATIONS)
     turns = [_turns(np.diff(fibre, axis=0)) for fibre in fibres]
     near = _neighbours(lines[:, STATIONS // 2])
     away = cKDTree(lines.reshape(-1, 3)).query(samples)[0]

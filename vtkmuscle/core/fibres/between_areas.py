@@ -22,6 +22,7 @@ from vtkmuscle.core.fibres.equal_shares import CANDIDATES, even_places, matched_
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
 from vtkmuscle.core.mesh.polylines import smooth_polylines
 from vtkmuscle.core.mesh.sampling import PatchSamples
+from vtkmuscle.core.mesh.surface import faces_between
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.types import Floats, Ints
 
@@ -68,10 +69,7 @@ class EndSurface:
     @cached_property
     def faces(self) -> Ints:
         """Its triangles, (k, 3): none where it is a curve or loose points."""
-        member = np.zeros(len(self.points), dtype=np.bool_)
-        member[self.patch] = True
-        found: Ints = self.triangles[member[self.triangles].all(axis=1)]
-        return found
+        return faces_between(self.triangles, self.patch)
 
     @cached_property
     def tree(self) -> TriangleTree:

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from vtkmuscle.core.fibres.trimming import EndArea
-from vtkmuscle.core.jit import array_kernel
+from vtkmuscle.core.mesh.surface import faces_between
 from vtkmuscle.core.types import Floats, Ints
 
 
@@ -52,9 +52,7 @@ def ends_as_printed(
 
 def _area_triangles(area: EndArea) -> Floats:
     """Return the corners (m, 3, 3) of an area's triangles; its points as such where it has none."""
-    attached = np.zeros(len(area.points), dtype=np.bool_)
-    attached[area.patch] = True
-    triangles = area.triangles[attached[area.triangles].all(axis=1)]
+    triangles = faces_between(area.triangles, area.patch)
     if not len(triangles):
         triangles = np.repeat(area.patch[:, None], 3, axis=1)
     corners: Floats = np.ascontiguousarray(area.points[triangles])
@@ -83,7 +81,6 @@ def _led_on(line: Floats, direction: Floats, height: float, corners: Floats) -> 
     return led_on
 
 
-@array_kernel
 def closest_to_ray(start: Floats, ahead: Floats, corners: Floats) -> Floats:
     """Return the point of triangles that is closest to a ray; of several on it the first.
 
@@ -99,57 +96,43 @@ def closest_to_ray(start: Floats, ahead: Floats, corners: Floats) -> Floats:
     (3,) array
         [mm].
     """
-    best, along = np.inf, np.inf
-    found: Floats = corners[0, 0].copy()
-    for triangle in range(len(corners)):
-        a = corners[triangle, 0]
-        e, f = corners[triangle, 1] - a, corners[triangle, 2] - a
-        normal = np.cross(e, f)
-        size = (normal * normal).sum()
-        if size > 0.0:
-            # Through the triangle, or from its start straight to it.
-            steep = (normal * ahead).sum()
-            off = (normal * (a - start)).sum()
-            for case in range(2):
-                if case == 0:
-                    if steep == 0.0 or off / steep < 0.0:
-                        continue
-                    at, t = start + off / steep * ahead, off / steep
-                else:
-                    at, t = start + off / size * normal, 0.0
-                u = (normal * np.cross(at - a, f)).sum() / size
-                v = (normal * np.cross(e, at - a)).sum() / size
-                if u >= 0.0 and v >= 0.0 and u + v <= 1.0:
-                    distance = 0.0 if case == 0 else np.sqrt(off * off / size)
-                    if distance < best or (distance == best and t < along):
-                        best, along, found = distance, t, at
-        for side in range(3):
-            p = corners[triangle, side]
-            edge = corners[triangle, (side + 1) % 3] - p
-            s, t = _nearest(start - p, ahead, edge)
-            at = p + s * edge
-            way = start + t * ahead - at
-            distance = np.sqrt((way * way).sum())
-            if distance < best or (distance == best and t < along):
-                best, along, found = distance, t, at
-    return found
+    a = corners[:, 0]
+    e, f = corners[:, 1] - a, corners[:, 2] - a
+    normals = np.cross(e, f)
+    sizes, off = (normals * normals).sum(axis=1), (normals * (a - start)).sum(axis=1)
+    places, ways, distances = [], [], []
+    with np.errstate(divide="ignore", invalid="ignore"):  # triangles without area, or along the ray
+        through = off / (normals @ ahead)
+        # Through a triangle, or from the ray's start straight to it.
+        for at, way, distance in (
+            (start + through[:, None] * ahead, through, np.zeros(len(a))),
+            (start + (off / sizes)[:, None] * normals, np.zeros(len(a)), np.sqrt(off * off / sizes)),
+        ):
+            u = (normals * np.cross(at - a, f)).sum(axis=1) / sizes
+            v = (normals * np.cross(e, at - a)).sum(axis=1) / sizes
+            met = (way >= 0.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
+            places.append(at[met])
+            ways.append(way[met])
+            distances.append(distance[met])
+    p, edges = corners.reshape(-1, 3), (np.roll(corners, -1, axis=1) - corners).reshape(-1, 3)
+    s, t = _nearest(start - p, ahead, edges)
+    places.append(p + s[:, None] * edges)
+    ways.append(t)
+    distances.append(np.linalg.norm(start + t[:, None] * ahead - places[-1], axis=1))
+    best = np.lexsort((np.concatenate(ways), np.concatenate(distances)))[0]
+    closest: Floats = np.vstack(places)[best]
+    return closest
 
 
-@array_kernel
-def _nearest(to_start: Floats, ahead: Floats, edge: Floats) -> tuple[float, float]:
-    """Return where on an edge (0 to 1), and how far along a ray (0 and more), the two are closest.
+def _nearest(to_start: Floats, ahead: Floats, edges: Floats) -> tuple[Floats, Floats]:
+    """Return where on edges (k, 3) (0 to 1), and how far along a ray (0 and more), the two are closest.
 
     Ericson 2005, *Real-time collision detection*, section 5.1.9.
     """
-    ee, ea = (edge * edge).sum(), (edge * ahead).sum()
-    es, as_ = (edge * to_start).sum(), (ahead * to_start).sum()
-    if ee == 0.0:
-        return 0.0, max(0.0, -as_)
+    ee, ea = (edges * edges).sum(axis=1), edges @ ahead
+    es, as_ = (edges * to_start).sum(axis=1), to_start @ ahead
     apart = ee - ea * ea
-    s = (es - ea * as_) / apart if apart > 1e-14 * ee else 0.0
-    s = min(max(s, 0.0), 1.0)
+    s = np.divide(es - ea * as_, apart, out=np.zeros(len(ee)), where=apart > 1e-14 * ee).clip(0.0, 1.0)
     t = s * ea - as_
-    if t < 0.0:
-        t = 0.0
-        s = min(max(es / ee, 0.0), 1.0)
-    return s, t
+    behind = np.divide(es, ee, out=np.zeros(len(ee)), where=ee > 0.0).clip(0.0, 1.0)
+    return np.where(t < 0.0, behind, s), np.maximum(t, 0.0)

@@ -52,7 +52,7 @@ def even_places(areas: Sequence[Floats], count: int) -> list[Floats]:
     places : list of (count, 3) arrays
         Some of the positions on each area [mm].
     """
-    return [_relaxed(area, part, count) for area, part in zip(areas, _halved(areas, count), strict=True)]
+    return [_relaxed(area, part, count) for area, part in zip(areas, halved(areas, count), strict=True)]
 
 
 def _relaxed(positions: Floats, part: Ints, count: int) -> Floats:
@@ -64,7 +64,7 @@ def _relaxed(positions: Floats, part: Ints, count: int) -> Floats:
     return on_area
 
 
-def _halved(areas: Sequence[Floats], count: int) -> list[Ints]:
+def halved(areas: Sequence[Floats], count: int) -> list[Ints]:
     """Return for each area the part (m,) of each position, `count` parts that are halves of halves."""
     parts = [np.zeros(len(area), dtype=np.int64) for area in areas]
     shares = np.array([count])  # how many parts each part is to become

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 
@@ -19,8 +17,6 @@ from vtkmuscle.core.fibres.mean_value_lanes import (
 )
 from vtkmuscle.core.processors import processors
 from vtkmuscle.core.types import Floats, Ints
-
-T = TypeVar("T")
 
 #: A query point nearer than this to a vertex, an edge or a triangle lies on it; share of the mesh's diagonal.
 ON_SURFACE = 1e-13
@@ -57,14 +53,7 @@ def mean_value_coordinates(points: Floats, triangles: Ints, queries: Floats, *, 
         If the weights of a point do not reproduce it: the surface is not closed, its triangles are not
         oriented alike, or the point is too far away.
     """
-    mesh = coordinate_mesh(points, triangles)
-    weights = np.empty((len(queries), len(points)))
-
-    def keep(rows: slice, part: Floats) -> None:
-        weights[rows] = part
-
-    in_chunks(mesh, queries, keep, threads)
-    return weights
+    return weights_of(coordinate_mesh(points, triangles), queries, threads)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,54 +105,43 @@ def coordinate_mesh(points: Floats, triangles: Ints) -> CoordinateMesh:
     return CoordinateMesh(centre, float(np.linalg.norm(np.ptp(used, axis=0))), arrays)
 
 
-def in_chunks(
-    mesh: CoordinateMesh,
-    queries: Floats,
-    keep: Callable[[slice, Floats], T],
-    threads: int,
-    *,
-    places: Ints | None = None,
-    report: Callable[[float], None] = lambda part: None,
-) -> list[T]:
-    """Compute the weights of some points at a time, in threads, and return what `keep` makes of each part.
+def weights_of(
+    mesh: CoordinateMesh, queries: Floats, threads: int, *, places: Ints | None = None, first: int = 0
+) -> Floats:
+    """Return the weights (q, n) of points, computed in threads.
 
-    What `keep` is given is overwritten afterwards. The weight of vertex i is number places[i] of a row, i
-    where they are not given; `report` is called with the part that is done.
+    The weight of vertex i is number places[i] of a row, i where they are not given; the points are numbered
+    from `first` on where they are not reproduced.
     """
     centred = np.ascontiguousarray(queries - mesh.centre)
-    residuals = np.empty(len(queries))
     n = len(mesh.arrays.vertices)
+    weights, residuals = np.empty((len(queries), n)), np.empty(len(queries))
     places = np.arange(n) if places is None else places
-    spare: list[tuple[LaneMemory, Floats]] = []
+    spare: list[LaneMemory] = []
 
-    def work(first: int) -> T:
+    def work(begin: int) -> None:
         try:
-            memory, weights = spare.pop()
+            memory = spare.pop()
         except IndexError:
-            memory, weights = lane_memory(n), np.empty((LANES, n))
-        rows = slice(first, min(first + LANES, len(queries)))
-        mine = weights[: rows.stop - first]
+            memory = lane_memory(n)
+        rows = slice(begin, begin + LANES)
+        tolerance = mesh.diagonal * ON_SURFACE
         weights_of_lanes(
-            mesh.arrays, centred[rows], mesh.diagonal * ON_SURFACE, places, memory, mine, residuals[rows]
+            mesh.arrays, centred[rows], tolerance, places, memory, weights[rows], residuals[rows]
         )
-        kept = keep(rows, mine)
-        spare.append((memory, weights))
-        return kept
+        spare.append(memory)
 
-    starts, parts = range(0, len(queries), LANES), []
     with ThreadPoolExecutor(threads or processors()) as pool:
-        for part in pool.map(work, starts):
-            parts.append(part)
-            report(len(parts) / len(starts))
+        list(pool.map(work, range(0, len(queries), LANES)))
     bad = np.flatnonzero(~(residuals <= LARGEST_RESIDUAL * mesh.diagonal))
     if len(bad):
         raise InputError(
             "mean value coordinates",
-            f"{len(bad)} point(s), the first is number {bad[0]}, are not reproduced by their weights",
+            f"{len(bad)} point(s), the first is number {first + bad[0]}, are not reproduced by their weights",
             "the surface must be closed and its triangles oriented alike, and the points must not be many "
             "times its size away from it",
         )
-    return parts
+    return weights
 
 
 def transport(weights: Floats, points: Floats) -> Floats:

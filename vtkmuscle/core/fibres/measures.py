@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
-from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.mesh.polylines import distance_between, resample_polyline, turn_at
+from vtkmuscle.core.mesh.normals import triangle_normals
+from vtkmuscle.core.mesh.polylines import evenly_spaced, inner_points
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 
-@array_kernel
 def polyline_curvatures(points: Floats, offsets: Ints) -> tuple[Floats, Floats, Floats]:
     """Return the curvature of polylines: that of the circle through a point and its two neighbours.
 
@@ -29,26 +26,18 @@ def polyline_curvatures(points: Floats, offsets: Ints) -> tuple[Floats, Floats, 
     largest : (k,) array
         Of each line [1/mm].
     """
-    curvature = np.zeros(len(points))
-    mean, largest = np.zeros(len(offsets) - 1), np.zeros(len(offsets) - 1)
-    for line in range(len(offsets) - 1):
-        total = 0.0
-        for i in range(offsets[line] + 1, offsets[line + 1] - 1):
-            la, lb = distance_between(points, i, i - 1), distance_between(points, i + 1, i)
-            sine, _ = turn_at(points, i)
-            square = 0.0
-            for axis in range(3):
-                step = (points[i, axis] - points[i - 1, axis]) + (points[i + 1, axis] - points[i, axis])
-                square += step * step
-            chord = np.sqrt(square)
-            total += la + lb
-            if la > 0.0 and lb > 0.0 and chord > 0.0:
-                # 4 area / product of the sides (Menger).
-                curvature[i] = 2.0 * sine / (la * lb * chord)
-            mean[line] += curvature[i] * (la + lb)
-            largest[line] = max(largest[line], curvature[i])
-        mean[line] = mean[line] / total if total > 0.0 else 0.0
-    return curvature, mean, largest
+    i, firsts = inner_points(offsets), offsets[:-1]
+    before, after = points[i] - points[i - 1], points[i + 1] - points[i]
+    one, other, chord = (np.linalg.norm(way, axis=1) for way in (before, after, before + after))
+    sines, sides = np.linalg.norm(np.cross(before, after), axis=1), one * other * chord
+    curvature, weights = np.zeros((2, len(points)))
+    # 4 area / product of the sides (Menger).
+    curvature[i] = np.divide(2.0 * sines, sides, out=np.zeros(len(i)), where=sides > 0.0)
+    weights[i] = one + other
+    total = np.add.reduceat(weights, firsts)
+    mean = np.add.reduceat(weights * curvature, firsts)
+    mean = np.divide(mean, total, out=np.zeros(len(total)), where=total > 0.0)
+    return curvature, mean, np.maximum.reduceat(curvature, firsts)
 
 
 def centroid_path(points: Floats, offsets: Ints, count: int) -> Floats:
@@ -61,12 +50,7 @@ def centroid_path(points: Floats, offsets: Ints, count: int) -> Floats:
     count : int
         Points of the path, >= 2.
     """
-    path = np.zeros((count, 3))
-    for first, last in pairwise(offsets):
-        line = points[first:last]
-        length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-        path += resample_polyline(line, np.linspace(0.0, length, count))
-    mean: Floats = path / (len(offsets) - 1)
+    mean: Floats = evenly_spaced(points, offsets, count).mean(axis=0)
     return mean
 
 
@@ -86,22 +70,9 @@ def angles_to(points: Floats, offsets: Ints, direction: Floats) -> Floats:
     return angles
 
 
-@kernel
-def _double_area_vector(points: Floats, triangle: Ints) -> tuple[float, float, float]:
-    """Return the normal of a triangle (3,), as long as twice its area."""
-    i, j, k = triangle[0], triangle[1], triangle[2]
-    ax, ay, az = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
-    bx, by, bz = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1], points[k, 2] - points[i, 2]
-    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-
-
-@array_kernel
 def have_area(points: Floats, triangles: Ints) -> Bools:
     """Return which triangles (m, 3) between points (n, 3) have an area, (m,)."""
-    result = np.empty(len(triangles), dtype=np.bool_)
-    for t in range(len(triangles)):
-        x, y, z = _double_area_vector(points, triangles[t])
-        result[t] = x * x + y * y + z * z > 0.0
+    result: Bools = (triangle_normals(points, triangles) ** 2).sum(axis=1) > 0.0
     return result
 
 
@@ -138,57 +109,27 @@ def section_areas(points: Floats, triangles: Ints, places: Floats, normals: Floa
     return np.array([_section_area(points, triangles, *plane) for plane in zip(places, normals, strict=True)])
 
 
-@kernel
-def _height(points: Floats, i: int, place: Floats, normal: Floats) -> float:
-    """Return the signed distance of one of some points (n, 3) from a plane."""
-    height = 0.0
-    for axis in range(3):
-        height += (points[i, axis] - place[axis]) * normal[axis]
-    return height
-
-
-@array_kernel
 def _section_area(points: Floats, triangles: Ints, place: Floats, normal: Floats) -> float:
     """Return half the sum of n . (a x b) over the segments from a to b in which triangles meet the plane."""
-    heights = np.zeros(len(points))
-    for i in range(len(points)):
-        heights[i] = _height(points, i, place, normal)
-    ends = np.zeros((2, 3))
-    double_area = 0.0
-    for t in range(len(triangles)):
-        n_ends = 0
-        for corner in range(3):
-            i, j = triangles[t, corner], triangles[t, (corner + 1) % 3]
-            if (heights[i] < 0.0) != (heights[j] < 0.0):
-                share = heights[i] / (heights[i] - heights[j])
-                # The edge on which the triangle's boundary goes up comes last: so all loops run alike.
-                at = 1 if heights[i] < 0.0 else 0
-                for axis in range(3):
-                    along = share * (points[j, axis] - points[i, axis])
-                    ends[at, axis] = points[i, axis] + along - place[axis]
-                n_ends += 1
-        if n_ends == 2:
-            for axis in range(3):
-                one, two = (axis + 1) % 3, (axis + 2) % 3
-                across = ends[0, one] * ends[1, two] - ends[0, two] * ends[1, one]
-                double_area += across * normal[axis]
-    area: float = abs(double_area) / 2.0
-    return area
+    about = points - place
+    heights = about @ normal
+    below = heights < 0.0
+    met = triangles[below[triangles].any(axis=1) & ~below[triangles].all(axis=1)]
+    ends = []
+    for upward in (False, True):  # the edge on which the triangle's boundary goes up: so all loops run alike
+        leaves = (below[met] == upward) & (below[np.roll(met, -1, axis=1)] != upward)
+        side, row = leaves.argmax(axis=1), np.arange(len(met))
+        i, j = met[row, side], met[row, (side + 1) % 3]
+        share = heights[i] / (heights[i] - heights[j])
+        ends.append(about[i] + share[:, None] * (about[j] - about[i]))
+    return abs(float((np.cross(*ends) @ normal).sum())) / 2.0
 
 
-@kernel
 def plane_crossings(points: Floats, offsets: Ints, place: Floats, normal: Floats) -> int:
     """Return how many polylines cross a plane, given by a point in it and its normal (3,)."""
-    count = 0
-    for line in range(len(offsets) - 1):
-        below, above = False, False
-        for i in range(offsets[line], offsets[line + 1]):
-            height = _height(points, i, place, normal)
-            below |= height < 0.0
-            above |= height >= 0.0
-        if below and above:
-            count += 1
-    return count
+    below = (points - place) @ normal < 0.0
+    some, all_ = np.logical_or.reduceat(below, offsets[:-1]), np.logical_and.reduceat(below, offsets[:-1])
+    return int((some & ~all_).sum())
 
 
 def smoothed_curve(values: Floats, *, passes: int = 5) -> Floats:

@@ -15,9 +15,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.mesh.bins import sorted_into_bins
-from vtkmuscle.core.mesh.polylines import distance_between, even_arcs, resample_polyline
+from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.polylines import evenly_spaced, segment_lengths
+from vtkmuscle.core.mesh.surface import sorted_into_bins
 from vtkmuscle.core.space_order import space_order
 from vtkmuscle.core.types import Floats, Ints
 
@@ -94,11 +94,10 @@ def steps_to_centres(points: Floats, offsets: Ints, within: Cloud) -> Floats:
     (n, 3) array
         Displacements [mm].
     """
-    lines = _stations(points, offsets)
+    lines = evenly_spaced(points, offsets, STATIONS)
     return _between(points, offsets, _station_steps(lines, within))
 
 
-@kernel
 def move_ends(points: Floats, ends: Ints, others: Ints, places: Floats) -> None:
     """Move one end of each fibre to a given place, and what is beside it with it.
 
@@ -114,54 +113,33 @@ def move_ends(points: Floats, ends: Ints, others: Ints, places: Floats) -> None:
     places : (k, 3) array
         Where the ends go [mm].
     """
-    for i in range(len(ends)):
-        step, count = (1 if others[i] > ends[i] else -1), abs(others[i] - ends[i])
-        for axis in range(3):
-            way = places[i, axis] - points[ends[i], axis]
-            points[ends[i], axis] = places[i, axis]
-            for j in range(1, count):
-                points[ends[i] + step * j, axis] += max(1.0 - j / (REACH * count), 0.0) * way
+    counts, ways = np.abs(others - ends), places - points[ends]
+    fibre, j = np.nonzero(np.arange(counts.max(initial=0)) < REACH * counts[:, None])
+    parts = 1.0 - j / (REACH * counts[fibre])
+    points[ends[fibre] + np.sign(others - ends)[fibre] * j] += parts[:, None] * ways[fibre]
+    points[ends] = places
 
 
-@array_kernel
-def _stations(points: Floats, offsets: Ints) -> Floats:
-    """Return places (k, STATIONS, 3) at equal distances along each fibre."""
-    result = np.empty((len(offsets) - 1, STATIONS, 3))
-    for i in range(len(result)):
-        line = points[offsets[i] : offsets[i + 1]]
-        places = resample_polyline(line, even_arcs(line, STATIONS))
-        for station in range(STATIONS):
-            for axis in range(3):
-                result[i, station, axis] = places[station, axis]
-    return result
-
-
-@array_kernel
 def _between(points: Floats, offsets: Ints, shifts: Floats) -> Floats:
     """Return what is given for places (k, STATIONS, 3) at equal distances along fibres, for their points."""
-    result = np.zeros(points.shape)
-    for i in range(len(offsets) - 1):
-        first, last = offsets[i], offsets[i + 1]
-        length = 0.0
-        for j in range(first + 1, last):
-            length += distance_between(points, j, j - 1)
-        along = 0.0
-        for j in range(first, last):
-            if j > first:
-                along += distance_between(points, j, j - 1)
-            at = along / length * (STATIONS - 1) if length > 0.0 else 0.0
-            station = min(int(at), STATIONS - 2)
-            share = min(at - station, 1.0)
-            for axis in range(3):
-                result[j, axis] = (1.0 - share) * shifts[i, station, axis]
-                result[j, axis] += share * shifts[i, station + 1, axis]
-    return result
+    along, counts = segment_lengths(points, offsets)[1], np.diff(offsets)
+    begins, line = along[offsets[:-1]], np.repeat(np.arange(len(counts)), counts)
+    lengths = (along[offsets[1:] - 1] - begins)[line]
+    at = np.divide(along - begins[line], lengths, out=np.zeros(len(points)), where=lengths > 0.0)
+    at *= STATIONS - 1
+    station = np.minimum(at.astype(np.int64), STATIONS - 2)
+    share = np.minimum(at - station, 1.0)[:, None]
+    between: Floats = (1.0 - share) * shifts[line, station] + share * shifts[line, station + 1]
+    return between
 
 
 def _station_steps(lines: Floats, within: Cloud) -> Floats:
     """Return how far places (k, STATIONS, 3) of fibres are from the middle of their cells, across them."""
-    low, high = within.low.copy(), within.high.copy()
-    length = _measured(lines, low, high)
+    low, high = (
+        np.minimum(within.low, lines.min(axis=(0, 1))),
+        np.maximum(within.high, lines.max(axis=(0, 1))),
+    )
+    length = float(np.linalg.norm(np.diff(lines, axis=1), axis=2).sum())
     extent, step = high - low, length / (len(lines) * (STATIONS - 1))
     # The space between fibres in the muscle.
     spacing = max(float(np.sqrt(within.volume / max(length, 1e-300))), 1e-300)
@@ -169,46 +147,20 @@ def _station_steps(lines: Floats, within: Cloud) -> Floats:
     scales = np.array([1.0, 1.0, ALONG_ROWS]) / max(spacing, float(extent.max()) / FINEST)
     shape = (extent * scales).astype(np.int64) + 1
     band = max(OVERLAP * spacing**2, 1e-300)
-    pulls, weights = _pulls(lines, pieces, within.samples, within.guesses, low, scales, shape, band)
+    pulls, weights = _pulls(lines, pieces, within, (low, scales, shape), band)
     wide = spacing / max(step, 1e-300)
     return _across(lines, pulls, weights, _blur(int(np.clip(2.0 * wide**2, LEAST_BLUR, 2 * STATIONS**2))))
 
 
-@kernel
-def _measured(lines: Floats, low: Floats, high: Floats) -> float:
-    """Return the length of lines (k, STATIONS, 3) together, and widen a box (3,), (3,) for them [mm]."""
-    total = 0.0
-    for i in range(len(lines)):
-        for j in range(lines.shape[1]):
-            square = 0.0
-            for axis in range(3):
-                low[axis] = min(low[axis], lines[i, j, axis])
-                high[axis] = max(high[axis], lines[i, j, axis])
-                square += (lines[i, j, axis] - lines[i, max(j - 1, 0), axis]) ** 2
-            total += np.sqrt(square)
-    return total
-
-
-@array_kernel
 def _across(lines: Floats, pulls: Floats, weights: Floats, blur: Floats) -> Floats:
     """Return mean pulls (k, STATIONS, 3) of each place and its neighbours, without what is along the line."""
-    last = lines.shape[1] - 1
-    result = np.empty(lines.shape)
-    for i in range(len(lines)):
-        for j in range(last + 1):
-            x, y, z, weight = 0.0, 0.0, 0.0, 0.0
-            for k in range(last + 1):
-                part = blur[j, k]
-                x, y, z = x + part * pulls[i, k, 0], y + part * pulls[i, k, 1], z + part * pulls[i, k, 2]
-                weight += part * weights[i, k]
-            if weight > 0.0:
-                x, y, z = x / weight, y / weight, z / weight
-            before, after = lines[i, max(j - 1, 0)], lines[i, min(j + 1, last)]
-            tx, ty, tz = after[0] - before[0], after[1] - before[1], after[2] - before[2]
-            along = (x * tx + y * ty + z * tz) / max(tx * tx + ty * ty + tz * tz, 1e-300)
-            result[i, j, 0], result[i, j, 1] = x - along * tx, y - along * ty
-            result[i, j, 2] = z - along * tz
-    return result
+    pulls, weights = blur @ pulls, (weights @ blur.T)[..., None]
+    mean = np.divide(pulls, weights, out=np.zeros(lines.shape), where=weights > 0.0)
+    ends = np.pad(lines, ((0, 0), (1, 1), (0, 0)), mode="edge")
+    ahead = ends[:, 2:] - ends[:, :-2]
+    squares = np.maximum((ahead * ahead).sum(axis=2, keepdims=True), 1e-300)
+    across: Floats = mean - (mean * ahead).sum(axis=2, keepdims=True) / squares * ahead
+    return across
 
 
 @lru_cache
@@ -221,16 +173,6 @@ def _blur(passes: int) -> Floats:
 
 
 @kernel
-def _cell(x: float, y: float, z: float, low: Floats, scales: Floats, shape: Ints) -> int:
-    """Return the number of the grid's cell that a position is in."""
-    a = min(int((x - low[0]) * scales[0]), shape[0] - 1)
-    b = min(int((y - low[1]) * scales[1]), shape[1] - 1)
-    c = min(int((z - low[2]) * scales[2]), shape[2] - 1)
-    cell: int = (a * shape[1] + b) * shape[2] + c
-    return cell
-
-
-@kernel
 def _square_to(places: Floats, i: int, x: float, y: float, z: float) -> float:
     """Return the squared distance of one of some places (q, 3) from a position."""
     dx, dy, dz = places[i, 0] - x, places[i, 1] - y, places[i, 2] - z
@@ -238,56 +180,35 @@ def _square_to(places: Floats, i: int, x: float, y: float, z: float) -> float:
     return square
 
 
-@kernel
-def _divide(lines: Floats, pieces: int, places: Floats, nodes: Ints) -> None:
-    """Write places (q, 3) along lines, so many from each station to the next, and their stations (q,)."""
-    number, last = 0, lines.shape[1] - 1
-    for line in range(len(lines)):
-        for station in range(last):
-            for piece in range(pieces + (1 if station == last - 1 else 0)):
-                share = piece / pieces
-                for axis in range(3):
-                    before, after = lines[line, station, axis], lines[line, station + 1, axis]
-                    places[number, axis] = (1.0 - share) * before + share * after
-                nodes[number] = line * (last + 1) + station
-                number += 1
+def _divide(lines: Floats, pieces: int) -> tuple[Floats, Ints]:
+    """Return places (q, 3) along lines, so many from each station to the next, and their stations (q,)."""
+    share = (np.arange(pieces) / pieces)[:, None]
+    between = (1.0 - share) * lines[:, :-1, None] + share * lines[:, 1:, None]
+    places = np.concatenate([between.reshape(len(lines), -1, 3), lines[:, -1:]], axis=1)
+    stations = np.append(np.repeat(np.arange(STATIONS - 1), pieces), STATIONS - 2)
+    return places.reshape(-1, 3), (np.arange(len(lines))[:, None] * STATIONS + stations).reshape(-1)
 
 
-@array_kernel
 def _pulls(
-    lines: Floats,
-    pieces: int,
-    samples: Floats,
-    guesses: Ints,
-    low: Floats,
-    scales: Floats,
-    shape: Ints,
-    band: float,
+    lines: Floats, pieces: int, within: Cloud, grid: tuple[Floats, Floats, Ints], band: float
 ) -> tuple[Floats, Floats]:
     """Return sums of offsets (k, STATIONS, 3) of the samples that are nearest to each place, and how many.
 
     Places nearly as near, their squared distances within a band [mm^2] of the least, have a share in a
     sample, which is 0 at the end of the band. A grid has cells of size 1 / scales (3,) from a corner (3,) on.
     """
-    n_lines, n_stations = lines.shape[0], lines.shape[1]
-    n_places = n_lines * ((n_stations - 1) * pieces + 1)
-    places, nodes = np.empty((n_places, 3)), np.empty(n_places, dtype=np.int64)
-    _divide(lines, pieces, places, nodes)
-    cells = np.empty(n_places, dtype=np.int64)
-    for number in range(n_places):
-        cells[number] = _cell(places[number, 0], places[number, 1], places[number, 2], low, scales, shape)
-    order, offsets = sorted_into_bins(cells, shape[0] * shape[1] * shape[2])
-    in_cells = np.empty((n_places, 3))
-    for at in range(n_places):
-        for axis in range(3):
-            in_cells[at, axis] = places[order[at], axis]
-    pulls, weights = np.zeros((n_lines, n_stations, 3)), np.zeros((n_lines, n_stations))
-    near, squares = np.empty(n_places + 1, dtype=np.int64), np.empty(n_places + 1)
-    stations = lines.reshape(n_lines * n_stations, 3)
-    sums = pulls.reshape(n_lines * n_stations, 3), weights.reshape(n_lines * n_stations)
-    grid = in_cells, order, offsets, low, scales, shape
-    _pull(stations, nodes, samples, guesses, places, grid, band, near, squares, *sums)
-    return pulls, weights
+    low, scales, shape = grid
+    places, nodes = _divide(lines, pieces)
+    cells = np.minimum(((places - low) * scales).astype(np.int64), shape - 1)
+    order, offsets = sorted_into_bins(np.ravel_multi_index(tuple(cells.T), tuple(shape)), int(shape.prod()))
+    pulls, weights = np.zeros((len(lines) * STATIONS, 3)), np.zeros(len(lines) * STATIONS)
+    near, squares = np.empty(len(places) + 1, dtype=np.int64), np.empty(len(places) + 1)
+    bins = places[order], order, offsets, low, scales, shape
+    _pull(
+        lines.reshape(-1, 3), nodes, within.samples, within.guesses, places, bins, band, near, squares, pulls,
+        weights,
+    )  # fmt: skip
+    return pulls.reshape(lines.shape), weights.reshape(lines.shape[:2])
 
 
 @kernel

@@ -16,9 +16,8 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.mesh.polylines import distance_between, evenly_spaced, resample_polyline, turn_at
+from vtkmuscle.core.mesh.polylines import evenly_spaced, inner_points, places_along, segment_lengths
 from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.types import Floats, Ints
 
@@ -114,8 +113,7 @@ def trim_fibres(
     starts = _new_ends(backwards, offsets, -axis, origin, into_muscle, tolerance, largest_cut)
     ends = _new_ends(points, offsets, axis, insertion, into_muscle, tolerance, largest_cut)
     result = _replaced_ends(points, offsets, starts.cuts, starts.places, ends.cuts, ends.places)
-    inner = np.ones(len(result), dtype=np.bool_)
-    inner[offsets[:-1]] = inner[offsets[1:] - 1] = False
+    inner = inner_points(offsets)
     result[inner] = into_muscle(result[inner])
     return result
 
@@ -126,35 +124,23 @@ class _Ends:
     places: Floats  # (k, 3) its new end [mm]
 
 
-@array_kernel
 def _replaced_ends(
     points: Floats, offsets: Ints, cut_first: Floats, firsts: Floats, cut_last: Floats, lasts: Floats
 ) -> Floats:
     """Return fibres with lengths cut off both ends and other ends put there, their points spaced evenly."""
-    result = np.empty((len(points), 3))
-    for i in range(len(offsets) - 1):
-        line = points[offsets[i] : offsets[i + 1]]
-        count, length = len(line), 0.0
-        for j in range(1, count):
-            length += distance_between(line, j, j - 1)
-        kept, n_kept, arc = np.empty(count + 2), 1, 0.0
-        kept[0], high = cut_first[i], length - cut_last[i]
-        for j in range(count):
-            arc += distance_between(line, j, j - 1) if j > 0 else 0.0
-            if kept[0] < arc < high:
-                kept[n_kept] = arc
-                n_kept += 1
-        kept[n_kept] = high
-        middle = resample_polyline(line, kept[: n_kept + 1])
-        whole = np.empty((len(middle) + 2, 3))
-        for axis in range(3):
-            whole[0, axis], whole[-1, axis] = firsts[i, axis], lasts[i, axis]
-            for j in range(len(middle)):
-                whole[j + 1, axis] = middle[j, axis]
-        spaced = evenly_spaced(whole, count)
-        for j in range(count):
-            for axis in range(3):
-                result[offsets[i] + j, axis] = spaced[j, axis]
+    counts, along = np.diff(offsets), segment_lengths(points, offsets)[1]
+    along = along - np.repeat(along[offsets[:-1]], counts)
+    low, high = cut_first, along[offsets[1:] - 1] - cut_last
+    kept = (along > np.repeat(low, counts)) & (along < np.repeat(high, counts))
+    bounds = np.append(0, np.cumsum(np.add.reduceat(kept.astype(np.int64), offsets[:-1]) + 4))
+    ends = np.column_stack([bounds[:-1], bounds[:-1] + 1, bounds[1:] - 2, bounds[1:] - 1])
+    cut, whole = places_along(points, offsets, np.column_stack([low, high])), np.empty((bounds[-1], 3))
+    whole[ends] = np.stack([firsts, cut[:, 0], cut[:, 1], lasts], axis=1)
+    whole[np.setdiff1d(np.arange(len(whole)), ends)] = points[kept]
+    result = np.empty_like(points)
+    for count in np.unique(counts):
+        alike = counts == count
+        result[np.repeat(alike, counts)] = evenly_spaced(whole, bounds, count)[alike].reshape(-1, 3)
     return result
 
 
@@ -254,39 +240,31 @@ def _already_there(ends: Floats, area: EndArea, tolerance: float) -> NDArray[np.
     return there if there.mean() > 0.5 else np.zeros(len(ends), dtype=np.bool_)
 
 
-@array_kernel
 def _sharpest_turns(points: Floats, offsets: Ints) -> Floats:
     """Return the sharpest turn in the last third of each fibre (k,) [degrees]: one that hooks is not kept."""
-    result = np.zeros(len(offsets) - 1)
-    for line in range(len(result)):
-        first, last = offsets[line], offsets[line + 1]
-        for i in range(max(first + 1, last - 1 - (last - first) // 3), last - 1):
-            sine, cosine = turn_at(points, i)
-            result[line] = max(result[line], np.degrees(np.arctan2(sine, cosine)))
-    return result
+    i = inner_points(offsets)
+    ends = offsets[np.searchsorted(offsets, i, side="right")]
+    counts = ends - offsets[np.searchsorted(offsets, i, side="right") - 1]
+    i = i[i >= ends - 1 - counts // 3]
+    before, after = points[i] - points[i - 1], points[i + 1] - points[i]
+    sines = np.linalg.norm(np.cross(before, after), axis=1)
+    turns = np.zeros(len(points))
+    turns[i] = np.degrees(np.arctan2(sines, (before * after).sum(axis=1)))
+    sharpest: Floats = np.maximum.reduceat(turns, offsets[:-1])
+    return sharpest
 
 
-@array_kernel
 def _departures(points: Floats, offsets: Ints, arcs: Floats) -> tuple[Floats, Floats]:
     """Return the points (c, k, 3) of fibres at arc lengths (c, k), and the directions that they run in.
 
     The direction is that of one mean segment back, for what is left of the segment that is cut may be
     arbitrarily short.
     """
-    places, rays = np.empty((len(arcs), arcs.shape[1], 3)), np.empty((len(arcs), arcs.shape[1], 3))
-    at = np.empty(2)
-    for i in range(len(offsets) - 1):
-        line = points[offsets[i] : offsets[i + 1]]
-        step = 0.0
-        for j in range(1, len(line)):
-            step += distance_between(line, j, j - 1)
-        step /= max(len(line) - 1, 1)
-        for level in range(len(arcs)):
-            at[0], at[1] = max(arcs[level, i] - step, 0.0), arcs[level, i]
-            pair = resample_polyline(line, at)
-            for axis in range(3):
-                places[level, i, axis], rays[level, i, axis] = pair[1, axis], pair[1, axis] - pair[0, axis]
-    return places, rays
+    step = polyline_lengths(points, offsets) / np.maximum(np.diff(offsets) - 1, 1)
+    places, before = (
+        places_along(points, offsets, at.T).transpose(1, 0, 2) for at in (arcs, np.maximum(arcs - step, 0.0))
+    )
+    return places, places - before
 
 
 def _cosines(a: Floats, b: Floats) -> Floats:
@@ -328,7 +306,6 @@ def assign_places(departures: Floats, places: Floats) -> Ints:
     return taken
 
 
-@array_kernel
 def beyond_plane(points: Floats, offsets: Ints, heights: Floats) -> Floats:
     """Return how much of each polyline's end is beyond a plane: from where it last comes through it.
 
@@ -344,16 +321,14 @@ def beyond_plane(points: Floats, offsets: Ints, heights: Floats) -> Floats:
     (k,) array
         Arc lengths, 0 where a line ends on this side, its whole length where none of it is on this side.
     """
-    result = np.zeros(len(offsets) - 1)
-    for line in range(len(result)):
-        for i in range(offsets[line + 1] - 1, offsets[line], -1):
-            if heights[i] <= 0.0:
-                break
-            length = distance_between(points, i, i - 1)
-            if heights[i - 1] < 0.0:
-                length *= heights[i] / (heights[i] - heights[i - 1])
-            result[line] += length
-    return result
+    lengths, number = segment_lengths(points, offsets)[0], np.arange(len(points))
+    before = heights[number - 1]
+    through = (heights > 0.0) & (before < 0.0)
+    lengths[through] *= heights[through] / (heights - before)[through]
+    last = np.maximum.reduceat(np.where(heights > 0.0, -1, number), offsets[:-1])  # on this side
+    lengths[number <= np.repeat(last, np.diff(offsets))] = 0.0
+    beyond: Floats = np.add.reduceat(lengths, offsets[:-1])
+    return beyond
 
 
 def _reversed_order(offsets: Ints) -> Ints:

@@ -92,3 +92,10 @@ def unit_vectors(vectors: Floats) -> Floats:
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     unit: Floats = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
     return unit
+
+
+def perpendiculars(axis: Floats) -> tuple[Floats, Floats]:
+    """Return two unit vectors (3,) that make a right-handed frame with a third as its last."""
+    first = np.cross(np.eye(3)[int(np.abs(axis).argmin())], axis)
+    first /= np.linalg.norm(first)
+    return first, np.cross(axis, first)

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.jit import array_kernel, kernel
 from vtkmuscle.core.mesh.normals import triangle_normals
-from vtkmuscle.core.mesh.surface import unique_edges
+from vtkmuscle.core.mesh.surface import faces_between, unique_edges
 from vtkmuscle.core.sobol import sobol
 from vtkmuscle.core.types import Bools, Floats, Ints
 
@@ -50,70 +49,25 @@ def even_samples(candidates: Floats, count: int) -> Floats:
         Some of the candidates [mm].
     """
     samples = candidates[_farthest(candidates, min(count, len(candidates)))]
+    tree = cKDTree(candidates)
     for _ in range(4):
-        sizes, sums = np.zeros(len(samples)), np.zeros((len(samples), 3))
-        _add_to_cells(candidates, samples, sizes, sums)
+        cell = cKDTree(samples).query(candidates)[1]
+        sizes = np.bincount(cell, minlength=len(samples))
+        sums = np.column_stack([np.bincount(cell, x, len(samples)) for x in candidates.T])
         filled = sizes > 0
-        samples[filled] = candidates[_nearest(candidates, sums[filled] / sizes[filled, None])]
+        samples[filled] = candidates[tree.query(sums[filled] / sizes[filled, None])[1]]
     return samples[np.arange(count) % len(samples)]
 
 
-@kernel
-def _nearest_one(candidates: Floats, place: Floats) -> int:
-    """Return which candidate is nearest to a place (3,)."""
-    x, y, z, nearest, least = place[0], place[1], place[2], 0, np.inf
-    for i in range(len(candidates)):
-        dx, dy, dz = candidates[i, 0] - x, candidates[i, 1] - y, candidates[i, 2] - z
-        square = dx * dx + dy * dy + dz * dz
-        if square < least:
-            nearest, least = i, square
-    return nearest
-
-
-@array_kernel
-def _nearest(candidates: Floats, places: Floats) -> Ints:
-    """Return which candidate is nearest to each place."""
-    result = np.empty(len(places), dtype=np.int64)
-    for k in range(len(places)):
-        result[k] = _nearest_one(candidates, places[k])
-    return result
-
-
-@kernel
-def _add_to_cells(candidates: Floats, samples: Floats, sizes: Floats, sums: Floats) -> None:
-    """Add each candidate (n, 3) to the number (k,) and the sum (k, 3) of those nearest to a sample (k, 3)."""
-    for i in range(len(candidates)):
-        cell = _nearest_one(samples, candidates[i])
-        sizes[cell] += 1.0
-        for axis in range(3):
-            sums[cell, axis] += candidates[i, axis]
-
-
-@array_kernel
 def _farthest(candidates: Floats, count: int) -> Ints:
-    """Return which candidates are the farthest from those before, again and again; first the central one."""
-    n = len(candidates)
-    x, y, z = 0.0, 0.0, 0.0
-    for i in range(n):
-        x, y, z = x + candidates[i, 0] / n, y + candidates[i, 1] / n, z + candidates[i, 2] / n
-    chosen, distances = np.empty(count, dtype=np.int64), np.empty(n)
-    at, least = 0, np.inf
-    for i in range(n):
-        dx, dy, dz = candidates[i, 0] - x, candidates[i, 1] - y, candidates[i, 2] - z
-        distance = dx * dx + dy * dy + dz * dz
-        distances[i] = np.inf
-        if distance < least:
-            at, least = i, distance
-    for k in range(count):
-        chosen[k] = at
-        x, y, z = candidates[at, 0], candidates[at, 1], candidates[at, 2]
-        farthest = -1.0
-        for i in range(n):
-            dx, dy, dz = candidates[i, 0] - x, candidates[i, 1] - y, candidates[i, 2] - z
-            distances[i] = min(distances[i], dx * dx + dy * dy + dz * dz)
-            if distances[i] > farthest:
-                at, farthest = i, distances[i]
-    return chosen
+    """Return `count` of the candidates: the middle one, then each time the one farthest from all chosen."""
+    at = int(((candidates - candidates.mean(axis=0)) ** 2).sum(axis=1).argmin())
+    chosen, squares = [], np.full(len(candidates), np.inf)
+    for _ in range(count):
+        chosen.append(at)
+        np.minimum(squares, ((candidates - candidates[at]) ** 2).sum(axis=1), out=squares)
+        at = int(squares.argmax())
+    return np.array(chosen)
 
 
 class PatchSamples:
@@ -133,13 +87,11 @@ class PatchSamples:
     """
 
     def __init__(self, points: Floats, triangles: Ints, patch: Ints) -> None:
-        member = np.zeros(len(points), dtype=np.bool_)
-        member[patch] = True
-        self._faces = triangles[member[triangles].all(axis=1)]
+        self._faces = faces_between(triangles, patch)
         self._areas = np.linalg.norm(triangle_normals(points, self._faces), axis=1)
         self._points, self._patch = points, patch
         self._edges = unique_edges(triangles) if not self._areas.sum() > 0 else np.empty((0, 2), np.int64)
-        self._edges = self._edges[member[self._edges].all(axis=1)]
+        self._edges = self._edges[np.isin(self._edges, patch).all(axis=1)]
         self._dense: dict[tuple[int, int], Floats] = {}
         self._trees: dict[int, cKDTree] = {}
         self._even: dict[tuple[Any, ...], Floats] = {}

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import array_kernel
-from vtkmuscle.core.mesh.bins import sorted_into_bins
-from vtkmuscle.core.mesh.surface import half_edges, numbered_edges
+from vtkmuscle.core.mesh.surface import half_edges, numbered_edges, sorted_into_bins
 from vtkmuscle.core.types import Ints
 
 
@@ -103,8 +101,17 @@ def opposite_half_edges(triangles: Ints) -> Ints:
     ValueError
         If the surface is open, or neighbouring triangles face different sides.
     """
-    edges, edge_of = numbered_edges(triangles)
-    opposite = _paired(half_edges(triangles), *sorted_into_bins(edge_of, len(edges)))
+    directed, edge_of = half_edges(triangles), numbered_edges(triangles)[1]
+    opposite = np.full(len(directed), -1, dtype=np.int64)
+    ways = [np.flatnonzero(way) for way in (directed[:, 0] < directed[:, 1], directed[:, 0] > directed[:, 1])]
+    # The first of those that run one way along an edge goes with the first of the other way, and so on.
+    forth, back = (way[np.argsort(edge_of[way], kind="stable")] for way in ways)
+    nth_forth, nth_back = (
+        edge_of[way] * len(directed) + np.arange(len(way)) - np.searchsorted(edge_of[way], edge_of[way])
+        for way in (forth, back)
+    )
+    _, one, other = np.intersect1d(nth_forth, nth_back, return_indices=True)
+    opposite[forth[one]], opposite[back[other]] = back[other], forth[one]
     alone = int((opposite < 0).sum())
     if alone:
         raise InputError(
@@ -113,19 +120,4 @@ def opposite_half_edges(triangles: Ints) -> Ints:
             "edge(s) have no counterpart",
             "fill its holes and run vtkPolyDataNormals with ConsistencyOn",
         )
-    return opposite
-
-
-@array_kernel
-def _paired(directed: Ints, order: Ints, starts: Ints) -> Ints:
-    """Pair half-edges of one edge that run in opposite directions; -1 where there is no partner."""
-    opposite = np.full(len(directed), -1, dtype=np.int64)
-    for edge in range(len(starts) - 1):
-        for i in range(starts[edge], starts[edge + 1]):
-            own = order[i]
-            for j in range(starts[edge], i):
-                other = order[j]
-                if opposite[other] < 0 and directed[other, 0] == directed[own, 1]:
-                    opposite[own], opposite[other] = other, own
-                    break
     return opposite

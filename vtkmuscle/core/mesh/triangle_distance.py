@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
-from vtkmuscle.core.mesh.bins import sorted_into_bins
+from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors
+from vtkmuscle.core.mesh.surface import numbered_edges
 from vtkmuscle.core.types import Floats, Ints
 
 #: Where on a triangle a point is: in its face, on the edge from corner k to the next, or at corner k.
@@ -64,93 +65,49 @@ def distance2_to_box(box: Floats, x: float, y: float, z: float) -> float:
     return distance2
 
 
-class Sides(NamedTuple):
-    """A surface and which triangles are at each of its points, from which the sides of it follow.
+class Pseudonormals(NamedTuple):
+    """Normals from which the side of a point follows, given its nearest point of a closed surface.
+
+    A point is outside where its offset from the nearest point of the surface goes along the normal there,
+    inside where it goes against it. At an edge that is the sum of the unit normals of its triangles; at a
+    corner the sum of these times the triangles' angles at the corner: Baerentzen, Aanaes 2005,
+    doi:10.1109/TVCG.2005.49.
 
     Attributes
     ----------
-    points, triangles : (n, 3) array, (m, 3) int array
-        Positions; point ids, outward oriented.
-    starts, around : (n + 1,) int array, (3 m,) int array
-        The triangles at point i are ``around[starts[i] : starts[i + 1]]``, ascending.
+    normals : (k, 3) array
+        Of triangles, edges and points, of any length.
+    numbers : (m, 7) int array
+        Row of ``normals`` for each triangle and region: FACE, EDGE + k and CORNER + k.
     """
 
-    points: Floats
-    triangles: Ints
-    starts: Ints
-    around: Ints
+    normals: Floats
+    numbers: Ints
+
+    def at(self, triangles: Ints, regions: Ints) -> Floats:
+        """Return the normals (q, 3) where the nearest points are, in regions (q,) of triangles (q,)."""
+        normals: Floats = self.normals[self.numbers[triangles, regions]]
+        return normals
 
 
-def sides_of(points: Floats, triangles: Ints) -> Sides:
-    """Return what :func:`pseudonormal_at` asks of a surface, points (n, 3) and triangles (m, 3)."""
-    triangles = np.ascontiguousarray(triangles, dtype=np.int64)
-    corners, starts = sorted_into_bins(triangles.reshape(-1), len(points))
-    return Sides(np.ascontiguousarray(points, dtype=np.float64), triangles, starts, corners // 3)
-
-
-@kernel
-def pseudonormal_at(sides: Sides, triangle: int, region: int) -> tuple[float, float, float]:
-    """Return the normal from which the side of a point follows, given its nearest point of the surface.
-
-    A point is outside a closed surface where its offset from the nearest point of the surface goes along
-    the normal there, inside where it goes against it. At an edge that is the sum of the normals of its
-    triangles; at a corner the sum of the triangles' unit normals times their angles at the corner:
-    Baerentzen, Aanaes 2005, doi:10.1109/TVCG.2005.49.
-
-    Parameters
-    ----------
-    sides : Sides
-        The surface.
-    triangle, region : int
-        The nearest triangle, and where on it the nearest point is: FACE, EDGE + k or CORNER + k.
-
-    Returns
-    -------
-    tuple of float
-        The normal, of any length.
-    """
-    points, triangles = sides.points, sides.triangles
-    if region == FACE:
-        return _unit_normal(points, triangles, triangle)
-    corner = region - CORNER if region >= CORNER else region - EDGE
-    point = triangles[triangle, corner]
-    far = -1 if region >= CORNER else triangles[triangle, (corner + 1) % 3]
-    x, y, z = 0.0, 0.0, 0.0
-    for place in range(sides.starts[point], sides.starts[point + 1]):
-        t = sides.around[place]
-        if far >= 0 and triangles[t, 0] != far and triangles[t, 1] != far and triangles[t, 2] != far:
-            continue
-        weight = 1.0 if far >= 0 else _angle(points, triangles, t, point)
-        nx, ny, nz = _unit_normal(points, triangles, t)
-        x, y, z = x + weight * nx, y + weight * ny, z + weight * nz
-    return x, y, z
-
-
-@kernel
-def _unit_normal(points: Floats, triangles: Ints, t: int) -> tuple[float, float, float]:
-    """Return the unit normal of a triangle, 0 for one without area."""
-    a, b, c = points[triangles[t, 0]], points[triangles[t, 1]], points[triangles[t, 2]]
-    x, y, z = _across(b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - b[0], c[1] - b[1], c[2] - b[2])
-    length = np.sqrt(x * x + y * y + z * z)
-    if length > 0.0:
-        return x / length, y / length, z / length
-    return 0.0, 0.0, 0.0
-
-
-@kernel
-def _angle(points: Floats, triangles: Ints, t: int, point: int) -> float:
-    """Return the angle of a triangle at one of its points."""
-    k = 0 if triangles[t, 0] == point else 1 if triangles[t, 1] == point else 2
-    at, onward, back = points[point], points[triangles[t, (k + 1) % 3]], points[triangles[t, (k + 2) % 3]]
-    ux, uy, uz = onward[0] - at[0], onward[1] - at[1], onward[2] - at[2]
-    vx, vy, vz = back[0] - at[0], back[1] - at[1], back[2] - at[2]
-    nx, ny, nz = _across(ux, uy, uz, vx, vy, vz)
+def pseudonormals(points: Floats, triangles: Ints) -> Pseudonormals:
+    """Return the normals of a surface, points (n, 3) and triangles (m, 3) that face outward."""
+    faces = unit_vectors(triangle_normals(points, triangles))
+    corners = points[triangles]
+    onward, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     # atan2 keeps small angles exact, and is 0 for triangles without area.
-    angle: float = np.arctan2(np.sqrt(nx * nx + ny * ny + nz * nz), ux * vx + uy * vy + uz * vz)
-    return angle
-
-
-@kernel
-def _across(ux: float, uy: float, uz: float, vx: float, vy: float, vz: float) -> tuple[float, float, float]:
-    """Return the cross product of u and v."""
-    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    sines = np.linalg.norm(np.cross(onward, back), axis=2)
+    angles = np.arctan2(sines, (onward * back).sum(axis=2)).reshape(-1)
+    edge_of = numbered_edges(triangles)[1]
+    parts = [faces]
+    for at, weights, count in (
+        (edge_of, np.ones(len(angles)), int(edge_of.max(initial=-1)) + 1),
+        (triangles.reshape(-1), angles, len(points)),
+    ):
+        sums = [np.bincount(at, weights * np.repeat(axis, 3), count) for axis in faces.T]
+        parts.append(np.column_stack(sums))
+    first, second = len(faces), len(faces) + len(parts[1])
+    own = np.arange(len(faces))[:, None]
+    return Pseudonormals(
+        np.vstack(parts), np.hstack([own, first + edge_of.reshape(-1, 3), second + triangles])
+    )

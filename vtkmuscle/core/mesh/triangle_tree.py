@@ -7,11 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.mesh.packet_search import LANES, search_in_packets
+from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.tree_search import along_disc, measure_nearest, search_tree
-from vtkmuscle.core.mesh.triangle_distance import Sides, pseudonormal_at, sides_of
+from vtkmuscle.core.mesh.triangle_distance import Pseudonormals, pseudonormals
 from vtkmuscle.core.types import Floats, Ints
 
 #: Triangles in a box of the lowest level, on average at most.
@@ -53,24 +52,18 @@ class TriangleTree:
     discs: Floats
 
     @cached_property
-    def _sides(self) -> Sides:
-        return sides_of(self.points, self.triangles)
+    def _normals(self) -> Pseudonormals:
+        return pseudonormals(self.points, self.triangles)
 
     def _normals_at(self, places: Ints, regions: Ints) -> Floats:
-        """Return the angle-weighted normals of regions of triangles, (q, 3)."""
-        normals = np.empty((len(places), 3))
-        _fill_normals(self._sides, self.order[places], regions, normals)
-        return normals
+        return self._normals.at(self.order[places], regions)
 
     def _nearest(self, queries: Floats, run: int = 0) -> tuple[Ints, Floats, Floats, Ints]:
         """Return the nearest triangle (its place in the order), the point on it, its distance and region."""
         places, regions = np.zeros((2, len(queries)), dtype=np.int64)
         closest, distances = np.zeros((len(queries), 3)), np.zeros(len(queries))
-        tree, stack = (self.corners, self.boxes, self.discs), np.empty(64, dtype=np.int64)
-        if run:
-            search_in_packets(*tree, queries, run, places, stack, np.empty((5, LANES)))
-        else:
-            search_tree(*tree, queries, places, stack, np.empty(64))
+        stack, near = np.empty(64, dtype=np.int64), np.empty(64)
+        search_tree(self.corners, self.boxes, self.discs, queries, run, places, stack, near)
         measure_nearest(self.corners, queries, places, closest, distances, regions)
         return places, closest, distances, regions
 
@@ -98,9 +91,8 @@ class TriangleTree:
         """Return distances (q,), negative inside, and the nearest points (q, 3) of a closed surface.
 
         The sign is that of the angle-weighted normal at the nearest point: for surfaces that are closed,
-        manifold and face outward. Points on the surface are outside. ``run`` is for points that come in runs
-        of that many, each near those before it, as of a lattice: it takes less than half as long, and gives
-        the same but for rounding, whatever other runs there are.
+        manifold and face outward. Points on the surface are outside. With a ``run`` above 0 points
+        come in runs of that many, and those of a run are the same to the last bit whatever the others are.
         """
         queries = np.ascontiguousarray(queries)
         places, closest, distances, regions = self._nearest(queries, run)
@@ -235,24 +227,15 @@ def _part(values: Floats, order: Ints, first: int, middle: int, last: int) -> No
             break
 
 
-@array_kernel
 def _boxes(corners: Floats, n_leaves: int) -> Floats:
-    boxes = np.empty((2 * n_leaves - 1, 6))
-    n = len(corners)
-    for leaf in range(n_leaves):
-        box = boxes[n_leaves - 1 + leaf]
-        for axis in range(3):
-            box[axis], box[3 + axis] = np.inf, -np.inf
-        for i in range(leaf * n // n_leaves, (leaf + 1) * n // n_leaves):
-            for corner in range(3):
-                for axis in range(3):
-                    box[axis] = min(box[axis], corners[i, corner, axis])
-                    box[3 + axis] = max(box[3 + axis], corners[i, corner, axis])
-    for node in range(n_leaves - 2, -1, -1):
-        for axis in range(3):
-            boxes[node, axis] = min(boxes[2 * node + 1, axis], boxes[2 * node + 2, axis])
-            boxes[node, 3 + axis] = max(boxes[2 * node + 1, 3 + axis], boxes[2 * node + 2, 3 + axis])
-    return boxes
+    starts = np.arange(n_leaves) * len(corners) // n_leaves
+    low = np.minimum.reduceat(corners.min(axis=1), starts)
+    levels = [np.hstack([low, np.maximum.reduceat(corners.max(axis=1), starts)])]
+    while len(levels[0]) > 1:
+        one, other = levels[0][::2], levels[0][1::2]
+        low, high = np.minimum(one[:, :3], other[:, :3]), np.maximum(one[:, 3:], other[:, 3:])
+        levels.insert(0, np.hstack([low, high]))
+    return np.vstack(levels)
 
 
 @kernel
@@ -280,9 +263,3 @@ def _fill_discs(corners: Floats, discs: Floats) -> None:
                 disc[6], disc[7] = max(disc[6], aside), max(disc[7], abs(up))
         size = abs(disc[0]) + abs(disc[1]) + abs(disc[2]) + disc[6] + disc[7]
         disc[6], disc[7] = disc[6] + _ROUNDING * size, disc[7] + _ROUNDING * size
-
-
-@kernel
-def _fill_normals(sides: Sides, triangles: Ints, regions: Ints, normals: Floats) -> None:
-    for q in range(len(triangles)):
-        normals[q, 0], normals[q, 1], normals[q, 2] = pseudonormal_at(sides, triangles[q], regions[q])

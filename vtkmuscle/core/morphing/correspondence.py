@@ -14,8 +14,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.mesh.bins import count_up_to, stable_order
 from vtkmuscle.core.types import Floats, Ints
 
 #: Places around a loop at which its correspondence may start, and the least number of its segments.
@@ -147,140 +145,71 @@ def cyclic_products(first: Floats, second: Floats) -> Floats:
     return products
 
 
-@array_kernel
 def _cheapest_chain(costs: Floats, twists: Floats) -> Ints:
     """Return p minimising sum_j costs[j, p_j] + sum_j twists[j - 1, (p_j - p_{j-1}) mod n]."""
-    n_levels, n = costs.shape
-    # Twice in a row, so that the inner loop needs no modulo.
-    doubled = np.empty((n_levels - 1, 2 * n))
-    for level in range(n_levels - 1):
-        for place in range(2 * n):
-            doubled[level, place] = twists[level, place if place < n else place - n]
-    best = costs.copy()
-    least = np.empty(n)
-    for level in range(1, n_levels):
-        for place in range(n):
-            least[place] = np.inf
-        for other in range(n):
-            before = best[level - 1, other]
-            for place in range(n):
-                cost = before + doubled[level - 1, n + place - other]
-                least[place] = cost if cost < least[place] else least[place]
-        for place in range(n):
-            best[level, place] += least[place]
-    places = np.zeros(n_levels, dtype=np.int64)
-    for place in range(n):
-        if best[-1, place] < best[-1, places[-1]]:
-            places[-1] = place
-    for level in range(n_levels - 1, 0, -1):
-        shift, cheapest = n + places[level], np.inf
-        for other in range(n):
-            cost = best[level - 1, other] + doubled[level - 1, shift - other]
-            if cost < cheapest:
-                cheapest = cost
-                places[level - 1] = other
-    return places
+    place = np.arange(costs.shape[1])
+    turns = (place - place[:, None]) % len(place)
+    best, before = costs[0], []
+    for cost, twist in zip(costs[1:], twists, strict=True):
+        ways = best[:, None] + twist[turns]
+        before.append(ways.argmin(axis=0))
+        best = cost + ways.min(axis=0)
+    places = [best.argmin()]
+    for chosen in reversed(before):
+        places.append(chosen[places[-1]])
+    return np.array(places[::-1], dtype=np.int64)
 
 
-@array_kernel
 def loop_lengths(loop: Floats) -> Floats:
     """Return the length along a loop (n, k) up to each vertex, and the whole perimeter: (n + 1,)."""
-    lengths = np.zeros(len(loop) + 1)
-    for i in range(len(loop)):
-        after = i + 1 if i + 1 < len(loop) else 0
-        square = 0.0
-        for axis in range(loop.shape[1]):
-            square += (loop[after, axis] - loop[i, axis]) ** 2
-        lengths[i + 1] = lengths[i] + np.sqrt(square)
-    return lengths
+    return np.append(0.0, np.cumsum(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1)))
 
 
-@array_kernel
 def boundary_centroid(loop: Floats) -> Floats:
     """Return the centroid of a loop's boundary, (k,): the mean of its segments' middles by length."""
     lengths = loop_lengths(loop)
-    result = np.zeros(loop.shape[1])
-    for i in range(len(loop)):
-        after = i + 1 if i + 1 < len(loop) else 0
-        share = 0.5 * (lengths[i + 1] - lengths[i]) / lengths[-1]
-        for axis in range(loop.shape[1]):
-            result[axis] += share * (loop[i, axis] + loop[after, axis])
-    return result
+    centroid: Floats = np.diff(lengths) @ (loop + np.roll(loop, -1, axis=0)) / (2.0 * lengths[-1])
+    return centroid
 
 
-@array_kernel
 def sampled_loop(loop: Floats, corner: Floats, count: int) -> Floats:
     """Return `count` points at equal distances along a loop (n, k), from its point nearest to Q0 on."""
     lengths = loop_lengths(loop)
-    first = nearest_place(loop, lengths, corner)
-    places = np.empty(count)
-    for i in range(count):
-        places[i] = (first + lengths[-1] * i / count) % lengths[-1]
-    return _points_at(loop, lengths, places)
+    return points_at(
+        loop, lengths, nearest_place(loop, lengths, corner) + lengths[-1] * np.arange(count) / count
+    )
 
 
-@array_kernel
-def _points_at(loop: Floats, lengths: Floats, places: Floats) -> Floats:
+def points_at(loop: Floats, lengths: Floats, places: Floats) -> Floats:
     """Return the points of a loop (n, k) at some lengths (m,) along it, (m, k)."""
-    n = len(loop)
-    result = np.empty((len(places), loop.shape[1]))
-    for j in range(len(places)):
-        i = min(count_up_to(lengths, places[j]) - 1, n - 1)
-        after = i + 1 if i + 1 < n else 0
-        share = (places[j] - lengths[i]) / (lengths[i + 1] - lengths[i])
-        for axis in range(loop.shape[1]):
-            result[j, axis] = (1.0 - share) * loop[i, axis] + share * loop[after, axis]
-    return result
+    along, closed = places % lengths[-1], np.vstack([loop, loop[:1]])
+    return np.column_stack([np.interp(along, lengths, column) for column in closed.T])
 
 
-@kernel
 def nearest_place(loop: Floats, lengths: Floats, target: Floats) -> float:
     """Return the length along a loop (n, k) at which it is nearest to a point (k,)."""
-    n, first, least = len(loop), 0.0, np.inf
-    for i in range(n):
-        after = i + 1 if i + 1 < n else 0
-        along, square = 0.0, 0.0
-        for axis in range(loop.shape[1]):
-            step = loop[after, axis] - loop[i, axis]
-            along += (target[axis] - loop[i, axis]) * step
-            square += step * step
-        share = min(max(along / square, 0.0), 1.0)
-        distance = 0.0
-        for axis in range(loop.shape[1]):
-            place = loop[i, axis] + share * (loop[after, axis] - loop[i, axis])
-            distance += (place - target[axis]) ** 2
-        if distance < least:
-            least = distance
-            first = lengths[i] + share * (lengths[i + 1] - lengths[i])
-    return first
+    steps = np.roll(loop, -1, axis=0) - loop
+    squares = np.maximum((steps**2).sum(axis=1), np.finfo(float).tiny)
+    shares = (((target - loop) * steps).sum(axis=1) / squares).clip(0.0, 1.0)
+    nearest = ((loop + shares[:, None] * steps - target) ** 2).sum(axis=1).argmin()
+    return float(lengths[nearest] + shares[nearest] * (lengths[nearest + 1] - lengths[nearest]))
 
 
-@array_kernel
 def refined_loop(loop: Floats, count: int) -> Floats:
     """Return a loop with points added so that no segment is longer than the perimeter / `count`.
 
     Parts are matched to sides as exactly as vertices allow. Those that only rounding keeps apart become one.
     """
     lengths = loop_lengths(loop)
-    longest = lengths[-1] / count
-    pieces, total = np.empty(len(loop), dtype=np.int64), 0
-    for i in range(len(loop)):
-        length = lengths[i + 1] - lengths[i]
-        pieces[i] = int(np.ceil(length / longest)) if length > SHORTEST * lengths[-1] else 0
-        total += pieces[i]
-    result = np.empty((total, loop.shape[1]))
-    n = 0
-    for i in range(len(loop)):
-        after = i + 1 if i + 1 < len(loop) else 0
-        for j in range(pieces[i]):
-            share = j / pieces[i]
-            for axis in range(loop.shape[1]):
-                result[n, axis] = (1.0 - share) * loop[i, axis] + share * loop[after, axis]
-            n += 1
-    return result
+    own = np.diff(lengths)
+    pieces = np.where(own > SHORTEST * lengths[-1], np.ceil(own * count / lengths[-1]), 0.0).astype(np.int64)
+    segment = np.repeat(np.arange(len(loop)), pieces)
+    number = np.arange(len(segment)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    share = (number / pieces[segment])[:, None]
+    refined: Floats = (1.0 - share) * loop[segment] + share * np.roll(loop, -1, axis=0)[segment]
+    return refined
 
 
-@array_kernel
 def cornered_loop(loop: Floats, target: Floats, width: float, depth: float) -> Floats:
     """Return a loop (n, k) that starts where it is nearest to a point (k,), with vertices for all corners.
 
@@ -288,28 +217,14 @@ def cornered_loop(loop: Floats, target: Floats, width: float, depth: float) -> F
     beside make way. With the next ones instead, neighbouring slices would differ.
     """
     lengths = loop_lengths(loop)
-    n, perimeter = len(loop), lengths[-1]
-    first = nearest_place(loop, lengths, target)
-    around = 2.0 * (width + depth)
-    places, count = np.empty(n + 4), 4
-    places[0], places[1] = 0.0, perimeter * (width / around)
-    places[2], places[3] = (
-        perimeter * ((width + depth) / around),
-        perimeter * ((2.0 * width + depth) / around),
+    perimeter, first = lengths[-1], nearest_place(loop, lengths, target)
+    corners = perimeter * (
+        np.array([0.0, width, width + depth, 2.0 * width + depth]) / (2.0 * (width + depth))
     )
-    for i in range(n):
-        place = (lengths[i] - first) % perimeter
-        free = True
-        for corner in range(4):
-            apart = abs(place - places[corner])
-            free = free and min(apart, perimeter - apart) > CLOSEST * perimeter
-        if free:
-            places[count] = place
-            count += 1
-    order, ascending = stable_order(places[:count]), np.empty(count)
-    for i in range(count):
-        ascending[i] = (first + places[order[i]]) % perimeter
-    return _points_at(loop, lengths, ascending)
+    places = (lengths[:-1] - first) % perimeter
+    apart = np.abs(places[:, None] - corners)
+    free = np.minimum(apart, perimeter - apart).min(axis=1) > CLOSEST * perimeter
+    return points_at(loop, lengths, first + np.sort(np.concatenate([corners, places[free]])))
 
 
 def rolled_loop(loop: Floats, target: Floats) -> Floats:
@@ -317,7 +232,6 @@ def rolled_loop(loop: Floats, target: Floats) -> Floats:
     return np.roll(loop, -int(((loop - target) ** 2).sum(axis=1).argmin()), axis=0)
 
 
-@array_kernel
 def split_chain(lengths: Floats, width: float, depth: float) -> tuple[Ints, float]:
     """Split a chain of vertices into four parts, one for each side of the rectangle, at the least error.
 
@@ -340,59 +254,28 @@ def split_chain(lengths: Floats, width: float, depth: float) -> tuple[Ints, floa
     error : float
         The least error [mm^2].
     """
-    n = len(lengths) - 1
-    scaled, scale = np.empty(n + 1), 2.0 * (width + depth) / lengths[n]
-    for i in range(n + 1):
-        scaled[i] = lengths[i] * scale
-    splits = np.empty(5, dtype=np.int64)
-    splits[0], splits[1], splits[2], splits[3], splits[4] = 0, 1, 2, 3, n
-    least = np.inf
-    for middle in range(2, n - 1):
-        far = scaled[middle]
-        i = _nearest(scaled, 0.5 * (width + far - depth), 1, middle - 1)
-        j = _nearest(scaled, 0.5 * (width + far - depth + scaled[n]), middle + 1, n - 1)
-        error = (
-            (width - scaled[i]) ** 2
-            + (depth - (far - scaled[i])) ** 2
-            + (width - (scaled[j] - far)) ** 2
-            + (depth - (scaled[n] - scaled[j])) ** 2
-        )
-        if error < least:
-            least = error
-            splits[1], splits[2], splits[3] = i, middle, j
-    return splits, least
+    n, scaled = len(lengths) - 1, lengths * (2.0 * (width + depth) / lengths[-1])
+    middle = np.arange(2, n - 1)
+    far = scaled[middle]
+    one = _nearest(scaled, 0.5 * (width + far - depth), 1, middle - 1)
+    three = _nearest(scaled, 0.5 * (width + far - depth + scaled[n]), middle + 1, n - 1)
+    errors = (width - scaled[one]) ** 2 + (depth - (far - scaled[one])) ** 2
+    errors += (width - (scaled[three] - far)) ** 2 + (depth - (scaled[n] - scaled[three])) ** 2
+    best = errors.argmin()
+    return np.array([0, one[best], middle[best], three[best], n]), float(errors[best])
 
 
-@array_kernel
-def _nearest(ascending: Floats, value: float, first: int, last: int) -> int:
-    """Return the index from `first` to `last` at which an ascending array is nearest to a value."""
-    low, high = first, last
-    while low < high:
-        middle = (low + high) // 2
-        if ascending[middle] < value:
-            low = middle + 1
-        else:
-            high = middle
-    if low > first and value - ascending[low - 1] <= abs(ascending[low] - value):
-        return low - 1
-    return low
+def _nearest(ascending: Floats, values: Floats, first: Ints | int, last: Ints | int) -> Ints:
+    """Return the indices from `first` to `last` at which an ascending array is nearest to some values."""
+    after = np.searchsorted(ascending, values).clip(first, last)
+    before = np.maximum(after - 1, first)
+    return np.where(values - ascending[before] <= np.abs(ascending[after] - values), before, after)
 
 
-@array_kernel
 def subdivided_rectangle(lengths: Floats, splits: Ints, width: float, depth: float) -> Floats:
     """Return a vertex of the rectangle's boundary for every vertex of a chain, (n, 2).
 
     The sides are subdivided in the ratios of the segments that :func:`split_chain` gave them.
     """
-    corners = np.zeros((5, 2))
-    corners[1, 0], corners[2, 0] = width, width
-    corners[2, 1], corners[3, 1] = depth, depth
-    result = np.empty((len(lengths) - 1, 2))
-    for side in range(4):
-        first, last = splits[side], splits[side + 1]
-        length = lengths[last] - lengths[first]
-        for i in range(first, last):
-            share = (lengths[i] - lengths[first]) / length if length > 0.0 else 0.0
-            for axis in range(2):
-                result[i, axis] = (1.0 - share) * corners[side, axis] + share * corners[side + 1, axis]
-    return result
+    corners = ((0.0, width, width, 0.0, 0.0), (0.0, 0.0, depth, depth, 0.0))
+    return np.column_stack([np.interp(lengths[:-1], lengths[splits], places) for places in corners])

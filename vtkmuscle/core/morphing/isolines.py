@@ -15,11 +15,11 @@ from hashlib import blake2b
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import array_kernel
-from vtkmuscle.core.mesh.harmonic import harmonic_extension
+from vtkmuscle.core.mesh.harmonic import harmonic_extension, triangle_gradients
 from vtkmuscle.core.mesh.inside import points_inside
+from vtkmuscle.core.mesh.normals import perpendiculars, triangle_normals
+from vtkmuscle.core.mesh.surface import faces_between
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
-from vtkmuscle.core.morphing.attached_area import AttachedArea
 from vtkmuscle.core.morphing.correspondence import (
     N_PLACES,
     cyclic_products,
@@ -153,8 +153,8 @@ def morph_by_isolines(
     at_origin, at_insertion = fractions <= SAME_HEIGHT, fractions >= 1.0 - SAME_HEIGHT
     between = result[~(at_origin | at_insertion)]
     n_outside = int((~points_inside(between, course.tree)).sum())
-    for area, ends in zip(course.areas, (at_origin, at_insertion), strict=True):
-        result[ends] = area.nearest(result[ends])
+    for value, ends in ((0.0, at_origin), (1.0, at_insertion)):
+        result[ends] = course.onto_area(value, result[ends])
     return Morph(box.positions(result), n_outside, found.split_error, course.share, 0.0, mapped.twist)
 
 
@@ -186,15 +186,13 @@ class _Course:
         """Of the muscle."""
         return triangle_tree(self.surface.points, self.surface.triangles)
 
-    @cached_property
-    def areas(self) -> tuple[AttachedArea, AttachedArea]:
-        """Return the origin's and the insertion's area."""
-        surface = self.surface
-        origin, insertion = (
-            AttachedArea(surface.points, surface.triangles, np.flatnonzero(self.field == value))
-            for value in (0.0, 1.0)
-        )
-        return origin, insertion
+    def onto_area(self, value: float, ends: Floats) -> Floats:
+        """Return the places nearest to points (j, 3) on the area where the function has a value [mm]."""
+        area = np.flatnonzero(self.field == value)
+        faces = faces_between(self.surface.triangles, area)
+        if not len(faces):
+            faces = np.repeat(area[:, None], 3, axis=1)
+        return triangle_tree(self.surface.points, faces).nearest(ends)[1]
 
 
 def _course(surface: ClosedSurface, field: Floats) -> _Course:
@@ -267,31 +265,20 @@ def way_of_values(points: Floats, triangles: Ints, field: Floats) -> tuple[Float
     return np.linspace(0.0, 1.0, N_CLASSES + 1), np.append(0.0, np.cumsum(steps)) / N_CLASSES
 
 
-@array_kernel
 def _per_class(points: Floats, triangles: Ints, field: Floats) -> tuple[Floats, Floats]:
     """Return the area in each class of values, and the integral of the gradient's size over it."""
-    areas, slopes = np.zeros(N_CLASSES), np.zeros(N_CLASSES)
-    for t in range(len(triangles)):
-        a, b, c = triangles[t]
-        low, high = min(field[a], field[b], field[c]), max(field[a], field[b], field[c])
-        if not high > low:
-            continue
-        ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-        vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
-        uu, uv, vv = ux * ux + uy * uy + uz * uz, ux * vx + uy * vy + uz * vz, vx * vx + vy * vy + vz * vz
-        square = uu * vv - uv * uv
-        if not square > 1e-24 * uu * vv:
-            continue
-        du, dv = field[b] - field[a], field[c] - field[a]
-        # |grad f|^2 A^2 4 = du^2 vv - 2 du dv uv + dv^2 uu
-        slope = 0.5 * np.sqrt(max(du * du * vv - 2.0 * du * dv * uv + dv * dv * uu, 0.0))
-        area = 0.5 * np.sqrt(square)
-        first, last = int(low * N_CLASSES), min(int(high * N_CLASSES), N_CLASSES - 1)
-        for k in range(first, last + 1):
-            share = (min(high, (k + 1) / N_CLASSES) - max(low, k / N_CLASSES)) / (high - low)
-            areas[k] += share * area
-            slopes[k] += share * slope
-    return areas, slopes
+    areas = np.linalg.norm(triangle_normals(points, triangles), axis=1) / 2.0
+    slopes = areas * np.linalg.norm(triangle_gradients(points, triangles, field), axis=1)
+    low, high = field[triangles].min(axis=1), field[triangles].max(axis=1)
+    first = (low * N_CLASSES).astype(np.int64)
+    counts = np.where(
+        slopes > 0.0, np.minimum((high * N_CLASSES).astype(np.int64), N_CLASSES - 1) - first + 1, 0
+    )
+    t = np.repeat(np.arange(len(triangles)), counts)
+    k = first[t] + np.arange(len(t)) - np.repeat(np.cumsum(counts) - counts, counts)
+    shares = (np.minimum(high[t], (k + 1) / N_CLASSES) - np.maximum(low[t], k / N_CLASSES)) / (high - low)[t]
+    of_areas, of_slopes = (np.bincount(k, shares * sizes[t], N_CLASSES) for sizes in (areas, slopes))
+    return of_areas.astype(np.float64), of_slopes.astype(np.float64)
 
 
 def _strictly(levels: Floats) -> Floats:
@@ -338,24 +325,8 @@ def _distances_from_rectangle(sides: Floats, areas: Floats) -> Callable[[Floats,
     return costs
 
 
-@array_kernel
 def _view_along(area: Floats) -> Floats:
-    """Return the rows of a rotation whose third one is the direction of a vector (3,)."""
-    length = np.sqrt(area[0] ** 2 + area[1] ** 2 + area[2] ** 2)
-    rows, least = np.zeros((3, 3)), 0
-    rows[2, 2] = 1.0
-    for axis in range(3):
-        if length > 0.0:
-            rows[2, axis] = area[axis] / length
-        if abs(rows[2, axis]) < abs(rows[2, least]):
-            least = axis
-    # Across the axis that it has least of.
-    after, last = (least + 1) % 3, (least + 2) % 3
-    rows[0, after], rows[0, last] = -rows[2, last], rows[2, after]
-    length = np.sqrt(rows[0, 0] ** 2 + rows[0, 1] ** 2 + rows[0, 2] ** 2)
-    for axis in range(3):
-        rows[0, axis] /= length
-    for axis in range(3):
-        one, two = (axis + 1) % 3, (axis + 2) % 3
-        rows[1, axis] = rows[2, one] * rows[0, two] - rows[2, two] * rows[0, one]
-    return rows
+    """Return the frame, in rows, whose third axis is that of a vector area (3,), z for none."""
+    length = float(np.linalg.norm(area))
+    axis = area / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
+    return np.array([*perpendiculars(axis), axis])

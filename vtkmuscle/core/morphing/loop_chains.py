@@ -5,28 +5,23 @@ from __future__ import annotations
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.jit import array_kernel
 from vtkmuscle.core.morphing.sections import Sections, united
 from vtkmuscle.core.types import Floats, Ints
 
 
-@array_kernel
 def loop_areas(points: Floats, loop_offsets: Ints) -> Floats:
     """Return the vector area of each loop, (k, 3): half the sum of the cross products of its edges.
 
     For a flat loop its length is the area, and it points to where the loop runs counterclockwise.
     """
-    result = np.zeros((len(loop_offsets) - 1, 3))
-    for loop in range(len(result)):
-        first, last = loop_offsets[loop], loop_offsets[loop + 1] - 1
-        x, y, z = points[last]
-        for i in range(first, last - 1):
-            ax, ay, az = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
-            bx, by, bz = points[i + 1, 0] - x, points[i + 1, 1] - y, points[i + 1, 2] - z
-            result[loop, 0] += 0.5 * (ay * bz - az * by)
-            result[loop, 1] += 0.5 * (az * bx - ax * bz)
-            result[loop, 2] += 0.5 * (ax * by - ay * bx)
-    return result
+    if len(loop_offsets) == 1:
+        return np.empty((0, 3))
+    firsts, lasts = loop_offsets[:-1], loop_offsets[1:] - 1
+    about = points - np.repeat(points[lasts], lasts + 1 - firsts, axis=0)
+    after = np.roll(about, -1, axis=0)
+    after[lasts] = 0.0
+    areas: Floats = np.add.reduceat(np.cross(about, after), firsts) / 2.0
+    return areas
 
 
 def main_loops(sections: Sections, levels: Floats, sizes: Floats, chosen: Ints | None = None) -> Ints:
@@ -64,7 +59,7 @@ def main_loops(sections: Sections, levels: Floats, sizes: Floats, chosen: Ints |
         below, above = united(below, above, np.flatnonzero(~np.isin(level_of, chosen)))
         levels, firsts, ends = levels[chosen], firsts[chosen], ends[chosen]
     thickness = np.gradient(levels) if len(levels) > 1 else np.ones(1)
-    chain: Ints = _largest_chain(np.ascontiguousarray(sizes), firsts, ends, below, above, thickness)
+    chain: Ints = _largest_chain(sizes, firsts, ends, below, above, thickness)
     if (chain < 0).all():
         raise InputError(
             "", "no section of the muscle through the template has an inside", "fit the template first"
@@ -72,29 +67,24 @@ def main_loops(sections: Sections, levels: Floats, sizes: Floats, chosen: Ints |
     return chain
 
 
-@array_kernel
 def _largest_chain(
     sizes: Floats, firsts: Ints, ends: Ints, below: Ints, above: Ints, thickness: Floats
 ) -> Ints:
-    """Return the chain of loops that encloses the largest volume, by dynamic programming."""
-    n_loops = len(sizes)
-    best = np.zeros(n_loops)
-    previous = np.full(n_loops, -1, dtype=np.int64)
+    """Return the loop of each level in the largest chain of loops that continue each other."""
+    best, previous = np.zeros(len(sizes)), np.full(len(sizes), -1)
     chain = np.full(len(thickness), -1, dtype=np.int64)
-    end, end_level = -1, -1
-    for level in range(len(thickness)):
-        for loop in range(firsts[level], ends[level]):
+    levels = [range(*span) for span in zip(firsts.tolist(), ends.tolist(), strict=True)]
+    for level, loops in enumerate(levels):
+        for loop in loops:
             if sizes[loop] <= 0.0:
                 continue
-            if level > 0:
-                for other in range(firsts[level - 1], ends[level - 1]):
-                    if above[other] == below[loop] and best[other] > best[loop]:
-                        best[loop] = best[other]
-                        previous[loop] = other
+            for other in levels[level - 1] if level else ():
+                if above[other] == below[loop] and best[other] > best[loop]:
+                    best[loop], previous[loop] = best[other], other
             best[loop] += sizes[loop] * thickness[level]
-            if end < 0 or best[loop] > best[end]:
-                end, end_level = loop, level
+    end = int(best.argmax()) if best.any() else -1
+    level = next((number for number, loops in enumerate(levels) if end in loops), -1)
     while end >= 0:
-        chain[end_level] = end
-        end, end_level = previous[end], end_level - 1
+        chain[level] = end
+        end, level = int(previous[end]), level - 1
     return chain

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from vtkmuscle.core.jit import kernel
 from vtkmuscle.core.types import Floats
 
 
-@kernel
-def mean_value_weights(polygon: Floats, x: float, y: float, weights: Floats) -> None:
-    """Compute the mean value coordinates of one point.
+def mean_value_weights(polygon: Floats, points: Floats) -> Floats:
+    """Return the mean value coordinates of points in a polygon, (m, n).
 
     w_i = (tan(a_{i-1} / 2) + tan(a_i / 2)) / r_i, divided by their sum, where r_i is the distance from the
     point to vertex i and a_i the signed angle under which it sees the edge from vertex i to the next.
@@ -25,38 +23,30 @@ def mean_value_weights(polygon: Floats, x: float, y: float, weights: Floats) -> 
     ----------
     polygon : (n, 2) array
         Vertices in order, convex or not, n >= 3; equal neighbours are allowed.
-    x, y : float
-        The point, anywhere.
-    weights : (n,) array
-        Receives the coordinates: their sum is 1, and sum w_i p_i is the point.
+    points : (m, 2) array
+        Points of the plane.
+
+    Returns
+    -------
+    (m, n) array
+        Rows of sum 1; their products with the vertices are the points.
     """
-    n = len(polygon)
-    weights[:] = 0.0
-    bx, by = polygon[n - 1, 0] - x, polygon[n - 1, 1] - y
-    b_length = np.sqrt(bx * bx + by * by)
-    total = 0.0
-    for i in range(n):
-        before = n - 1 if i == 0 else i - 1
-        ax, ay, a_length = bx, by, b_length
-        bx, by = polygon[i, 0] - x, polygon[i, 1] - y
-        b_length = np.sqrt(bx * bx + by * by)
-        if b_length == 0.0:
-            weights[:] = 0.0
-            weights[i] = 1.0
-            return
-        sine, cosine = ax * by - ay * bx, ax * bx + ay * by
-        product = a_length * b_length
-        if cosine >= 0.0:
-            tangent = sine / (product + cosine)
-        elif abs(sine) > 1e-15 * product:
-            tangent = (product - cosine) / sine
-        else:
-            weights[:] = 0.0
-            weights[before] = b_length / (a_length + b_length)
-            weights[i] = a_length / (a_length + b_length)
-            return
-        weights[before] += tangent / a_length
-        weights[i] += tangent / b_length
-        total += tangent / a_length + tangent / b_length
-    for i in range(n):
-        weights[i] /= total
+    a = polygon - points[:, None]
+    b = np.roll(a, -1, axis=1)
+    lengths = np.sqrt((a * a).sum(axis=2))
+    products = lengths * np.roll(lengths, -1, axis=1)
+    sines, cosines = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], (a * b).sum(axis=2)
+    with np.errstate(divide="ignore", invalid="ignore"):  # on the polygon: replaced below
+        tangents = np.where(cosines >= 0.0, sines / (products + cosines), (products - cosines) / sines)
+        weights: Floats = (np.roll(tangents, 1, axis=1) + tangents) / lengths
+        weights /= weights.sum(axis=1, keepdims=True)
+    on_edge = (cosines < 0.0) & (np.abs(sines) <= 1e-15 * products)
+    for row in np.flatnonzero(on_edge.any(axis=1) | (lengths == 0.0).any(axis=1)):
+        weights[row] = 0.0
+        if lengths[row].min() == 0.0:
+            weights[row, lengths[row].argmin()] = 1.0
+            continue
+        start = int(on_edge[row].argmax())
+        ends = [start, (start + 1) % len(polygon)]
+        weights[row, ends] = lengths[row, ends[::-1]] / lengths[row, ends].sum()
+    return weights

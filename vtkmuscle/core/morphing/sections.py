@@ -11,9 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.mesh.bins import count_up_to
-from vtkmuscle.core.mesh.surface import point_components, signed_volume
+from vtkmuscle.core.jit import array_kernel
+from vtkmuscle.core.mesh.surface import point_components, signed_volume, sorted_into_bins
 from vtkmuscle.core.types import Floats, Ints
 
 
@@ -100,9 +99,8 @@ def cut_surface(surface: ClosedSurface, values: Floats, levels: Floats) -> Secti
         Loops of at least three different points; smaller ones, at isolated extrema, are left out.
     """
     points, triangles = surface.points, surface.triangles
-    slabs = _slabs(levels, values)
-    crossings, rising, starts = _rising(triangles, slabs, len(levels))
-    crossed = _crossed_by(triangles, slabs, rising, starts)
+    slabs = np.searchsorted(levels, values, side="right")
+    rising, crossings, crossed, starts = _rising(triangles, slabs, len(levels))
     cut, loop_offsets, level_offsets, loop_of = _traced(
         points, triangles, surface.opposite, values, levels, slabs, crossings, crossed, starts
     )
@@ -126,76 +124,27 @@ def _turned(triangles: Ints, opposite: Ints) -> tuple[Ints, Ints]:
     return np.ascontiguousarray(triangles[:, ::-1]), halves - side + np.array([1, 0, 2])[side]
 
 
-@array_kernel
-def _slabs(levels: Floats, values: Floats) -> Ints:
-    """Return how many levels each value is above, or at: the number of the slab it is in."""
-    slabs = np.empty(len(values), dtype=np.int64)
-    last = 0
-    for i in range(len(values)):
-        value = values[i]
-        # Neighbours are often in one slab, or in the next one.
-        if last < len(levels) and levels[last] <= value:
-            last += 1
-        elif last > 0 and levels[last - 1] > value:
-            last -= 1
-        if (last < len(levels) and levels[last] <= value) or (last > 0 and levels[last - 1] > value):
-            last = count_up_to(levels, value)
-        slabs[i] = last
-    return slabs
-
-
-@array_kernel
-def _rising(triangles: Ints, slabs: Ints, n_levels: int) -> tuple[Ints, Ints, Ints]:
-    """Return what is crossed on the way up.
-
-    A half-edge from slab i to slab j > i crosses the levels i, i + 1, ... j - 1.
+def _rising(triangles: Ints, slabs: Ints, n_levels: int) -> tuple[Ints, Ints, Ints, Ints]:
+    """Return half-edges that go up through levels, and which crosses a level where.
 
     Returns
     -------
+    rising : (r,) int array
+        Half-edges.
     crossings : (3 m,) int array
-        Number of the first crossing of each half-edge that rises; of others nothing.
-    rising : (k,) int array
-        The half-edges that rise.
-    starts : (n_levels + 1,) int array
-        How many crossings the levels below each one have.
+        Number of the first crossing of each of these; those of a half-edge follow each other upwards.
+    crossed, starts : int arrays
+        The half-edges that cross level i are ``crossed[starts[i] : starts[i + 1]]``.
     """
-    corners = triangles.reshape(-1)
-    crossings = np.empty(len(corners), dtype=np.int64)
-    rising = np.empty(len(corners), dtype=np.int64)
-    changes = np.zeros(n_levels + 2, dtype=np.int64)
-    n_rising, n_crossings = 0, 0
-    for t in range(len(triangles)):
-        a, b, c = slabs[triangles[t, 0]], slabs[triangles[t, 1]], slabs[triangles[t, 2]]
-        if a == b == c:
-            continue
-        for side, low, high in ((0, a, b), (1, b, c), (2, c, a)):
-            if high > low:
-                crossings[3 * t + side] = n_crossings
-                rising[n_rising] = 3 * t + side
-                n_rising += 1
-                n_crossings += high - low
-                changes[low] += 1
-                changes[high] -= 1
-    starts = np.zeros(n_levels + 1, dtype=np.int64)
-    in_level = 0
-    for level in range(n_levels):
-        in_level += changes[level]
-        starts[level + 1] = starts[level] + in_level
-    return crossings, rising[:n_rising].copy(), starts
-
-
-@array_kernel
-def _crossed_by(triangles: Ints, slabs: Ints, rising: Ints, starts: Ints) -> Ints:
-    """Return the half-edges that cross each level upwards, those of level i from starts[i] on."""
-    corners = triangles.reshape(-1)
-    filled = starts.copy()
-    crossed = np.empty(starts[-1], dtype=np.int64)
-    for half_edge in rising:
-        end = corners[half_edge - 2 if half_edge % 3 == 2 else half_edge + 1]
-        for level in range(slabs[corners[half_edge]], slabs[end]):
-            crossed[filled[level]] = half_edge
-            filled[level] += 1
-    return crossed
+    low = slabs[triangles]
+    rises = (np.roll(low, -1, axis=1) - low).reshape(-1)
+    rising = np.flatnonzero(rises > 0)
+    counts, crossings = rises[rising], np.zeros(len(rises), dtype=np.int64)
+    crossings[rising] = np.cumsum(counts) - counts
+    half_edges = np.repeat(rising, counts)
+    levels = low.reshape(-1)[half_edges] + np.arange(len(half_edges)) - crossings[half_edges]
+    order, starts = sorted_into_bins(levels, n_levels)
+    return rising, crossings, half_edges[order], starts
 
 
 @array_kernel
@@ -263,40 +212,22 @@ def _traced(
     return cut[:n_cut].copy(), loop_offsets[: n_loops + 1].copy(), level_offsets, loop_of
 
 
-@array_kernel
 def _parts(
     triangles: Ints, slabs: Ints, crossings: Ints, rising: Ints, loop_of: Ints, n_points: int, n_loops: int
 ) -> Ints:
-    """Return the part of each point, of each loop's lower side and of each loop's upper side.
-
-    Union and find along every edge within a slab, and from loop to loop along every half-edge that rises.
-    """
+    """Return the connected part of each vertex, each loop's lower and each loop's upper side, (v + 2 k,)."""
+    after = np.roll(triangles, -1, axis=1).reshape(-1)
     corners = triangles.reshape(-1)
-    parent = np.empty(n_points + 2 * n_loops, dtype=np.int64)
-    for node in range(len(parent)):
-        parent[node] = node
-    for t in range(len(triangles)):
-        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        # Each edge once: its other triangle has it the other way round.
-        if a < b and slabs[a] == slabs[b]:
-            _unite(parent, a, b)
-        if b < c and slabs[b] == slabs[c]:
-            _unite(parent, b, c)
-        if c < a and slabs[c] == slabs[a]:
-            _unite(parent, c, a)
-    for half_edge in rising:
-        node = corners[half_edge]
-        end = corners[half_edge - 2 if half_edge % 3 == 2 else half_edge + 1]
-        first = crossings[half_edge]
-        for crossing in range(first, first + slabs[end] - slabs[node]):
-            loop = loop_of[crossing]
-            if loop >= 0:
-                _unite(parent, node, n_points + loop)
-                node = n_points + n_loops + loop
-        _unite(parent, node, end)
-    for node in range(len(parent)):
-        parent[node] = _root(parent, node)
-    return parent
+    level = slabs[corners] == slabs[after]
+    # Along a rising half-edge: from its lower end to the lower side of the first loop, from its upper side
+    # to the lower side of the next, and so on.
+    kept = np.append(0, np.cumsum(loop_of >= 0))
+    loops, first = loop_of[loop_of >= 0] + n_points, crossings[rising]
+    begins, ends = kept[first], kept[first + slabs[after[rising]] - slabs[corners[rising]]]
+    up = np.insert(loops + n_loops, begins, corners[rising]), np.insert(loops, ends, after[rising])
+    flat = corners[level], after[level]
+    edges = np.column_stack([np.concatenate(pair) for pair in zip(flat, up, strict=True)])
+    return point_components(n_points + 2 * n_loops, edges)
 
 
 def united(below: Ints, above: Ints, ignored: Ints) -> tuple[Ints, Ints]:
@@ -319,22 +250,3 @@ def united(below: Ints, above: Ints, ignored: Ints) -> tuple[Ints, Ints]:
     sets = point_components(len(sides), np.column_stack((one[ignored], other[ignored])))
     lowest = sides[np.unique(sets, return_index=True)[1][sets]]
     return lowest[one], lowest[other]
-
-
-@kernel
-def _root(parent: Ints, node: int) -> int:
-    """Return the root of a node, and shorten the way to it by halves."""
-    while parent[node] != node:
-        parent[node] = parent[parent[node]]
-        node = parent[node]
-    return node
-
-
-@kernel
-def _unite(parent: Ints, a: int, b: int) -> None:
-    """Join the sets of two nodes; the lower root stays, so that the result has no order of calls in it."""
-    first, second = _root(parent, a), _root(parent, b)
-    if first < second:
-        parent[second] = first
-    else:
-        parent[first] = second

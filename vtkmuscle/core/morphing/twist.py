@@ -20,7 +20,13 @@ from scipy.spatial import cKDTree
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import unit_vectors
 from vtkmuscle.core.mesh.segments import segments
-from vtkmuscle.core.morphing.correspondence import N_PLACES, loop_lengths, nearest_place, sampled_loop
+from vtkmuscle.core.morphing.correspondence import (
+    N_PLACES,
+    loop_lengths,
+    nearest_place,
+    points_at,
+    sampled_loop,
+)
 from vtkmuscle.core.morphing.superficial import SeenFibres, angle_between, root_mean_square
 from vtkmuscle.core.types import Floats, Ints
 
@@ -142,9 +148,7 @@ def turned_starts(loops: Sequence[Floats], starts: Floats, fractions: Floats, tw
     for i, (loop, start, fraction) in enumerate(zip(loops, starts, fractions, strict=True)):
         lengths = loop_lengths(loop)
         place = nearest_place(loop, lengths, start) + twist / 360.0 * (fraction - 0.5) * lengths[-1]
-        closed = np.vstack([loop, loop[:1]])
-        along = place % lengths[-1]
-        result[i] = [np.interp(along, lengths, column) for column in closed.T]
+        result[i] = points_at(loop, lengths, np.array([place]))[0]
     return result
 
 

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.mesh.ring_rotations import nearest_rotation
 from vtkmuscle.core.motion.rigid import inverse
 from vtkmuscle.core.types import Floats
 
@@ -41,7 +37,7 @@ def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats
     (n, 3) array
         Moved positions [mm].
     """
-    real = np.array([_quaternion(transform) for transform in transforms])
+    real = Rotation.from_matrix(transforms[:, :3, :3].copy()).as_quat()
     # q and -q are the same rotation: take the one that is nearer to the first, to blend the short way.
     real[real @ real[0] < 0.0] *= -1.0
     shift = transforms[:, :3, 3]
@@ -49,60 +45,14 @@ def blend_motions(transforms: Floats, weights: Floats, points: Floats) -> Floats
     dual[:, :3] = 0.5 * (real[:, 3:] * shift + np.cross(shift, real[:, :3]))
     dual[:, 3] = -0.5 * np.einsum("ij,ij->i", shift, real[:, :3])
 
-    moved = np.empty_like(points)
-    _move(np.ascontiguousarray(weights), real, dual, np.ascontiguousarray(points), moved)
+    real, dual = weights @ real, weights @ dual
+    norms = np.maximum(np.linalg.norm(real, axis=1, keepdims=True), EPSILON)
+    v, w = np.split(real / norms, [3], axis=1)
+    d, e = np.split(dual / norms, [3], axis=1)
+    # v x p + w p, then v x that: the turn; w d - e v + v x d: the shift.
+    across = np.cross(v, points) + w * points
+    moved: Floats = points + 2.0 * (np.cross(v, across + d) + w * d - e * v)
     return moved
-
-
-@array_kernel
-def _quaternion(transform: Floats) -> Floats:
-    """Return the quaternion (x, y, z, w) of the rotation nearest to a transform's, by its greatest component.
-
-    Shepperd 1978, *Quaternion from rotation matrix*, doi:10.2514/3.55767b.
-    """
-    r = transform[:3, :3].copy()
-    nearest_rotation(r, np.empty((6, 3)))  # motions from tables are rigid to a few digits only
-    trace = r[0, 0] + r[1, 1] + r[2, 2]
-    q = np.array([r[0, 0], r[1, 1], r[2, 2], trace])
-    i = q.argmax()
-    if i == 3:
-        q[0], q[1], q[2], q[3] = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], 1.0 + trace
-    else:
-        j, k = (i + 1) % 3, (i + 2) % 3
-        q[i] = 1.0 - trace + 2.0 * r[i, i]
-        q[j], q[k], q[3] = r[j, i] + r[i, j], r[k, i] + r[i, k], r[k, j] - r[j, k]
-    unit: Floats = q / np.sqrt((q * q).sum())
-    return unit
-
-
-@kernel
-def _move(weights: Floats, real: Floats, dual: Floats, points: Floats, moved: Floats) -> None:
-    """Move points (n, 3) by dual quaternions (x, y, z, w), (b, 4) each, blended by weights (n, b)."""
-    for i in range(len(points)):
-        x, y, z, w, dx, dy, dz, dw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for b in range(len(real)):
-            part = weights[i, b]
-            x, y, z, w = (
-                x + part * real[b, 0],
-                y + part * real[b, 1],
-                z + part * real[b, 2],
-                w + part * real[b, 3],
-            )
-            dx, dy, dz, dw = (
-                dx + part * dual[b, 0],
-                dy + part * dual[b, 1],
-                dz + part * dual[b, 2],
-                dw + part * dual[b, 3],
-            )
-        norm = max(math.sqrt(x * x + y * y + z * z + w * w), EPSILON)
-        x, y, z, w = x / norm, y / norm, z / norm, w / norm
-        dx, dy, dz, dw = dx / norm, dy / norm, dz / norm, dw / norm
-        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
-        # v x p + w p, then v x that: the turn; w d - d_w v + v x d: the shift.
-        cx, cy, cz = y * pz - z * py + w * px, z * px - x * pz + w * py, x * py - y * px + w * pz
-        moved[i, 0] = px + 2.0 * (y * cz - z * cy + w * dx - dw * x + y * dz - z * dy)
-        moved[i, 1] = py + 2.0 * (z * cx - x * cz + w * dy - dw * y + z * dx - x * dz)
-        moved[i, 2] = pz + 2.0 * (x * cy - y * cx + w * dz - dw * z + x * dy - y * dx)
 
 
 def screw_between(start: Floats, end: Floats, fraction: float) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from vtkmuscle.core.jit import array_kernel, kernel
-from vtkmuscle.core.mesh.ring_rotations import nearest_rotation
+from vtkmuscle.core.motion.nearest_rotation import nearest_rotation
 from vtkmuscle.core.paths.sheet import MusclePaths, PathState
 from vtkmuscle.core.paths.tissue import directions_along
 from vtkmuscle.core.types import Floats, Ints
@@ -280,7 +280,7 @@ def _frames(
     1987, doi:10.1109/TPAMI.1987.4767965), and a little the bones' turn.
     """
     f, n, _ = rest.shape
-    r, work, means = np.empty((3, 3)), np.empty((6, 3)), np.empty((2, 3))
+    r, work, means = np.empty((3, 3)), np.empty((8, 4)), np.empty((2, 3))
     for a in range(f):
         along = stretch[a]
         across = 1.0 / np.sqrt(along)

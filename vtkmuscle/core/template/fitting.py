@@ -16,6 +16,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.distance import cdist
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.normals import perpendiculars
 from vtkmuscle.core.mesh.sampling import uneven_weights
 from vtkmuscle.core.mesh.surface import extent
 from vtkmuscle.core.types import Floats
@@ -137,7 +138,7 @@ class SeenMuscle:
     def _seen(self, axis: Floats) -> View:
         heights = self.points @ axis
         bottom, top = float(heights.min()), float(heights.max())
-        first, second = _perpendicular(axis)
+        first, second = perpendiculars(axis)
         seen = np.column_stack([self.points @ first, self.points @ second])
         if not _has_area(seen) or not top > bottom:
             raise InputError(
@@ -275,13 +276,6 @@ def fit_box(
             angle, cost = float(found.x), float(found.fun)
     at = np.array([angle])
     return Fit(transforms(at)[0], float(errors(at)[0]), angle, cost)
-
-
-def _perpendicular(axis: Floats) -> tuple[Floats, Floats]:
-    """Return two unit vectors that make a right-handed frame with the axis in third place."""
-    first = np.cross(np.eye(3)[int(np.abs(axis).argmin())], axis)
-    first /= np.linalg.norm(first)
-    return first, np.cross(axis, first)
 
 
 def _has_area(seen: Floats) -> bool:

@@ -5,12 +5,12 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from vtkmuscle.core.mesh.ring_rotations import nearest_rotation
+from vtkmuscle.core.motion.nearest_rotation import nearest_rotation
 
 
 def rotation_of(matrix):
     result = np.array(matrix, dtype=np.float64)
-    nearest_rotation(result, np.empty((6, 3)))
+    nearest_rotation(result, np.empty((8, 4)))
     return result
 
 
