@@ -37,6 +37,7 @@ from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import shown
 from vtkmuscle.data.arrays import points_of, with_points
+from vtkmuscle.io.csv_table import number_in
 from vtkmuscle.io.surfaces import read_polydata
 from vtkmuscle.io.xml_elements import Element, read_xml
 
@@ -197,16 +198,12 @@ def _node(element: Element, folder: Path) -> MsfNode:
 
 
 def _children(element: Element, holder: str, tag: str) -> list[Element]:
-    within = element.find(holder)
-    return [] if within is None else [child for child in within.children if child.tag == tag]
+    return [child for child in element.within(holder) if child.tag == tag]
 
 
 def _time(element: Element) -> float:
     text = element.attributes.get("TimeStamp", "0")
-    try:
-        time = float(text)
-    except ValueError:
-        time = np.nan
+    time = number_in(text)
     if not np.isfinite(time):
         raise element.error(f"its TimeStamp is {shown(text)}, but must be a finite number")
     return time

@@ -1,18 +1,21 @@
-"""XML of other programs, read into plain elements: no entities, no document types, every line known."""
+"""XML of other programs: read into plain elements, without entities, every line known; and made."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from xml.etree import ElementTree
 from xml.parsers import expat
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.files import MOST_TEXT, check_is_file
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import shown
+from vtkmuscle.io.csv_table import number_in
 
 #: Elements within elements, at most.
 DEEPEST = 100
@@ -108,11 +111,7 @@ class Element:
         InputError
             If there are others than that many, or what is no finite number.
         """
-        cells = self.text.replace(",", " ").split()
-        try:
-            values = np.array([float(cell) for cell in cells], dtype=np.float64)
-        except ValueError:
-            values = np.array([np.nan])
+        values = np.array([number_in(cell) for cell in self.text.replace(",", " ").split()])
         if not np.isfinite(values).all() or (count is not None and len(values) != count):
             what = "finite numbers" if count is None else f"{count} finite number{'s' * (count > 1)}"
             raise self.error(f"holds {shown(self.text.strip())}, but must hold {what}")
@@ -140,12 +139,37 @@ class Element:
             raise found.error(f"holds {shown(word)}, but must hold true or false")
         return word == "true"
 
+    def within(self, tag: str) -> list[Element]:
+        """Return what is in a child, none where there is no such child; of a set, its objects."""
+        found = self.find(tag)
+        if found is None:
+            return []
+        return list(found.objects()) if tag.endswith("Set") else found.children
+
     def objects(self) -> Iterator[Element]:
         """Give what is in a set's ``objects``."""
         self.only(("objects", "groups"))
         holder = self.find("objects")
         if holder is not None:
             yield from holder.children
+
+
+def decoded(path: Path) -> str:
+    """Return the text of a file, which is UTF-8, or Latin-1.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    InputError
+        If it is too large for a text.
+    """
+    check_is_file(path, most=MOST_TEXT)
+    data = path.read_bytes()
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
 
 
 def read_xml(path: Path) -> Element:
@@ -160,12 +184,7 @@ def read_xml(path: Path) -> Element:
     InputError
         If it is no XML of this kind; the message names the line.
     """
-    check_is_file(path, most=MOST_TEXT)
-    data = path.read_bytes()
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")
+    text = decoded(path)
     parser = expat.ParserCreate("utf-8")
     parser.buffer_text = True
     outermost = Element("", path, 0)
@@ -206,3 +225,36 @@ def read_xml(path: Path) -> Element:
     except UnicodeEncodeError as error:
         raise InputError(path, "the file is not text", "export it again") from error
     return outermost.children[0]
+
+
+def made(tag: str, *parts: ElementTree.Element | str | ArrayLike, **attributes: str) -> ElementTree.Element:
+    """Return an element to be written: in it are further elements, or a text, or numbers.
+
+    Examples
+    --------
+    >>> from xml.etree.ElementTree import tostring
+    >>> from vtkmuscle.io.xml_elements import made
+    >>> tostring(made("Point", made("place", [0.5, 1, 2]), made("on", "a < b"), name="p"), encoding="unicode")
+    '<Point name="p"><place>0.5 1.0 2.0</place><on>a &lt; b</on></Point>'
+    """
+    element = ElementTree.Element(tag, attributes)
+    for part in parts:
+        if isinstance(part, ElementTree.Element):
+            element.append(part)
+        else:
+            element.text = (
+                part if isinstance(part, str) else " ".join(map(repr, np.ravel(part).astype(float).tolist()))
+            )
+    return element
+
+
+def numbers_text(values: ArrayLike) -> str:
+    """Return numbers with all their digits, in one line."""
+    return " ".join(map(repr, np.ravel(values).astype(np.float64).tolist()))
+
+
+def xml_text(root: ElementTree.Element, *, indented: bool = True) -> str:
+    """Return the text of a file with an element; indented, each element in it has a line."""
+    if indented:
+        ElementTree.indent(root, "\t")
+    return '<?xml version="1.0" encoding="UTF-8" ?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +13,15 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.data.arrays import points_of, with_points
-from vtkmuscle.data.attachments import ROLES, AttachmentArea, attachments_from
+from vtkmuscle.data.attachments import ROLES, AttachmentArea
 from vtkmuscle.data.estimated_areas import NEAR, estimated_areas
+from vtkmuscle.io.csv_table import write_rows
 from vtkmuscle.io.writing import write_polydata, write_text
 from vtkmuscle.labels.guesses import LEFT_OUT, Guess, table_of
 from vtkmuscle.labels.joints import bodies_of, depth_of, guessed_joints
 from vtkmuscle.labels.names import side_of
 from vtkmuscle.scene.data import MILLIMETRES
+from vtkmuscle.scene.writing import write_areas
 
 #: Poses of the sweep beside the first.
 STEPS = 12
@@ -165,21 +165,14 @@ class Draft:
             add(f"joints.{name}", joint | centre)
         add("motion", {"file": "motion.sto"})
         for name, muscle in self.muscles.items():
-            blocks, areas = attachments_from(self.areas[name]), []
-            for number, area in enumerate(self.areas[name]):
-                file = f"attachments/{name}_{area.role}_{number}.vtp"
-                one = {
-                    "role": area.role,
-                    "bone": area.bone,
-                    "landmarks": written(file, blocks.GetBlock(number)),
-                }
-                areas.append({**one, "estimated": True} if area.estimated else one)
+            scaled = [
+                replace(area, landmarks=scale * np.asarray(area.landmarks)) for area in self.areas[name]
+            ]
+            areas = write_areas(out, name, scaled)
             surface = written(f"muscles/{name}.vtp", muscle)
             add(f"muscles.{name}", {"surface": surface, "attachments": areas, "fibres": FIBRES})
         text += ["\n", *(f"# {what}: {note[2:]}" for what, found in notes.items() for note in found)]
-        table = StringIO()
-        csv.writer(table, lineterminator="\n").writerows(table_of(self.guesses))
-        write_text(out / "guesses.csv", table.getvalue())
+        write_rows(out / "guesses.csv", table_of(self.guesses))
         write_text(out / "motion.sto", _sweep(self.sweep))
         write_text(out / "scene.toml", "".join(text))
         return out / "scene.toml"
