@@ -3,11 +3,17 @@
 import os
 from pathlib import Path
 
+# Each processor has a process of tests; threads of BLAS beside it would only wait for one another.
+# This is read when NumPy is imported, here and in child processes.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import numpy as np
 import pytest
 from tried import Tried
 
 REPOSITORY = Path(__file__).resolve().parents[1]
+#: What the first and the second process begin with: at the end, one would wait for the other, or share it.
+FIRST = "test_two_joint_moment_arms.py", "test_scene_run.py"
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -133,7 +139,11 @@ def pytest_addoption(parser):
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave out long measurements (-m study) and long tests (--long) unless they are asked for."""
+    """Leave out long measurements (-m study) and long tests (--long) unless asked for; begin with FIRST."""
+    first, second = ([item for item in items if item.path.name == name] for name in FIRST)
+    rest = [item for item in items if item.path.name not in FIRST]
+    half = max(0, len(items) // 2 - len(first))  # each is given half of all, and then what the other left
+    items[:] = [*first, *rest[:half], *second, *rest[half:]]
     if not config.option.long:
         for item in items:
             if item.get_closest_marker("long"):
