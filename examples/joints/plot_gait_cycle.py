@@ -27,9 +27,9 @@ scene_file = Scene.from_phantom(leg(coordinates=[(0, 0, 0)]), n_fibres=4).save(f
 
 # %%
 # The walk, in degrees: a constant, then cosine and sine of the cycle and of its double.
-cycle = np.linspace(0.0, 1.0, 21)
+cycle = np.linspace(0.0, 1.0, 41)
 turns = 2.0 * np.pi * (cycle + 0.25)  # of heel strike
-waves = [np.ones(21), np.cos(turns), np.sin(turns), np.cos(2.0 * turns), np.sin(2.0 * turns)]
+waves = [np.ones(41), np.cos(turns), np.sin(turns), np.cos(2.0 * turns), np.sin(2.0 * turns)]
 hip, knee, ankle = (12, 20, -6, -2, -1), (25, -3.5, -16, -17, 5), (-0.7, -0.8, 7, 1, -10)
 walk = np.vstack([cycle, np.array([hip, knee, ankle]) @ waves]).T
 columns = "inDegrees=yes\nendheader\ntime " + " ".join(JOINTS)
@@ -42,7 +42,7 @@ result = Scene.load(scene_file).run()
 # %%
 # The leg in mid-stance, at toe-off, in swing and at heel strike, and the change of each muscle's length.
 plotter = pv.Plotter(shape=(1, 4), window_size=(1200, 500), border=False)
-for panel, frame in enumerate((0, 8, 11, 15)):
+for panel, frame in enumerate((0, 15, 22, 30)):
     plotter.subplot(0, panel)
     plotter.add_mesh(result.bones(frame=frame), color="ivory")
     for name in result.muscle_names:
