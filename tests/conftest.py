@@ -1,5 +1,6 @@
 """Fixtures for all tests."""
 
+import gc
 import os
 from pathlib import Path
 
@@ -153,6 +154,12 @@ def pytest_collection_modifyitems(config, items):
     for item in items:
         if item.get_closest_marker("study"):
             item.add_marker(pytest.mark.skip(reason="a long measurement; run it with -m study"))
+
+
+def pytest_collection_finish():
+    """Leave what is there by now, thousands of tests and all modules, out of searches for garbage."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")
