@@ -1,13 +1,20 @@
 """Fixtures for all tests."""
 
+import gc
 import os
 from pathlib import Path
+
+# Each processor has a process of tests; threads of BLAS beside it would only wait for one another.
+# This is read when NumPy is imported, here and in child processes.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest
 from tried import Tried
 
 REPOSITORY = Path(__file__).resolve().parents[1]
+#: What the first and the second process begin with: at the end, one would wait for the other, or share it.
+FIRST = "test_two_joint_moment_arms.py", "test_scene_run.py"
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -133,7 +140,11 @@ def pytest_addoption(parser):
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave out long measurements (-m study) and long tests (--long) unless they are asked for."""
+    """Leave out long measurements (-m study) and long tests (--long) unless asked for; begin with FIRST."""
+    first, second = ([item for item in items if item.path.name == name] for name in FIRST)
+    rest = [item for item in items if item.path.name not in FIRST]
+    half = max(0, len(items) // 2 - len(first))  # each is given half of all, and then what the other left
+    items[:] = [*first, *rest[:half], *second, *rest[half:]]
     if not config.option.long:
         for item in items:
             if item.get_closest_marker("long"):
@@ -143,6 +154,12 @@ def pytest_collection_modifyitems(config, items):
     for item in items:
         if item.get_closest_marker("study"):
             item.add_marker(pytest.mark.skip(reason="a long measurement; run it with -m study"))
+
+
+def pytest_collection_finish():
+    """Leave what is there by now, thousands of tests and all modules, out of searches for garbage."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

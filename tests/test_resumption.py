@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import fields, is_dataclass, replace
@@ -60,6 +61,20 @@ def computed(monkeypatch):
 
 def run(scene, out, **more):
     return scene.run(out, figures=False, workers=1, **more)
+
+
+@pytest.fixture(scope="module")
+def finished_once(scene, tmp_path_factory):
+    """The folder of a finished run, from which each test has a copy."""
+    out = tmp_path_factory.mktemp("finished")
+    run(scene, out)
+    return out
+
+
+@pytest.fixture
+def finished(finished_once, tmp_path):
+    """A folder of a finished run."""
+    return Path(shutil.copytree(finished_once, tmp_path / "finished"))
 
 
 def same(one, other):
@@ -190,30 +205,27 @@ def test_a_report_that_was_changed_by_hand_is_one_clear_error(report_of_a_run, n
 
 
 def test_what_is_finished_is_not_computed_again_and_what_is_changed_is_computed_alone(
-    scene, tmp_path, computed
+    scene, finished, tmp_path, computed
 ):
-    run(scene, tmp_path)
-    whole = results(tmp_path)
-    assert computed == ["spindle", "thin", "bare"]
-    stamps = {path: os.stat(path).st_mtime_ns for path in tmp_path.rglob("*.vtp") if "bones" not in str(path)}
-    again = run(scene, tmp_path)
-    assert len(computed) == 3
+    whole = results(finished)
+    stamps = {path: os.stat(path).st_mtime_ns for path in finished.rglob("*.vtp") if "bones" not in str(path)}
+    again = run(scene, finished)
+    assert computed == []
     assert again.report["taken_over"] == ["spindle", "thin", "bare"]
-    assert results(tmp_path) == whole
+    assert results(finished) == whole
     assert {path: os.stat(path).st_mtime_ns for path in stamps} == stamps
-    same(again, Result.load(tmp_path))
+    same(again, Result.load(finished))
 
     thin = replace(scene.muscles["thin"], solver={"iterations": 4})
     changed = replace(scene, muscles={**scene.muscles, "thin": thin})
-    computed.clear()
-    run(changed, tmp_path)
+    run(changed, finished)
     assert computed == ["thin"]
     afresh = tmp_path / "afresh"
     run(changed, afresh)
-    assert {name: one for name, one in results(tmp_path).items() if "afresh" not in name} == results(afresh)
+    assert results(finished) == results(afresh)
 
     computed.clear()
-    run(changed, tmp_path, fresh=True)
+    run(changed, finished, fresh=True)
     assert computed == ["spindle", "thin", "bare"]
 
 
@@ -314,11 +326,10 @@ def sheet(side, height):
     ],
     ids=lambda changes: next(iter(changes)),
 )
-def test_a_run_that_goes_on_reports_what_a_fresh_one_reports(scene, tmp_path, changes):
-    run(scene, tmp_path / "out")
+def test_a_run_that_goes_on_reports_what_a_fresh_one_reports(scene, finished, tmp_path, changes):
     thin = replace(scene.muscles["thin"], **changes)
     changed = replace(scene, muscles={**scene.muscles, "thin": thin})
-    again, fresh = run(changed, tmp_path / "out"), run(changed, tmp_path / "fresh")
+    again, fresh = run(changed, finished), run(changed, tmp_path / "fresh")
     same(again, fresh)
     first, second = (one.report["muscles"]["thin"] for one in (again, fresh))
     assert first["architecture"] == second["architecture"]
@@ -333,19 +344,18 @@ def test_a_template_file_counts_by_its_content(tmp_path):
     assert digest_of({"template_file": str(file)}) != before
 
 
-def test_damaged_frames_are_computed_again(scene, tmp_path, computed):
-    run(scene, tmp_path)
-    whole = results(tmp_path)
+def test_damaged_frames_are_computed_again(scene, finished, computed):
+    whole = results(finished)
     for name in ("thin/thin_0002.vtp", "finished/thin.npz"):
-        file = tmp_path / name
+        file = finished / name
         content = bytearray(file.read_bytes())
         content[len(content) // 2] ^= 1
         file.write_bytes(content)
         computed.clear()
-        run(scene, tmp_path)
+        run(scene, finished)
         assert computed == ["thin"]
-        assert results(tmp_path) == whole
-    check_whole(tmp_path)
+        assert results(finished) == whole
+    check_whole(finished)
 
 
 @pytest.mark.parametrize("contact", ["off", "measure"])
@@ -367,10 +377,9 @@ def test_a_run_that_was_stopped_goes_on_and_gives_the_same(scene, tmp_path, comp
     same(result, Result.load(tmp_path / "whole"))
 
 
-def test_the_frames_of_a_muscle_are_read_when_they_are_asked_for(scene, tmp_path):
-    run(scene, tmp_path)
-    loaded = Result.load(tmp_path)
-    frame = tmp_path / "thin" / "thin_0001.vtp"
+def test_the_frames_of_a_muscle_are_read_when_they_are_asked_for(finished):
+    loaded = Result.load(finished)
+    frame = finished / "thin" / "thin_0001.vtp"
     frame.write_bytes(frame.read_bytes() + b" ")
     assert loaded.verdicts.keys() == loaded.report["muscles"].keys()
     with pytest.raises(InputError, match="is not what the run"):

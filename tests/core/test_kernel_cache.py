@@ -47,13 +47,17 @@ def length(x):
 
 
 @pytest.fixture
-def kernels(tmp_path, monkeypatch):
+def kernels(tmp_path):
     """Return the folder of kernels of this test, empty."""
-    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
-    monkeypatch.setenv("VTKMUSCLE_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(cache_folder, "_unusable", set())
-    kernel_cache._numba_is_known.cache_clear()
-    return tmp_path / "cache" / "kernels"
+    # Numba reads its variables again when it compiles and one of them has changed.
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("NUMBA_CACHE_DIR", "")
+        patch.setenv("VTKMUSCLE_CACHE", str(tmp_path / "cache"))
+        patch.setattr(cache_folder, "_unusable", set())
+        kernel_cache._numba_is_known.cache_clear()
+        numba.config.reload_config()
+        yield tmp_path / "cache" / "kernels"
+    numba.config.reload_config()
 
 
 @pytest.fixture

@@ -75,12 +75,12 @@ def test_the_command_without_trame_or_opengl_is_one_clear_error(scene_file, monk
     assert view_().startswith("error: the viewer needs trame (trame.app is missing): ")
 
 
-@pytest.fixture
-def address(scene_file, tmp_path):
+@pytest.fixture(scope="module")
+def address(scene_file, tmp_path_factory):
     """The address of a viewer of the scene, in a process of its own."""
     pytest.importorskip("trame_pyvista", reason="the extra 'view' is not installed")
     command = [sys.executable, "-m", "vtkmuscle", "view", str(scene_file), "--no-browser"]
-    log = tmp_path / "log.txt"
+    log = tmp_path_factory.mktemp("viewer") / "log.txt"
     with log.open("w") as said:
         process = subprocess.Popen(command, stdout=said, stderr=subprocess.STDOUT, env=os.environ)
     try:

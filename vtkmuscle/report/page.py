@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import cache
 from importlib.resources import files
 from os import PathLike
 from pathlib import Path
@@ -74,6 +75,19 @@ def page_of(result: RunResult, limits: Mapping[str, Limit]) -> str:
         return _page_of(result, limits, pool.submit(plotly_text))
 
 
+@cache
+def _template() -> jinja2.Template:
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("vtkmuscle.report", "page"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template("report.html")
+
+
 def _page_of(result: RunResult, limits: Mapping[str, Limit], plotly: Future[str]) -> str:
     report = result.report
     arms = _arms(result)
@@ -84,15 +98,7 @@ def _page_of(result: RunResult, limits: Mapping[str, Limit], plotly: Future[str]
         _card(result, place, name, arms.get(name, {})) for place, name in enumerate(result.muscle_names)
     ]
     errors = errors_of(report)
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("vtkmuscle.report", "page"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    return environment.get_template("report.html").render(
+    return _template().render(
         name=result.name,
         version=__version__,
         style=part("style.css"),

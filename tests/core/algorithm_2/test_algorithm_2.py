@@ -90,9 +90,8 @@ def phantom():
     return Scene.from_phantom(phantoms.hip(), n_fibres=20)
 
 
-@pytest.mark.parametrize("name", ["gluteus_medius", "iliacus"])
-def test_the_published_quality_is_the_paper_over_20_steps(phantom, name):
-    worst, moved = Both(phantom, name, iterations=3).furthest_apart(20)
+def test_the_published_quality_is_the_paper_over_20_steps(phantom):
+    worst, moved = Both(phantom, "gluteus_medius", iterations=3).furthest_apart(20)
     assert worst < AGREEMENT
     assert moved > 10.0
 

@@ -93,7 +93,7 @@ def test_it_does_not_jump_where_another_fibre_comes_nearest(rng):
     directions, _ = DirectionField(*lines).at(way)
     jumps = angles(directions[1:], directions[:-1])
     assert jumps.max() < 0.2
-    nearest = fibre_directions_at(way, *lines)
+    nearest = fibre_directions_at(way[::20], *lines)
     assert angles(nearest[1:], nearest[:-1]).max() > 5.0
 
 
