@@ -18,7 +18,7 @@ def run(*arguments):
 
 def test_the_folder_gives_what_the_filters_need_and_no_vtk(tmp_path):
     link_packages(tmp_path)
-    assert {"vtkmuscle", "numpy", "scipy", "numba", "llvmlite", "pydantic", "tomli_w"} <= {
+    assert {"vtkmuscle", "numpy", "scipy", "numba", "llvmlite", "lazy_loader", "pydantic", "tomli_w"} <= {
         path.name for path in tmp_path.iterdir()
     }
     script = (

@@ -8,13 +8,13 @@ from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
 
-import pooch
 import requests
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.fetch.datasets import AGAIN, RemoteFile
 from vtkmuscle.fetch.registry import data_set
 from vtkmuscle.io import write_text
+from vtkmuscle.io.parts import file_digest
 from vtkmuscle.io.writing import beside, left_behind
 from vtkmuscle.scenes import Scene
 
@@ -107,7 +107,6 @@ def _download(file: RemoteFile, folder: Path, host: str) -> Path:
     path = folder / file.name
     headers = {"Accept-Encoding": "identity"}
     try:
-        # Not pooch's own downloader, which leaves the connection open where it is cut.
         with requests.get(url, stream=True, timeout=PATIENCE, headers=headers) as response:
             response.raise_for_status()
             with path.open("wb") as out:
@@ -126,7 +125,7 @@ def _download(file: RemoteFile, folder: Path, host: str) -> Path:
         raise InputError(url, problem, "check the network, then try again") from error
     except requests.exceptions.RequestException as error:
         raise InputError(url, f"the download failed: {error}", "check the address") from error
-    if file.sha256 and (has := pooch.file_hash(str(path))) != file.sha256:
+    if file.sha256 and (has := file_digest(path)) != file.sha256:
         raise InputError(url, f"its SHA-256 is {has}, but must be {file.sha256}", AGAIN)
     return path
 
@@ -138,7 +137,7 @@ def _sources(
     return [
         {
             "url": one.url(host),
-            "sha256": pooch.file_hash(str(files[one.name])),
+            "sha256": file_digest(files[one.name]),
             "known": bool(one.sha256),
         }
         for one in listed

@@ -19,7 +19,7 @@ PLUGINS = _HERE / "plugins"
 #: What lets ParaView 5.11 load Python plugins at all where its Python is 3.11.
 COMPATIBILITY = _HERE / "compatibility_5_11"
 #: What the filters need beside vtkmuscle; where one is not installed its filters say so.
-DISTRIBUTIONS = ("numpy", "scipy", "numba", "llvmlite")
+DISTRIBUTIONS = ("numpy", "scipy", "numba", "llvmlite", "lazy-loader")
 #: What scenes need.
 OF_SCENES = (
     "pydantic",
