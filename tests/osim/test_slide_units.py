@@ -12,8 +12,9 @@ from vtkmuscle.opensim.functions import (
     PiecewiseLinear,
     Polynomial,
     Wave,
+    stretched,
 )
-from vtkmuscle.opensim.slide_units import slides_in_metres, stretched
+from vtkmuscle.opensim.slide_units import slides_in_metres
 from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 
 X = np.array([0.0, 4.0, 9.0, 15.0])

@@ -1,13 +1,15 @@
-"""XML of other programs, read into plain elements: no entities, no document types, every line known."""
+"""XML of other programs: read into plain elements, without entities, every line known; and made."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from xml.etree import ElementTree
 from xml.parsers import expat
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.files import MOST_TEXT, check_is_file
@@ -148,6 +150,24 @@ class Element:
             yield from holder.children
 
 
+def decoded(path: Path) -> str:
+    """Return the text of a file, which is UTF-8, or Latin-1.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    InputError
+        If it is too large for a text.
+    """
+    check_is_file(path, most=MOST_TEXT)
+    data = path.read_bytes()
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
 def read_xml(path: Path) -> Element:
     """Return the outermost element of an XML file.
 
@@ -160,12 +180,7 @@ def read_xml(path: Path) -> Element:
     InputError
         If it is no XML of this kind; the message names the line.
     """
-    check_is_file(path, most=MOST_TEXT)
-    data = path.read_bytes()
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")
+    text = decoded(path)
     parser = expat.ParserCreate("utf-8")
     parser.buffer_text = True
     outermost = Element("", path, 0)
@@ -206,3 +221,36 @@ def read_xml(path: Path) -> Element:
     except UnicodeEncodeError as error:
         raise InputError(path, "the file is not text", "export it again") from error
     return outermost.children[0]
+
+
+def made(tag: str, *parts: ElementTree.Element | str | ArrayLike, **attributes: str) -> ElementTree.Element:
+    """Return an element to be written: in it are further elements, or a text, or numbers.
+
+    Examples
+    --------
+    >>> from xml.etree.ElementTree import tostring
+    >>> from vtkmuscle.io.xml_elements import made
+    >>> tostring(made("Point", made("place", [0.5, 1, 2]), made("on", "a < b"), name="p"), encoding="unicode")
+    '<Point name="p"><place>0.5 1.0 2.0</place><on>a &lt; b</on></Point>'
+    """
+    element = ElementTree.Element(tag, attributes)
+    for part in parts:
+        if isinstance(part, ElementTree.Element):
+            element.append(part)
+        else:
+            element.text = (
+                part if isinstance(part, str) else " ".join(map(repr, np.ravel(part).astype(float).tolist()))
+            )
+    return element
+
+
+def numbers_text(values: ArrayLike) -> str:
+    """Return numbers with all their digits, in one line."""
+    return " ".join(map(repr, np.ravel(values).astype(np.float64).tolist()))
+
+
+def xml_text(root: ElementTree.Element, *, indented: bool = True) -> str:
+    """Return the text of a file with an element; indented, each element in it has a line."""
+    if indented:
+        ElementTree.indent(root, "\t")
+    return '<?xml version="1.0" encoding="UTF-8" ?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"

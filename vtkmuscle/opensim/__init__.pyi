@@ -1,5 +1,5 @@
 from .checking import ModelCheck as ModelCheck, check_model as check_model
-from .enriching import enriched as enriched
+
 from .from_run import (
     ExportedMuscle as ExportedMuscle,
     errors_table as errors_table,
@@ -9,4 +9,4 @@ from .from_run import (
 from .mjcf import mjcf_of as mjcf_of
 from .model import OsimModel as OsimModel, read_osim as read_osim
 from .motion_file import MotionFile as MotionFile, read_motion_file as read_motion_file
-from .osim_text import MuscleOut as MuscleOut, osim_of as osim_of
+from .osim_text import MuscleOut as MuscleOut, enriched as enriched, osim_of as osim_of

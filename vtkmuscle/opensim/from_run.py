@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -17,14 +17,14 @@ from vtkmuscle.core.motion.frames import inverses
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io import write_text
 from vtkmuscle.io.parts import file_digest
-from vtkmuscle.opensim.enriching import checked_model, enriched
 from vtkmuscle.opensim.fitted_lengths import fit_length
 from vtkmuscle.opensim.fitted_points import fit_points
 from vtkmuscle.opensim.hill import SPECIFIC_TENSION, completed_properties, opensim_properties
 from vtkmuscle.opensim.meshes import write_meshes
 from vtkmuscle.opensim.mjcf import mjcf_of
+from vtkmuscle.opensim.model import checked_model
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PointPath, moment_arm
-from vtkmuscle.opensim.osim_text import MuscleOut, osim_of
+from vtkmuscle.opensim.osim_text import MuscleOut, enriched, osim_of
 from vtkmuscle.opensim.scene_joints import SceneJoints, coordinate_values
 from vtkmuscle.opensim.slide_units import slides_in_metres
 from vtkmuscle.opensim.tree import KinematicTree
@@ -97,6 +97,41 @@ def errors_table(found: Sequence[ExportedMuscle]) -> Table:
     return Table(("muscle", "of", "rms_mm", "largest_mm", "mean_mm"), rows)
 
 
+@dataclass(frozen=True)
+class Export:
+    """How muscles are written.
+
+    Attributes
+    ----------
+    form : str
+        ``"functions"``, lengths as polynomials of the coordinates that a muscle crosses (FunctionBasedPath);
+        or ``"points"``, points on bones and cylinders to wind round, which MuJoCo has alone.
+    groups : int
+        Groups of fibres per muscle, at most.
+    parameters : mapping of str to mapping
+        Properties of each muscle in OpenSim, in place of those of the scene's ``hill``, of the muscle that it
+        replaces and of its architecture, see :func:`~vtkmuscle.opensim.hill.completed_properties`; of
+        ``max_isometric_force`` each group has its fibres' share.
+    specific_tension : float
+        Force per cross-section [N/cm^2], for the muscles whose force is that of their architecture.
+    kind : str
+        Class of the muscles in OpenSim; ``"PathActuator"`` for paths without muscles' properties.
+    masses : mapping of str to float
+        Of the bodies of a new model [kg]; the others have none.
+    """
+
+    form: str = "functions"
+    groups: int = 1
+    parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    specific_tension: float = SPECIFIC_TENSION
+    kind: str = "Millard2012EquilibriumMuscle"
+    masses: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.form not in _FORMS:
+            raise InputError("", f"there is no form {self.form!r}; allowed: {', '.join(_FORMS)}")
+
+
 def write_opensim(
     source: str | PathLike[str],
     out: str | PathLike[str],
@@ -104,12 +139,7 @@ def write_opensim(
     result: Result | None = None,
     into: str | PathLike[str] | None = None,
     replace: Mapping[str, str] | None = None,
-    form: str = "functions",
-    groups: int = 1,
-    parameters: Mapping[str, Mapping[str, float]] | None = None,
-    specific_tension: float = SPECIFIC_TENSION,
-    kind: str = "Millard2012EquilibriumMuscle",
-    masses: Mapping[str, float] | None = None,
+    **options: Any,
 ) -> list[ExportedMuscle]:
     """Write the muscles of a scene with joints as a model of OpenSim.
 
@@ -128,21 +158,8 @@ def write_opensim(
         the same bodies and coordinates. By default none: a new model with the scene's joints.
     replace : mapping of str to str, optional
         By muscle of the scene, that of the model whose name and properties it takes.
-    form : str, optional
-        ``"functions"``, lengths as polynomials of the coordinates that a muscle crosses (FunctionBasedPath);
-        or ``"points"``, points on bones and cylinders to wind round.
-    groups : int, optional
-        Groups of fibres per muscle, at most.
-    parameters : mapping of str to mapping, optional
-        Properties of each muscle in OpenSim, in place of those of the scene's ``hill``, of the muscle that it
-        replaces and of its architecture, see :func:`~vtkmuscle.opensim.hill.completed_properties`; of
-        ``max_isometric_force`` each group has its fibres' share.
-    specific_tension : float, optional
-        Force per cross-section [N/cm^2], for the muscles whose force is that of their architecture.
-    kind : str, optional
-        Class of the muscles in OpenSim; ``"PathActuator"`` for paths without muscles' properties.
-    masses : mapping of str to float, optional
-        Of the bodies of a new model [kg]; the others have none.
+    **options
+        Of :class:`Export`.
 
     Returns
     -------
@@ -155,36 +172,24 @@ def write_opensim(
         If the scene has no joints, is mirrored, or a muscle failed, has no fibres, crosses a coordinate that
         does not move or has no length left for a tendon; or if the model is not of version 4.
     """
+    asked, replaced = Export(**options), dict(replace or {})
     model = None if into is None else checked_model(Path(into))
     if replace and model is None:
         raise InputError("replace", "there is no model whose muscles are replaced", "give it as into")
     run = _run_of(Path(source), result)
-    replaced = dict(replace or {})
     theirs = {} if model is None else {name: model.muscle(one).parameters for name, one in replaced.items()}
-    given = _properties(run, theirs, parameters or {})
-    found = _exported(run, form, groups, given, specific_tension, kind, replaced)
+    found = _exported(run, asked, theirs, replaced)
     outs = [one.out for one in found]
-    file = Path(out)
     if into is None:
-        meshes = write_meshes(file.parent, run.surfaces, run.tree, run.joints.frame, run.metres)
-        text = osim_of(run.tree, outs, name=run.result.name, masses=masses, meshes=meshes)
+        meshes = _meshes(run, Path(out))
+        text = osim_of(run.tree, outs, name=run.result.name, masses=asked.masses, meshes=meshes)
     else:
         text = enriched(Path(into), outs, replace=list(replaced.values()))
-    write_text(file, text)
-    errors_table(found).to_csv(file.with_name(f"{file.stem}_errors.csv"), digits=6)
-    return found
+    return _written(Path(out), text, found)
 
 
 def write_mujoco(
-    source: str | PathLike[str],
-    out: str | PathLike[str],
-    *,
-    result: Result | None = None,
-    groups: int = 1,
-    parameters: Mapping[str, Mapping[str, float]] | None = None,
-    specific_tension: float = SPECIFIC_TENSION,
-    kind: str = "Millard2012EquilibriumMuscle",
-    masses: Mapping[str, float] | None = None,
+    source: str | PathLike[str], out: str | PathLike[str], *, result: Result | None = None, **options: Any
 ) -> list[ExportedMuscle]:
     """Write the muscles of a scene with joints as a model of MuJoCo: tendons, and muscles that pull them.
 
@@ -194,8 +199,10 @@ def write_mujoco(
         A scene.toml with ``[joints.NAME]`` or ``[opensim]``, which is run; or the folder of its results.
     out : path
         The .xml file (MJCF).
-    result, groups, parameters, specific_tension, kind, masses
-        As of :func:`write_opensim`. A ``kind`` of ``"PathActuator"`` leaves tendons without muscles.
+    result : Result, optional
+        As of :func:`write_opensim`.
+    **options
+        Of :class:`Export` but ``form``. A ``kind`` of ``"PathActuator"`` leaves tendons without muscles.
 
     Returns
     -------
@@ -208,22 +215,27 @@ def write_mujoco(
         As :func:`write_opensim`; and if the joints have what MuJoCo has not, see
         :func:`~vtkmuscle.opensim.mjcf_of`.
     """
+    asked = Export(form="points", **options)
     run = _run_of(Path(source), result)
-    given = _properties(run, {}, parameters or {})
-    found = _exported(run, "points", groups, given, specific_tension, kind, {})
-    file = Path(out)
-    meshes = write_meshes(file.parent, run.surfaces, run.tree, run.joints.frame, run.metres)
-    ranges = {one.out.name: one.out.path.lengths(run.tree, run.values) for one in found}
+    found = _exported(run, asked, {}, {})
     text = mjcf_of(
         run.tree,
         [one.out for one in found],
         name=run.result.name,
-        masses=masses,
-        meshes=meshes,
-        lengths=ranges,
+        masses=asked.masses,
+        meshes=_meshes(run, Path(out)),
+        lengths={one.out.name: one.out.path.lengths(run.tree, run.values) for one in found},
     )
-    write_text(file, text)
-    errors_table(found).to_csv(file.with_name(f"{file.stem}_errors.csv"), digits=6)
+    return _written(Path(out), text, found)
+
+
+def _meshes(run: _Run, out: Path) -> dict[str, list[str]]:
+    return write_meshes(out.parent, run.surfaces, run.tree, run.joints.frame, run.metres)
+
+
+def _written(out: Path, text: str, found: list[ExportedMuscle]) -> list[ExportedMuscle]:
+    write_text(out, text)
+    errors_table(found).to_csv(out.with_name(f"{out.stem}_errors.csv"), digits=6)
     return found
 
 
@@ -299,17 +311,10 @@ def _properties(
 
 
 def _exported(
-    run: _Run,
-    form: str,
-    groups: int,
-    given: Mapping[str, Mapping[str, float]],
-    specific_tension: float,
-    kind: str,
-    names: Mapping[str, str],
+    run: _Run, asked: Export, theirs: Mapping[str, Mapping[str, float]], names: Mapping[str, str]
 ) -> list[ExportedMuscle]:
-    """Return the muscles of a run as paths."""
-    if form not in _FORMS:
-        raise InputError("", f"there is no form {form!r}; allowed: {', '.join(_FORMS)}")
+    """Return the muscles of a run as paths; those of ``names`` have other names, and properties there."""
+    given = _properties(run, theirs, asked.parameters)
     result, tree = run.result, run.tree
     arms = result.moment_arms()
     rest = {
@@ -322,9 +327,9 @@ def _exported(
             raise InputError(
                 "", f"muscle {name!r} failed after {len(lengths)} of {len(result.frames)} frames"
             )
-        labels = group_fibres(lengths, groups)
+        labels = group_fibres(lengths, asked.groups)
         errors = group_errors(lengths, labels)
-        lines = _lines(run, name) if form == "points" else None
+        lines = _lines(run, name) if asked.form == "points" else None
         for group in range(int(labels.max()) + 1):
             mine = np.flatnonzero(labels == group)
             mean = lengths[:, mine].mean(axis=1) / 1000.0
@@ -340,21 +345,21 @@ def _exported(
                 line = lines[:, mine].mean(axis=1)
                 path = fit_points(line, tree, run.values, run.ends[name], mean, by, tolerance=TOLERANCE)
             own: dict[str, float] = {}
-            if kind != GEOMETRY_ONLY:
+            if asked.kind != GEOMETRY_ONLY:
                 own = completed_properties(
                     given.get(name, {}),
                     result.report["muscles"][name]["architecture"],
                     name,
                     length=float(path.lengths(tree, rest)[0]),
                     share=float(mean.mean() / lengths.mean() * 1000.0),
-                    specific_tension=specific_tension,
+                    specific_tension=asked.specific_tension,
                 )
                 own["max_isometric_force"] *= len(mine) / len(labels)
             label = names.get(name, name) + ("" if labels.max() == 0 else f"_{group + 1}")
             found.append(
                 ExportedMuscle(
                     name,
-                    MuscleOut(label, path, own, kind),
+                    MuscleOut(label, path, own, asked.kind),
                     tuple(int(i) for i in mine),
                     _rms(errors[mine]),
                     1000.0 * (path.lengths(tree, run.values) - mean),

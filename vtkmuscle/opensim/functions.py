@@ -1,19 +1,21 @@
 """Functions of one coordinate: how far a joint turns or slides, and where a point of a path is.
 
-They are those of OpenSim's models, with its conventions at the ends of splines.
+They are those of OpenSim's models, with its conventions at the ends of splines, and its files.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Protocol
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import solve_banded
+from scipy.interpolate import make_interp_spline
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
+from vtkmuscle.io.xml_elements import Element, made
 
 
 class CoordinateFunction(Protocol):
@@ -73,8 +75,8 @@ class Polynomial:
 
 
 @dataclass(frozen=True, eq=False)
-class PiecewiseLinear:
-    """Straight lines between knots, the first and the last of them going on.
+class Knots:
+    """A curve through knots that goes on straight beyond them.
 
     Parameters
     ----------
@@ -84,30 +86,51 @@ class PiecewiseLinear:
 
     x: Floats
     y: Floats
+    _curve: Any = field(init=False, repr=False)
+    _what: ClassVar[str]
 
     def __post_init__(self) -> None:
-        _set_knots(self, "a piecewise linear function")
+        what = self._what
+        x, y = (_check(f"{what}'s {name}", getattr(self, name)) for name in "xy")
+        if len(x) != len(y) or len(x) < 2:
+            problem = f"{what} has {len(x)} x and {len(y)} y, but needs as many of each, two or more"
+            raise InputError("", problem)
+        if (np.diff(x) <= 0.0).any():
+            raise InputError("", f"the x of {what} must ascend")
+        try:
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                curve = self._through(x, y)
+            good = np.isfinite(curve.c).all()
+        except (ValueError, np.linalg.LinAlgError):
+            good = False
+        if not good:
+            raise InputError("", f"the knots of {what} are too close, or too far apart")
+        for name, value in (("x", x), ("y", y), ("_curve", curve)):
+            object.__setattr__(self, name, value)
+
+    @staticmethod
+    def _through(x: Floats, y: Floats) -> Any:
+        return make_interp_spline(x, y, k=1)
 
     def __call__(self, values: Floats) -> Floats:
         """Return the function at each value."""
-        piece = np.clip(np.searchsorted(self.x, values, side="right") - 1, 0, len(self.x) - 2)
-        slope = np.diff(self.y) / np.diff(self.x)
-        result: Floats = self.y[piece] + slope[piece] * (values - self.x[piece])
+        inside = np.clip(values, self.x[0], self.x[-1])
+        result: Floats = self._curve(inside) + (values - inside) * self._curve(inside, 1)
         return result
 
 
-@dataclass(frozen=True, eq=False)
-class CubicSpline:
+class PiecewiseLinear(Knots):
+    """Straight lines between knots, the first and the last of them going on."""
+
+    _what = "a piecewise linear function"
+
+
+class CubicSpline(Knots):
     """A cubic spline through knots that goes on straight beyond them: OpenSim's SimmSpline.
 
     At either end the third derivative is that of the cubic through the four outermost knots (Forsythe,
     Malcolm, Moler 1977, *Computer methods for mathematical computations*, section 4.4), or, of three knots,
-    the same on both sides of the inner one.
-
-    Parameters
-    ----------
-    x, y : (n,) array_like
-        Two knots or more, x ascending.
+    zero.
 
     Examples
     --------
@@ -118,27 +141,15 @@ class CubicSpline:
     [8.0, 42.875]
     """
 
-    x: Floats
-    y: Floats
-    _curvature: Floats = field(init=False, repr=False)
+    _what = "a spline"
 
-    def __post_init__(self) -> None:
-        _set_knots(self, "a spline")
-        object.__setattr__(self, "_curvature", _sixths(self.x, self.y))
-
-    def __call__(self, values: Floats) -> Floats:
-        """Return the spline at each value."""
-        x, y, c = self.x, self.y, self._curvature
-        piece = np.clip(np.searchsorted(x, values, side="right") - 1, 0, len(x) - 2)
-        h = np.diff(x)[piece]
-        slope = (y[piece + 1] - y[piece]) / h - h * (c[piece + 1] + 2.0 * c[piece])
-        t = np.clip(values, x[0], x[-1]) - x[piece]
-        inside = y[piece] + t * (slope + t * (3.0 * c[piece] + t * (c[piece + 1] - c[piece]) / h))
-        last = (y[-1] - y[-2]) / (x[-1] - x[-2]) + (x[-1] - x[-2]) * (c[-2] + 2.0 * c[-1])
-        first = (y[1] - y[0]) / (x[1] - x[0]) - (x[1] - x[0]) * (c[1] + 2.0 * c[0])
-        beyond = np.minimum(values - x[0], 0.0) * first + np.maximum(values - x[-1], 0.0) * last
-        result: Floats = inside + beyond
-        return result
+    @staticmethod
+    def _through(x: Floats, y: Floats) -> Any:
+        if len(x) == 2:
+            return make_interp_spline(x, y, k=1)
+        ends = (slice(4), slice(-4, None)) if len(x) > 3 else ()
+        thirds = [make_interp_spline(x[end], y[end], k=3)(x[end][0], 3) for end in ends] or [0.0, 0.0]
+        return make_interp_spline(x, y, k=3, bc_type=tuple([(3, third)] for third in thirds))
 
 
 @dataclass(frozen=True)
@@ -196,44 +207,115 @@ def _check(what: str, numbers: ArrayLike) -> Floats:
     return values
 
 
-def _set_knots(function: PiecewiseLinear | CubicSpline, what: str) -> None:
-    x, y = (_check(f"{what}'s {name}", getattr(function, name)) for name in "xy")
-    if len(x) != len(y) or len(x) < 2:
-        raise InputError("", f"{what} has {len(x)} x and {len(y)} y, but needs as many of each, two or more")
-    if (np.diff(x) <= 0.0).any():
-        raise InputError("", f"the x of {what} must ascend")
-    object.__setattr__(function, "x", x)
-    object.__setattr__(function, "y", y)
+def stretched(function: CoordinateFunction, factor: float) -> CoordinateFunction:
+    """Return the function of q that is f(q / factor), of the same kind as f.
 
-
-def _sixths(x: Floats, y: Floats) -> Floats:
-    """Return a sixth of the second derivative at each knot."""
-    n = len(x)
-    if n == 2:
-        return np.zeros(2)
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        sixths = _solved(x, y, n)
-    if not np.isfinite(sixths).all():
-        raise InputError("", "the knots of a spline are too close, or too far apart")
-    return sixths
-
-
-def _solved(x: Floats, y: Floats, n: int) -> Floats:
-    h = np.diff(x)
-    slopes = np.diff(y) / h
-    bands = np.zeros((3, n))
-    bands[0, 1:], bands[2, :-1] = h, h
-    bands[1, 1:-1] = 2.0 * (h[:-1] + h[1:])
-    bands[1, [0, -1]] = -h[0], -h[-1]
-    right = np.zeros(n)
-    right[1:-1] = np.diff(slopes)
-    if n > 3:
-        seconds = np.diff(slopes) / (x[2:] - x[:-2])  # divided differences
-        right[0] = h[0] ** 2 * (seconds[1] - seconds[0]) / (x[3] - x[0])
-        right[-1] = -(h[-1] ** 2) * (seconds[-1] - seconds[-2]) / (x[-1] - x[-4])
-    result: Floats = solve_banded((1, 1), bands, right, check_finite=False)
-    return result
+    Raises
+    ------
+    InputError
+        For a function of another kind than those here.
+    """
+    match function:
+        case Constant():
+            return function
+        case Polynomial(coefficients):
+            return Polynomial(coefficients / factor ** np.arange(len(coefficients))[::-1])
+        case Knots(x, y):
+            return type(function)(factor * x, y)
+        case Wave():
+            return replace(function, omega=function.omega / factor)
+        case Multiplier(inner, times):
+            return Multiplier(stretched(inner, factor), times)
+    raise InputError("", f"a function of the kind {type(function).__name__} cannot be stretched")
 
 
 #: The coordinate itself.
 IDENTITY = Polynomial(np.array([1.0, 0.0]))
+
+
+#: Tags of the functions that are understood.
+FUNCTIONS = (
+    *("Constant", "LinearFunction", "PolynomialFunction", "SimmSpline", "NaturalCubicSpline"),
+    *("natCubicSpline", "PiecewiseLinearFunction", "MultiplierFunction", "Sine"),
+)
+#: Numbers of a sine, and what they are where a file does not give them.
+_SINE = {"amplitude": 1.0, "omega": 1.0, "phase": 0.0, "offset": 0.0}
+
+
+def function_in(holder: Element) -> CoordinateFunction:
+    """Return the function that an element of OpenSim's files holds.
+
+    Raises
+    ------
+    InputError
+        If it holds none, several, or one that is not understood.
+    """
+    children = [child for child in holder.children if child.tag != "default"]
+    if len(children) != 1:
+        raise holder.error(f"must hold one function, but holds {len(children)} elements")
+    return function_of(children[0])
+
+
+def function_of(element: Element) -> CoordinateFunction:
+    """Return the function that an element is.
+
+    Raises
+    ------
+    InputError
+        If it is not understood.
+    """
+    if element.tag not in FUNCTIONS:
+        raise element.error("this function is not understood", f"understood: {', '.join(FUNCTIONS)}")
+    try:
+        return _function(element)
+    except ValueError as error:
+        raise element.placed(error) from error
+
+
+def _function(element: Element) -> CoordinateFunction:
+    match element.tag:
+        case "Constant":
+            element.only(("value",))
+            return Constant(element.number("value", 0.0))
+        case "LinearFunction" | "PolynomialFunction":
+            element.only(("coefficients",))
+            count = 2 if element.tag == "LinearFunction" else None
+            return Polynomial(element.need("coefficients").numbers(count))
+        case "MultiplierFunction":
+            element.only(("function", "scale", *FUNCTIONS))
+            inner = element.find("function")
+            if inner is None:
+                bare = [child for child in element.children if child.tag in FUNCTIONS]
+                inner = replace(element, tag="function", attributes={}, children=bare)
+            return Multiplier(function_in(inner), element.number("scale", 1.0))
+        case "Sine":
+            element.only(tuple(_SINE))
+            return Wave(*(element.number(name, default) for name, default in _SINE.items()))
+    element.only(("x", "y"))
+    kind = PiecewiseLinear if element.tag == "PiecewiseLinearFunction" else CubicSpline
+    return kind(element.need("x").numbers(), element.need("y").numbers())
+
+
+def function_element(function: CoordinateFunction, **attributes: str) -> ElementTree.Element:
+    """Return a function as OpenSim's files have it.
+
+    Raises
+    ------
+    InputError
+        For a function of another kind than those here.
+    """
+    match function:
+        case Multiplier(inner, factor):
+            held = made("function", function_element(inner))
+            return made("MultiplierFunction", held, made("scale", factor), **attributes)
+        case Constant(value):
+            return made("Constant", made("value", value), **attributes)
+        case Polynomial(coefficients):
+            kind = "LinearFunction" if len(coefficients) == 2 else "PolynomialFunction"
+            return made(kind, made("coefficients", coefficients), **attributes)
+        case Wave():
+            return made("Sine", *(made(name, getattr(function, name)) for name in _SINE), **attributes)
+        case Knots(x, y):
+            kind = "SimmSpline" if isinstance(function, CubicSpline) else "PiecewiseLinearFunction"
+            return made(kind, made("x", x), made("y", y), **attributes)
+    raise InputError("", f"OpenSim has no function like {type(function).__name__}")

@@ -10,8 +10,14 @@ import numpy as np
 from vtkmuscle.core.motion.frames import frame_at
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.xml_elements import Element
-from vtkmuscle.opensim.function_elements import FUNCTIONS, function_in, function_of
-from vtkmuscle.opensim.functions import IDENTITY, CoordinateFunction, Multiplier
+from vtkmuscle.opensim.functions import (
+    FUNCTIONS,
+    IDENTITY,
+    CoordinateFunction,
+    Multiplier,
+    function_in,
+    function_of,
+)
 from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate
 
 #: Joints that are made of turns about, then slides along x, y and z of the joint's frame.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from xml.sax.saxutils import quoteattr
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,11 +11,13 @@ from scipy.spatial.transform import Rotation
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.frames import inverses
 from vtkmuscle.core.types import Floats
+from vtkmuscle.io.xml_elements import made, xml_text
+from vtkmuscle.io.xml_elements import numbers_text as _numbers
 from vtkmuscle.opensim.functions import Constant, CoordinateFunction, Multiplier, Polynomial
 from vtkmuscle.opensim.hill import NEEDED
 from vtkmuscle.opensim.meshes import FOLDER
 from vtkmuscle.opensim.muscle_paths import PointPath
-from vtkmuscle.opensim.osim_text import CYLINDER, GYRATION, MuscleOut, along
+from vtkmuscle.opensim.osim_text import CYLINDER, GYRATION, MuscleOut
 from vtkmuscle.opensim.tree import Joint, JointAxis, KinematicTree
 
 #: Highest power of a coupling in MuJoCo.
@@ -23,7 +25,7 @@ _HIGHEST = 4
 #: Mass of what has none [kg].
 LEAST_MASS = 0.001
 #: What is seen, and neither touches nor weighs anything.
-_PASSIVE = 'contype="0" conaffinity="0" mass="0" rgba="0.8 0.75 0.7 0.5"'
+_PASSIVE = {"contype": "0", "conaffinity": "0", "mass": "0", "rgba": "0.8 0.75 0.7 0.5"}
 
 
 def mjcf_of(
@@ -70,49 +72,37 @@ def mjcf_of(
     model = _Model({one.name for one in tree.coordinates})
     for muscle in muscles:
         _check(muscle)
-    sites = _sites(muscles)
+    sites = list(_sites(muscles))
     shown = meshes or {}
 
-    def body(name: str) -> str:
-        inner = "".join(f'<geom type="mesh" mesh="{mesh}" {_PASSIVE}/>\n' for mesh in shown.get(name, ()))
-        inner += "".join(text for on, text in sites if on == name)
-        inner += "".join(body(child) for child, joint in joints.items() if joint.parent == name)
-        joint = joints.get(name)
-        if joint is None:
-            return inner
-        return _body(joint, inner, model, (masses or {}).get(name, LEAST_MASS))
+    def inside(name: str) -> Iterator[Element]:
+        """Give what is in a body: its meshes and sites, and the bodies that hang on it."""
+        yield from (made("geom", type="mesh", mesh=mesh, **_PASSIVE) for mesh in shown.get(name, ()))
+        yield from (element for on, element in sites if on == name)
+        for child, joint in joints.items():
+            if joint.parent == name:
+                yield _body(joint, inside(child), model, (masses or {}).get(child, LEAST_MASS))
 
-    world = body(tree.root)
-    tendons = "".join(
-        f'<spatial name="{muscle.name}">\n' + "".join(_way(muscle)) + "</spatial>\n" for muscle in muscles
-    )
-    actuators = "".join(
-        _actuator(muscle, lengths[muscle.name])
-        for muscle in muscles
-        if lengths is not None and set(NEEDED) <= set(muscle.parameters)
-    )
-    assets = "".join(
-        f'<mesh name="{mesh}" file="{mesh}.stl"/>\n' for names in shown.values() for mesh in names
-    )
+    world = list(inside(tree.root))
     for one in tree.couplings:
         model.couple(one.dependent, one.independent, one.function)
     missing = sorted(model.coordinates - model.joints)
     if missing:
         raise InputError("", f"no joint is the coordinate {missing[0]!r} itself, as MuJoCo needs it")
-    return f"""<mujoco model={quoteattr(name)}>
-<compiler angle="radian" autolimits="true" meshdir="{FOLDER}"/>
-<asset>
-{assets}</asset>
-<worldbody>
-{world}</worldbody>
-<tendon>
-{tendons}</tendon>
-<actuator>
-{actuators}</actuator>
-<equality>
-{"".join(model.equalities)}</equality>
-</mujoco>
-"""
+    names = [mesh for found in shown.values() for mesh in found]
+    pulled = [one for one in muscles if lengths is not None and set(NEEDED) <= set(one.parameters)]
+    return xml_text(
+        made(
+            "mujoco",
+            made("compiler", angle="radian", autolimits="true", meshdir=FOLDER),
+            made("asset", *(made("mesh", name=mesh, file=f"{mesh}.stl") for mesh in names)),
+            made("worldbody", *world),
+            made("tendon", *(made("spatial", *_way(one), name=one.name) for one in muscles)),
+            made("actuator", *(_actuator(one, (lengths or {})[one.name]) for one in pulled)),
+            made("equality", *model.equalities),
+            model=name,
+        )
+    )
 
 
 class _Model:
@@ -121,22 +111,19 @@ class _Model:
     def __init__(self, coordinates: set[str]) -> None:
         self.coordinates = coordinates
         self.joints: set[str] = set()
-        self.equalities: list[str] = []
+        self.equalities: list[Element] = []
 
     def couple(self, dependent: str, independent: str, function: CoordinateFunction) -> None:
         coefficients = _polynomial(function, dependent)
         low_first = np.zeros(_HIGHEST + 1)
         low_first[: len(coefficients)] = coefficients[::-1]
-        self.equalities.append(
-            f'<joint joint1="{dependent}" joint2="{independent}" polycoef="{_numbers(low_first)}"/>\n'
-        )
+        numbers = _numbers(low_first)
+        self.equalities.append(made("joint", joint1=dependent, joint2=independent, polycoef=numbers))
 
 
-def _body(joint: Joint, inner: str, model: _Model, mass: float) -> str:
+def _body(joint: Joint, inner: Iterable[Element], model: _Model, mass: float) -> Element:
     """Return a child's body: a frame at the joint, which moves, with the child's own frame in it."""
-    turn = Rotation.from_matrix(joint.parent_frame[:3, :3].copy()).as_quat()
     back = inverses(joint.child_frame[None])[0]
-    own = Rotation.from_matrix(back[:3, :3].copy()).as_quat()
     parts = []
     shift = np.zeros(3)
     for kind, axes in (("slide", joint.translations), ("hinge", joint.rotations)):
@@ -152,16 +139,13 @@ def _body(joint: Joint, inner: str, model: _Model, mass: float) -> str:
                 continue
             parts.append(_axis(joint, kind, number, axis, model))
     place = joint.parent_frame[:3, 3] + joint.parent_frame[:3, :3] @ shift
-    return (
-        f'<body name="{joint.name}_frame" pos="{_numbers(place)}" quat="{_quaternion(turn)}">\n'
-        f"{''.join(parts)}"
-        f"{_inertial(LEAST_MASS)}"
-        f'<body name="{joint.child}" pos="{_numbers(back[:3, 3])}" quat="{_quaternion(own)}">\n'
-        f"{_inertial(mass)}{inner}</body>\n</body>\n"
-    )
+    turn, own = (_quaternion(frame[:3, :3]) for frame in (joint.parent_frame, back))
+    child = made("body", _inertial(mass), *inner, name=joint.child, pos=_numbers(back[:3, 3]), quat=own)
+    name = f"{joint.name}_frame"
+    return made("body", *parts, _inertial(LEAST_MASS), child, name=name, pos=_numbers(place), quat=turn)
 
 
-def _axis(joint: Joint, kind: str, number: int, axis: JointAxis, model: _Model) -> str:
+def _axis(joint: Joint, kind: str, number: int, axis: JointAxis, model: _Model) -> Element:
     assert axis.coordinate is not None
     coefficients = _polynomial(axis.function, f"{joint.name}, {kind} {number}")
     itself = np.array_equal(coefficients, [1.0, 0.0]) and axis.coordinate not in model.joints
@@ -169,7 +153,7 @@ def _axis(joint: Joint, kind: str, number: int, axis: JointAxis, model: _Model) 
     model.joints.add(name)
     if not itself:
         model.couple(name, axis.coordinate, axis.function)
-    return f'<joint name="{name}" type="{kind}" axis="{_numbers(axis.axis)}"/>\n'
+    return made("joint", name=name, type=kind, axis=_numbers(axis.axis))
 
 
 def _polynomial(function: CoordinateFunction, what: str) -> Floats:
@@ -195,52 +179,40 @@ def _check(muscle: MuscleOut) -> None:
             raise InputError("", f"muscle {muscle.name!r}: MuJoCo has no points that move, or come and go")
 
 
-def _sites(muscles: Sequence[MuscleOut]) -> list[tuple[str, str]]:
-    """Return what paths go over and round: bodies, and elements on them."""
-    found = []
+def _sites(muscles: Sequence[MuscleOut]) -> Iterator[tuple[str, Element]]:
+    """Give what paths go over and round: bodies, and elements on them."""
     for muscle in muscles:
         assert isinstance(muscle.path, PointPath)
         for i, point in enumerate(muscle.path.points, start=1):
-            place = _numbers(np.asarray(point.place, dtype=np.float64))
-            found.append((point.body, f'<site name="{muscle.name}-P{i}" pos="{place}"/>\n'))
+            yield point.body, made("site", name=f"{muscle.name}-P{i}", pos=_numbers(point.place))
         for i, one in enumerate(muscle.path.cylinders, start=1):
-            turn = _quaternion(Rotation.from_matrix(along(one.axis)).as_quat())
-            text = (
-                f'<geom name="{muscle.name}-C{i}" type="cylinder" pos="{_numbers(one.centre)}" quat="{turn}" '
-                f'size="{float(one.radius)!r} {CYLINDER / 2.0!r}" group="3" {_PASSIVE}/>\n'
-            )
-            found.append((one.body, text))
-    return found
+            turn, size = _quaternion(one.frame), _numbers([one.radius, CYLINDER / 2.0])
+            where = {"pos": _numbers(one.centre), "quat": turn, "size": size, "group": "3"}
+            yield one.body, made("geom", name=f"{muscle.name}-C{i}", type="cylinder", **where, **_PASSIVE)
 
 
-def _way(muscle: MuscleOut) -> Iterator[str]:
+def _way(muscle: MuscleOut) -> Iterator[Element]:
     assert isinstance(muscle.path, PointPath)
     round_it = {one.after: i for i, one in enumerate(muscle.path.cylinders, start=1)}
     for i in range(len(muscle.path.points)):
-        yield f'<site site="{muscle.name}-P{i + 1}"/>\n'
+        yield made("site", site=f"{muscle.name}-P{i + 1}")
         if i in round_it:
-            yield f'<geom geom="{muscle.name}-C{round_it[i]}"/>\n'
+            yield made("geom", geom=f"{muscle.name}-C{round_it[i]}")
 
 
-def _actuator(muscle: MuscleOut, lengths: Floats) -> str:
+def _actuator(muscle: MuscleOut, lengths: Floats) -> Element:
     """Return a muscle of MuJoCo: its lengths are in parts of the optimal one, along the tendon."""
     force, fibre, tendon = (muscle.parameters[name] for name in NEEDED)
     cosine = float(np.cos(muscle.parameters.get("pennation_angle_at_optimal", 0.0)))
     ends = np.array([lengths.min(), lengths.max()])
-    return (
-        f'<muscle name="{muscle.name}_muscle" tendon="{muscle.name}" force="{force * cosine!r}" '
-        f'lengthrange="{_numbers(ends)}" range="{_numbers((ends - tendon) / (fibre * cosine))}"/>\n'
-    )
+    ranges = {"lengthrange": _numbers(ends), "range": _numbers((ends - tendon) / (fibre * cosine))}
+    names = {"name": f"{muscle.name}_muscle", "tendon": muscle.name}
+    return made("muscle", **names, force=_numbers(force * cosine), **ranges)
 
 
-def _inertial(mass: float) -> str:
-    inertia = mass * GYRATION**2
-    return f'<inertial pos="0 0 0" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>\n'
+def _inertial(mass: float) -> Element:
+    return made("inertial", pos="0 0 0", mass=_numbers(mass), diaginertia=_numbers([mass * GYRATION**2] * 3))
 
 
-def _quaternion(xyzw: Floats) -> str:
-    return _numbers(np.roll(xyzw, 1))
-
-
-def _numbers(values: Floats) -> str:
-    return " ".join(repr(float(value)) for value in values)
+def _quaternion(turn: Floats) -> str:
+    return _numbers(np.roll(Rotation.from_matrix(turn.copy()).as_quat(), 1))

@@ -141,6 +141,20 @@ def read_osim(path: str | PathLike[str]) -> OsimModel:
     return _Reader(model).read()
 
 
+def checked_model(path: Path) -> OsimModel:
+    """Return a model of OpenSim that muscles can be put into.
+
+    Raises
+    ------
+    ValueError
+        If the file is no model, or not of version 4.
+    """
+    version = read_xml(path).attributes.get("Version", "0")
+    if not version.isdecimal() or int(version) < 40000:
+        raise InputError(path, f"the model is of version {version}", "save it again with OpenSim 4")
+    return read_osim(path)
+
+
 class _Reader:
     """Goes through a model once."""
 

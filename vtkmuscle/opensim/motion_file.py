@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.files import MOST_TEXT, check_is_file
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import shown
 from vtkmuscle.io.motion_table import MOST_FRAMES
+from vtkmuscle.io.xml_elements import decoded
 from vtkmuscle.opensim.tree import KinematicTree
 
 #: Lines of a header, at most.
@@ -124,13 +124,7 @@ def read_motion_file(path: str | PathLike[str]) -> MotionFile:
     [[10.0], [20.0]]
     """
     path = Path(path)
-    check_is_file(path, most=MOST_TEXT)
-    data = path.read_bytes()
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")
-    lines = text.splitlines()
+    lines = decoded(path).splitlines()
     header, start = _header(lines, path)
     labels = _labels(lines, start, path)
     rows: list[list[float]] = []

@@ -94,6 +94,14 @@ class Cylinder:
     radius: float
     after: int
 
+    @property
+    def frame(self) -> Floats:
+        """A frame (3, 3) whose z axis is that of the cylinder."""
+        z = self.axis / np.linalg.norm(self.axis)
+        x = np.cross(z, np.eye(3)[np.abs(z).argmin()])
+        x /= np.linalg.norm(x)
+        return np.column_stack([x, np.cross(z, x), z])
+
     def lengths(self, pose: Floats, first: Floats, second: Floats) -> Floats:
         """Return the way (f,) from points (f, 3) to others, straight where that misses the cylinder.
 

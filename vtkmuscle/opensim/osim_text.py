@@ -1,27 +1,23 @@
-"""Models of OpenSim, made of a kinematic tree and muscles' paths."""
+"""Models of OpenSim, made of a kinematic tree and muscles' paths, and muscles put into one that there is."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from xml.sax.saxutils import escape, quoteattr
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
-from vtkmuscle.opensim.functions import (
-    Constant,
-    CoordinateFunction,
-    CubicSpline,
-    Multiplier,
-    PiecewiseLinear,
-    Polynomial,
-    Wave,
-)
+from vtkmuscle.io.xml_elements import decoded, made, xml_text
+from vtkmuscle.opensim.functions import Constant, function_element
+from vtkmuscle.opensim.model import checked_model
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath
-from vtkmuscle.opensim.tree import Joint, JointAxis, JointCoordinate, KinematicTree
+from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 
 #: The version of the format that is written: that of OpenSim 4.6.
 VERSION = 40600
@@ -108,112 +104,146 @@ def osim_of(
     ):
         for one in names:
             _check_name(what, one)
-    paths = ComponentPaths(
-        {body: "/ground" if body == tree.root else f"/bodyset/{body}" for body in tree.bodies},
-        _coordinate_paths(tree),
-    )
+    paths = ComponentPaths(tree, _owners(tree))
     for body in masses or {}:
         paths.body(body)  # raises where there is none
-    inside = _insides(muscles, meshes or {})
-    bodies = "".join(
-        f'<Body name="{body}">{_mass((masses or {}).get(body, 0.0))}{inside.get(body, "")}</Body>\n'
-        for body in tree.bodies[1:]
+    bodies = {body: made("Ground" if body == tree.root else "Body", name=body) for body in tree.bodies}
+    bodies[tree.root].set("name", "ground")
+    for body, inside in bodies.items():
+        if body != tree.root:
+            mass = (masses or {}).get(body, 0.0)
+            inertia = [*[mass * GYRATION**2] * 3, 0.0, 0.0, 0.0]
+            inside.extend([made("mass", mass), made("mass_center", [0, 0, 0]), made("inertia", inertia)])
+        if shown := (meshes or {}).get(body):
+            inside.append(made("attached_geometry", *map(_mesh, shown)))
+    for on, cylinder in _cylinders(muscles):
+        _objects_in(bodies[on]).append(cylinder)
+    ground, *others = bodies.values()
+    model = made(
+        "Model",
+        ground,
+        made("gravity", [0.0, -9.80665, 0.0]),
+        made("length_units", "meters"),
+        made("force_units", "N"),
+        _set("BodySet", others, name="bodyset"),
+        _set("JointSet", [_joint(joint, tree, paths) for joint in tree.joints], name="jointset"),
+        _set("ConstraintSet", map(_coupler, tree.couplings), name="constraintset"),
+        _set("ForceSet", [_muscle(one, paths) for one in muscles], name="forceset"),
+        name=name,
     )
-    joints = "".join(_joint(joint, tree, paths) for joint in tree.joints)
-    couplings = "".join(
-        f'<CoordinateCouplerConstraint name="{one.dependent}_follows">\n<isEnforced>true</isEnforced>\n'
-        f"<coupled_coordinates_function>{_function(one.function)}</coupled_coordinates_function>\n"
-        f"<independent_coordinate_names>{one.independent}</independent_coordinate_names>\n"
-        f"<dependent_coordinate_name>{one.dependent}</dependent_coordinate_name>\n"
-        f"<scale_factor>1</scale_factor></CoordinateCouplerConstraint>\n"
-        for one in tree.couplings
-    )
-    forces = "".join(muscle_element(one, paths) for one in muscles)
-    return f"""<?xml version="1.0" encoding="UTF-8" ?>
-<OpenSimDocument Version="{VERSION}">
-<Model name={quoteattr(name)}>
-<Ground name="ground">{inside.get(tree.root, "")}</Ground>
-<gravity>0 -9.80665 0</gravity>
-<length_units>meters</length_units>
-<force_units>N</force_units>
-<BodySet name="bodyset"><objects>
-{bodies}</objects><groups/></BodySet>
-<JointSet name="jointset"><objects>
-{joints}</objects><groups/></JointSet>
-<ConstraintSet name="constraintset"><objects>
-{couplings}</objects><groups/></ConstraintSet>
-<ForceSet name="forceset"><objects>
-{forces}</objects><groups/></ForceSet>
-</Model>
-</OpenSimDocument>
-"""
+    return xml_text(made("OpenSimDocument", model, Version=str(VERSION)))
 
 
-@dataclass(frozen=True)
+def enriched(model: Path, muscles: Sequence[MuscleOut], *, replace: Sequence[str] = ()) -> str:
+    """Return the text of a model of OpenSim with further muscles, all else as it is in the file.
+
+    Parameters
+    ----------
+    model : Path
+        An .osim file of version 4.
+    muscles : sequence of MuscleOut
+        On its bodies, by its coordinates.
+    replace : sequence of str, optional
+        Muscles of the model that are taken out.
+
+    Raises
+    ------
+    ValueError
+        If the file is no such model, has a muscle of that name that is not taken out, or no muscle that is
+        to be taken out.
+    """
+    read = checked_model(model)
+    for one in replace:
+        read.muscle(one)  # raises where there is none
+    names = {muscle.name for muscle in muscles}
+    for one in sorted(names & (set(read.muscles) - set(replace))):
+        raise InputError(
+            model, f"the model has a muscle {one!r} already", "call the new one otherwise, or replace"
+        )
+    paths = ComponentPaths(read.tree, read.joint_of)
+    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    text = decoded(model)  # without what it says of its encoding, which is not always so
+    root = ElementTree.fromstring(text.partition("?>")[2] if text.startswith("<?xml") else text, parser)
+    forces = root.find("Model/ForceSet/objects")
+    if forces is None:
+        raise InputError(model, "the model has no ForceSet", "save it again with OpenSim 4")
+    for force in [force for force in forces if force.get("name") in replace]:
+        forces.remove(force)
+    forces.extend(_muscle(one, paths) for one in muscles)
+    for on, cylinder in _cylinders(muscles):
+        body = root.find(
+            "Model/Ground" if on == read.tree.root else f"Model/BodySet/objects/Body[@name='{on}']"
+        )
+        assert body is not None  # read_osim has found it
+        _objects_in(body).append(cylinder)
+    return xml_text(root, indented=False)
+
+
 class ComponentPaths:
-    """Where bodies and coordinates are in the model's tree of components."""
+    """Where bodies and coordinates are in a model's tree of components.
 
-    bodies: Mapping[str, str]
-    coordinates: Mapping[str, str]
+    Parameters
+    ----------
+    tree : KinematicTree
+        Of the model; its root is the ground.
+    joint_of : mapping of str to str
+        The joint that each coordinate belongs to.
+    """
+
+    def __init__(self, tree: KinematicTree, joint_of: Mapping[str, str]) -> None:
+        self._bodies = {body: f"/bodyset/{body}" for body in tree.bodies} | {tree.root: "/ground"}
+        self._coordinates = {name: f"/jointset/{joint}/{name}" for name, joint in joint_of.items()}
 
     def body(self, name: str) -> str:
         """Return the path of a body; InputError where there is none."""
-        if name not in self.bodies:
-            raise InputError("", f"there is no body {name!r}; there are {', '.join(self.bodies)}")
-        return self.bodies[name]
+        return _known("body", name, self._bodies)
 
     def coordinate(self, name: str) -> str:
         """Return the path of a coordinate; InputError where there is none."""
-        if name not in self.coordinates:
-            raise InputError("", f"there is no coordinate {name!r}; there are {', '.join(self.coordinates)}")
-        return self.coordinates[name]
+        return _known("coordinate", name, self._coordinates)
 
 
-def _mass(mass: float) -> str:
-    inertia = f"{mass * GYRATION**2!r} " * 3 + "0 0 0"
-    return f"<mass>{mass!r}</mass><mass_center>0 0 0</mass_center><inertia>{inertia}</inertia>"
+def _known(what: str, name: str, paths: Mapping[str, str]) -> str:
+    if name not in paths:
+        raise InputError("", f"there is no {what} {name!r}; there are {', '.join(paths)}")
+    return paths[name]
 
 
-def _insides(muscles: Sequence[MuscleOut], meshes: Mapping[str, Sequence[str]]) -> dict[str, str]:
-    """Return what is in the elements of bodies: meshes, and cylinders that paths wind round."""
-    found: dict[str, str] = {}
-    for body, names in meshes.items():
-        found[body] = "<attached_geometry>\n" + "".join(map(_mesh, names)) + "</attached_geometry>\n"
-    for body, cylinders in cylinder_elements(muscles).items():
-        inside = f'<WrapObjectSet name="wrapobjectset"><objects>\n{cylinders}</objects></WrapObjectSet>\n'
-        found[body] = found.get(body, "") + inside
-    return found
+def _set(tag: str, objects: Iterable[Element], **attributes: str) -> Element:
+    return made(tag, made("objects", *objects), made("groups"), **attributes)
 
 
-def _mesh(name: str) -> str:
-    opacity = OPACITY if name.endswith("_at_rest") else 1.0
-    return (
-        f'<Mesh name="{name}_mesh"><mesh_file>{name}.stl</mesh_file>'
-        f"<Appearance><opacity>{opacity}</opacity></Appearance></Mesh>\n"
-    )
+def _objects_in(body: Element) -> Element:
+    """Return what holds the cylinders of a body; made where it has none yet."""
+    holder = body
+    for tag in ("WrapObjectSet", "objects"):
+        inner = holder.find(tag)
+        holder = SubElement(holder, tag) if inner is None else inner
+    return holder
 
 
-def cylinder_elements(muscles: Sequence[MuscleOut]) -> dict[str, str]:
-    """Return the elements of the cylinders that paths wind round, by body."""
-    found: dict[str, str] = {}
+def _mesh(name: str) -> Element:
+    opacity = made("Appearance", made("opacity", OPACITY if name.endswith("_at_rest") else 1.0))
+    return made("Mesh", made("mesh_file", f"{name}.stl"), opacity, name=f"{name}_mesh")
+
+
+def _cylinders(muscles: Sequence[MuscleOut]) -> Iterator[tuple[str, Element]]:
+    """Give the bodies and the elements of the cylinders that paths wind round."""
     for muscle in muscles:
         for number, one in enumerate(getattr(muscle.path, "cylinders", ()), start=1):
-            text = (
-                f'<WrapCylinder name="{muscle.name}-C{number}"><active>true</active>'
-                f"<xyz_body_rotation>{_numbers(_turn(along(one.axis)))}</xyz_body_rotation>"
-                f"<translation>{_numbers(one.centre)}</translation><quadrant>all</quadrant>"
-                f"<radius>{float(one.radius)!r}</radius><length>{CYLINDER!r}</length></WrapCylinder>\n"
+            yield (
+                one.body,
+                made(
+                    "WrapCylinder",
+                    made("active", "true"),
+                    made("xyz_body_rotation", _turn(one.frame)),
+                    made("translation", one.centre),
+                    made("quadrant", "all"),
+                    made("radius", one.radius),
+                    made("length", CYLINDER),
+                    name=f"{muscle.name}-C{number}",
+                ),
             )
-            found[one.body] = found.get(one.body, "") + text
-    return found
-
-
-def along(axis: Floats) -> Floats:
-    """Return a frame (3, 3) whose z axis is a direction."""
-    z = axis / np.linalg.norm(axis)
-    x = np.cross(z, np.eye(3)[np.abs(z).argmin()])
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])
 
 
 def _owners(tree: KinematicTree) -> dict[str, str]:
@@ -226,11 +256,19 @@ def _owners(tree: KinematicTree) -> dict[str, str]:
     return owners
 
 
-def _coordinate_paths(tree: KinematicTree) -> dict[str, str]:
-    return {name: f"/jointset/{joint}/{name}" for name, joint in _owners(tree).items()}
+def _coupler(one: Coupling) -> Element:
+    return made(
+        "CoordinateCouplerConstraint",
+        made("isEnforced", "true"),
+        made("coupled_coordinates_function", function_element(one.function)),
+        made("independent_coordinate_names", one.independent),
+        made("dependent_coordinate_name", one.dependent),
+        made("scale_factor", 1.0),
+        name=f"{one.dependent}_follows",
+    )
 
 
-def _joint(joint: Joint, tree: KinematicTree, paths: ComponentPaths) -> str:
+def _joint(joint: Joint, tree: KinematicTree, paths: ComponentPaths) -> Element:
     owners = _owners(tree)
     mine = [one for one in tree.coordinates if owners.get(one.name) == joint.name]
     used = {axis.coordinate for axis in joint.axes if axis.coordinate is not None}
@@ -241,44 +279,41 @@ def _joint(joint: Joint, tree: KinematicTree, paths: ComponentPaths) -> str:
             f"joint {joint.name!r} moves by {foreign[0]!r}, a coordinate of another joint, which OpenSim "
             "does not take; give it a coordinate of its own that follows the other",
         )
-    stiff = not used and not joint.axes
-    kind = "WeldJoint" if stiff else "CustomJoint"
-    frames = "".join(
-        f'<PhysicalOffsetFrame name="{joint.name}_{side}"><socket_parent>{paths.body(body)}</socket_parent>'
-        f"<translation>{_numbers(frame[:3, 3])}</translation>"
-        f"<orientation>{_numbers(_turn(frame))}</orientation></PhysicalOffsetFrame>\n"
-        for side, body, frame in (
-            ("in_parent", joint.parent, joint.parent_frame),
-            ("in_child", joint.child, joint.child_frame),
+    ends = (("parent", joint.parent, joint.parent_frame), ("child", joint.child, joint.child_frame))
+    frames = [
+        made(
+            "PhysicalOffsetFrame",
+            made("socket_parent", paths.body(body)),
+            made("translation", frame[:3, 3]),
+            made("orientation", _turn(frame)),
+            name=f"{joint.name}_in_{side}",
         )
+        for side, body, frame in ends
+    ]
+    return made(
+        "CustomJoint" if joint.axes else "WeldJoint",
+        *(made(f"socket_{side}_frame", f"{joint.name}_in_{side}") for side, *_ in ends),
+        made("coordinates", *map(_coordinate, mine)),
+        made("frames", *frames),
+        *([made("SpatialTransform", *_axes(joint))] if joint.axes else []),
+        name=joint.name,
     )
-    coordinates = "".join(_coordinate(one) for one in mine)
-    transform = "" if stiff else f"<SpatialTransform>\n{_axes(joint)}</SpatialTransform>\n"
-    return f"""<{kind} name="{joint.name}">
-<socket_parent_frame>{joint.name}_in_parent</socket_parent_frame>
-<socket_child_frame>{joint.name}_in_child</socket_child_frame>
-<coordinates>{coordinates}</coordinates>
-<frames>
-{frames}</frames>
-{transform}</{kind}>
-"""
 
 
-def _coordinate(one: JointCoordinate) -> str:
-    limits = "" if one.range is None else f"<range>{_numbers(np.array(one.range))}</range>"
-    return f'<Coordinate name="{one.name}"><default_value>{one.rest!r}</default_value>{limits}</Coordinate>\n'
+def _coordinate(one: JointCoordinate) -> Element:
+    limits = [] if one.range is None else [made("range", one.range)]
+    return made("Coordinate", made("default_value", one.rest), *limits, name=one.name)
 
 
-def _axes(joint: Joint) -> str:
+def _axes(joint: Joint) -> Iterator[Element]:
     axes: list[JointAxis] = []
     for given in (joint.rotations, joint.translations):
         axes += given
         axes += [JointAxis(axis, Constant(0.0)) for axis in _further([one.axis for one in given])]
-    return "".join(
-        f'<TransformAxis name="{name}"><coordinates>{axis.coordinate or ""}</coordinates>'
-        f"<axis>{_numbers(axis.axis)}</axis>{_function(axis.function, name='function')}</TransformAxis>\n"
-        for name, axis in zip(_AXES, axes, strict=True)
-    )
+    for name, axis in zip(_AXES, axes, strict=True):
+        function = function_element(axis.function, name="function")
+        coordinates = made("coordinates", axis.coordinate or "")
+        yield made("TransformAxis", coordinates, made("axis", axis.axis), function, name=name)
 
 
 def _further(given: list[Floats]) -> list[Floats]:
@@ -296,97 +331,65 @@ def _turn(frame: Floats) -> Floats:
     return angles
 
 
-def muscle_element(muscle: MuscleOut, paths: ComponentPaths) -> str:
-    """Return the element of a muscle."""
+def _muscle(muscle: MuscleOut, paths: ComponentPaths) -> Element:
     path = muscle.path
     written = (
         _function_path(path, paths) if isinstance(path, FunctionPath) else _point_path(muscle, path, paths)
     )
-    given = "".join(f"<{name}>{float(value)!r}</{name}>\n" for name, value in muscle.parameters.items())
-    return f'<{muscle.kind} name="{muscle.name}">\n{written}{given}</{muscle.kind}>\n'
+    given = (made(name, value) for name, value in muscle.parameters.items())
+    return made(muscle.kind, written, *given, name=muscle.name)
 
 
-def _function_path(path: FunctionPath, paths: ComponentPaths) -> str:
-    names = " ".join(paths.coordinate(name) for name in path.names)
-    return f"""<FunctionBasedPath name="path">
-<coordinate_paths>{names}</coordinate_paths>
-<length_function><MultivariatePolynomialFunction>
-<coefficients>{_numbers(path.coefficients)}</coefficients>
-<dimension>{len(path.names)}</dimension><order>{path.order}</order>
-</MultivariatePolynomialFunction></length_function>
-</FunctionBasedPath>
-"""
-
-
-def _point_path(muscle: MuscleOut, path: PointPath, paths: ComponentPaths) -> str:
-    points = "".join(_point(f"{muscle.name}-P{i}", one, paths) for i, one in enumerate(path.points, start=1))
-    wraps = "".join(
-        f'<PathWrap name="{muscle.name}-W{i}"><wrap_object>{muscle.name}-C{i}</wrap_object>'
-        f"<method>hybrid</method><range>{one.after + 1} {one.after + 2}</range></PathWrap>\n"
-        for i, one in enumerate(path.cylinders, start=1)
+def _function_path(path: FunctionPath, paths: ComponentPaths) -> Element:
+    polynomial = made(
+        "MultivariatePolynomialFunction",
+        made("coefficients", path.coefficients),
+        made("dimension", str(len(path.names))),
+        made("order", str(path.order)),
     )
-    return f"""<GeometryPath name="path"><PathPointSet><objects>
-{points}</objects><groups/></PathPointSet>
-<PathWrapSet><objects>
-{wraps}</objects><groups/></PathWrapSet></GeometryPath>
-"""
+    names = made("coordinate_paths", " ".join(map(paths.coordinate, path.names)))
+    return made("FunctionBasedPath", names, made("length_function", polynomial), name="path")
 
 
-def _point(name: str, point: PathPoint, paths: ComponentPaths) -> str:
-    body = f"<socket_parent_frame>{paths.body(point.body)}</socket_parent_frame>"
+def _point_path(muscle: MuscleOut, path: PointPath, paths: ComponentPaths) -> Element:
+    points = [_point(f"{muscle.name}-P{i}", one, paths) for i, one in enumerate(path.points, start=1)]
+    wraps = [
+        made(
+            "PathWrap",
+            made("wrap_object", f"{muscle.name}-C{i}"),
+            made("method", "hybrid"),
+            made("range", f"{one.after + 1} {one.after + 2}"),
+            name=f"{muscle.name}-W{i}",
+        )
+        for i, one in enumerate(path.cylinders, start=1)
+    ]
+    return made("GeometryPath", _set("PathPointSet", points), _set("PathWrapSet", wraps), name="path")
+
+
+def _point(name: str, point: PathPoint, paths: ComponentPaths) -> Element:
+    body = made("socket_parent_frame", paths.body(point.body))
     place = np.asarray(point.place, dtype=np.float64)
     if point.moves:
-        parts = []
-        for axis, function, coordinate, at in zip(
-            "xyz", point.functions, point.coordinates, place, strict=True
-        ):
-            named = coordinate or next(one for one in point.coordinates if one is not None)
-            parts.append(
-                f"<socket_{axis}_coordinate>{paths.coordinate(named)}</socket_{axis}_coordinate>\n"
-                f"<{axis}_location>{_function(function or Constant(float(at)))}</{axis}_location>\n"
+        named = next(one for one in point.coordinates if one is not None)
+        parts = [
+            part
+            for axis, function, own, at in zip("xyz", point.functions, point.coordinates, place, strict=True)
+            for part in (
+                made(f"socket_{axis}_coordinate", paths.coordinate(own or named)),
+                made(f"{axis}_location", function_element(function or Constant(float(at)))),
             )
-        return f'<MovingPathPoint name="{name}">{body}\n{"".join(parts)}</MovingPathPoint>\n'
-    location = f"<location>{_numbers(place)}</location>"
+        ]
+        return made("MovingPathPoint", body, *parts, name=name)
     if point.only_in is None:
-        return f'<PathPoint name="{name}">{body}{location}</PathPoint>\n'
-    coordinate, low, high = point.only_in
-    return (
-        f'<ConditionalPathPoint name="{name}">{body}{location}'
-        f"<socket_coordinate>{paths.coordinate(coordinate)}</socket_coordinate>"
-        f"<range>{low!r} {high!r}</range></ConditionalPathPoint>\n"
-    )
-
-
-def _function(function: CoordinateFunction, *, name: str = "") -> str:
-    label = f' name="{name}"' if name else ""
-    if isinstance(function, Multiplier):
-        inner = _function(function.function)
-        return (
-            f"<MultiplierFunction{label}><function>{inner}</function><scale>{function.factor!r}</scale>"
-            "</MultiplierFunction>"
-        )
-    if isinstance(function, Constant):
-        return f"<Constant{label}><value>{function.value!r}</value></Constant>"
-    if isinstance(function, Polynomial):
-        kind = "LinearFunction" if len(function.coefficients) == 2 else "PolynomialFunction"
-        return f"<{kind}{label}><coefficients>{_numbers(function.coefficients)}</coefficients></{kind}>"
-    if isinstance(function, Wave):
-        parts = "".join(
-            f"<{one}>{getattr(function, one)!r}</{one}>" for one in ("amplitude", "omega", "phase")
-        )
-        return f"<Sine{label}>{parts}<offset>{function.offset!r}</offset></Sine>"
-    if isinstance(function, CubicSpline | PiecewiseLinear):
-        kind = "SimmSpline" if isinstance(function, CubicSpline) else "PiecewiseLinearFunction"
-        return f"<{kind}{label}><x>{_numbers(function.x)}</x><y>{_numbers(function.y)}</y></{kind}>"
-    raise InputError("", f"OpenSim has no function like {type(function).__name__}")
-
-
-def _numbers(values: Floats) -> str:
-    return " ".join(repr(float(value)) for value in values)
+        return made("PathPoint", body, made("location", place), name=name)
+    coordinate, *limits = point.only_in
+    when = made("socket_coordinate", paths.coordinate(coordinate))
+    located = made("location", place)
+    return made("ConditionalPathPoint", body, located, when, made("range", limits), name=name)
 
 
 def _check_name(what: str, name: str) -> None:
-    if not name or set(name) & set(" \t\n/\\*+<>&\"'") or escape(name) != name:
+    if not name or set(name) & set(" \t\n/\\*+<>&\"'"):
         raise InputError(
             "", f"a {what} of OpenSim cannot be called {name!r}: use letters, digits, _ - and . only"
         )

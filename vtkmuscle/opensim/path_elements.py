@@ -8,8 +8,7 @@ import numpy as np
 
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.xml_elements import Element
-from vtkmuscle.opensim.function_elements import function_in
-from vtkmuscle.opensim.functions import CoordinateFunction
+from vtkmuscle.opensim.functions import CoordinateFunction, function_in
 from vtkmuscle.opensim.joint_elements import Frames
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, powers
 

@@ -4,19 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
-from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import TRANSLATIONS
-from vtkmuscle.opensim.functions import (
-    Constant,
-    CoordinateFunction,
-    CubicSpline,
-    Multiplier,
-    PiecewiseLinear,
-    Polynomial,
-    Wave,
-)
+from vtkmuscle.opensim.functions import Multiplier, stretched
 from vtkmuscle.opensim.tree import Coupling, JointAxis, JointCoordinate, KinematicTree
 
 
@@ -78,27 +67,3 @@ def _in_metres(one: JointCoordinate, factor: float) -> JointCoordinate:
         return one
     limits = None if one.range is None else (factor * one.range[0], factor * one.range[1])
     return replace(one, unit="m", rest=factor * one.rest, range=limits)
-
-
-def stretched(function: CoordinateFunction, factor: float) -> CoordinateFunction:
-    """Return the function of q that is f(q / factor), of the same kind as f.
-
-    Raises
-    ------
-    InputError
-        For a function of another kind than those of :mod:`vtkmuscle.opensim.functions`.
-    """
-    if factor == 1.0 or isinstance(function, Constant):
-        return function
-    if isinstance(function, Polynomial):
-        powers = np.arange(len(function.coefficients) - 1, -1, -1)
-        return Polynomial(function.coefficients / factor**powers)
-    if isinstance(function, PiecewiseLinear):
-        return PiecewiseLinear(factor * function.x, function.y)
-    if isinstance(function, CubicSpline):
-        return CubicSpline(factor * function.x, function.y)
-    if isinstance(function, Wave):
-        return replace(function, omega=function.omega / factor)
-    if isinstance(function, Multiplier):
-        return Multiplier(stretched(function.function, factor), function.factor)
-    raise InputError("", f"a function of the kind {type(function).__name__} cannot be stretched")
