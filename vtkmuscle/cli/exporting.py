@@ -85,7 +85,7 @@ def check(
     """
     with one_clear_error(out):
         from vtkmuscle.opensim import check_model, write_opensim
-        from vtkmuscle.opensim.check_page import evaluated, write_check_page
+        from vtkmuscle.opensim.checking import evaluated
 
         if (repair is None) != (scene is None) or (repair is not None and not replace):
             raise InputError(
@@ -104,5 +104,4 @@ def check(
                 where = ", ".join(f"{name} {value:.4g}" for name, value in found.shown(one).items())
                 typer.echo(f"{one.muscle}: {one.what} by {1000.0 * one.size:.1f} mm at {where}")
         typer.echo(f"{kinds.count('moment arm changes sign')} moment arms change their sign")
-        write_check_page(found, page)
-        typer.echo(f"wrote {page}, {found.table().to_csv(page.with_suffix('.csv'), digits=6)}")
+        typer.echo(f"wrote {page}, {found.write(page)}")

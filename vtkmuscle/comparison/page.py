@@ -6,15 +6,14 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
-import jinja2
 import numpy as np
 from markupsafe import Markup
 
-from vtkmuscle._version import __version__
 from vtkmuscle.comparison.curves import Curve, difference, side_apart
 from vtkmuscle.io.literature import LiteratureCurve, drawn
 from vtkmuscle.report.curves import colour_of, label_of, rounded
 from vtkmuscle.report.page import part, plotly_text
+from vtkmuscle.report.sections import rendered
 from vtkmuscle.report.tables import Cell, Sheet, number
 from vtkmuscle.run.table import Table
 
@@ -26,18 +25,6 @@ def page_of(
     table: Table,
 ) -> str:
     """Return the page as text: curves over one another, differences to the first run, and the table."""
-    environment = jinja2.Environment(
-        loader=jinja2.ChoiceLoader(
-            [
-                jinja2.PackageLoader("vtkmuscle.comparison", "page"),
-                jinja2.PackageLoader("vtkmuscle.report", "page"),
-            ]
-        ),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     colours = {name: colour_of(k) for k, name in enumerate(names)}
     charts = [
         _chart(f"chart-{i}-{j}", runs, colours, literature.get(muscle, ()))
@@ -45,11 +32,11 @@ def page_of(
         for j, runs in enumerate(known.values())
     ]
     own = (files("vtkmuscle.comparison") / "page" / "comparison.js").read_text(encoding="utf-8")
-    return environment.get_template("comparison.html").render(
+    return rendered(
+        "comparison.html",
+        ("vtkmuscle.comparison", "page"),
         names=names,
         colours=colours,
-        version=__version__,
-        style=part("style.css"),
         script=Markup("\n").join(
             [part("arrays.js"), part("colours.js"), part("curves.js"), part("saving.js"), Markup(own)]
         ),

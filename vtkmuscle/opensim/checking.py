@@ -14,6 +14,7 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.opensim.model import OsimModel, read_osim
 from vtkmuscle.opensim.muscle_paths import STEP, PointPath
 from vtkmuscle.opensim.tree import JointCoordinate
+from vtkmuscle.report.sections import Section, shown_rows, write_page
 from vtkmuscle.run.table import Table
 
 #: Poses of a sweep, and sweeps of each coordinate: with the others where they are by default, and elsewhere
@@ -26,6 +27,8 @@ JUMP, ARM_JUMP, ARM = 0.5e-3, 5e-3, 2e-3
 HALVINGS = 16
 #: How far beside a jump its two moment arms are taken [rad or m].
 BESIDE = 1e-3
+#: Width and height of a curve [pixels].
+_SIZE = (220, 50)
 #: What a table of findings says.
 COLUMNS = ("muscle", "coordinate", "what", "size_mm", "at", "unit", "sweeps", "pose")
 
@@ -85,6 +88,17 @@ class ModelCheck:
     def table(self) -> Table:
         """Return the findings, a row each; angles in degrees, sizes in millimetres."""
         return Table(COLUMNS, map(self._row, self.findings))
+
+    def write(self, page: Path) -> Path:
+        """Write the findings as one file of HTML, and as a table beside it; return the table."""
+        drawings = [(f"{one.muscle}, {one.coordinate}: {one.what}", _curve(one)) for one in self.findings]
+        sections = [
+            Section("Findings", evaluated(self), shown_rows(self.table()), words=True),
+            Section("Moment arms", "Over the sweep in which it is largest.", drawings=drawings),
+        ]
+        lead = "Where muscles jump, and where their moment arms change sign."
+        write_page(page, self.model.name, "check", lead, sections)
+        return self.table().to_csv(page.with_suffix(".csv"), digits=6)
 
     def shown(self, one: Finding) -> dict[str, float]:
         """Return the pose of a finding, angles in degrees."""
@@ -310,3 +324,31 @@ def _opensim_lengths(path: Path) -> Lengths | None:
         return dict(zip(muscles, found.T, strict=True))
 
     return lengths
+
+
+def evaluated(found: ModelCheck) -> str:
+    """Return which muscles were evaluated, and by what."""
+    own = len(found.model.muscles) - len(found.by_opensim) - len(found.not_checked)
+    words = f"{own} of {len(found.model.muscles)} muscles evaluated here"
+    if found.by_opensim:
+        words += f", {len(found.by_opensim)} that wind round surfaces by OpenSim"
+    if found.not_checked:
+        names = ", ".join(found.not_checked)
+        words += f"; not evaluated, for they wind round surfaces and OpenSim is not installed: {names}"
+    return words + "."
+
+
+def _curve(one: Finding) -> str:
+    """Return the moment arms over the sweep as a drawing, those of a jump left out."""
+    low, high = np.percentile(one.arms, [2.0, 98.0])
+    low, high = min(low, 0.0), max(high, 0.0)
+    width, height = _SIZE
+    x = width * (one.values - one.values[0]) / (one.values[-1] - one.values[0])
+    y = height * (high - np.clip(one.arms, low, high)) / ((high - low) or 1.0)
+    zero = height * high / ((high - low) or 1.0)
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+    return (
+        f'<svg width="{width}" height="{height + 2}" viewBox="0 -1 {width} {height + 2}">'
+        f'<line x1="0" x2="{width}" y1="{zero:.1f}" y2="{zero:.1f}" stroke="#bbb"/>'
+        f'<polyline points="{points}" fill="none" stroke="#06c"/></svg>'
+    )

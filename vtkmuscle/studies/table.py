@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -44,15 +44,3 @@ def write_parquet(path: Path, tables: Iterable[Table], kinds: Mapping[str, type]
 
 def _cells(column: np.ndarray[Any, Any], nothing: Any) -> Iterator[Any]:
     return (nothing if one != one else one for one in column.tolist())  # noqa: PLR0124 -- NaN alone does
-
-
-def shown(value: Any) -> str:
-    """Return a cell as a page has it: numbers to four digits, nothing for what is not known."""
-    if value is None or value != value:  # noqa: PLR0124
-        return ""
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
-def shown_rows(table: Table) -> list[Sequence[str]]:
-    """Return a table's head and rows as a page has them."""
-    return [tuple(table), *zip(*(map(shown, column.tolist()) for column in table.values()), strict=True)]

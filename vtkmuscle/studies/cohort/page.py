@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from vtkmuscle.report.sections import Section, shown_rows, svg_of, write_page
 from vtkmuscle.run.table import Table
 from vtkmuscle.run.verdict import FAILED, VERDICTS
 from vtkmuscle.studies.case import Case
@@ -17,9 +18,7 @@ from vtkmuscle.studies.cohort.statistics import UNUSUAL, Curve, Key, outliers
 from vtkmuscle.studies.cohort.subjects import FOLDER, ID, Study
 from vtkmuscle.studies.cohort.table import curves
 from vtkmuscle.studies.outcome import PICTURE, Outcome
-from vtkmuscle.studies.page import Section, svg_of, write_page
 from vtkmuscle.studies.study import outcome_of
-from vtkmuscle.studies.table import shown_rows
 
 #: Most unusual curves that are listed, curves that are drawn, and subjects that a legend names.
 _OUTLIERS, _DRAWN, _NAMED = 50, 200, 10

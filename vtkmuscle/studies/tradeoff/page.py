@@ -9,9 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vtkmuscle.io.writing import replacing, write_text
+from vtkmuscle.report.sections import Section, shown_rows, svg_of, write_page
 from vtkmuscle.run.table import Table
-from vtkmuscle.studies.page import Section, svg_of, write_page
-from vtkmuscle.studies.table import shown_rows
 from vtkmuscle.studies.tradeoff.measures import ERRORS, MEASURES, Measure
 from vtkmuscle.studies.tradeoff.study import TradeOff
 

@@ -1,4 +1,4 @@
-"""The page of a study: one HTML file that needs nothing else, in the look of a run's."""
+"""Pages of sections: one HTML file that needs nothing else, in the look of a run's."""
 
 from __future__ import annotations
 
@@ -6,17 +6,22 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import jinja2
+from numpy.typing import NDArray
 
 from vtkmuscle._version import __version__
 from vtkmuscle.io.writing import write_text
+from vtkmuscle.report.page import part
 from vtkmuscle.report.tables import Cell, Sheet
-from vtkmuscle.run.verdict import VERDICTS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+#: Verdicts that are marked where a cell holds one.
+_MARKED = ("look", "failed")
 
 
 @dataclass(frozen=True)
@@ -27,19 +32,19 @@ class Section:
     ----------
     title, note : str
         Above it, and what it shows.
-    rows : sequence of sequence of str
+    rows : sequence of sequence of (str or Cell)
         A table, its head first, in which verdicts are marked.
     words : bool
         Whether its cells are words rather than numbers.
     drawings : sequence of (str, str)
         Titles and SVG.
     pictures : sequence of (str, str, str)
-        Words, a verdict and a PNG in base 64.
+        Words, a verdict or "", and a PNG in base 64.
     """
 
     title: str
     note: str = ""
-    rows: Sequence[Sequence[str]] = ()
+    rows: Sequence[Sequence[str | Cell]] = ()
     words: bool = False
     drawings: Sequence[tuple[str, str]] = ()
     pictures: Sequence[tuple[str, str, str]] = ()
@@ -47,28 +52,43 @@ class Section:
     @property
     def sheet(self) -> Sheet:
         """The table as pages have it."""
-        head, *body = self.rows
-        marked = [[Cell(text, text if text in VERDICTS else "") for text in row] for row in body]
-        return Sheet(self.note or self.title, list(head), marked, words=self.words)
+        head, *body = (
+            [one if isinstance(one, Cell) else Cell(one, one if one in _MARKED else "") for one in row]
+            for row in self.rows
+        )
+        return Sheet(self.note or self.title, [one.text for one in head], body, words=self.words)
 
 
 def write_page(path: Path, name: str, kind: str, lead: str, sections: Sequence[Section]) -> Path:
-    """Write the page of a study of a kind, and return it."""
-    import jinja2  # noqa: PLC0415 -- only pages need it
+    """Write a page of a kind, and return it."""
+    facts = {"name": name, "kind": kind, "lead": lead, "sections": sections}
+    write_text(path, rendered("sections.html", **facts))
+    return path
 
-    places = ("vtkmuscle.studies", "templates"), ("vtkmuscle.report", "page")
+
+def rendered(template: str, *places: tuple[str, str], **values: Any) -> str:
+    """Return a page's text; its parts are in folders of packages, or among those of a run's page."""
+    loaders = [jinja2.PackageLoader(*place) for place in (*places, ("vtkmuscle.report", "page"))]
     environment = jinja2.Environment(
-        loader=jinja2.ChoiceLoader([jinja2.PackageLoader(*place) for place in places]),
+        loader=jinja2.ChoiceLoader(loaders),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    style = (files("vtkmuscle.report") / "page" / "style.css").read_text(encoding="utf-8")
-    facts = {"name": name, "kind": kind, "lead": lead, "sections": sections}
-    page = environment.get_template("study.html")
-    write_text(path, page.render(version=__version__, style=style, **facts))
-    return path
+    page = environment.get_template(template)
+    return page.render(version=__version__, style=part("style.css"), **values)
+
+
+def shown_rows(table: Mapping[str, NDArray[Any]]) -> list[Sequence[str]]:
+    """Return a table's head and rows as a page has them: numbers to four digits, nothing for no number."""
+    return [tuple(table), *zip(*(map(_shown, column.tolist()) for column in table.values()), strict=True)]
+
+
+def _shown(value: Any) -> str:
+    if value is None or value != value:  # noqa: PLR0124
+        return ""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def svg_of(figure: Figure, salt: str, names: Mapping[str, str] | None = None) -> str:
