@@ -39,10 +39,10 @@ def test_what_is_wrong_in_a_study_is_said(study_file, text, words):
 @pytest.mark.parametrize(
     ("table", "words"),
     [
-        ("", "no subject"),
-        ("id,folder\n", "no subject"),
-        ("name,folder\na,b\n", "no column 'id'"),
-        ("id,id\na,b\n", "two columns 'id'"),
+        ("", r"column\(s\) id are missing"),
+        ("id,folder\n", "no rows; write a line of columns and a line per subject"),
+        ("name,folder\na,b\n", r"column\(s\) id are missing"),
+        ("id,id\na,b\n", r"column\(s\) id appear twice"),
         ("id,folder\na\n", "line 2 has 1 cells"),
         ("id\na\nA\n", "stands in the table twice"),
         ("id\n../a\n", "cannot be part of a file name"),

@@ -45,10 +45,9 @@ def export_muscles(
 
 
 def _kilograms(text: str) -> float:
-    try:
-        mass = float(text)
-    except ValueError:
-        mass = -1.0
+    from vtkmuscle.io.csv_table import number_in
+
+    mass = number_in(text)
     if not 0.0 <= mass < inf:
         raise InputError("--mass", f"{text!r} is no mass", "write BODY=KG, e.g. femur=8.5")
     return mass

@@ -1,15 +1,17 @@
-"""Rows of a CSV file that a user wrote: with empty lines and comments, and numbers to be checked."""
+"""CSV tables: of a user, with empty lines, comments and numbers to be checked; and for one."""
 
 from __future__ import annotations
 
 import csv
+import io
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.files import check_is_file
+from vtkmuscle.io.writing import write_text
 
 
 def csv_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
@@ -34,20 +36,54 @@ def csv_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
         raise InputError(path, f"the file is not a CSV table: {why}", "export it again") from error
 
 
-def filled_rows(path: Path, most: int | None = None) -> list[tuple[int, list[str]]]:
-    """Return the rows of :func:`csv_rows`; an InputError for more than a header and `most` rows."""
+def table_rows(
+    path: Path, *, needed: Sequence[str] = (), most: int | None = None, remedy: str = ""
+) -> list[tuple[int, dict[str, str]]]:
+    """Return the number of each line below the header and its cells by column: one row or more.
+
+    Raises
+    ------
+    FileNotFoundError, InputError
+        As of :func:`csv_rows`; and if there are no rows or more than ``most``, a column is not there, has no
+        name or is there twice, or a line has another number of cells. ``remedy`` says what the table is.
+    """
     rows = list(islice(csv_rows(path), None if most is None else most + 2))
+    header = rows[0][1] if rows else []
+    twice = sorted({name for name in header if header.count(name) > 1})
+    if twice:
+        problem = f"the column(s) {', '.join(twice)} appear twice" if any(twice) else "a column has no name"
+        raise InputError(path, problem, "give each column a name of its own")
+    if missing := [name for name in needed if name not in header]:
+        raise InputError(path, f"the column(s) {', '.join(missing)} are missing", remedy)
+    if len(rows) < 2:
+        raise InputError(path, "the table has no rows", remedy)
     if most is not None and len(rows) - 1 > most:
         raise InputError(path, f"the table has more than {most} rows", "leave some out")
-    return rows
+    for line, cells in rows[1:]:
+        if len(cells) != len(header):
+            problem = f"line {line} has {len(cells)} cells, but the header has {len(header)}"
+            raise InputError(path, problem, "correct that line")
+    return [(line, dict(zip(header, cells, strict=True))) for line, cells in rows[1:]]
+
+
+def write_rows(path: Path, rows: Iterable[Iterable[object]]) -> None:
+    """Write a table, its header first; numbers with all their digits, all or nothing."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    write_text(path, text.getvalue())
+
+
+def number_in(cell: object) -> float:
+    """Return the number in a cell, NaN where there is none."""
+    try:
+        return float(cell)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
 
 
 def finite_number(cell: str, column: str, path: Path, where: str) -> float:
     """Return the number in a cell of a file's table, InputError where there is none."""
-    try:
-        value = float(cell)
-    except ValueError:
-        value = math.nan
+    value = number_in(cell)
     if not math.isfinite(value):
         raise InputError(path, f"{where}: {column} is {cell!r}, but must be a finite number")
     return value

@@ -12,7 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.data.arrays import field_array
-from vtkmuscle.io.writing import write_text
+from vtkmuscle.io.csv_table import write_rows
 
 
 def fibre_columns(fibres: vtkPolyData) -> dict[str, NDArray[np.float64]]:
@@ -149,8 +149,6 @@ def write_fibre_table(fibres: vtkPolyData, path: str | PathLike[str]) -> Path:
         raise InputError(
             "write_fibre_table", "the fibres have no cell arrays", "run FibreMetrics on them first"
         )
-    rows = zip(*columns.values(), strict=True)
-    lines = [",".join(columns), *(",".join(f"{value:.10g}" for value in row) for row in rows)]
-    target = Path(path)
-    write_text(target, "\n".join(lines) + "\n")
-    return target
+    rows = zip(*(map("%.10g".__mod__, column) for column in columns.values()), strict=True)
+    write_rows(Path(path), [list(columns), *rows])
+    return Path(path)

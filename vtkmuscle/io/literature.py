@@ -11,8 +11,7 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
-from vtkmuscle.io.csv_table import filled_rows, finite_number
-from vtkmuscle.io.writing import write_text
+from vtkmuscle.io.csv_table import finite_number, table_rows, write_rows
 
 #: Columns that a table must have; ``part`` may be there too, others are passed over.
 LITERATURE_COLUMNS = ("source", "muscle", "dof", "angle_deg", "moment_arm_mm")
@@ -77,23 +76,10 @@ def read_literature(path: str | PathLike[str]) -> tuple[LiteratureCurve, ...]:
     array([30., 31.])
     """
     path = Path(path)
-    filled = filled_rows(path)
-    header = filled[0][1] if filled else []
-    missing = [name for name in LITERATURE_COLUMNS if name not in header]
-    if missing or len(filled) < 2:
-        problem = f"the column(s) {', '.join(missing)} are missing" if missing else "the table has no rows"
-        raise InputError(
-            path,
-            problem,
-            f"published moment arms have the columns {', '.join(LITERATURE_COLUMNS)}, and part where "
-            "there are several curves of one source",
-        )
+    remedy = f"published moment arms have the columns {', '.join(LITERATURE_COLUMNS)}, and part where "
+    remedy += "there are several curves of one source"
     curves: dict[tuple[str, str, str, str], list[tuple[float, float]]] = {}
-    for line, cells in filled[1:]:
-        if len(cells) < len(header):
-            problem = f"line {line} has {len(cells)} cells, but the header has {len(header)}"
-            raise InputError(path, problem, "correct it")
-        row = dict(zip(header, cells, strict=False))
+    for line, row in table_rows(path, needed=LITERATURE_COLUMNS, remedy=remedy):
         empty = [name for name in LITERATURE_COLUMNS if not row[name]]
         if empty:
             raise InputError(path, f"line {line}: {empty[0]} is empty", "fill it in, or leave the line out")
@@ -116,14 +102,12 @@ def write_literature(path: str | PathLike[str], curves: Sequence[LiteratureCurve
     curves : sequence of LiteratureCurve
         What to write.
     """
-    lines = [("source", "muscle", "dof", "part", "angle_deg", "moment_arm_mm")]
-    for curve in curves:
-        names = (curve.source, curve.muscle, curve.dof, curve.part)
-        lines += [
-            (*names, repr(float(angle)), repr(float(arm)))
-            for angle, arm in zip(curve.angles, curve.arms, strict=True)
-        ]
-    write_text(Path(path), "".join(",".join(map(_quoted, line)) + "\n" for line in lines))
+    rows = (
+        (curve.source, curve.muscle, curve.dof, curve.part, *point)
+        for curve in curves
+        for point in zip(curve.angles.tolist(), curve.arms.tolist(), strict=True)
+    )
+    write_rows(Path(path), [("source", "muscle", "dof", "part", "angle_deg", "moment_arm_mm"), *rows])
 
 
 def curves_for(
@@ -194,7 +178,3 @@ def _sides(curve: LiteratureCurve) -> tuple[str, str]:
 def _names(name: str) -> tuple[str, ...]:
     """Return a name, and the one without its side."""
     return (name, name[:-2]) if name[-2:].casefold() in ("_r", "_l") else (name,)
-
-
-def _quoted(cell: str) -> str:
-    return '"' + cell.replace('"', '""') + '"' if set(cell) & set(',"\r\n#') else cell

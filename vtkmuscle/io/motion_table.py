@@ -13,8 +13,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import Coordinate
 from vtkmuscle.core.motion.rigid import RigidMotion, is_rigid
 from vtkmuscle.core.types import Floats
-from vtkmuscle.io.csv_table import filled_rows, finite_number
-from vtkmuscle.io.writing import write_text
+from vtkmuscle.io.csv_table import finite_number, table_rows, write_rows
 
 #: Column names, row major. The last four may be missing: a rigid transform ends with 0 0 0 1.
 TRANSFORM_COLUMNS = tuple(f"T{row}{column}" for row in range(4) for column in range(4))
@@ -22,6 +21,11 @@ TRANSFORM_COLUMNS = tuple(f"T{row}{column}" for row in range(4) for column in ra
 #: Rows of a table, at most: a hundred seconds at the rate of motion capture systems.
 MOST_FRAMES = 20_000
 
+#: What a table without these columns or without rows is told.
+_FORM = (
+    "a table of transforms has the columns T00, T01, T02, T03, T10 ... T23, row major, rest to pose, and a "
+)
+_FORM += "line per time"
 _LAST_ROW = {"T30": 0.0, "T31": 0.0, "T32": 0.0, "T33": 1.0}
 
 #: Columns that are times or counts; one of another name that is the pipeline's time is a coordinate as well.
@@ -82,14 +86,9 @@ def read_motion_table(
     [0.0, 10.0, 20.0]
     """
     path = Path(path)
-    header, rows = _rows(path)
-    missing = [c for c in TRANSFORM_COLUMNS if c not in header and c not in _LAST_ROW]
-    if missing:
-        raise InputError(
-            path,
-            f"the column(s) {', '.join(missing)} are missing",
-            "a table of transforms has the columns T00, T01, T02, T03, T10 ... T23, row major, rest to pose",
-        )
+    needed = [name for name in TRANSFORM_COLUMNS if name not in _LAST_ROW]
+    rows = table_rows(path, needed=needed, most=MOST_FRAMES, remedy=_FORM)
+    header = list(rows[0][1])
     if time is not None and time not in header:
         raise InputError(path, f"there is no column {time!r} for the time", _others(header))
     kinds = _kinds(coordinates, time)
@@ -98,12 +97,8 @@ def read_motion_table(
             raise InputError(path, f"there is no column {name!r} for a coordinate", _others(header))
     times, transforms = [], []
     values: dict[str, list[float]] = {name: [] for name in kinds}
-    for row, (line, cells) in enumerate(rows):
+    for row, (line, given) in enumerate(rows):
         where = f"line {line} (row {row})"
-        given = dict(zip(header, cells, strict=False))
-        if len(cells) != len(header):
-            problem = f"{where} has {len(cells)} cells, but the header has {len(header)}"
-            raise InputError(path, problem, "correct it")
         times.append(float(row) if time is None else finite_number(given[time], time, path, where))
         if row and times[-1] <= times[-2]:
             raise InputError(
@@ -144,7 +139,8 @@ def motion_columns(path: str | PathLike[str]) -> list[str]:
     FileNotFoundError, ValueError
         If there is no such file, or it is no table.
     """
-    return [name for name in _rows(Path(path))[0] if name not in TRANSFORM_COLUMNS]
+    rows = table_rows(Path(path), most=MOST_FRAMES, remedy=_FORM)
+    return [name for name in rows[0][1] if name not in TRANSFORM_COLUMNS]
 
 
 def write_motion_table(path: str | PathLike[str], motion: RigidMotion, bone: str) -> None:
@@ -171,11 +167,12 @@ def write_motion_table(path: str | PathLike[str], motion: RigidMotion, bone: str
     for name in columns:
         if name in ("time", *TRANSFORM_COLUMNS) or set(name) & set(',"\r\n') or name != name.strip():
             raise InputError(Path(path), f"a coordinate cannot be a column {name!r}", "call it otherwise")
-    lines = [",".join(("time", *TRANSFORM_COLUMNS, *columns))]
-    for row, transform in enumerate(tables[bone]):
-        found = (motion.times[row], *transform.reshape(-1), *(values[row] for values in columns.values()))
-        lines.append(",".join(repr(float(value)) for value in found))
-    write_text(Path(path), "\n".join(lines) + "\n")
+    rows = [
+        (time, *transform.ravel(), *values)
+        for time, transform, *values in zip(motion.times, tables[bone], *columns.values(), strict=True)
+    ]
+    head = ("time", *TRANSFORM_COLUMNS, *columns)
+    write_rows(Path(path), [head, *([float(value) for value in row] for row in rows)])
 
 
 def _kinds(
@@ -192,17 +189,6 @@ def _kinds(
 
 def _counts_rows(values: Floats) -> bool:
     return any(np.array_equal(values, np.arange(first, first + len(values))) for first in (0, 1))
-
-
-def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    filled = filled_rows(path, MOST_FRAMES)
-    if len(filled) < 2:
-        raise InputError(path, "the table has no rows", "it needs a header line and one line per time")
-    header = filled[0][1]
-    twice = sorted({name for name in header if header.count(name) > 1})
-    if twice:
-        raise InputError(path, f"the column(s) {', '.join(twice)} appear twice", "rename one")
-    return header, filled[1:]
 
 
 def _others(header: Sequence[str]) -> str:

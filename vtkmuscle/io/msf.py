@@ -37,6 +37,7 @@ from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import shown
 from vtkmuscle.data.arrays import points_of, with_points
+from vtkmuscle.io.csv_table import number_in
 from vtkmuscle.io.surfaces import read_polydata
 from vtkmuscle.io.xml_elements import Element, read_xml
 
@@ -203,10 +204,7 @@ def _children(element: Element, holder: str, tag: str) -> list[Element]:
 
 def _time(element: Element) -> float:
     text = element.attributes.get("TimeStamp", "0")
-    try:
-        time = float(text)
-    except ValueError:
-        time = np.nan
+    time = number_in(text)
     if not np.isfinite(time):
         raise element.error(f"its TimeStamp is {shown(text)}, but must be a finite number")
     return time

@@ -13,6 +13,7 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import shown
+from vtkmuscle.io.csv_table import number_in
 
 #: Frames of the body: x to the left and y to the back, or x to the right and y to the front; z up.
 FRAMES = ("LPS", "RAS")
@@ -129,7 +130,7 @@ def read_fcsv(path: Path) -> NamedPoints:
             except csv.Error as error:
                 raise InputError(path, f"line {number}: {error}", _AS_SLICER) from error
             given = dict(zip(columns, cells, strict=False))
-            place = [_number(given.get(name, "")) for name in "xyz"]
+            place = [number_in(given.get(name, "")) for name in "xyz"]
             points.append(_place(place, f"line {number}", path))
             names.append(given.get("label", "") or given.get("id", ""))
     if not points:
@@ -151,14 +152,7 @@ def _place(values: Any, where: str, path: Path) -> list[float]:
     good = isinstance(values, list) and len(values) == 3
     if not good or not all(isinstance(v, int | float) and not isinstance(v, bool) for v in values):
         raise InputError(path, f"{where}: {shown(values)} is no place x, y, z", "correct it")
-    place = [_number(v) for v in values]
+    place = [number_in(v) for v in values]
     if not np.isfinite(place).all():
         raise InputError(path, f"{where}: {shown(values)} is not finite", "correct it")
     return place
-
-
-def _number(cell: Any) -> float:
-    try:
-        return float(cell)
-    except (ValueError, OverflowError):
-        return float("nan")

@@ -15,6 +15,7 @@ from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.files import MOST_TEXT, check_is_file
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import shown
+from vtkmuscle.io.csv_table import number_in
 
 #: Elements within elements, at most.
 DEEPEST = 100
@@ -110,11 +111,7 @@ class Element:
         InputError
             If there are others than that many, or what is no finite number.
         """
-        cells = self.text.replace(",", " ").split()
-        try:
-            values = np.array([float(cell) for cell in cells], dtype=np.float64)
-        except ValueError:
-            values = np.array([np.nan])
+        values = np.array([number_in(cell) for cell in self.text.replace(",", " ").split()])
         if not np.isfinite(values).all() or (count is not None and len(values) != count):
             what = "finite numbers" if count is None else f"{count} finite number{'s' * (count > 1)}"
             raise self.error(f"holds {shown(self.text.strip())}, but must hold {what}")

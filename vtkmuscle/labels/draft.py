@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +15,7 @@ from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.data.arrays import points_of, with_points
 from vtkmuscle.data.attachments import ROLES, AttachmentArea, attachments_from
 from vtkmuscle.data.estimated_areas import NEAR, estimated_areas
+from vtkmuscle.io.csv_table import write_rows
 from vtkmuscle.io.writing import write_polydata, write_text
 from vtkmuscle.labels.guesses import LEFT_OUT, Guess, table_of
 from vtkmuscle.labels.joints import bodies_of, depth_of, guessed_joints
@@ -177,9 +176,7 @@ class Draft:
             surface = written(f"muscles/{name}.vtp", muscle)
             add(f"muscles.{name}", {"surface": surface, "attachments": areas, "fibres": FIBRES})
         text += ["\n", *(f"# {what}: {note[2:]}" for what, found in notes.items() for note in found)]
-        table = StringIO()
-        csv.writer(table, lineterminator="\n").writerows(table_of(self.guesses))
-        write_text(out / "guesses.csv", table.getvalue())
+        write_rows(out / "guesses.csv", table_of(self.guesses))
         write_text(out / "motion.sto", _sweep(self.sweep))
         write_text(out / "scene.toml", "".join(text))
         return out / "scene.toml"

@@ -12,6 +12,7 @@ import numpy as np
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import shown
+from vtkmuscle.io.csv_table import number_in
 from vtkmuscle.io.motion_table import MOST_FRAMES
 from vtkmuscle.io.xml_elements import decoded
 from vtkmuscle.opensim.tree import KinematicTree
@@ -183,16 +184,11 @@ def _labels(lines: list[str], start: int, path: Path) -> list[str]:
 
 
 def _row(cells: list[str], labels: list[str], number: int, path: Path) -> list[float]:
-    row = []
-    for cell, label in zip(cells, labels, strict=True):
-        try:
-            value = float(cell)
-        except ValueError:
-            value = np.nan
+    row = [number_in(cell) for cell in cells]
+    for value, cell, label in zip(row, cells, labels, strict=True):
         if not np.isfinite(value):
             problem = f"line {number}: {shown(label)} is {shown(cell)}, but must be a finite number"
             raise InputError(path, problem)
-        row.append(value)
     return row
 
 

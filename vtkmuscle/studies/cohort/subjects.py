@@ -15,7 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.io.csv_table import filled_rows
+from vtkmuscle.io.csv_table import number_in, table_rows
 from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.files import parsed
 from vtkmuscle.scene.names import checked_name
@@ -83,7 +83,10 @@ class Study:
         """Other columns of the table of subjects, those of numbers alone as such."""
         names = [name for name in self.subjects[0] if name not in (ID, FOLDER)]
         texts = {name: [row[name] for row in self.subjects if row[name]] for name in names}
-        return {name: float if all(map(_is_number, found)) else str for name, found in texts.items()}
+        return {
+            name: float if np.isfinite([*map(number_in, found)]).all() else str
+            for name, found in texts.items()
+        }
 
     def variations(self) -> list[Variation]:
         """Return the samples of all causes, and before them the one of nothing."""
@@ -147,13 +150,6 @@ class Study:
             raise SceneError(problem, "compare.by", "name a column that has two", self.file)
 
 
-def _is_number(cell: str) -> bool:
-    try:
-        return bool(np.isfinite(float(cell)))
-    except ValueError:
-        return False
-
-
 def _muscles(scene: SceneText, wanted: Sequence[str]) -> Sequence[str]:
     found, file = scene.values.get("muscles"), Path(scene.file)
     if not isinstance(found, dict) or not found:
@@ -177,26 +173,14 @@ def _check_name(name: str, file: Path, what: str) -> None:
 
 def _subjects(study: Path, path: Path) -> tuple[Mapping[str, str], ...]:
     """Return the rows of a table of subjects, each with an id of its own."""
+    remedy = "write a line of columns and a line per subject"
     try:
-        rows = filled_rows(path, _MOST_SUBJECTS)
-    except (ValueError, OSError) as error:
+        rows = table_rows(path, needed=[ID], most=_MOST_SUBJECTS, remedy=remedy)
+    except OSError as error:
         problem, remedy = fault_of(error)
         raise SceneError(problem, "subjects", remedy, path) from error
-    if len(rows) < 2:
-        raise InputError(path, "the table has no subject", "write a line of columns and a line per subject")
-    _, columns = rows[0]
-    for column in columns:
-        if not column or columns.count(column) > 1:
-            problem = f"there are two columns {column!r}" if column else "a column has no name"
-            raise InputError(path, problem, "give each a name of its own")
-    if ID not in columns:
-        raise InputError(path, f"the table has no column {ID!r}", f"it has: {', '.join(columns)}")
     subjects: dict[str, Mapping[str, str]] = {}
-    for line, cells in rows[1:]:
-        if len(cells) != len(columns):
-            problem = f"line {line} has {len(cells)} cells, but there are {len(columns)} columns"
-            raise InputError(path, problem, "correct that line")
-        row = dict(zip(columns, cells, strict=True))
+    for line, row in rows:
         name = row[ID]
         _check_name(name, path, f"line {line}: the id")
         if name.casefold() in subjects:
