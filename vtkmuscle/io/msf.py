@@ -198,8 +198,7 @@ def _node(element: Element, folder: Path) -> MsfNode:
 
 
 def _children(element: Element, holder: str, tag: str) -> list[Element]:
-    within = element.find(holder)
-    return [] if within is None else [child for child in within.children if child.tag == tag]
+    return [child for child in element.within(holder) if child.tag == tag]
 
 
 def _time(element: Element) -> float:

@@ -139,6 +139,13 @@ class Element:
             raise found.error(f"holds {shown(word)}, but must hold true or false")
         return word == "true"
 
+    def within(self, tag: str) -> list[Element]:
+        """Return what is in a child, none where there is no such child; of a set, its objects."""
+        found = self.find(tag)
+        if found is None:
+            return []
+        return list(found.objects()) if tag.endswith("Set") else found.children
+
     def objects(self) -> Iterator[Element]:
         """Give what is in a set's ``objects``."""
         self.only(("objects", "groups"))

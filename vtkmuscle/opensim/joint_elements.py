@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,10 +13,8 @@ from vtkmuscle.io.xml_elements import Element
 from vtkmuscle.opensim.functions import (
     FUNCTIONS,
     IDENTITY,
-    CoordinateFunction,
     Multiplier,
     function_in,
-    function_of,
 )
 from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate
 
@@ -75,10 +73,10 @@ class Frames:
         raise asking.error(f"there is no body or frame {name!r}")
 
 
-def offset_frames(holder: Element | None, frames: Frames) -> dict[str, tuple[str, Floats]]:
-    """Return the PhysicalOffsetFrames that an element holds, by name."""
+def offset_frames(elements: Sequence[Element], frames: Frames) -> dict[str, tuple[str, Floats]]:
+    """Return the PhysicalOffsetFrames among elements that hold nothing else, by name."""
     own: dict[str, tuple[str, Floats]] = {}
-    for element in [] if holder is None else holder.children:
+    for element in elements:
         if element.tag != "PhysicalOffsetFrame":
             raise element.error("is not understood among frames")
         element.only(_FRAME_KEYS)
@@ -125,7 +123,7 @@ def joint_in(
         ]
         rotations, translations = found[: len(turns)], found[len(turns) :]
     if child is None:
-        own = offset_frames(element.find("frames"), frames)
+        own = offset_frames(element.within("frames"), frames)
         asked = element.need("socket_parent_frame", "socket_parent_offset_frame")
         parent, parent_frame = frames.find(asked.text, asked, own)
         asked = element.need("socket_child_frame", "socket_child_offset_frame")
@@ -143,8 +141,7 @@ def joint_in(
 
 
 def _coordinate_elements(element: Element) -> list[Element]:
-    plain, as_set = element.find("coordinates"), element.find("CoordinateSet")
-    found = plain.children if plain is not None else list(as_set.objects()) if as_set is not None else []
+    found = element.within("coordinates" if element.find("coordinates") else "CoordinateSet")
     for one in found:
         if one.tag != "Coordinate":
             raise one.error("is not understood among coordinates")
@@ -179,10 +176,10 @@ def _spatial_transform(element: Element) -> tuple[list[JointAxis], list[JointAxi
     for name in found:
         if name not in known:
             raise transform.error(f"there is no axis {name!r}", f"the axes are {', '.join(known)}")
-    rotations, translations = known[:3], known[3:]
-    return [found[name] for name in rotations if name in found], [
-        found[name] for name in translations if name in found
-    ]
+    rotations, translations = (
+        [found[one] for one in three if one in found] for three in (known[:3], known[3:])
+    )
+    return rotations, translations
 
 
 def _transform_axis(element: Element) -> JointAxis:
@@ -190,15 +187,11 @@ def _transform_axis(element: Element) -> JointAxis:
     names = element.words("coordinates")
     if len(names) > 1:
         raise element.error(f"depends on {len(names)} coordinates; functions of one are understood")
-    function: CoordinateFunction
     holder = element.find("function")
-    if holder is not None:
-        function = function_in(holder)
-    else:
-        functions = [child for child in element.children if child.tag not in ("coordinates", "axis")]
-        if len(functions) != 1:
-            raise element.error(f"has {len(functions)} functions, but must have one")
-        function = function_of(functions[0])
+    if holder is None:
+        bare = [child for child in element.children if child.tag not in ("coordinates", "axis")]
+        holder = replace(element, children=bare)
+    function = function_in(holder)
     try:
         return JointAxis(element.need("axis").numbers(3), function, names[0] if names else None)
     except ValueError as error:

@@ -173,12 +173,9 @@ class _Reader:
         tree = self._tree()
         muscles = self._muscles(tree)
         for tag in _NOT_USED:
-            holder = self.model.find(tag)
-            self.not_used += [f"{tag}: {one}" for one in ([] if holder is None else holder.objects())]
+            self.not_used += [f"{tag}: {one}" for one in self.model.within(tag)]
         for tag in ("ComponentSet", "components"):
-            holder = self.model.find(tag)
-            found = [] if holder is None else holder.objects() if tag == "ComponentSet" else holder.children
-            for one in found:
+            for one in self.model.within(tag):
                 raise one.error("further components are not understood", "remove it")
         return OsimModel(
             self.model.name,
@@ -191,9 +188,8 @@ class _Reader:
         )
 
     def _bodies(self) -> None:
-        bodies = self.model.find("BodySet")
         ground = self.model.find("Ground")
-        found = [] if bodies is None else list(bodies.objects())
+        found = self.model.within("BodySet")
         for body in found:
             if body.tag != "Body":
                 raise body.error("is not understood among bodies")
@@ -206,12 +202,11 @@ class _Reader:
         for body in [*found, *([] if ground is None else [ground])]:
             name = body.name or self.frames.ground
             for holder in ("components", "frames"):
-                self.frames.on_bodies.update(offset_frames(body.find(holder), self.frames))
+                self.frames.on_bodies.update(offset_frames(body.within(holder), self.frames))
             self._meshes_of(body, name)
 
     def _meshes_of(self, body: Element, name: str) -> None:
-        attached = body.find("attached_geometry")
-        for one in [] if attached is None else attached.children:
+        for one in body.within("attached_geometry"):
             if one.tag != "Mesh":
                 self.not_used.append(f"geometry of {name!r}: {one}")
                 continue
@@ -220,24 +215,19 @@ class _Reader:
                 BodyMesh(name, file, one.vector("scale_factors", default=[1, 1, 1]), np.eye(4))
             )
         visible = body.find("VisibleObject")
-        holder = None if visible is None else visible.find("GeometrySet")
-        if visible is None or holder is None:
+        if visible is None:
             return
         scale = visible.vector("scale_factors", default=[1, 1, 1])
-        for one in holder.objects():
+        for one in visible.within("GeometrySet"):
             own = one.vector("scale_factors", default=[1, 1, 1])
             turn = one.vector("transform", 6)
             frame = frame_at(turn[3:], turn[:3])
             self.meshes.append(BodyMesh(name, one.word("geometry_file"), scale * own, frame))
 
     def _joints(self) -> None:
-        joints = self.model.find("JointSet")
-        found: list[tuple[Element, str | None]] = []
-        found += [(one, None) for one in ([] if joints is None else joints.objects())]
-        bodies = self.model.find("BodySet")
-        for body in [] if bodies is None else bodies.objects():
-            holder = body.find("Joint")
-            found += [(one, body.name) for one in ([] if holder is None else holder.children)]
+        found: list[tuple[Element, str | None]] = [(one, None) for one in self.model.within("JointSet")]
+        for body in self.model.within("BodySet"):
+            found += [(one, body.name) for one in body.within("Joint")]
         for element, child in found:
             joint, coordinates = joint_in(element, self.frames, child)
             self.joints.append((element, joint))
@@ -246,8 +236,7 @@ class _Reader:
 
     def _tree(self) -> KinematicTree:
         couplings: list[Coupling] = []
-        holder = self.model.find("ConstraintSet")
-        for one in [] if holder is None else holder.objects():
+        for one in self.model.within("ConstraintSet"):
             coupling = coupling_in(one)
             if coupling is None:
                 self.not_used.append(f"switched off: {one}")
@@ -267,8 +256,7 @@ class _Reader:
 
     def _markers(self) -> list[Marker]:
         markers = []
-        holder = self.model.find("MarkerSet")
-        for one in [] if holder is None else holder.objects():
+        for one in self.model.within("MarkerSet"):
             if one.tag != "Marker":
                 raise one.error("is not understood among markers")
             one.only(("socket_parent_frame", "body", "location", "fixed", "VisibleObject", "display"))
@@ -281,8 +269,7 @@ class _Reader:
     def _muscles(self, tree: KinematicTree) -> dict[str, OsimMuscle]:
         known = {one.name for one in tree.coordinates}
         found: dict[str, OsimMuscle] = {}
-        holder = self.model.find("ForceSet")
-        for one in [] if holder is None else holder.objects():
+        for one in self.model.within("ForceSet"):
             muscle = muscle_in(one, self.frames)
             if muscle is None:
                 self.not_used.append(f"ForceSet: {one}")

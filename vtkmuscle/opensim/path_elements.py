@@ -66,9 +66,7 @@ def _point_path(element: Element, frames: Frames) -> PointPath:
     points = [_point(one, frames) for one in element.need("PathPointSet").objects()]
     if len(points) < 2:
         raise element.error(f"has {len(points)} points, but a path needs two or more")
-    wraps = element.find("PathWrapSet")
-    names = [] if wraps is None else [one.word("wrap_object") or one.name for one in wraps.objects()]
-    return PointPath(points, names)
+    return PointPath(points, [one.word("wrap_object") or one.name for one in element.within("PathWrapSet")])
 
 
 _POINT_KEYS = ("socket_parent_frame", "body", "location", "VisibleObject", "display")
@@ -116,12 +114,8 @@ def _coordinate_name(element: Element) -> str:
 
 def _function_path(element: Element) -> FunctionPath:
     names = [path.rpartition("/")[2] for path in element.words("coordinate_paths")]
-    holder = element.find("length_function")
-    held = [] if holder is None else holder.children
-    candidates = held or [
-        child for child in element.children if child.tag == "MultivariatePolynomialFunction"
-        and child.name == "length_function"
-    ]  # fmt: skip
+    bare = [child for child in element.children if child.name == "length_function"]
+    candidates = element.within("length_function") or bare
     if len(candidates) != 1 or candidates[0].tag != "MultivariatePolynomialFunction":
         raise element.error(
             "its length function is not understood", "understood: MultivariatePolynomialFunction"

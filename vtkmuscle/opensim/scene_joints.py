@@ -24,7 +24,7 @@ from vtkmuscle.opensim.functions import (
 from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 from vtkmuscle.opensim.tree_motion import grid_of, motion_of_tree
 from vtkmuscle.scene.data import MILLIMETRES
-from vtkmuscle.scene.faults import SceneError
+from vtkmuscle.scene.faults import SceneError, placed
 from vtkmuscle.scene.files import SceneFiles
 from vtkmuscle.scene.joint_schema import Axis, Function, JointTable, OpenSimTable
 from vtkmuscle.scene.motion import steps_of
@@ -70,7 +70,7 @@ class SceneJoints:
         key = "motion.file" if table.motion.file is not None else "motion.grid"
         _warn_of_ranges(values, self.tree, key, files)
         chosen = list(table.motion.coordinates) if table.motion.coordinates else None
-        try:
+        with placed("motion", files.paths[""], "correct it"):
             moved = motion_of_tree(
                 self.tree,
                 values,
@@ -80,8 +80,6 @@ class SceneJoints:
                 fixed=self.fixed,
                 coordinates=chosen,
             )
-        except ValueError as error:
-            raise SceneError(str(error), "motion", "correct it", files.paths[""]) from error
         if not moved.transforms:
             raise SceneError(
                 "no bone moves", key, "name coordinates of joints between bones", files.paths[""]
@@ -105,17 +103,13 @@ def joints_in(table: SceneTable, files: SceneFiles) -> SceneJoints:
     coordinates: list[JointCoordinate] = []
     couplings: list[Coupling] = []
     factors = _factors(table.joints)
-    key = "joints"
-    try:
-        for name, joint in table.joints.items():
-            key = f"joints.{name}"
+    for name, joint in table.joints.items():
+        with placed(f"joints.{name}", files.paths[""], "correct it"):
             coordinates += _coordinates(joint, factors, table.units)
             couplings += _couplings(joint, factors)
             joints.append(_joint(name, joint, factors))
-        key = "joints"
+    with placed("joints", files.paths[""], "correct it"):
         tree = KinematicTree(GROUND, joints, coordinates, couplings)
-    except ValueError as error:
-        raise SceneError(str(error), key, "correct it", files.paths[""]) from error
     return SceneJoints(_at_rest(tree), {bone: bone for bone in table.bones}, GROUND, GROUND)
 
 
@@ -155,10 +149,8 @@ def _known(
     grid: Mapping[str, list[float]], tree: KinematicTree, files: SceneFiles
 ) -> Iterator[tuple[str, list[float]]]:
     for name, three in grid.items():
-        try:
+        with placed(f"motion.grid.{name}", files.paths[""]):
             tree.coordinate(name)
-        except ValueError as error:
-            raise SceneError(str(error), f"motion.grid.{name}", "", files.paths[""]) from error
         if name not in tree.free:
             problem = f"the coordinate {name!r} follows another one"
             raise SceneError(problem, f"motion.grid.{name}", "leave it out", files.paths[""])
@@ -187,29 +179,25 @@ def _of_opensim(table: OpenSimTable, scene: SceneTable, files: SceneFiles) -> Sc
     where = files.paths[""]
     given = table.bodies or {}
     bodies = {bone: given.get(bone, bone) for bone in scene.bones}
-    try:
-        for bone in given:
-            if bone not in scene.bones:
-                raise SceneError(f"there is no bone {bone!r}", f"opensim.bodies.{bone}", "", where)
-        rest = {}
-        for name, value in (table.rest or {}).items():
-            rest[name] = value * (_DEGREE if tree.coordinate(name).is_angle else 1.0)
+    for bone in given:
+        if bone not in scene.bones:
+            raise SceneError(f"there is no bone {bone!r}", f"opensim.bodies.{bone}", "", where)
+    with placed("opensim.rest", where):
+        rest = {
+            name: value * (_DEGREE if tree.coordinate(name).is_angle else 1.0)
+            for name, value in (table.rest or {}).items()
+        }
         tree = replace(
             tree, coordinates=[replace(one, rest=rest.get(one.name, one.rest)) for one in tree.coordinates]
         )
-        for key, body in (
-            *((f"bodies.{bone}", body) for bone, body in bodies.items()),
-            ("frame", table.frame or tree.root),
-            ("fixed", table.fixed or tree.root),
-        ):
-            if body not in tree.bodies:
-                known = ", ".join(tree.bodies)
-                problem = f"the model has no body {body!r}"
-                raise SceneError(problem, f"opensim.{key}", f"its bodies are {known}", where)
-    except SceneError:
-        raise
-    except ValueError as error:
-        raise SceneError(str(error), "opensim.rest", "", where) from error
+    for key, body in (
+        *((f"bodies.{bone}", body) for bone, body in bodies.items()),
+        ("frame", table.frame or tree.root),
+        ("fixed", table.fixed or tree.root),
+    ):
+        if body not in tree.bodies:
+            problem = f"the model has no body {body!r}"
+            raise SceneError(problem, f"opensim.{key}", f"its bodies are {', '.join(tree.bodies)}", where)
     scale = 1000.0 / MILLIMETRES[scene.units]
     return SceneJoints(tree.scaled(scale), bodies, table.frame or tree.root, table.fixed or tree.root)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.mesh.surface import survey
 from vtkmuscle.core.paths.via_rings import passes_through, via_ring
 from vtkmuscle.data.arrays import checked_surface, points_of, surface_from
@@ -19,7 +19,7 @@ from vtkmuscle.data.superficial import checked_superficial
 from vtkmuscle.filters.deformer.settings import check_together
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.scene.data import Muscle, SceneData
-from vtkmuscle.scene.faults import Faults, SceneError
+from vtkmuscle.scene.faults import Faults, SceneError, placed
 from vtkmuscle.scene.validation import validated
 from vtkmuscle.scene.writing import tables_of
 
@@ -65,12 +65,13 @@ def _check_solver(scene: SceneData, name: str) -> None:
     """Check that the settings of a muscle's deformer go together."""
     if scene.model != "volume":
         return
-    try:
+    key = f"muscles.{name}.solver" if scene.muscles[name].solver else "solver"
+    with _placed(scene, key):
         check_together(PBDDeformer(**scene.solver_of(name)).parameters())
-    except ValueError as error:
-        problem, remedy = fault_of(error)
-        key = f"muscles.{name}.solver" if scene.muscles[name].solver else "solver"
-        raise _error(scene, key, problem, remedy) from error
+
+
+def _placed(scene: SceneData, key: str, remedy: str = "") -> AbstractContextManager[None]:
+    return placed(key, scene.files.get(key, scene.files.get("")), remedy)
 
 
 def _error(scene: SceneData, key: str, problem: str, remedy: str) -> SceneError:
@@ -80,11 +81,8 @@ def _error(scene: SceneData, key: str, problem: str, remedy: str) -> SceneError:
 def _checked_surface(
     scene: SceneData, key: str, surface: vtkPolyData
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    try:
+    with _placed(scene, key, "correct them, or export the surface again"):
         points, triangles = checked_surface(surface, "")
-    except ValueError as error:
-        problem, remedy = fault_of(error)
-        raise _error(scene, key, problem, remedy or "correct them, or export the surface again") from error
     if np.abs(points).max() > _LARGEST:
         point = int(np.abs(points).max(axis=1).argmax())
         problem = f"point {point} has a coordinate of {np.abs(points[point]).max():.4g}"
@@ -155,11 +153,8 @@ def _check_area(scene: SceneData, key: str, area: AttachmentArea, surface: vtkPo
 
 def _check_ring(scene: SceneData, key: str, area: AttachmentArea, surface: vtkPolyData) -> None:
     """Check that a via ring is a ring, and that the muscle passes through it."""
-    try:
+    with _placed(scene, key, "give landmarks round the muscle, in order"):
         ring = via_ring(area.landmarks)
-    except ValueError as error:
-        problem, remedy = fault_of(error)
-        raise _error(scene, key, problem, remedy or "give landmarks round the muscle, in order") from error
     points, triangles = checked_surface(surface, key)
     if not passes_through(ring, points, triangles):
         gap = np.linalg.norm(points - ring.centre, axis=1).min()
@@ -174,12 +169,8 @@ def _check_ring(scene: SceneData, key: str, area: AttachmentArea, surface: vtkPo
 def _check_superficial(scene: SceneData, key: str, muscle: Muscle, points: NDArray[Any]) -> None:
     if muscle.superficial_fibres is None:
         return
-    try:
+    with _placed(scene, key, "give polylines, one for each fibre, two points or more"):
         lines = checked_superficial(muscle.superficial_fibres, "")
-    except ValueError as error:
-        problem, remedy = fault_of(error)
-        remedy = remedy or "give polylines, one for each fibre, two points or more"
-        raise _error(scene, key, problem, remedy) from error
     _check_near(scene, key, "the fibres are", lines.points, points)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from vtkmuscle.core.errors import InputError, in_words
+from vtkmuscle.core.errors import InputError, fault_of, in_words
 
 
 class SceneError(InputError):
@@ -58,6 +58,26 @@ class SceneError(InputError):
 
     def __str__(self) -> str:
         return "\n".join(in_words(fault.where, fault.problem, fault.remedy) for fault in self.faults)
+
+
+@contextmanager
+def placed(key: str, file: Path | None, remedy: str = "") -> Iterator[None]:
+    """Give a ValueError or OSError that is raised inside the key and the file at fault.
+
+    Parameters
+    ----------
+    key, file
+        As of :class:`SceneError`.
+    remedy : str, optional
+        For an error that has none of its own.
+    """
+    try:
+        yield
+    except SceneError:
+        raise
+    except (ValueError, OSError) as error:
+        problem, own = fault_of(error)
+        raise SceneError(problem, key, own or remedy, file) from error
 
 
 class Faults:

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.files import MOST_TEXT, check_is_file
-from vtkmuscle.scene.faults import SceneError
+from vtkmuscle.scene.faults import SceneError, placed
 
 T = TypeVar("T")
 
@@ -63,9 +63,5 @@ class SceneFiles:
         """
         path = self.paths[""].parent / text
         self.paths[key] = path
-        try:
+        with placed(key, path, f"check {key.rpartition('.')[2]} = {text!r} and the file it names"):
             return reader(path)
-        except (OSError, ValueError) as error:
-            problem, remedy = fault_of(error)
-            remedy = remedy or f"check {key.rpartition('.')[2]} = {text!r} and the file it names"
-            raise SceneError(problem, key, remedy, path) from error

@@ -13,7 +13,6 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.attachments.rings import ring_area, ring_length
-from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.template.template_files import read_template
 from vtkmuscle.core.types import Floats
@@ -31,7 +30,7 @@ from vtkmuscle.io import (
     read_surface,
 )
 from vtkmuscle.scene.data import MILLIMETRES, Muscle
-from vtkmuscle.scene.faults import Faults, SceneError
+from vtkmuscle.scene.faults import Faults, SceneError, placed
 from vtkmuscle.scene.files import SceneFiles, parsed
 from vtkmuscle.scene.mirror import mirrored_fields
 from vtkmuscle.scene.motion import joints_of, motion_from
@@ -231,13 +230,10 @@ def _estimated(
     bodies: dict[bytes, list[str]] = {}
     for bone in bones:  # those without transforms stay where they are
         bodies.setdefault(motion.transforms.get(bone, motion.times[:0]).tobytes(), []).append(bone)
-    try:
+    with placed(key, files.paths[""]):
         areas = estimated_areas(
             surface, bones, within=within, origin=origin, insertion=insertion, bodies=[*bodies.values()]
         )
-    except ValueError as error:
-        problem, remedy = fault_of(error)
-        raise SceneError(problem, key, remedy, files.paths[""]) from error
     if between:
         return tuple(areas)
     moving = {area.role: area.bone in motion.transforms for area in areas}

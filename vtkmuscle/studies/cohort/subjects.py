@@ -13,10 +13,10 @@ import numpy as np
 from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
-from vtkmuscle.core.errors import InputError, fault_of
+from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.csv_table import number_in, table_rows
-from vtkmuscle.scene.faults import Faults, SceneError
+from vtkmuscle.scene.faults import Faults, SceneError, placed
 from vtkmuscle.scene.files import parsed
 from vtkmuscle.scene.names import checked_name
 from vtkmuscle.scene.validation import faults_in_words
@@ -174,11 +174,8 @@ def _check_name(name: str, file: Path, what: str) -> None:
 def _subjects(study: Path, path: Path) -> tuple[Mapping[str, str], ...]:
     """Return the rows of a table of subjects, each with an id of its own."""
     remedy = "write a line of columns and a line per subject"
-    try:
+    with placed("subjects", path):
         rows = table_rows(path, needed=[ID], most=_MOST_SUBJECTS, remedy=remedy)
-    except OSError as error:
-        problem, remedy = fault_of(error)
-        raise SceneError(problem, "subjects", remedy, path) from error
     subjects: dict[str, Mapping[str, str]] = {}
     for line, row in rows:
         name = row[ID]
