@@ -15,8 +15,7 @@ from vtkmuscle.core.types import Floats
 from vtkmuscle.data.aponeuroses import Aponeurosis, aponeurosis_from, ring_aponeurosis
 from vtkmuscle.data.attachments import landmarks_of
 from vtkmuscle.io.csv_table import csv_rows
-from vtkmuscle.io.nrrd_points import read_nrrd_points
-from vtkmuscle.io.slicer import NamedPoints, markups_of, read_fcsv
+from vtkmuscle.io.slicer import NamedPoints, markups_of, read_fcsv, read_nrrd_points
 from vtkmuscle.io.surfaces import SURFACE_SUFFIXES, read_polydata
 
 

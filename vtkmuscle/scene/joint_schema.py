@@ -7,33 +7,24 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, WithJsonSchema
 
 from vtkmuscle.core.words import shown
-from vtkmuscle.scene.schema_types import OneOf, Table, Text, Triple, direction, finite
+from vtkmuscle.scene.schema_types import FiniteNumbers, OneOf, Table, Text, Triple, direction, is_finite
 from vtkmuscle.scene.settings import fault
 
 #: Kinds of joints, and how many turns each has; a custom one says so itself.
 JOINT_KINDS = {"pin": 1, "ball": 3, "weld": 0, "custom": None}
-
-
-def _numbers(value: Any) -> list[float]:
-    good = isinstance(value, list) and len(value) > 0
-    if not good or not all(
-        isinstance(v, int | float) and not isinstance(v, bool) and finite(v) for v in value
-    ):
-        raise fault(f"must be a list of finite numbers, not {shown(value)}", "")
-    return [float(v) for v in value]
+_ENDS = "a least and a largest value"
 
 
 def _number(value: Any) -> float:
-    if not isinstance(value, int | float) or isinstance(value, bool) or not finite(value):
+    if not is_finite(value):
         raise fault(f"must be a finite number, not {shown(value)}", "")
     return float(value)
 
 
-def _range(value: Any) -> list[float]:
-    numbers = _numbers(value)
-    if len(numbers) != 2 or numbers[0] >= numbers[1]:
-        raise fault(f"must be a least and a largest value, not {shown(value)}", "")
-    return numbers
+def _ascending(ends: list[float]) -> list[float]:
+    if ends[0] >= ends[1]:
+        raise fault(f"must be {_ENDS}, not {shown(ends)}", "")
+    return ends
 
 
 def _named(value: Any) -> Any:
@@ -58,16 +49,8 @@ def _or_names(schema: dict[str, Any]) -> None:
 
 
 Number = Annotated[float, PlainValidator(_number), WithJsonSchema({"type": "number"})]
-Numbers = Annotated[
-    list[float],
-    PlainValidator(_numbers),
-    WithJsonSchema({"type": "array", "items": {"type": "number"}, "minItems": 1}),
-]
-Range = Annotated[
-    list[float],
-    PlainValidator(_range),
-    WithJsonSchema({"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}),
-]
+Numbers = Annotated[list[float], FiniteNumbers()]
+Range = Annotated[list[float], FiniteNumbers(2, _ENDS), AfterValidator(_ascending)]
 Direction = Annotated[Triple, AfterValidator(direction)]
 
 

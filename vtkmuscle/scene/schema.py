@@ -25,7 +25,7 @@ from vtkmuscle.io.slicer import FRAMES
 from vtkmuscle.scene.data import MILLIMETRES
 from vtkmuscle.scene.hill import Hill
 from vtkmuscle.scene.joint_schema import JointTable, OpenSimTable
-from vtkmuscle.scene.schema_types import Name, OneOf, Table, Text, Triple, direction, three
+from vtkmuscle.scene.schema_types import FiniteNumbers, Name, OneOf, Table, Text, Triple, direction
 from vtkmuscle.scene.settings import Fibres, Fixing, Solver, fault
 
 #: What a scene file has in place of a muscle's attachments, to have them estimated.
@@ -35,6 +35,7 @@ ALONE = ""
 #: More frames than this are a slip of the pen in a hinge's step.
 MOST_FRAMES = 10_000
 
+_PLACE = FiniteNumbers(3, "3 finite numbers")
 _AREA = '{ role = "origin", bone = "NAME", landmarks = "FILE.vtp" }'
 
 
@@ -126,7 +127,7 @@ def _grids(value: Any) -> Any:
 
 
 def _centre_or_centres(value: Any, handler: Callable[[Any], Any]) -> Any:
-    return handler(value) if isinstance(value, dict) else {ALONE: three(value)}
+    return handler(value) if isinstance(value, dict) else {ALONE: _PLACE.check(value)}
 
 
 class Hinge(Table):

@@ -2,33 +2,35 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from math import isfinite
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, PlainValidator, StringConstraints, WithJsonSchema
+from pydantic import AfterValidator, BaseModel, ConfigDict, StringConstraints
 from pydantic_core import CoreSchema
 from pydantic_core.core_schema import no_info_plain_validator_function
 
 from vtkmuscle.core.words import shown, suggestion
-from vtkmuscle.scene.names import checked_name
 from vtkmuscle.scene.settings import fault
 
+#: Letters, digits, and a few signs that every file system takes.
+_NAME = re.compile(r"\w[\w .+-]*(?<![ .])")
 
-def three(value: Any) -> list[float]:
-    """Return three finite numbers; raise a fault where there are others."""
-    good = isinstance(value, list | tuple) and len(value) == 3
-    if not good or not all(
-        isinstance(v, int | float) and not isinstance(v, bool) and finite(v) for v in value
-    ):
-        raise fault(f"must be 3 finite numbers, not {shown(value)}", "")
-    return [float(v) for v in value]
+#: Files of these names cannot be made on Windows, whatever their suffix.
+_DEVICES = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
+
+#: A folder of such a name might be where a file of results goes, or the other way round.
+_RESULTS = (".pvd", ".vtkhdf", ".vtp", ".csv", ".json", ".png", ".toml", ".html", ".partial")
+
+#: Bytes of a name: file systems take 255, of which the parts that are added need some.
+_LONGEST = 150
 
 
-def finite(value: float) -> bool:
-    """Return whether a number is finite."""
+def is_finite(value: Any) -> bool:
+    """Return whether a value is a finite number; true and false are none."""
     try:
-        return isfinite(value)
+        return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
     except OverflowError:  # an integer that no float is as large as
         return False
 
@@ -38,6 +40,21 @@ def direction(axis: list[float]) -> list[float]:
     if not any(axis):
         raise fault("has no length", "write axis = [1.0, 0.0, 0.0], or another direction")
     return axis
+
+
+def checked_name(name: str) -> str:
+    """Return a name of a scene, a bone or a muscle; raise a fault where no file could be called so."""
+    if not _NAME.fullmatch(name):
+        remedy = "use letters, digits, spaces and _ - + . only, beginning and ending with a letter or digit"
+        raise fault(f"{shown(name)} cannot be part of a file name", remedy)
+    if _DEVICES.fullmatch(name):
+        raise fault(f"{name!r} cannot be the name of a file on Windows", "give it another name")
+    if name.casefold().endswith(_RESULTS):
+        problem = f"{shown(name)} ends like a file of results, and would be in the way of one"
+        raise fault(problem, "leave out the suffix")
+    if len(name.encode()) > _LONGEST:
+        raise fault(f"a name of {len(name)} letters is too long for a file", f"use at most {_LONGEST}")
+    return name
 
 
 class OneOf:
@@ -63,13 +80,30 @@ class OneOf:
         return value
 
 
+class FiniteNumbers:
+    """Marks a list of finite numbers, one or more, or so many; ``what`` is what it must be."""
+
+    def __init__(self, count: int | None = None, what: str = "a list of finite numbers") -> None:
+        self.count, self.what = count, what
+
+    def __get_pydantic_core_schema__(self, *_: Any) -> CoreSchema:
+        return no_info_plain_validator_function(self.check)
+
+    def __get_pydantic_json_schema__(self, *_: Any) -> dict[str, Any]:
+        most = {} if self.count is None else {"maxItems": self.count}
+        return {"type": "array", "items": {"type": "number"}, "minItems": self.count or 1, **most}
+
+    def check(self, value: Any) -> list[float]:
+        """Return the numbers; raise a fault where there are others."""
+        good = isinstance(value, list | tuple) and len(value) > 0 and all(map(is_finite, value))
+        if not good or len(value) != (self.count or len(value)):
+            raise fault(f"must be {self.what}, not {shown(value)}", "")
+        return [float(one) for one in value]
+
+
 Text = Annotated[str, StringConstraints(min_length=1)]
 Name = Annotated[Text, AfterValidator(checked_name)]
-Triple = Annotated[
-    list[float],
-    PlainValidator(three),
-    WithJsonSchema({"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}),
-]
+Triple = Annotated[list[float], FiniteNumbers(3, "3 finite numbers")]
 
 
 class Table(BaseModel):

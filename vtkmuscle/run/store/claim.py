@@ -16,7 +16,7 @@ from vtkmuscle.io.temporal import SERIES_SUFFIXES
 from vtkmuscle.io.writing import check_no_links, left_behind, locked
 from vtkmuscle.run.store import FINISHED, PAGE, REPORT, SCENE, ResultFolder
 from vtkmuscle.scene.data import SceneData
-from vtkmuscle.scene.names import checked_name
+from vtkmuscle.scene.schema_types import checked_name
 
 #: Tables and pages of a run, beside those that are called after muscles; and its folders, likewise.
 _LISTS = (

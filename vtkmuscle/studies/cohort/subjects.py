@@ -18,7 +18,7 @@ from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.csv_table import number_in, table_rows
 from vtkmuscle.scene.faults import Faults, SceneError, placed
 from vtkmuscle.scene.files import parsed
-from vtkmuscle.scene.names import checked_name
+from vtkmuscle.scene.schema_types import checked_name
 from vtkmuscle.scene.validation import faults_in_words
 from vtkmuscle.studies.case import Case, SceneText
 from vtkmuscle.studies.cohort.schema import StudyTable
