@@ -195,8 +195,19 @@ def export(
     """
     with one_clear_error(None):
         if out.suffix.lower() in (".osim", ".xml"):
-            options = {"groups": groups, "specific_tension": specific_tension}
-            export_muscles(source, out, form, into, replace or [], mass or [], geometry_only, options)
+            from vtkmuscle.opensim.from_run import GEOMETRY_ONLY, Export
+
+            export_muscles(
+                source,
+                out,
+                into=into,
+                replace=replace or [],
+                masses=mass or [],
+                form=form,
+                groups=groups,
+                specific_tension=specific_tension,
+                kind=GEOMETRY_ONLY if geometry_only else Export.kind,
+            )
         elif out.suffix.lower() == ".vtkhdf":
             from vtkmuscle.io import read_series, write_vtkhdf
             from vtkmuscle.run.store.writing import merged

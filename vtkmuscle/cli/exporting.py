@@ -16,27 +16,23 @@ from vtkmuscle.core.errors import InputError
 def export_muscles(
     source: Path,
     out: Path,
-    form: str,
+    *,
     into: Path | None,
     replace: Sequence[str],
     masses: Sequence[str],
-    geometry_only: bool,
-    options: dict[str, Any],
+    **options: Any,
 ) -> None:
     """Write a model, and say by how much its paths differ from the run."""
     from vtkmuscle.opensim import write_mujoco, write_opensim
-    from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
 
-    if geometry_only:
-        options["kind"] = GEOMETRY_ONLY
-    if masses:
-        options["masses"] = {body: _kilograms(text) for body, text in pairs(masses, "--mass").items()}
-    if out.suffix.lower() == ".xml" and (into is not None or replace):
+    options["masses"] = {body: _kilograms(text) for body, text in pairs(masses, "--mass").items()}
+    if out.suffix.lower() == ".osim":
+        written = write_opensim(source, out, into=into, replace=pairs(replace), **options)
+    elif into is not None or replace:
         raise InputError("--into", "muscles are put into models of OpenSim only", "leave it out")
-    if out.suffix.lower() == ".xml":
-        written = write_mujoco(source, out, **options)
     else:
-        written = write_opensim(source, out, form=form, into=into, replace=pairs(replace), **options)
+        del options["form"]
+        written = write_mujoco(source, out, **options)
     for one in written:
         typer.echo(f"{one.out.name}: {one}")
         if one.out.parameters:

@@ -19,6 +19,7 @@ from vtkmuscle.io import (
 )
 from vtkmuscle.opensim.model import OsimModel, read_osim
 from vtkmuscle.opensim.motion_file import read_motion_file
+from vtkmuscle.opensim.muscle_paths import PointPath
 from vtkmuscle.opensim.tree import KinematicTree
 
 #: Suffixes of what is known here.
@@ -155,13 +156,9 @@ def _model_lines(model: OsimModel) -> list[Floats]:
     ranges = {one.name: one.range for one in model.tree.coordinates}
     lines = [np.array([places[joint.parent], places[joint.child]]) for joint in model.tree.joints]
     for muscle in model.muscles.values():
-        points = [point for point in getattr(muscle.path, "points", ()) if point.counts(full, 1)[0]]
-        at = [
-            poses[point.body][0, :3, :3] @ point.places(full, 1, ranges)[0] + poses[point.body][0, :3, 3]
-            for point in points
-        ]
-        if at:
-            lines.append(np.array(at))
+        if isinstance(muscle.path, PointPath):
+            counted = [bool(point.counts(full, 1)[0]) for point in muscle.path.points]
+            lines.append(muscle.path.places(poses, full, ranges)[counted, 0])
     return lines
 
 

@@ -16,10 +16,11 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import points_of, surface_from, triangles_of
-from vtkmuscle.data.attachments import AttachmentArea, attachments_from
+from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.fetch.datasets import AGAIN, DataSet, RemoteFile, SurfaceFigures
 from vtkmuscle.io import read_surface, write_polydata, write_text
 from vtkmuscle.io.msf import landmarks_of, read_msf
+from vtkmuscle.scene.writing import write_areas
 
 _LICENCE = """\
 LHDL right hip: bones, muscles and landmarks of the Living Human Digital Library
@@ -133,13 +134,7 @@ def _attachments(muscle: str, clouds: Mapping[str, Floats], folder: Path) -> Any
     for cloud, which in _AREAS[muscle]:
         role, bone = ("origin", "pelvis") if cloud.startswith("Ori") else ("insertion", "femur_r")
         areas.append(AttachmentArea(role, bone, clouds[cloud][which], cloud not in _OPEN))
-    blocks = attachments_from(areas)
-    found = []
-    for number, area in enumerate(areas):
-        file = f"attachments/{muscle}_{area.role}_{number}.vtp"
-        write_polydata(folder / file, blocks.GetBlock(number))
-        found.append({"role": area.role, "bone": area.bone, "landmarks": file})
-    return found
+    return write_areas(folder, muscle, areas)
 
 
 def _checked_clouds(tree: Path) -> dict[str, Floats]:

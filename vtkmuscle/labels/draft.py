@@ -13,7 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError, fault_of
 from vtkmuscle.data.arrays import points_of, with_points
-from vtkmuscle.data.attachments import ROLES, AttachmentArea, attachments_from
+from vtkmuscle.data.attachments import ROLES, AttachmentArea
 from vtkmuscle.data.estimated_areas import NEAR, estimated_areas
 from vtkmuscle.io.csv_table import write_rows
 from vtkmuscle.io.writing import write_polydata, write_text
@@ -21,6 +21,7 @@ from vtkmuscle.labels.guesses import LEFT_OUT, Guess, table_of
 from vtkmuscle.labels.joints import bodies_of, depth_of, guessed_joints
 from vtkmuscle.labels.names import side_of
 from vtkmuscle.scene.data import MILLIMETRES
+from vtkmuscle.scene.writing import write_areas
 
 #: Poses of the sweep beside the first.
 STEPS = 12
@@ -164,15 +165,10 @@ class Draft:
             add(f"joints.{name}", joint | centre)
         add("motion", {"file": "motion.sto"})
         for name, muscle in self.muscles.items():
-            blocks, areas = attachments_from(self.areas[name]), []
-            for number, area in enumerate(self.areas[name]):
-                file = f"attachments/{name}_{area.role}_{number}.vtp"
-                one = {
-                    "role": area.role,
-                    "bone": area.bone,
-                    "landmarks": written(file, blocks.GetBlock(number)),
-                }
-                areas.append({**one, "estimated": True} if area.estimated else one)
+            scaled = [
+                replace(area, landmarks=scale * np.asarray(area.landmarks)) for area in self.areas[name]
+            ]
+            areas = write_areas(out, name, scaled)
             surface = written(f"muscles/{name}.vtp", muscle)
             add(f"muscles.{name}", {"surface": surface, "attachments": areas, "fibres": FIBRES})
         text += ["\n", *(f"# {what}: {note[2:]}" for what, found in notes.items() for note in found)]

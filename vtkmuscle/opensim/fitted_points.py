@@ -130,12 +130,9 @@ class _Search:
 
         Between these its moment arm jumps.
         """
+        places = path.places(self.poses, self.full, {})
         for one in path.cylinders:
-            first, second = (
-                np.einsum("fij,j->fi", self.poses[point.body][:, :3, :3], np.asarray(point.place))
-                + self.poses[point.body][:, :3, 3]
-                for point in path.points[one.after : one.after + 2]
-            )
+            first, second = places[one.after : one.after + 2]
             turns = one.ways(self.poses[one.body], first, second)[1]
             if turns.min() < 0.0 < turns.max():
                 return True
@@ -192,15 +189,7 @@ def _beginnings(line: Floats, body: str, after: int) -> Iterator[Cylinder]:
 
 def _between(tree: KinematicTree, ends: Sequence[str]) -> list[str]:
     """Return the bodies on the way from one to another."""
-    parents = {joint.child: joint.parent for joint in tree.joints}
-
-    def up(body: str) -> list[str]:
-        found = [body]
-        while found[-1] in parents:
-            found.append(parents[found[-1]])
-        return found
-
-    first, second = up(ends[0]), up(ends[1])
+    first, second = ([body, *(joint.parent for joint in tree.way_up(body))] for body in ends)
     common = next(body for body in first if body in second)
     way = [*first[: first.index(common) + 1], *reversed(second[: second.index(common)])]
     return list(dict.fromkeys(way))

@@ -165,11 +165,7 @@ class PointPath:
         """Return the free coordinates that its length may depend on."""
         own = {name for point in self.points for name in point.coordinates if name is not None}
         own |= {point.only_in[0] for point in self.points if point.only_in is not None}
-        for one in reversed(tree.couplings):
-            if one.dependent in own:
-                own.add(one.independent)
-        crossed = tree.crossed(self.bodies)
-        return tuple(name for name in tree.free if name in crossed or name in own)
+        return tree.freed({*own, *tree.crossed(self.bodies)})
 
     def lengths(
         self,
@@ -198,6 +194,21 @@ class PointPath:
         ranges = {one.name: one.range for one in tree.coordinates}
         return self.lengths_at(tree.poses(full), full, held, ranges)
 
+    def places(
+        self,
+        poses: Mapping[str, Floats],
+        full: Mapping[str, Floats],
+        ranges: Mapping[str, tuple[float, float] | None],
+    ) -> Floats:
+        """Return where its points are (n, f, 3), in the frame of the tree's root, where the bodies are."""
+        frames = len(next(iter(poses.values())))
+        found = [
+            np.einsum("fij,fj->fi", poses[one.body][:, :3, :3], one.places(full, frames, ranges))
+            + poses[one.body][:, :3, 3]
+            for one in self.points
+        ]
+        return np.array(found).reshape(-1, frames, 3)
+
     def lengths_at(
         self,
         poses: Mapping[str, Floats],
@@ -212,10 +223,8 @@ class PointPath:
         last = np.zeros((frames, 3))
         begun = np.zeros(frames, dtype=np.bool_)
         with np.errstate(over="ignore", invalid="ignore"):
-            for number, point in enumerate(self.points):
-                pose = poses[point.body]
-                place = np.einsum("fij,fj->fi", pose[:, :3, :3], point.places(full, frames, ranges))
-                place += pose[:, :3, 3]
+            places = self.places(poses, full, ranges)
+            for number, (point, place) in enumerate(zip(self.points, places, strict=True)):
                 counted = point.counts(held, frames)
                 round_it = winds.get(number - 1)
                 if round_it is None:

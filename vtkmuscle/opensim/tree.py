@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -323,30 +324,27 @@ class KinematicTree:
 
     def crossed(self, bodies: Sequence[str]) -> tuple[str, ...]:
         """Return the free coordinates that move some bodies against each other."""
+        ways = [{joint.name: joint for joint in self.way_up(body)} for body in bodies]
+        common = set.intersection(*map(set, ways)) if ways else set()
+        moving = [joint for way in ways for name, joint in way.items() if name not in common]
+        return self.freed(axis.coordinate for joint in moving for axis in joint.axes)
+
+    def way_up(self, body: str) -> list[Joint]:
+        """Return the joints from a body to the root."""
         parents = {joint.child: joint for joint in self.joints}
+        found = []
+        while body in parents:
+            found.append(parents[body])
+            body = parents[body].parent
+        return found
 
-        def way_up(body: str) -> list[Joint]:
-            found = []
-            while body in parents:
-                found.append(parents[body])
-                body = parents[body].parent
-            return found
-
-        ways = [way_up(body) for body in dict.fromkeys(bodies)]
-        names = {joint.name for way in ways for joint in way}
-        common = {name for name in names if all(name in {joint.name for joint in way} for way in ways)}
-        moved = {
-            axis.coordinate
-            for way in ways
-            for joint in way
-            if joint.name not in common
-            for axis in joint.axes
-            if axis.coordinate is not None
-        }
+    def freed(self, coordinates: Iterable[str | None]) -> tuple[str, ...]:
+        """Return the free coordinates among some, and those that others among them follow."""
+        found = set(coordinates)
         for one in reversed(self.couplings):
-            if one.dependent in moved:
-                moved.add(one.independent)
-        return tuple(name for name in self.free if name in moved)
+            if one.dependent in found:
+                found.add(one.independent)
+        return tuple(name for name in self.free if name in found)
 
 
 def _scaled(frame: Floats, factor: float) -> Floats:
@@ -381,10 +379,10 @@ def _in_order(root: str, joints: Sequence[Joint]) -> Iterator[Joint]:
 
 def _coupled_in_order(couplings: Sequence[Coupling]) -> Iterator[Coupling]:
     """Give each coupling after that which its independent coordinate depends on."""
-    left = {one.dependent: one for one in couplings}
-    while left:
-        ready = [one for one in left.values() if one.independent not in left]
-        if not ready:
-            raise InputError("", f"couplings go round in a ring: {', '.join(left)}")
-        for one in ready:
-            yield left.pop(one.dependent)
+    found = {one.dependent: one for one in couplings}
+    sorter = TopologicalSorter({one.dependent: (one.independent,) for one in couplings})
+    try:
+        order = list(sorter.static_order())
+    except CycleError as error:
+        raise InputError("", f"couplings go round in a ring: {', '.join(error.args[1][1:])}") from None
+    return (found[name] for name in order if name in found)

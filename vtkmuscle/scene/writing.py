@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from filecmp import cmp
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import tomli_w
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.data.aponeuroses import SIDES, aponeuroses_data
-from vtkmuscle.data.attachments import VIA, attachments_from
+from vtkmuscle.data.attachments import VIA, AttachmentArea, attachments_from
 from vtkmuscle.io import write_literature, write_motion_table, write_polydata, write_text
 from vtkmuscle.io.writing import beside
 from vtkmuscle.scene.data import Muscle, SceneData
@@ -33,9 +33,7 @@ def write_scene(scene: SceneData, folder: Path) -> Path:
             sheets = aponeuroses_data(muscle.aponeuroses)
             for number in range(len(muscle.aponeuroses)):
                 write_polydata(folder / _aponeurosis_file(name, number, muscle), sheets.GetBlock(number))
-        areas = attachments_from(muscle.attachments)
-        for number in range(len(muscle.attachments)):
-            write_polydata(folder / _landmark_file(name, number, muscle), areas.GetBlock(number))
+        write_areas(folder, name, muscle.attachments)
     for bone in scene.motion.transforms:
         write_motion_table(folder / _motion_file(scene, bone), scene.motion, bone)
     path = folder / "scene.toml"
@@ -104,21 +102,33 @@ def tables_of(scene: SceneData) -> dict[str, Any]:
     return plain
 
 
+def write_areas(folder: Path, muscle: str, areas: Sequence[AttachmentArea]) -> list[dict[str, Any]]:
+    """Write the landmarks of a muscle's areas to the folder of a scene, and return their tables in it."""
+    blocks, tables = attachments_from(areas), _area_tables(muscle, areas)
+    for number, table in enumerate(tables):
+        write_polydata(folder / table["landmarks"], blocks.GetBlock(number))
+    return tables
+
+
+def _area_tables(muscle: str, areas: Sequence[AttachmentArea]) -> list[dict[str, Any]]:
+    return [
+        {
+            "role": area.role,
+            "bone": area.bone,
+            "landmarks": f"attachments/{muscle}_{area.role}_{number}.vtp",
+            **({"closed": False} if area.role == VIA and not area.closed else {}),
+            **({"estimated": True} if area.estimated else {}),
+        }
+        for number, area in enumerate(areas)
+    ]
+
+
 def _muscle(name: str, muscle: Muscle) -> dict[str, Any]:
     return {
         "surface": f"muscles/{name}.vtp",
         "superficial_fibres": muscle.superficial_fibres and f"superficial_fibres/{name}.vtp",
         "literature": f"literature/{name}.csv" if muscle.literature else None,
-        "attachments": [
-            {
-                "role": area.role,
-                "bone": area.bone,
-                "landmarks": _landmark_file(name, number, muscle),
-                "closed": None if area.closed or area.role != VIA else False,
-                "estimated": area.estimated or None,
-            }
-            for number, area in enumerate(muscle.attachments)
-        ],
+        "attachments": _area_tables(name, muscle.attachments),
         "aponeuroses": {
             side: [
                 _aponeurosis_file(name, number, muscle)
@@ -157,10 +167,6 @@ def _motion(scene: SceneData) -> dict[str, Any]:
 def _centre(motion: RigidMotion, alone: str | None) -> Any:
     """Return the centre of the only bone that moves, or of all."""
     return motion.centre_of(alone) if alone and isinstance(motion.centre, Mapping) else motion.centre
-
-
-def _landmark_file(name: str, number: int, muscle: Muscle) -> str:
-    return f"attachments/{name}_{muscle.attachments[number].role}_{number}.vtp"
 
 
 def _aponeurosis_file(name: str, number: int, muscle: Muscle) -> str:
