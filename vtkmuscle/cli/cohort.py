@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 
 from vtkmuscle.cli.messages import FAILED, INTERRUPTED, TerminatedError, one_clear_error, one_line, say
-from vtkmuscle.cli.options import QuietOption, named
+from vtkmuscle.cli.options import FolderOption, FreshOption, QuietOption
 
 if TYPE_CHECKING:
     from vtkmuscle.studies.study import Progress
@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 
 def cohort(
     study: Annotated[Path, typer.Argument(help="A STUDY.toml.")],
-    out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to.")
-    ],
+    out: FolderOption,
     scheduler: Annotated[
         str | None,
         typer.Option(
@@ -42,7 +40,7 @@ def cohort(
     retries: Annotated[
         int, typer.Option("--retries", metavar="N", min=0, help="How often a muscle may lose its worker.")
     ] = 2,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Run again what is finished in the folder.")] = False,
+    fresh: FreshOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Run a study: every muscle of many subjects, by Dask, into one table and a page.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vtkmuscle.cli.messages import one_clear_error, say
-from vtkmuscle.cli.options import QuietOption, named
+from vtkmuscle.cli.options import FolderOption, QuietOption
 from vtkmuscle.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,9 +16,6 @@ if TYPE_CHECKING:
 
 FrameOption = Annotated[
     str, typer.Option("--frame", metavar="LPS|RAS", help="Frame of the surfaces: x to the left, or right.")
-]
-FolderOption = Annotated[
-    Path, typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write the scene to.")
 ]
 OverwriteOption = Annotated[
     bool, typer.Option("--overwrite", help="Write over a scene.toml that is there already.")

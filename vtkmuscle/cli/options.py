@@ -22,6 +22,12 @@ OutOption = Annotated[
     Path | None,
     typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to."),
 ]
+FolderOption = Annotated[
+    Path, typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to.")
+]
+FreshOption = Annotated[
+    bool, typer.Option("--fresh", help="Compute again what is finished in the folder of results.")
+]
 LiteratureOption = Annotated[
     Path | None,
     typer.Option(
@@ -76,9 +82,7 @@ class RunOptions:
             help="Replace results of another scene, and files that no run has written; never the inputs.",
         ),
     ] = False
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Compute again what is finished in the folder of results.")
-    ] = False
+    fresh: FreshOption = False
     muscle: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help="Run this muscle of the scene alone; may be repeated."),

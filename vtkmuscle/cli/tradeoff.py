@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from vtkmuscle.cli.messages import one_clear_error, say
-from vtkmuscle.cli.options import QuietOption, named
+from vtkmuscle.cli.options import FolderOption, FreshOption, QuietOption
 
 
 def tradeoff(
@@ -17,10 +16,7 @@ def tradeoff(
         str,
         typer.Argument(metavar="SCENE", help="A scene.toml, or 'demo': the phantom hip."),
     ],
-    out: Annotated[
-        Path,
-        typer.Option("--out", "-o", metavar="PATH", parser=named, help="Folder to write to."),
-    ],
+    out: FolderOption,
     only: Annotated[
         list[str] | None,
         typer.Option(
@@ -41,9 +37,7 @@ def tradeoff(
         int,
         typer.Option("--every", metavar="N", min=1, help="Use only every Nth frame of the motion."),
     ] = 1,
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Run settings again that are finished in the folder.")
-    ] = False,
+    fresh: FreshOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Measure what speed costs in accuracy: run a scene with many settings, each against a converged run.

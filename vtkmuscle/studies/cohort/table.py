@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -67,18 +68,18 @@ def _tables(study: Study, folder: Path) -> Iterator[Table]:
             _column(name): kind(row[name]) if row[name] else None for name, kind in study.columns.items()
         }
         subjects[row[ID]] = cells
-    for together in study.cases():
-        for case in together:
-            rows = list(rows_of(case, outcome_of(case, folder)))
-            for row in rows[1:]:
-                row["message"] = ""
-            cells = subjects[case.labels["subject"]]
-            # A table for each: in one alone all rows know the same columns, so that each is of one kind.
-            yield Table(tuple(columns), ([(row | cells).get(name) for name in columns] for row in rows))
+    unknown = dict.fromkeys(columns)
+    for case in chain.from_iterable(study.cases()):
+        own = subjects[case.labels["subject"]]
+        parts = [unknown | part | own for part in _parts(case, outcome_of(case, folder))]
+        # A table for each: in one alone all rows know the same columns, so that each is of one kind.
+        table = Table.stacked(tuple(columns), parts)
+        table["message"][1:] = ""
+        yield table
 
 
-def rows_of(case: Case, outcome: Outcome) -> Iterator[dict[str, Any]]:
-    """Give the rows of a case, from what came out."""
+def _parts(case: Case, outcome: Outcome) -> Iterator[dict[str, Any]]:
+    """Give the rows of a case, from what came out, a column of them or one value for all at a time."""
     facts, arrays = outcome.facts, outcome.arrays
     row: dict[str, Any] = {**case.labels, "muscle": case.muscle, "message": outcome.message}
     if outcome.failure:
@@ -88,32 +89,27 @@ def rows_of(case: Case, outcome: Outcome) -> Iterator[dict[str, Any]]:
     if "lengths" not in arrays or not facts["frames"]:
         yield row
         return
-    per_frame = {"frame": facts["frames"], "time": facts["times"]}
-    lengths = (
-        ("length_mm", "lengths"),
-        ("length_err_mm", "length_errors"),
-        ("fibre_length_mm", "fibre_lengths"),
-    )
     for group, fibres in enumerate(facts["fibres"]):
         of_group = row | {"fibre_group": group, "fibres": fibres}
-        found = per_frame | {name: arrays[key][:, group].tolist() for name, key in lengths}
+        in_frames = {
+            "frame": np.array(facts["frames"]),
+            "time": np.array(facts["times"]),
+            "length_mm": arrays["lengths"][:, group],
+            "length_err_mm": arrays["length_errors"][:, group],
+            "fibre_length_mm": arrays["fibre_lengths"][:, group],
+        }
         if not facts["coordinates"]:
-            yield from _each(of_group, found, range(len(facts["frames"])))
+            yield of_group | in_frames
         for name, one in outcome.arms.items():
-            measured = {"moment_arm_mm": one.arms, "slope_mm": one.slopes}
-            measured["moment_arm_err_mm"] = outcome.arm_errors(name)
-            by_value = {key: table[:, group].tolist() for key, table in measured.items()}
-            by_value["value"] = one.values.tolist()
-            kept = {key: [cells[i] for i in one.frames] for key, cells in found.items()}
-            named = of_group | {"coordinate": name, "unit": one.unit}
-            yield from _each(named, kept | by_value, range(len(one.values)))
-
-
-def _each(
-    row: Mapping[str, Any], columns: Mapping[str, list[Any]], numbers: range
-) -> Iterator[dict[str, Any]]:
-    for i in numbers:
-        yield {**row, **{name: cells[i] for name, cells in columns.items()}}
+            by_value = {
+                "coordinate": name,
+                "unit": one.unit,
+                "value": one.values,
+                "moment_arm_mm": one.arms[:, group],
+                "moment_arm_err_mm": outcome.arm_errors(name)[:, group],
+                "slope_mm": one.slopes[:, group],
+            }
+            yield of_group | {key: cells[one.frames] for key, cells in in_frames.items()} | by_value
 
 
 def read_table(path: Path) -> Any:
