@@ -17,10 +17,10 @@ import typer
 
 from vtkmuscle._version import __version__
 from vtkmuscle.cli.cohort import cohort
-from vtkmuscle.cli.exporting import check, export_muscles
+from vtkmuscle.cli.exporting import ExportOptions, check, export_muscles
 from vtkmuscle.cli.labels import from_labels, init
 from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, TerminatedError, one_clear_error, say
-from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, with_run_options
+from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, with_options
 from vtkmuscle.cli.results import compare, figures, report, view
 from vtkmuscle.cli.running import run_and_tell
 from vtkmuscle.cli.tradeoff import tradeoff
@@ -81,7 +81,7 @@ def _options(
 
 
 @app.command()
-@with_run_options
+@with_options
 def run(
     scene: Annotated[Path, typer.Argument(help="A scene.toml.")],
     out: OutOption = None,
@@ -102,7 +102,7 @@ def run(
 
 
 @app.command()
-@with_run_options
+@with_options
 def demo(
     out: OutOption = None,
     *,
@@ -159,34 +159,12 @@ def info(
 
 
 @app.command()
+@with_options
 def export(
     source: Annotated[Path, typer.Argument(help="Folder of a run's results, a .pvd file, or a scene.toml.")],
     out: Annotated[Path, typer.Argument(help=".gltf for a web page, .vtkhdf, .osim, or .xml for MuJoCo.")],
-    time: Annotated[float | None, typer.Option("--time", help="Which pose. Default: the last.")] = None,
-    form: Annotated[
-        str, typer.Option("--form", help="For OpenSim: functions of coordinates, or points and cylinders.")
-    ] = "functions",
-    groups: Annotated[
-        int, typer.Option("--groups", min=1, help="For OpenSim: groups of fibres per muscle, at most.")
-    ] = 1,
-    into: Annotated[
-        Path | None, typer.Option("--into", help="For OpenSim: a model to put the muscles into.")
-    ] = None,
-    replace: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--replace", metavar="OURS=THEIRS", help="A muscle of that model which one of the scene replaces."
-        ),
-    ] = None,
-    specific_tension: Annotated[
-        float, typer.Option("--specific-tension", help="Force per cross-section, in N/cm^2.")
-    ] = 60.0,
-    mass: Annotated[
-        list[str] | None, typer.Option("--mass", metavar="BODY=KG", help="Of a body of a new model.")
-    ] = None,
-    geometry_only: Annotated[
-        bool, typer.Option("--geometry-only", help="Paths without muscles' properties.")
-    ] = False,
+    *,
+    options: ExportOptions,
 ) -> None:
     """Export a pose of a run's results for a web page (glTF), or a .pvd series as one .vtkhdf file.
 
@@ -195,19 +173,7 @@ def export(
     """
     with one_clear_error(None):
         if out.suffix.lower() in (".osim", ".xml"):
-            from vtkmuscle.opensim.from_run import GEOMETRY_ONLY, Export
-
-            export_muscles(
-                source,
-                out,
-                into=into,
-                replace=replace or [],
-                masses=mass or [],
-                form=form,
-                groups=groups,
-                specific_tension=specific_tension,
-                kind=GEOMETRY_ONLY if geometry_only else Export.kind,
-            )
+            export_muscles(source, out, options)
         elif out.suffix.lower() == ".vtkhdf":
             from vtkmuscle.io import read_series, write_vtkhdf
             from vtkmuscle.run.store.writing import merged
@@ -218,7 +184,7 @@ def export(
             from vtkmuscle.plotting import export_scene
             from vtkmuscle.run.store import ResultFolder
 
-            pose = ResultFolder(source).pose(time)
+            pose = ResultFolder(source).pose(options.time)
             export_scene(out, pose.bones, pose.muscles, fibres=pose.fibres)
             typer.echo(f"wrote {out}: the pose at {pose.time:g}")
 

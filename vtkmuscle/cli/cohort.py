@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,36 +13,45 @@ import typer
 from rich.console import Console
 
 from vtkmuscle.cli.messages import FAILED, INTERRUPTED, TerminatedError, one_clear_error, one_line, say
-from vtkmuscle.cli.options import FolderOption, FreshOption, QuietOption
+from vtkmuscle.cli.options import FolderOption, FreshOption, QuietOption, with_options
 
 if TYPE_CHECKING:
     from vtkmuscle.studies.study import Progress
 
 
-def cohort(
-    study: Annotated[Path, typer.Argument(help="A STUDY.toml.")],
-    out: FolderOption,
+@dataclass(frozen=True, kw_only=True)
+class CohortOptions:
+    """The options of a cohort."""
+
     scheduler: Annotated[
         str | None,
         typer.Option(
             "--scheduler", metavar="tcp://HOST:PORT", help="Of a Dask cluster that is there already."
         ),
-    ] = None,
+    ] = None
     workers: Annotated[
         int | None,
         typer.Option(
             "--workers", metavar="N", min=1, help="Processes on this machine. Default: one per processor."
         ),
-    ] = None,
+    ] = None
     memory: Annotated[
         str | None,
         typer.Option("--memory", metavar="4GB", help="What each of them may take. Default: its share."),
-    ] = None,
+    ] = None
     retries: Annotated[
         int, typer.Option("--retries", metavar="N", min=0, help="How often a muscle may lose its worker.")
-    ] = 2,
-    fresh: FreshOption = False,
-    quiet: QuietOption = False,
+    ] = 2
+    fresh: FreshOption = False
+    quiet: QuietOption = False
+
+
+@with_options
+def cohort(
+    study: Annotated[Path, typer.Argument(help="A STUDY.toml.")],
+    out: FolderOption,
+    *,
+    options: CohortOptions,
 ) -> None:
     """Run a study: every muscle of many subjects, by Dask, into one table and a page.
 
@@ -53,17 +63,17 @@ def cohort(
         loaded = Study.load(study)
         _silence_dask()
         try:
-            with _progress_bars(quiet=quiet) as progress:
+            with _progress_bars(quiet=options.quiet) as progress:
                 report = run_study(
                     loaded,
                     out,
-                    scheduler=scheduler,
-                    workers=workers,
-                    memory=memory,
-                    retries=retries,
-                    fresh=fresh,
+                    scheduler=options.scheduler,
+                    workers=options.workers,
+                    memory=options.memory,
+                    retries=options.retries,
+                    fresh=options.fresh,
                     progress=progress,
-                    announce=lambda words: say(quiet, words),
+                    announce=lambda words: say(options.quiet, words),
                 )
         except KeyboardInterrupt as stop:
             console = Console(stderr=True, soft_wrap=True, highlight=False)
@@ -74,10 +84,10 @@ def cohort(
     tasks = report["tasks"]
     counts = ", ".join(f"{count} {state}" for state, count in tasks.items())
     say(
-        quiet,
+        options.quiet,
         f"{sum(tasks.values())} muscles of {report['subjects']} subjects: {counts}. Results are in {out}:",
     )
-    say(quiet, "  cohort.html, cohort.csv, cohort.parquet")
+    say(options.quiet, "  cohort.html, cohort.csv, cohort.parquet")
     if tasks.get("failed"):
         raise typer.Exit(FAILED)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,26 +14,53 @@ from vtkmuscle.cli.messages import one_clear_error
 from vtkmuscle.core.errors import InputError
 
 
-def export_muscles(
-    source: Path,
-    out: Path,
-    *,
-    into: Path | None,
-    replace: Sequence[str],
-    masses: Sequence[str],
-    **options: Any,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions:
+    """The options of an export; all but the time are of muscles."""
+
+    time: Annotated[float | None, typer.Option("--time", help="Which pose. Default: the last.")] = None
+    form: Annotated[
+        str, typer.Option("--form", help="For OpenSim: functions of coordinates, or points and cylinders.")
+    ] = "functions"
+    groups: Annotated[
+        int, typer.Option("--groups", min=1, help="For OpenSim: groups of fibres per muscle, at most.")
+    ] = 1
+    into: Annotated[
+        Path | None, typer.Option("--into", help="For OpenSim: a model to put the muscles into.")
+    ] = None
+    replace: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--replace", metavar="OURS=THEIRS", help="A muscle of that model which one of the scene replaces."
+        ),
+    ] = None
+    specific_tension: Annotated[
+        float, typer.Option("--specific-tension", help="Force per cross-section, in N/cm^2.")
+    ] = 60.0
+    mass: Annotated[
+        list[str] | None, typer.Option("--mass", metavar="BODY=KG", help="Of a body of a new model.")
+    ] = None
+    geometry_only: Annotated[
+        bool, typer.Option("--geometry-only", help="Paths without muscles' properties.")
+    ] = False
+
+
+def export_muscles(source: Path, out: Path, options: ExportOptions) -> None:
     """Write a model, and say by how much its paths differ from the run."""
     from vtkmuscle.opensim import write_mujoco, write_opensim
+    from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
 
-    options["masses"] = {body: _kilograms(text) for body, text in pairs(masses, "--mass").items()}
+    asked: dict[str, Any] = {"groups": options.groups, "specific_tension": options.specific_tension}
+    asked["masses"] = {body: _kilograms(text) for body, text in pairs(options.mass or [], "--mass").items()}
+    if options.geometry_only:
+        asked["kind"] = GEOMETRY_ONLY
+    replace = pairs(options.replace or [])
     if out.suffix.lower() == ".osim":
-        written = write_opensim(source, out, into=into, replace=pairs(replace), **options)
-    elif into is not None or replace:
+        written = write_opensim(source, out, into=options.into, replace=replace, form=options.form, **asked)
+    elif options.into is not None or replace:
         raise InputError("--into", "muscles are put into models of OpenSim only", "leave it out")
     else:
-        del options["form"]
-        written = write_mujoco(source, out, **options)
+        written = write_mujoco(source, out, **asked)
     for one in written:
         typer.echo(f"{one.out.name}: {one}")
         if one.out.parameters:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vtkmuscle.cli.messages import one_clear_error, say
-from vtkmuscle.cli.options import FolderOption, QuietOption
+from vtkmuscle.cli.options import FolderOption, QuietOption, with_options
 from vtkmuscle.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,6 +23,24 @@ OverwriteOption = Annotated[
 ]
 
 
+@dataclass(frozen=True, kw_only=True)
+class LabelOptions:
+    """The options of a scene from labels."""
+
+    names: Annotated[
+        str | None,
+        typer.Option(
+            "--names",
+            help="Names of labels: musclemap, a task of TotalSegmentator, or a .csv of label, name.",
+        ),
+    ] = None
+    edge: Annotated[float, typer.Option("--edge", min=0.1, help="Length of triangles' edges [mm].")] = 3.0
+    frame: FrameOption = "LPS"
+    overwrite: OverwriteOption = False
+    quiet: QuietOption = False
+
+
+@with_options
 def from_labels(
     label_map: Annotated[
         Path,
@@ -34,17 +53,8 @@ def from_labels(
         list[Path] | None,
         typer.Argument(help="Landmarks in the map's frame: files called MUSCLE_origin or MUSCLE_insertion."),
     ] = None,
-    names: Annotated[
-        str | None,
-        typer.Option(
-            "--names",
-            help="Names of labels: musclemap, a task of TotalSegmentator, or a .csv of label, name.",
-        ),
-    ] = None,
-    edge: Annotated[float, typer.Option("--edge", min=0.1, help="Length of triangles' edges [mm].")] = 3.0,
-    frame: FrameOption = "LPS",
-    overwrite: OverwriteOption = False,
-    quiet: QuietOption = False,
+    *,
+    options: LabelOptions,
 ) -> None:
     """Make a scene of a segmentation: closed surfaces, areas where they touch, joints by fits to the bones.
 
@@ -55,16 +65,16 @@ def from_labels(
     with one_clear_error(None):
         from vtkmuscle.labels.maps import draft_of_labels
 
-        _check_free(out, overwrite)
+        _check_free(out, options.overwrite)
         draft = draft_of_labels(
             label_map,
             landmarks=landmarks or (),
-            names=names,
-            frame=frame,
-            edge=edge,
-            announce=lambda words: say(quiet, words),
+            names=options.names,
+            frame=options.frame,
+            edge=options.edge,
+            announce=lambda words: say(options.quiet, words),
         )
-        _write(draft, out, quiet)
+        _write(draft, out, options.quiet)
 
 
 def init(

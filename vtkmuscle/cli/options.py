@@ -109,20 +109,21 @@ class RunOptions:
     landmark_samples: Annotated[int, typer.Option(metavar="N", help="How often --errors landmarks does.")] = 8
 
 
-def with_run_options(command: Callable[..., None]) -> Callable[..., None]:
+def with_options(command: Callable[..., None]) -> Callable[..., None]:
     """Spell out a command's last parameter, ``options``, for typer, which reads the signature."""
     own = inspect.signature(command, eval_str=True)
-    *before, _ = own.parameters.values()
-    hints = get_type_hints(RunOptions, include_extras=True)
+    *before, last = own.parameters.values()
+    kind = last.annotation
+    hints = get_type_hints(kind, include_extras=True)
     spelt = [
         inspect.Parameter(
             option.name, inspect.Parameter.KEYWORD_ONLY, default=option.default, annotation=hints[option.name]
         )
-        for option in fields(RunOptions)
+        for option in fields(kind)
     ]
 
     def spelt_out(*arguments: Any, **keywords: Any) -> None:
-        options = RunOptions(**{option.name: keywords.pop(option.name) for option in fields(RunOptions)})
+        options = kind(**{option.name: keywords.pop(option.name) for option in fields(kind)})
         command(*arguments, **keywords, options=options)
 
     spelt_out.__name__, spelt_out.__doc__ = command.__name__, command.__doc__
