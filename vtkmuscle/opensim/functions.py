@@ -253,17 +253,7 @@ def function_in(holder: Element) -> CoordinateFunction:
     children = [child for child in holder.children if child.tag != "default"]
     if len(children) != 1:
         raise holder.error(f"must hold one function, but holds {len(children)} elements")
-    return function_of(children[0])
-
-
-def function_of(element: Element) -> CoordinateFunction:
-    """Return the function that an element is.
-
-    Raises
-    ------
-    InputError
-        If it is not understood.
-    """
+    (element,) = children
     if element.tag not in FUNCTIONS:
         raise element.error("this function is not understood", f"understood: {', '.join(FUNCTIONS)}")
     try:
