@@ -1,6 +1,6 @@
 from .checking import ModelCheck as ModelCheck, check_model as check_model
-
 from .from_run import (
+    Export as Export,
     ExportedMuscle as ExportedMuscle,
     errors_table as errors_table,
     write_mujoco as write_mujoco,

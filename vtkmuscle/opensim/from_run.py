@@ -159,7 +159,7 @@ def write_opensim(
     replace : mapping of str to str, optional
         By muscle of the scene, that of the model whose name and properties it takes.
     **options
-        Of :class:`Export`.
+        Of :class:`~vtkmuscle.opensim.Export`.
 
     Returns
     -------
@@ -202,7 +202,8 @@ def write_mujoco(
     result : Result, optional
         As of :func:`write_opensim`.
     **options
-        Of :class:`Export` but ``form``. A ``kind`` of ``"PathActuator"`` leaves tendons without muscles.
+        Of :class:`~vtkmuscle.opensim.Export` but ``form``. A ``kind`` of ``"PathActuator"`` leaves tendons
+        without muscles.
 
     Returns
     -------
