@@ -16,7 +16,7 @@ ROOT = Path(vtkmuscle.__file__).parent
 #: Most lines of code of each package: those that it had when they were last counted, and 2 %.
 BUDGETS = {
     "accuracy": 296,  # 291: errors that a run states of its results
-    "comparison": 328,  # 322: runs over one another
+    "comparison": 318,  # 312: runs over one another
     "cli": 1150,  # 1128: the command line; check and export are 103 of them, from-labels and init 99
     "core": 10895,  # 10795: the mathematics; 9500 is what it is to come to; 175 for labels and joints
     "core/accuracy": 73,  # 72: errors by parts; 4 tell an estimate in a line

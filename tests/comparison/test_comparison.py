@@ -11,10 +11,11 @@ from typer.testing import CliRunner
 
 import vtkmuscle
 from vtkmuscle.cli import app
-from vtkmuscle.comparison.curves import Curve, difference, side_apart
+from vtkmuscle.comparison.curves import Curve, difference
 from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.motion.coordinates import Coordinate
+from vtkmuscle.io.literature import side_apart
 from vtkmuscle.run.table import Table
 
 ANGLES = np.linspace(0.0, 60.0, 7)

@@ -7,19 +7,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 
-import numpy as np
-
 from vtkmuscle.comparison.curves import (
     Curve,
     curves_of,
     curves_of_model,
     difference,
     mean_square_root,
-    side_apart,
 )
 from vtkmuscle.comparison.page import page_of
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.io.literature import LiteratureCurve, read_literature
+from vtkmuscle.io.literature import LiteratureCurve, curves_for, read_literature, side_apart
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.opensim import read_osim
 from vtkmuscle.run.result import Result
@@ -85,23 +82,10 @@ class Comparison:
             for quantity, runs in quantities.items():
                 first = next(iter(runs.values()))
                 for name, curve in runs.items():
-                    error = None if curve.error is None else mean_square_root(curve.error)
                     row = (muscle, quantity, curve.unit, name, self.verdicts[muscle, name])
                     apart = None if curve is first else difference(curve, first)
-                    if apart is None:
-                        yield *row, float(curve.mean.mean()), error, *[None] * 5
-                        continue
-                    worst = int(np.abs(apart.values).argmax())
-                    yield (
-                        *row,
-                        float(curve.mean.mean()),
-                        error,
-                        float(apart.values.mean()),
-                        mean_square_root(apart.values),
-                        float(apart.values[worst]),
-                        float(apart.x[worst]),
-                        None if apart.error is None else mean_square_root(apart.error),
-                    )
+                    figures = (None,) * 5 if apart is None else apart.figures
+                    yield *row, float(curve.mean.mean()), mean_square_root(curve.error), *figures
 
 
 def compare(
@@ -158,8 +142,7 @@ def compare(
         for muscle in result.muscle_names:
             found.add(name, muscle, curves_of(result, muscle), result.verdicts[muscle])
             curves = result.literature.get(muscle, ()) if published is None else published
-            mine = tuple(one for one in curves if one.muscle in (muscle, side_apart(muscle)))
-            found.literature.setdefault(side_apart(muscle), mine)
+            found.literature.setdefault(side_apart(muscle), curves_for(curves, muscle=muscle))
     if opensim is not None:
         _add_model(found, Path(opensim), next(iter(named.values())))
     shared = any(len(runs) > 1 for known in found.curves.values() for runs in known.values())

@@ -12,6 +12,7 @@ from vtkmuscle.core.accuracy.estimate import Estimate, root_of_squares
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
+from vtkmuscle.io.literature import side_apart
 from vtkmuscle.opensim.model import OsimModel
 from vtkmuscle.opensim.muscle_paths import moment_arm
 from vtkmuscle.run.result import Result
@@ -60,10 +61,13 @@ class Difference:
     values: Floats
     error: Floats | None
 
-
-def side_apart(name: str) -> str:
-    """Return a name without its side: ``iliacus`` of ``iliacus_r``."""
-    return name[:-2] if name[-2:].casefold() in ("_r", "_l") else name
+    @property
+    def figures(self) -> tuple[float | None, ...]:
+        """Its mean, root mean square, largest value and where that is, and the same root of its error."""
+        worst = int(np.abs(self.values).argmax())
+        largest = float(self.values[worst]), float(self.x[worst])
+        root, error = mean_square_root(self.values), mean_square_root(self.error)
+        return float(self.values.mean()), root, *largest, error
 
 
 def curves_of(result: Result, muscle: str) -> list[Curve]:
@@ -135,9 +139,9 @@ def side_apart_label(label: str) -> str:
     return side_apart(name.replace(" ", "_")).replace("_", " ") + bracket + unit
 
 
-def mean_square_root(values: Floats) -> float:
-    """Return the root of the mean of the squares."""
-    return math.sqrt(float(np.mean(np.square(values))))
+def mean_square_root(values: Floats | None) -> float | None:
+    """Return the root of the mean of the squares; None where nothing is known."""
+    return None if values is None else math.sqrt(float(np.mean(np.square(values))))
 
 
 def _has_arms(result: Result) -> bool:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from vtkmuscle.comparison.curves import Curve, difference, side_apart
-from vtkmuscle.io.literature import LiteratureCurve, drawn
+from vtkmuscle.comparison.curves import Curve, difference
+from vtkmuscle.io.literature import LiteratureCurve, drawn, side_apart
 from vtkmuscle.report.curves import colour_of, label_of, rounded
 from vtkmuscle.report.page import part, plotly_text
 from vtkmuscle.report.sections import rendered

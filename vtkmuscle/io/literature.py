@@ -125,8 +125,8 @@ def curves_for(
     return tuple(
         curve
         for curve in curves
-        if (not muscle or curve.muscle in _names(muscle))
-        and (not coordinate or curve.dof in _names(coordinate))
+        if (not muscle or curve.muscle in (muscle, side_apart(muscle)))
+        and (not coordinate or curve.dof in (coordinate, side_apart(coordinate)))
     )
 
 
@@ -175,6 +175,6 @@ def _sides(curve: LiteratureCurve) -> tuple[str, str]:
     return curve.source, curve.part.removesuffix(LOWER).removesuffix(UPPER)
 
 
-def _names(name: str) -> tuple[str, ...]:
-    """Return a name, and the one without its side."""
-    return (name, name[:-2]) if name[-2:].casefold() in ("_r", "_l") else (name,)
+def side_apart(name: str) -> str:
+    """Return a name without its side: ``iliacus`` of ``iliacus_r``."""
+    return name[:-2] if name[-2:].casefold() in ("_r", "_l") else name
