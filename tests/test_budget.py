@@ -18,7 +18,7 @@ BUDGETS = {
     "accuracy": 296,  # 291: errors that a run states of its results
     "comparison": 317,  # 311: runs over one another
     "cli": 1150,  # 1128: the command line; check and export are 103 of them, from-labels and init 99
-    "core": 9907,  # 9713: the mathematics; 9000 is what it is to come to
+    "core": 9907,  # 9821: the mathematics; 9000 is what it is to come to
     "core/accuracy": 73,  # 72: errors by parts; 4 tell an estimate in a line
     "core/algorithm_2": 200,  # 197: the published solver
     "core/attachments": 390,  # 383: areas and fixed points
@@ -26,7 +26,7 @@ BUDGETS = {
     "core/collision": 902,  # 885: points kept out of bones and muscles
     "core/deformation": 295,  # 290: carrying and settling
     "core/fibres": 1593,  # 1562: architecture, mean value coordinates, spreading, trimming, directions
-    "core/mesh": 1422,  # 1398: surfaces, trees, solids
+    "core/mesh": 1536,  # 1506: surfaces, trees, solids
     "core/moment_arms": 493,  # 489: levers and slopes
     "core/morphing": 1158,  # 1136: a template taken into a muscle, section by section
     "core/motion": 488,  # 479: rigid motions and coordinates; fits of joints are 84, nearest rotations 85
@@ -49,8 +49,8 @@ BUDGETS = {
     "view": 215,  # 211: the viewer; its token and the check of the page that asks are 39 of them
 }
 
-#: Functions that numba compiles, each of which takes 0.05 to 3 s of a first run: 104, and 2 %.
-KERNELS = 106
+#: Functions that numba compiles, each of which takes 0.05 to 3 s of a first run: 109, and 2 %.
+KERNELS = 111
 DECORATORS = re.compile(r"^\s*@(?:kernel|array_kernel|vector_kernel|reduction|lane)\b", re.MULTILINE)
 
 #: Tokens that are no code.

@@ -54,27 +54,14 @@ def measure_nearest(
 
 @kernel
 def search_tree(
-    corners: Floats,
-    boxes: Floats,
-    discs: Floats,
-    queries: Floats,
-    run: int,
-    places: Ints,
-    stack: Ints,
-    near: Floats,
+    corners: Floats, boxes: Floats, discs: Floats, queries: Floats, places: Ints, stack: Ints, near: Floats
 ) -> None:
     """Write which triangle is nearest to each point.
 
     Parameters
     ----------
-    corners, boxes, discs
-        The tree: corners (m, 3, 3) of its triangles, boxes of its nodes and discs of its leaves.
-    queries : (q, 3) array
-        Positions.
-    run : int
-        After so many points the search begins anew; 0: never.
-    places : (q,) int array
-        Numbers of the nearest triangles, written.
+    corners, boxes, discs, queries, places
+        As of :func:`~vtkmuscle.core.mesh.packet_search.search_in_packets`.
     stack, near : (64,) arrays
         Working memory, as deep as the tree.
     """
@@ -82,8 +69,6 @@ def search_tree(
     place = 0  # the last query's answer is a good guess: neighbours follow each other along a fibre
     for q in range(len(queries)):
         x, y, z = queries[q, 0], queries[q, 1], queries[q, 2]
-        if run > 0 and q % run == 0:
-            place = 0
         best = _distance2(corners[place], x, y, z)
         if not best >= 0.0:  # a triangle without area: its neighbours have its edges too
             best = np.inf

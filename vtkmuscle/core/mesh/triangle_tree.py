@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from vtkmuscle.core.jit import kernel
+from vtkmuscle.core.mesh.packet_search import LANES, search_in_packets
 from vtkmuscle.core.mesh.shared import shared
 from vtkmuscle.core.mesh.tree_search import along_disc, measure_nearest, search_tree
 from vtkmuscle.core.mesh.triangle_distance import Pseudonormals, pseudonormals
@@ -62,8 +63,11 @@ class TriangleTree:
         """Return the nearest triangle (its place in the order), the point on it, its distance and region."""
         places, regions = np.zeros((2, len(queries)), dtype=np.int64)
         closest, distances = np.zeros((len(queries), 3)), np.zeros(len(queries))
-        stack, near = np.empty(64, dtype=np.int64), np.empty(64)
-        search_tree(self.corners, self.boxes, self.discs, queries, run, places, stack, near)
+        tree, stack = (self.corners, self.boxes, self.discs), np.empty(64, dtype=np.int64)
+        if run:
+            search_in_packets(*tree, queries, run, places, stack, np.empty((5, LANES)))
+        else:
+            search_tree(*tree, queries, places, stack, np.empty(64))
         measure_nearest(self.corners, queries, places, closest, distances, regions)
         return places, closest, distances, regions
 
@@ -91,8 +95,9 @@ class TriangleTree:
         """Return distances (q,), negative inside, and the nearest points (q, 3) of a closed surface.
 
         The sign is that of the angle-weighted normal at the nearest point: for surfaces that are closed,
-        manifold and face outward. Points on the surface are outside. With a ``run`` above 0 points
-        come in runs of that many, and those of a run are the same to the last bit whatever the others are.
+        manifold and face outward. Points on the surface are outside. ``run`` is for points that come in runs
+        of that many, each near those before it, as of a lattice: it takes half as long, and gives the same
+        but for rounding, whatever other runs there are.
         """
         queries = np.ascontiguousarray(queries)
         places, closest, distances, regions = self._nearest(queries, run)
