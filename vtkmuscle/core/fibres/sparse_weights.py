@@ -11,6 +11,7 @@ from scipy.sparse import csr_array, vstack
 
 from vtkmuscle.core.fibres.equal_shares import halved
 from vtkmuscle.core.fibres.mean_value import coordinate_mesh, weights_of
+from vtkmuscle.core.jit import reduction
 from vtkmuscle.core.types import Bools, Floats, Ints
 
 #: Added to the diagonal of the equations for the making up, where that is 1: means in one plane.
@@ -157,7 +158,7 @@ def sparse_mean_value_coordinates(
         if not made_up.all():
             whole = _grouped(weights, groups, -np.inf)
             grouped = csr_array(vstack([(grouped if fine else whole)[[i]] for i, fine in enumerate(made_up)]))
-        missed = grouped @ means_of_bent - weights @ ordered_bent
+        missed = grouped @ means_of_bent - np.einsum("qn,nk->qk", weights, ordered_bent)
         error = max(error, float(np.linalg.norm(missed, axis=1).max()))
         parts.append(grouped)
         report(min(1.0, (first + AT_ONCE) / len(queries)))
@@ -188,17 +189,36 @@ def _grouped(weights: Floats, groups: VertexGroups, threshold: float) -> csr_arr
     """Return weights (q, n), of the vertices in order, by the largest groups in which they differ little."""
     parts, first, divided = [], 0, np.ones((len(weights), 1), dtype=np.bool_)
     for level, group in enumerate(groups.levels):
-        totals = np.add.reduceat(weights, group.starts, axis=1)
-        taken = divided
-        if level < len(groups.levels) - 1:
-            off = np.abs(weights - np.repeat(totals / group.sizes, group.sizes, axis=1))
-            taken = divided & (group.radii * np.add.reduceat(off, group.starts, axis=1) <= threshold)
+        totals, taken = np.zeros(divided.shape), divided.copy()
+        most = threshold if level < len(groups.levels) - 1 else np.inf
+        _take(weights, np.append(group.starts, weights.shape[1]), group.radii, most, totals, taken)
         row, column = np.nonzero(taken & (totals != 0.0))
         parts.append((totals[row, column], row, first + column))
         first += len(group.starts)
         divided = np.repeat(divided & ~taken, group.made_of, axis=1)
     values, row, column = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     return csr_array((values, (row, column)), shape=(len(weights), first))
+
+
+@reduction
+def _take(weights: Floats, starts: Ints, radii: Floats, most: float, totals: Floats, taken: Bools) -> None:
+    """Write the sum of the weights of each group, and keep those taken whose weights differ little from it.
+
+    taken : (q, g), changed in place: which groups are looked at, and of these which differ by no more than
+    ``most``, times the radius.
+    """
+    for q in range(len(weights)):
+        for g in range(len(radii)):
+            if not taken[q, g]:
+                continue
+            group = weights[q, starts[g] : starts[g + 1]]
+            total, off = 0.0, 0.0
+            for weight in group:
+                total += weight
+            mean = total / len(group)
+            for weight in group:
+                off += abs(weight - mean)
+            totals[q, g], taken[q, g] = total, radii[g] * off <= most
 
 
 def _make_up(weights: csr_array, means: Floats, sizes: Ints, queries: Floats) -> Bools:
