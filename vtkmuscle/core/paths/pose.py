@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from vtkmuscle.core.paths.bone_contact import BoneContacts, Load, Proximity, add_contacts
+from vtkmuscle.core.paths.change_of_gradient import change_gradient
 from vtkmuscle.core.paths.equilibrium import (
     STEP_LEFT,
     add_neighbours,
     add_springs,
-    change_gradient,
     newton_step,
     prepare_solve,
 )
