@@ -33,7 +33,7 @@ STAGES: dict[str, tuple[str, ...]] = {
     "fibres": (
         "filters/fibre_transport:FibreTransport",
         "filters/fibre_metrics:FibreMetrics",
-        "core/fibres/mean_value:in_chunks",  # threads of their own, whose stacks begin with it
+        "core/fibres/mean_value:weights_of",  # threads of their own, whose stacks begin with it
     ),
     "measuring": (
         "run/measure:MuscleMeasure",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import pyvista as pv
 from tiny_scene import ellipsoid
 
 from vtkmuscle.core.mesh.normals import vertex_normals
@@ -22,7 +23,7 @@ def ball():
 def test_a_fine_bone_is_drawn_coarser_and_stays_within_a_fraction_of_a_triangle():
     fine = ellipsoid((30, 40, 100), (5, 0, 0), 160)
     points, triangles = points_of(fine), triangles_of(fine, "bone")
-    kept, faces = clustered(points, triangles, 5000)
+    kept, faces = clustered(points, triangles, pv.wrap(fine).area, 5000)
     coarse, normals = points[kept], vertex_normals(points, triangles)[kept]
     assert 2500 < len(faces) < 8000
     assert len(np.unique(kept)) == len(kept)

@@ -63,9 +63,12 @@ def test_surfaces_are_those_of_the_phantom(drawn):
 
 
 def test_paths_are_those_of_the_phantom(drawn):
-    """At 1.5 mm, areas by the same rule: lengths within 1.5 %, arms within 2 mm."""
+    """At 1.5 mm, areas by the same rule: lengths within 1.5 %, arms within 2 mm.
+
+    Of 30 fibres the mean is that of where they happen to end: lengths in the iliacus differ by 37 mm (rms).
+    """
     _, scene = drawn
-    phantom = Scene.from_phantom(hip(angles=range(0, 61, 30)), n_fibres=30)
+    phantom = Scene.from_phantom(hip(angles=range(0, 61, 30)), n_fibres=100)
     names = ["gluteus_maximus", "iliacus"]
     true = {
         name: replace(

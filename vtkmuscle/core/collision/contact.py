@@ -299,11 +299,10 @@ def _moved_boxes(transforms: Floats, middles: Floats, halves: Floats) -> tuple[F
 
 def _box(points: Floats, free: Bools) -> tuple[Floats, Floats]:
     """Return the least and the greatest coordinates (3,) of the free points (n, 3)."""
-    mine = points[free]
-    return mine.min(axis=0), mine.max(axis=0)
+    mine = np.ascontiguousarray(points[free].T)  # of long rows they are found ten times as fast
+    return mine.min(axis=1), mine.max(axis=1)
 
 
 def _box_seen_from(transform: Floats, points: Floats, free: Bools) -> tuple[Floats, Floats]:
     """Return the box of the free points as :func:`_box`, in the frame that a transform leads to."""
-    mine = apply_transform(transform, points[free])
-    return mine.min(axis=0), mine.max(axis=0)
+    return _box(apply_transform(transform, points), free)

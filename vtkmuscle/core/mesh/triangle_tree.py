@@ -234,8 +234,9 @@ def _part(values: Floats, order: Ints, first: int, middle: int, last: int) -> No
 
 def _boxes(corners: Floats, n_leaves: int) -> Floats:
     starts = np.arange(n_leaves) * len(corners) // n_leaves
-    low = np.minimum.reduceat(corners.min(axis=1), starts)
-    levels = [np.hstack([low, np.maximum.reduceat(corners.max(axis=1), starts)])]
+    a, b, c = corners.swapaxes(0, 1)
+    low = np.minimum.reduceat(np.minimum(np.minimum(a, b), c), starts)
+    levels = [np.hstack([low, np.maximum.reduceat(np.maximum(np.maximum(a, b), c), starts)])]
     while len(levels[0]) > 1:
         one, other = levels[0][::2], levels[0][1::2]
         low, high = np.minimum(one[:, :3], other[:, :3]), np.maximum(one[:, 3:], other[:, 3:])
