@@ -8,8 +8,9 @@ from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.core.paths import sheet
 from vtkmuscle.phantoms.two_joint_strap import ARMS
 
-#: Small twists of a bone: so far [mm], and so far at this distance from the middle of the muscle [mm].
-SMALL, REACH = 0.02, 50.0
+#: Small twists of a bone: so far [mm], and so far at this distance from the middle of the muscle [mm]. That is
+#: part of the cell over which a bone's normals are compared; a ring keeps its hold over a smaller one.
+SMALL, SMALLER, REACH = 0.3, 0.02, 50.0
 
 
 def twisted(pose, bone, number, size, middle):
@@ -40,8 +41,9 @@ def twisted(pose, bone, number, size, middle):
 def test_wrenches_are_slopes_of_lengths(number, angle, mean, each, monkeypatch):
     """In mm of lever, of all six parts: on the mean of the fibres, and of each.
 
-    Differences are so small that a ring keeps its hold, and sheets settle to rounding, which they need.
+    Sheets settle to rounding, which differences so small need.
     """
+    small = SMALLER if HINGES[number][0] == "tendon_through_ring" else SMALL
     make, settings, name, *_ = HINGES[number]
     paths, (pose,) = known_paths(make, **settings), turned(make, settings, name, [angle])
     monkeypatch.setattr(sheet, "TOLERANCE", 1e-9)
@@ -52,9 +54,9 @@ def test_wrenches_are_slopes_of_lengths(number, angle, mean, each, monkeypatch):
     wrenches[:, 3:] -= np.cross(middle, wrenches[:, :3])
     for part in range(6):
         there, back = (
-            paths.follow(state, twisted(pose, bone, part, size, middle)).lengths for size in (SMALL, -SMALL)
+            paths.follow(state, twisted(pose, bone, part, size, middle)).lengths for size in (small, -small)
         )
-        slopes = -(there - back) / (2.0 * SMALL) * REACH
+        slopes = -(there - back) / (2.0 * small) * REACH
         lever = wrenches[:, part] * (REACH if part < 3 else 1.0)
         assert np.abs(slopes - lever).max() < each
         assert abs((slopes - lever).mean()) < mean
@@ -89,15 +91,14 @@ def test_a_spindle_in_free_space_has_the_lever_of_the_line_between_its_ends():
             np.testing.assert_allclose(levers(state, [1], (0, 0, 0), axis), right, atol=1e-6)
 
 
-@pytest.mark.parametrize("upper", [2.0, worse(0.6, "1.2 mm in one pose, 0.5 in the others")])
-def test_a_strap_over_two_joints_has_both_rollers_as_levers_in_every_pose(upper):
+def test_a_strap_over_two_joints_has_both_rollers_as_levers_in_every_pose():
     """But for what chords and flat triangles take: 0.6 mm of 26, 0.6 of 18."""
     made = strung_phantom("strap_over_two_joints")
     numbers = [made.names.index(name) for name in ("middle", "distal")]
     for state in swept(known_paths("strap_over_two_joints"), made.poses()):
         lower = apply_transform(state.transforms[numbers[0]], [made.phantom.known["centres"]["lower"]])[0]
         mean = levers(state, numbers, (0, 0, 0), AXIS).mean()
-        assert mean == pytest.approx(ARMS[0], abs=upper)
+        assert mean == pytest.approx(ARMS[0], abs=0.6)
         assert levers(state, numbers[1:], lower, -AXIS).mean() == pytest.approx(-ARMS[1], abs=0.6)
 
 

@@ -63,18 +63,6 @@ class Load(NamedTuple):
     force: Floats
     stiffness: Floats
 
-    @classmethod
-    def of_moves(cls, forces: Floats, move: float, turn: Floats) -> Load:
-        """Return the load of forces (7, f, n, 3) at points, at those moved along axes, and against them.
-
-        move : float
-            How far [mm].
-        turn : (3, 3) array
-            Of the axes along which they were moved.
-        """
-        falls = (forces[4:] - forces[1:4]) / (2.0 * move)
-        return cls(forces[0], np.einsum("dfnc,ed->fnce", falls, turn))
-
 
 class BoneContacts:
     """The bones that paths keep away from.
@@ -130,24 +118,26 @@ class BoneContacts:
             normals[k] = (one.outward @ transforms[number, :3, :3].T).reshape(x.shape)
         return gaps, normals, near
 
-    def load(self, k: int, x: Floats, transforms: Floats, near: Proximity, move: float) -> Load:
-        """Return what the k-th bone does to the points x (f, n, 3), whose proximity is known.
+    def load(self, k: int, x: Floats, transforms: Floats, near: Proximity) -> Load:
+        """Return what the k-th bone, which presses, does to the points x (f, n, 3), whose proximity is known.
 
-        move : float
-            How far points are moved to see how the forces change, central differences [mm].
+        Normals are compared over a cell of its field, so that flat triangles curve as their surface does. Over
+        a thousandth of that 1 to 4 of 100 poses of a strap on a roller have levers 1 to 4 mm off its radius.
         """
-        turn = transforms[self.numbers[k], :3, :3]
-        pressed = np.flatnonzero(near.gaps < self.rounding)
-        moves = move * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
-        distance, outward = self._bones[k].field((near.points[pressed] + moves[:, None]).reshape(-1, 3))
-        gaps = np.full((7, near.gaps.size), np.inf)
-        normals, forces = np.zeros((7, near.gaps.size, 3)), np.zeros((7, *x.shape[:2]))
-        gaps[:, pressed] = distance.reshape(7, -1) - self._standoff[k].reshape(-1)[pressed]
-        normals[:, pressed] = outward.reshape(7, -1, 3) @ turn.T
-        gaps, normals = gaps.reshape(forces.shape), normals.reshape(7, *x.shape)
-        unused = np.zeros_like(x), np.zeros((*x.shape[:2], 6))
-        add_contacts(x, gaps, normals, PUSH, self.rounding, *unused, forces)
-        return Load.of_moves(forces[..., None] * normals, move, turn)
+        bone, turn = self._bones[k], transforms[self.numbers[k], :3, :3]
+        ends = np.zeros(x.shape[:2], dtype=np.bool_)
+        ends[:, [0, -1]] = True
+        pressed = np.flatnonzero((near.gaps < self.rounding) & ~ends.reshape(-1))
+        moves = bone.cell * np.concatenate([np.eye(3), -np.eye(3)])
+        sides = bone.field((near.points[pressed] + moves[:, None]).reshape(-1, 3))[1].reshape(2, 3, -1, 3)
+        outward = near.outward[pressed]
+        pressures = [pressure_at(gap, PUSH, self.rounding) for gap in near.gaps[pressed]]
+        force, stiff = np.array(pressures).T[..., None]
+        turning = ((sides[0] - sides[1]) / (2.0 * bone.cell)).transpose(1, 2, 0)
+        falls = stiff[..., None] * outward[:, :, None] * outward[:, None] - force[..., None] * turning
+        forces, stiffness = np.zeros((x[..., 0].size, 3)), np.zeros((x[..., 0].size, 3, 3))
+        forces[pressed], stiffness[pressed] = (force * outward) @ turn.T, turn @ falls @ turn.T
+        return Load(forces.reshape(x.shape), stiffness.reshape(*x.shape, 3))
 
     def _near(self, k: int, x: Floats, transforms: Floats, before: Proximity | None) -> Proximity:
         number, bone = self.numbers[k], self._bones[k]

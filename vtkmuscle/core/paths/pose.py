@@ -190,7 +190,7 @@ class SheetPose:
         contacts, move = self._contacts, SMALL_MOVE * self._sheet.thickness
         for k, number in enumerate(contacts.numbers):
             if self._pressure[k].any():
-                loads.append((number, contacts.load(k, x, self._moved, self._near[k], move)))
+                loads.append((number, contacts.load(k, x, self._moved, self._near[k])))
         for k, number in enumerate(self._ring_bones):
             if (points := self._ring_points[k]).any():
                 loads.append((number, ring_load(x, self._rings, k, points, contacts.rounding, move)))

@@ -191,4 +191,4 @@ def ring_load(x: Floats, rings: Rings, ring: int, points: Ints, rounding: float,
     moves = move * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
     for force, way in zip(forces, moves, strict=True):
         add_rings(x + way, alone, points[None], PUSH, rounding, force, *unused)
-    return Load.of_moves(-forces, move, np.eye(3))
+    return Load(-forces[0], (forces[1:4] - forces[4:]).transpose(1, 2, 3, 0) / (2.0 * move))
