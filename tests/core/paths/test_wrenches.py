@@ -8,8 +8,8 @@ from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.core.paths import sheet
 from vtkmuscle.phantoms.two_joint_strap import ARMS
 
-#: Small twists of a bone: so far [mm], and so far at this distance from the middle of the muscle [mm]. That is
-#: part of the cell over which a bone's normals are compared; a ring keeps its hold over a smaller one.
+#: Small twists of a bone: so far [mm], and so far at this distance from the middle of the muscle [mm]. That
+#: is part of the cell over which a bone's normals are compared; a ring keeps its hold over a smaller one.
 SMALL, SMALLER, REACH = 0.3, 0.02, 50.0
 
 

@@ -121,8 +121,8 @@ class BoneContacts:
     def load(self, k: int, x: Floats, transforms: Floats, near: Proximity) -> Load:
         """Return what the k-th bone, which presses, does to the points x (f, n, 3), whose proximity is known.
 
-        Normals are compared over a cell of its field, so that flat triangles curve as their surface does. Over
-        a thousandth of that 1 to 4 of 100 poses of a strap on a roller have levers 1 to 4 mm off its radius.
+        Normals are compared over a cell of its field: flat triangles curve as their surface does. Over a
+        thousandth of that a strap on a roller has levers 1 to 4 mm off its radius in one or two of 100 poses.
         """
         bone, turn = self._bones[k], transforms[self.numbers[k], :3, :3]
         ends = np.zeros(x.shape[:2], dtype=np.bool_)
