@@ -163,7 +163,7 @@ def test_a_step_of_newtons_method_solves_its_equations(rng, left_over, off, as_o
     assert slope < 0.0
 
 
-def test_the_change_of_the_gradient_is_the_slope_of_all_forces(rng):
+def test_the_change_of_the_gradient_is_the_slope_of_springs_and_neighbours(rng):
     """Ends go as well, tangents turn and widths change: against central differences."""
     sheet = Sheet(rng)
     lengths = np.linalg.norm(np.diff(sheet.x, axis=1), axis=2).sum(axis=1) / rng.uniform(0.7, 1.4, 4)

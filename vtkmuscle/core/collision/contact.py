@@ -298,9 +298,9 @@ def _moved_boxes(transforms: Floats, middles: Floats, halves: Floats) -> tuple[F
 
 
 def _box(points: Floats, free: Bools) -> tuple[Floats, Floats]:
-    """Return the least and the greatest coordinates (3,) of the free points (n, 3)."""
+    """Return the least and the greatest coordinates (3,) of the free points (n, 3), infinite of none."""
     mine = np.ascontiguousarray(points[free].T)  # of long rows they are found ten times as fast
-    return mine.min(axis=1), mine.max(axis=1)
+    return mine.min(axis=1, initial=np.inf), mine.max(axis=1, initial=-np.inf)
 
 
 def _box_seen_from(transform: Floats, points: Floats, free: Bools) -> tuple[Floats, Floats]:
