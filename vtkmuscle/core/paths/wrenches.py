@@ -10,7 +10,7 @@ from vtkmuscle.core.paths.bone_contact import Load
 from vtkmuscle.core.types import Floats, Ints
 
 #: Steps in which the response to a bone's move is solved for. Of four muscles of a real hip and one of a
-#: knee, one has mean levers 1.7 to 8.6 mm off -dl/dq (rms), two 0.5 to 1.6, four 0.1 to 0.5.
+#: knee, one has mean levers 1.8 to 8.6 mm off -dl/dq (rms), two 0.4 to 1.4, four 0.1 to 0.5.
 RESPONSES = 4
 
 
