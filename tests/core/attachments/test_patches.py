@@ -275,6 +275,15 @@ def test_landmarks_of_another_muscle_are_refused():
         attachment_patch(*BALL, latitude_ring(30.0) + [[0, 0, 300 * (i == 2)] for i in range(24)], True)
 
 
+def test_a_larger_distance_takes_landmarks_that_are_farther_away():
+    """15 mm off a ball whose box has a diagonal of 69 mm, of which a fifth is accepted."""
+    ring = latitude_ring(40.0, radius=RADIUS + 15.0)
+    with pytest.raises(ValueError, match=r"from the muscle"):
+        attachment_patch(*BALL, ring, True)
+    patch = attachment_patch(*BALL, ring, True, tolerance=16.0)
+    np.testing.assert_array_equal(patch, attachment_patch(*BALL, latitude_ring(40.0), True, tolerance=16.0))
+
+
 def test_no_landmarks_are_refused():
     with pytest.raises(ValueError, match="no landmarks"):
         attachment_patch(*BALL, np.zeros((0, 3)), True)
