@@ -31,13 +31,14 @@ def mean_value_weights(polygon: Floats, points: Floats) -> Floats:
     (m, n) array
         Rows of sum 1; their products with the vertices are the points.
     """
-    a = polygon - points[:, None]
-    b = np.roll(a, -1, axis=1)
-    lengths = np.sqrt((a * a).sum(axis=2))
+    x, y = polygon.T[:, None] - points.T[:, :, None]
+    next_x, next_y = np.roll(x, -1, axis=1), np.roll(y, -1, axis=1)
+    lengths = np.sqrt(x * x + y * y)
     products = lengths * np.roll(lengths, -1, axis=1)
-    sines, cosines = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], (a * b).sum(axis=2)
+    sines, cosines = x * next_y - y * next_x, x * next_x + y * next_y
     with np.errstate(divide="ignore", invalid="ignore"):  # on the polygon: replaced below
-        tangents = np.where(cosines >= 0.0, sines / (products + cosines), (products - cosines) / sines)
+        acute = cosines >= 0.0
+        tangents = np.where(acute, sines, products - cosines) / np.where(acute, products + cosines, sines)
         weights: Floats = (np.roll(tangents, 1, axis=1) + tangents) / lengths
         weights /= weights.sum(axis=1, keepdims=True)
     on_edge = (cosines < 0.0) & (np.abs(sines) <= 1e-15 * products)
