@@ -108,7 +108,7 @@ def collapsed(seconds: Mapping[Stack, float]) -> str:
 @cache
 def _name(code: CodeType) -> str:
     path = code.co_filename.removesuffix(".py")
-    for root in ("/site-packages/", "/vtkmuscle/"):
+    for root in ("/vtkmuscle/", "/site-packages/"):
         path = path.rpartition(root)[2]
     return f"{path}:{code.co_qualname}"
 
