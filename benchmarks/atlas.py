@@ -21,7 +21,8 @@ from vtkmuscle.core.processors import processors
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.phantoms.hip_joint import HipShape, varied_hip
 from vtkmuscle.studies.cohort import Study, run_study
-from vtkmuscle.studies.cohort.table import curves
+from vtkmuscle.studies.cohort.table import curves, tables_of
+from vtkmuscle.studies.study import PARTS
 
 #: What is varied, its mean, its standard deviation and its unit: choices, about what adults have.
 VARIED = {
@@ -104,7 +105,7 @@ def ranked(study: Study, out: Path) -> tuple[list[list[object]], list[list[objec
     """
     rows = {row["id"]: row for row in study.subjects}
     found: dict[str, list[tuple[str, dict[str, np.ndarray]]]] = {}
-    for (subject, _, _, _, muscle, *_), curve in curves(out).items():
+    for (subject, _, _, _, muscle, *_), curve in curves(tables_of(study, out / PARTS)).items():
         found.setdefault(muscle, []).append((subject, curve))
     bands: list[list[object]] = []
     causes: list[list[object]] = []

@@ -4,7 +4,6 @@ import json
 import random
 import signal
 import time
-from functools import cache
 
 import pytest
 from faults import check_whole, ended, killed_at, results, small_disk, started
@@ -30,15 +29,10 @@ def scene_file(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def whole(scene_file, tmp_path_factory):
-    """What an uninterrupted run of a format gives."""
-
-    @cache
-    def found(series):
-        out = tmp_path_factory.mktemp("whole") / series
-        Scene.load(scene_file).run(out, figures=False, series=series)
-        return results(out)
-
-    return found
+    """What an uninterrupted run gives."""
+    out = tmp_path_factory.mktemp("whole")
+    Scene.load(scene_file).run(out, figures=False)
+    return results(out)
 
 
 def moments(pytestconfig, seconds, short, long):
@@ -48,18 +42,17 @@ def moments(pytestconfig, seconds, short, long):
     return [rng.uniform(0.2, 1.05) * seconds for _ in range(count)]
 
 
-@pytest.mark.parametrize("series", ["pvd", pytest.param("vtkhdf", marks=pytest.mark.long)])
 def test_kills_leave_no_damaged_file_and_the_same_command_the_same_result(
-    scene_file, whole, tmp_path, pytestconfig, tried, series
+    scene_file, whole, tmp_path, pytestconfig, tried
 ):
-    command = ("run", scene_file, "--format", series, *QUIET)
+    command = ("run", scene_file, *QUIET)
     for number, moment in enumerate(moments(pytestconfig, 4.0, 1, 50)):
         out = tmp_path / f"{number}"
         process = started(*command, "--out", out)
         met = killed_at(process, moment)
         process.communicate()
         assert not met or process.returncode == -signal.SIGKILL
-        tried.add(f"a run with .{series}, killed at a random moment", "used")
+        tried.add("a run, killed at a random moment", "used")
         if out.is_dir():
             check_whole(out)
         if number % 5 == 0:
@@ -67,7 +60,7 @@ def test_kills_leave_no_damaged_file_and_the_same_command_the_same_result(
             assert status == 0
             if met and (out / "report.json").exists() and errors:
                 assert "holds a run that did not end (it was killed); frames there: spindle " in errors
-            assert results(out) == whole(series)
+            assert results(out) == whole
             assert not list(out.rglob(".*"))
 
 
@@ -129,16 +122,13 @@ def full(status, errors, path):
     assert "partial" not in errors
 
 
-@pytest.mark.parametrize("series", [pytest.param("pvd", marks=pytest.mark.long), "vtkhdf"])
-def test_a_disk_that_runs_full_is_one_line_and_nothing_damaged(
-    scene_file, tmp_path, pytestconfig, tried, series
-):
+def test_a_disk_that_runs_full_is_one_line_and_nothing_damaged(scene_file, tmp_path, pytestconfig, tried):
     sizes = (64, 200, 300, 450, 700, 1200) if pytestconfig.getoption("--long") else (200,)
     for kilobytes in sizes:
         with small_disk(tmp_path / "disk", kilobytes) as disk:
             out = disk / "out"
-            status, _, errors = ended(started("run", scene_file, "--out", out, "--format", series, *QUIET))
-            tried.add(f"a run with .{series} on a disk that runs full", "refused" if status else "used")
+            status, _, errors = ended(started("run", scene_file, "--out", out, *QUIET))
+            tried.add("a run on a disk that runs full", "refused" if status else "used")
             if status == 0:
                 continue
             full(status, errors, out)
@@ -148,11 +138,10 @@ def test_a_disk_that_runs_full_is_one_line_and_nothing_damaged(
                 assert json.loads((out / "report.json").read_text())["complete"] is False
 
 
-@pytest.mark.parametrize("name", [pytest.param("page.gltf", marks=pytest.mark.long), "all.vtkhdf"])
 @pytest.mark.parametrize("how", [pytest.param("disk", marks=pytest.mark.long), "limit"])
-def test_an_export_to_a_full_disk_is_one_line(scene_file, tmp_path, how, name):
+def test_an_export_to_a_full_disk_is_one_line(scene_file, tmp_path, how):
     Scene.load(scene_file).run(tmp_path / "out", frames="0:4", figures=False)
-    source = tmp_path / ("out" if name == "page.gltf" else "out/spindle.pvd")
+    source, name = tmp_path / "out/spindle.pvd", "all.vtkhdf"
     if how == "limit":
         target, limit = tmp_path / name, 20_000
         status, _, errors = ended(started("export", source, target, limit=limit))
@@ -168,13 +157,13 @@ def test_an_export_to_a_full_disk_is_one_line(scene_file, tmp_path, how, name):
 @pytest.mark.long
 @pytest.mark.parametrize("limit", [200, 2_000, 30_000])
 def test_a_limit_of_the_size_of_files_is_one_line(scene_file, tmp_path, limit):
-    for series in ("pvd", "vtkhdf"):
-        out = tmp_path / series
-        arguments = ("run", scene_file, "--out", out, "--format", series, "--frames", "0:8", *QUIET)
-        status, _, errors = ended(started(*arguments, limit=limit))
-        if status:
-            full(status, errors, out)
-            check_whole(out)
+    out = tmp_path / "out"
+    status, _, errors = ended(
+        started("run", scene_file, "--out", out, "--frames", "0:8", *QUIET, limit=limit)
+    )
+    if status:
+        full(status, errors, out)
+        check_whole(out)
 
 
 @pytest.mark.long

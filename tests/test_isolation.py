@@ -26,10 +26,8 @@ from vtkmuscle.cli import main
 commands = {
     "--help": (0,),
     "run scene.toml --out out --frames 0:1": (0,),
-    "export out page.gltf": (0, 2),  # 2 without OpenGL
     "export out/spindle.pvd all.vtkhdf": (0, 2),  # 2 where VTK cannot
     "demo --out demo --frames 0:1 --no-figures": (0,),
-    "tradeoff scene.toml --out study --only iterations=10 --frames 0:2": (0,),
     "paraview-path --folder links": (0,),
 }
 for command, statuses in commands.items():

@@ -167,7 +167,7 @@ class Scene(SceneData, WithHints):
             written.
         **options
             Of :class:`vtkmuscle.run.RunOptions`: ``frames``, ``workers``, ``fresh``, ``overwrite``,
-            ``figures``, ``report``, ``series``, ``progress``, ``observe``, ``sense`` and ``clock``.
+            ``figures``, ``report``, ``progress``, ``observe``, ``sense`` and ``clock``.
 
         Returns
         -------

@@ -15,7 +15,7 @@ pytest.importorskip("distributed", reason="the extra cohort is not installed")
 
 from faults import ended, started
 
-TABLES = ("cohort.csv", "cohort.parquet", "cohort.html")
+TABLES = ("cohort.csv", "cohort.html")
 #: How long a cluster may take to come up, or a study to begin [s].
 PATIENCE = 120.0
 

@@ -53,7 +53,7 @@ def test_what_is_asked_for_is_added_and_the_results_stay(result, plain):
     errors = result.report["muscles"]["spindle"]["errors"]
     of_fibres, of_paths = (errors[name]["parts"] for name in ("fibre_length", "length"))
     assert of_fibres.keys() == {"fibres", *KINDS}  # finer slices tell of segments too
-    assert of_paths.keys() == {"segments", "fibres", *KINDS} - {"pruning"}
+    assert of_paths.keys() == {"segments", "fibres", *KINDS}
     assert all(part > 0.0 for parts in (of_fibres, of_paths) for part in parts.values())
     assert errors["moment_arm_distal_angle"]["parts"].keys() == {*of_paths, "slopes"}
     assert result.report["muscles"]["spindle"]["errors_not_known"] == {}

@@ -14,7 +14,7 @@ from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats
 
 #: What further solves tell of, by the names that a run is asked for them.
-KINDS = ("model", "mesh", "slices", "pruning", "landmarks")
+KINDS = ("model", "mesh", "slices", "landmarks")
 #: Those of them that take nothing but the scene.
 SOLVED = KINDS[:-1]
 #: Orders of convergence: of a muscle's shape in its edges, the lowest there is, since that of position based
@@ -34,7 +34,6 @@ def _apart(value: Floats, others: Floats) -> Floats:
 RULES: Mapping[str, Rule] = MappingProxyType(
     {
         "segments": _apart,
-        "pruning": _apart,
         "model": lambda value, others: expanded_of_bounds(others[0] - value),
         "mesh": lambda value, others: convergence_error(value, others[0], order=MESH_ORDER),
         "slices": lambda value, others: convergence_error(value, others[0], order=SLICES_ORDER),

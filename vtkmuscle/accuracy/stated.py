@@ -18,7 +18,6 @@ from vtkmuscle.accuracy.estimates import (
     rest_estimate,
     volume_estimate,
 )
-from vtkmuscle.accuracy.pruning import lengths_lost
 from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
@@ -61,7 +60,7 @@ class StatedErrors:
     kinds : sequence of str, optional
         Causes beside those that are always known, of :data:`~vtkmuscle.accuracy.causes.KINDS`.
     solutions : mapping of (str, str) to sequence of Solution, optional
-        By muscle and kind what further solves gave; ``"pruning"`` takes none.
+        By muscle and kind what further solves gave.
     failed : mapping of (str, str) to str, optional
         Why there are none.
     """
@@ -118,12 +117,6 @@ class StatedErrors:
             Cause(kind, [one.fibre_lengths[:count] for one in found], [one.rest for one in found])
             for kind, found in self._solved_kinds(name)
         ]
-        if "pruning" in self.kinds and track.points:
-            assert track.rest is not None
-            assert track.rest_fibres is not None
-            tolerance = track.report["parameters"]["fibres"]["weight_tolerance"]
-            lost = lengths_lost(track.rest_fibres, track.rest, track.points, tolerance) * scene.millimetres
-            causes.append(Cause("pruning", [np.array(track.fibre_lengths) + lost]))
         if any(cause.name == "slices" for cause in causes):  # which has twice the segments
             causes = [cause for cause in causes if cause.name != "segments"]
         return causes
@@ -172,11 +165,8 @@ class StatedErrors:
 
     def _not_known(self, name: str) -> dict[str, str]:
         """Return the causes whose part is not known, and why."""
-        reasons = dict.fromkeys(KINDS, "not asked for")
-        if self.scene.model == "paths":
-            reasons["pruning"] = "the model 'paths' has none"
         return {
-            kind: self.failed.get((name, kind), why)
-            for kind, why in reasons.items()
+            kind: self.failed.get((name, kind), "not asked for")
+            for kind in KINDS
             if kind not in self.kinds or (name, kind) in self.failed
         }

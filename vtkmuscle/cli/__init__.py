@@ -1,4 +1,4 @@
-"""The command line: ``vtkmuscle run``, ``demo``, ``tradeoff``, ``info``, ``export``, ``fetch`` and others.
+"""The command line: ``vtkmuscle run``, ``demo``, ``cohort``, ``info``, ``export``, ``fetch`` and others.
 
 Nothing heavy is imported before a command needs it, so that ``vtkmuscle --help`` answers at once.
 """
@@ -21,9 +21,8 @@ from vtkmuscle.cli.exporting import ExportOptions, check, export_muscles
 from vtkmuscle.cli.labels import from_labels, init
 from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, TerminatedError, one_clear_error, say
 from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, with_options
-from vtkmuscle.cli.results import compare, figures, report, view
+from vtkmuscle.cli.results import compare, figures, report
 from vtkmuscle.cli.running import run_and_tell
-from vtkmuscle.cli.tradeoff import tradeoff
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.isolation import leave_out_working_folder
 
@@ -135,7 +134,7 @@ def info(
     ],
     draw: Annotated[
         Path | None,
-        typer.Option("--draw", metavar="PNG", help="Draw the first file, landmarks or an OpenSim model."),
+        typer.Option("--draw", metavar="PNG", help="Draw the first file, of landmarks."),
     ] = None,
 ) -> None:
     """Describe meshes: size, whether closed and manifold, pieces, volume, and the likely unit.
@@ -152,24 +151,24 @@ def info(
             for word, value in facts_of(file).items():
                 typer.echo(f"  {word:<12}{value}")
         if draw is not None:
-            from vtkmuscle.cli.text_facts import draw_text
+            from vtkmuscle.cli.text_facts import draw_landmarks
 
-            draw_text(files[0], draw)
+            draw_landmarks(files[0], draw)
             typer.echo(f"wrote {draw}")
 
 
 @app.command()
 @with_options
 def export(
-    source: Annotated[Path, typer.Argument(help="Folder of a run's results, a .pvd file, or a scene.toml.")],
-    out: Annotated[Path, typer.Argument(help=".gltf for a web page, .vtkhdf, .osim, or .xml for MuJoCo.")],
+    source: Annotated[Path, typer.Argument(help="Folder of a run's results, a scene.toml, or a .pvd file.")],
+    out: Annotated[Path, typer.Argument(help=".osim, .xml for MuJoCo, or .vtkhdf.")],
     *,
     options: ExportOptions,
 ) -> None:
-    """Export a pose of a run's results for a web page (glTF), or a .pvd series as one .vtkhdf file.
+    """Export the muscles of a scene with joints as a model of OpenSim or MuJoCo.
 
-    Or the muscles of a scene with joints as a model of OpenSim or MuJoCo: from its results, or from the
-    scene, which is run. By how much lengths and moment arms differ from the run is said and written.
+    They are those of its results, or of the scene, which is run. By how much lengths and moment arms differ
+    from the run is said and written. Or export a .pvd series as one .vtkhdf file.
     """
     with one_clear_error(None):
         if out.suffix.lower() in (".osim", ".xml"):
@@ -181,19 +180,12 @@ def export(
             series = read_series(source)
             write_vtkhdf(out, series.times, lambda number: merged(series.frame(number)))
         else:
-            from vtkmuscle.plotting import export_scene
-            from vtkmuscle.run.store import ResultFolder
-
-            pose = ResultFolder(source).pose(options.time)
-            export_scene(out, pose.bones, pose.muscles, fibres=pose.fibres)
-            typer.echo(f"wrote {out}: the pose at {pose.time:g}")
+            raise InputError(out, "this is no format of an export", "end its name in .osim, .xml or .vtkhdf")
 
 
 app.command()(report)
 app.command()(figures)
 app.command()(compare)
-app.command()(view)
-app.command()(tradeoff)
 app.command()(cohort)
 app.command("from-labels")(from_labels)
 app.command()(init)

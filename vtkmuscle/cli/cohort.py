@@ -87,7 +87,7 @@ def cohort(
         options.quiet,
         f"{sum(tasks.values())} muscles of {report['subjects']} subjects: {counts}. Results are in {out}:",
     )
-    say(options.quiet, "  cohort.html, cohort.csv, cohort.parquet")
+    say(options.quiet, "  cohort.html, cohort.csv")
     if tasks.get("failed"):
         raise typer.Exit(FAILED)
 

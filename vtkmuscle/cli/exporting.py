@@ -16,9 +16,8 @@ from vtkmuscle.core.errors import InputError
 
 @dataclass(frozen=True, kw_only=True)
 class ExportOptions:
-    """The options of an export; all but the time are of muscles."""
+    """The options of an export of muscles."""
 
-    time: Annotated[float | None, typer.Option("--time", help="Which pose. Default: the last.")] = None
     form: Annotated[
         str, typer.Option("--form", help="For OpenSim: functions of coordinates, or points and cylinders.")
     ] = "functions"
@@ -90,35 +89,17 @@ def check(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="The page, .html. Default: MODEL_check.html here.")
     ] = None,
-    repair: Annotated[
-        Path | None, typer.Option("--repair", help="Write the model with paths fitted to those of a scene.")
-    ] = None,
-    scene: Annotated[
-        Path | None, typer.Option("--scene", help="For --repair: a scene.toml, or the folder of its results.")
-    ] = None,
-    replace: Annotated[
-        list[str] | None,
-        typer.Option("--replace", metavar="OURS=THEIRS", help="For --repair: the scene's muscle of one."),
-    ] = None,
 ) -> None:
     """Find where muscles of a model of OpenSim jump, and where their moment arms change sign.
 
     Each is swept over the ranges of the coordinates that it crosses. The page lists what was found with its
-    poses, and a table beside it (.csv). With the surfaces of a scene, paths can be replaced by fitted ones.
+    poses, and a table beside it (.csv). An export with --into and --replace puts fitted paths in their place.
     """
     with one_clear_error(out):
-        from vtkmuscle.opensim import check_model, write_opensim
+        from vtkmuscle.opensim import check_model
         from vtkmuscle.opensim.checking import evaluated
 
-        if (repair is None) != (scene is None) or (repair is not None and not replace):
-            raise InputError(
-                "--repair", "a repair takes a scene and muscles to replace", "give --scene and --replace too"
-            )
         page = out or Path(f"{model.stem}_check.html")
-        if repair is not None and scene is not None:
-            for new in write_opensim(scene, repair, into=model, replace=pairs(replace or [])):
-                typer.echo(f"{new.out.name}: {new}")
-            model = repair
         found = check_model(model)
         typer.echo(evaluated(found))
         kinds = [one.what for one in found.findings]

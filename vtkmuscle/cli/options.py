@@ -53,12 +53,6 @@ class RunOptions:
     report: Annotated[
         bool, typer.Option("--report/--no-report", help="Write report.html, the page with all results.")
     ] = True
-    series: Annotated[
-        str,
-        typer.Option(
-            "--format", metavar="pvd|vtkhdf", help="Time series: a .vtp file per frame, or one file for all."
-        ),
-    ] = "pvd"
     workers: Annotated[
         int | None,
         typer.Option(
@@ -99,7 +93,7 @@ class RunOptions:
         typer.Option(
             metavar="all|KIND,...",
             help="Further solves beside the run's own, for the errors of its numbers: model, mesh, slices, "
-            "pruning, landmarks; all is all but the last.",
+            "landmarks; all is all but the last.",
         ),
     ] = None
     landmark_error: Annotated[

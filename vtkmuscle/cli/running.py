@@ -45,7 +45,6 @@ def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
             report=options.report,
             progress=progress,
             workers=options.workers,
-            series=options.series,
             observe=_table(list(scene.muscles), console) if options.verbose else None,
             overwrite=options.overwrite,
             fresh=options.fresh,
@@ -62,11 +61,10 @@ def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
             else:
                 say(options.quiet, f"  {reason}")
     say(options.quiet, f"{result.report['seconds']['total']:.1f} s. Results are in {out}:")
-    files = ", ".join(f"{name}.{options.series}" for name in ("NAME", "NAME_fibres", "bones"))
     tables = "lengths.csv, fibre_lengths.csv, "
     tables += "moment_arms.csv, " if (out / "moment_arms.csv").is_file() else ""
     tables += "figures/, " if (out / "figures").is_dir() else ""
-    say(options.quiet, f"  report.json, {tables}and {files} for ParaView")
+    say(options.quiet, f"  report.json, {tables}and NAME.pvd, NAME_fibres.pvd, bones.pvd for ParaView")
     if options.report:
         say(
             options.quiet,

@@ -1,4 +1,4 @@
-"""What ``vtkmuscle info`` says of landmarks, OpenSim models and motions, and trees of MAF; what it draws."""
+"""What ``vtkmuscle info`` says of landmarks, OpenSim models and motions, and trees of MAF."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.types import Floats
 from vtkmuscle.io import (
     TREE_SUFFIXES,
     MsfNode,
@@ -19,8 +18,6 @@ from vtkmuscle.io import (
 )
 from vtkmuscle.opensim.model import OsimModel, read_osim
 from vtkmuscle.opensim.motion_file import read_motion_file
-from vtkmuscle.opensim.muscle_paths import PointPath
-from vtkmuscle.opensim.tree import KinematicTree
 
 #: Suffixes of what is known here.
 LANDMARKS = (".csv", ".json", ".fcsv", ".nrrd")
@@ -42,29 +39,35 @@ def text_facts(file: Path) -> Mapping[str, str] | None:
     return _of_model(read_osim(file)) if suffix in MODELS else None
 
 
-def draw_text(file: Path, picture: Path) -> None:
-    """Draw landmarks from three sides, or the bodies, markers and muscles of a model where it is at rest.
+def draw_landmarks(file: Path, picture: Path) -> None:
+    """Draw landmarks from three sides.
 
     Raises
     ------
     ValueError
-        If the file is neither.
+        If the file holds none.
     """
-    suffix = file.suffix.lower()
-    lines: list[Floats] = []
-    names: dict[str, Floats] = {}
-    unit, title = "", file.name
-    if suffix in LANDMARKS:
-        points, closed = read_landmarks(file)
-        lines = [np.vstack([points, points[:1]]) if closed else points]
-        given = read_named_points(file).names
-        names = {name or str(i): point for i, (name, point) in enumerate(zip(given, points, strict=False))}
-    elif suffix in MODELS:
-        model = read_osim(file)
-        lines, names, unit = _model_lines(model), _places(model.tree), " [m]"
-    else:
-        raise InputError("", f"{file}: landmarks and models of OpenSim are drawn, not {file.suffix!r}")
-    _draw(lines, names, title, unit, picture)
+    if file.suffix.lower() not in LANDMARKS:
+        raise InputError(file, f"landmarks are drawn, not {file.suffix!r}", "Scene.plot() draws surfaces")
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    points, closed = read_landmarks(file)
+    line = np.vstack([points, points[:1]]) if closed else points
+    names = read_named_points(file).names
+    figure = Figure(figsize=(12.0, 4.5), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(file.name)
+    for axes, (across, up) in zip(figure.subplots(1, 3), ((0, 1), (0, 2), (1, 2)), strict=True):
+        axes.plot(line[:, across], line[:, up], "-", linewidth=1.0)
+        axes.plot(points[:, across], points[:, up], "k.", markersize=4.0)
+        if len(points) <= 3 * _MOST:
+            for number, (name, point) in enumerate(zip(names, points, strict=False)):
+                axes.annotate((name or str(number)).replace("$", r"\$"), point[[across, up]], fontsize=7)
+        axes.set_xlabel("xyz"[across])
+        axes.set_ylabel("xyz"[up])
+        axes.set_aspect("equal", adjustable="datalim")
+    figure.savefig(picture, dpi=150)
 
 
 def _of_landmarks(file: Path) -> dict[str, str]:
@@ -142,41 +145,3 @@ def _listed(names: list[str]) -> str:
     more = f", and {len(names) - _MOST} more" if len(names) > _MOST else ""
     counted = f"{len(names)}: " if len(names) > 1 else ""
     return counted + ", ".join(names[:_MOST]) + more if names else "none"
-
-
-def _places(tree: KinematicTree) -> dict[str, Floats]:
-    return {body: pose[0, :3, 3] for body, pose in tree.poses({}).items()}
-
-
-def _model_lines(model: OsimModel) -> list[Floats]:
-    """Return lines from body to body, and the muscles' paths."""
-    places = _places(model.tree)
-    poses = model.tree.poses({})
-    full = model.tree.completed({})
-    ranges = {one.name: one.range for one in model.tree.coordinates}
-    lines = [np.array([places[joint.parent], places[joint.child]]) for joint in model.tree.joints]
-    for muscle in model.muscles.values():
-        if isinstance(muscle.path, PointPath):
-            counted = [bool(point.counts(full, 1)[0]) for point in muscle.path.points]
-            lines.append(muscle.path.places(poses, full, ranges)[counted, 0])
-    return lines
-
-
-def _draw(lines: list[Floats], names: dict[str, Floats], title: str, unit: str, picture: Path) -> None:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(12.0, 4.5), layout="constrained")
-    FigureCanvasAgg(figure)
-    figure.suptitle(title)
-    for axes, (across, up) in zip(figure.subplots(1, 3), ((0, 1), (0, 2), (1, 2)), strict=True):
-        for line in lines:
-            axes.plot(line[:, across], line[:, up], "-", linewidth=1.0)
-        for name, place in names.items():
-            axes.plot(place[across], place[up], "k.", markersize=4.0)
-            if len(names) <= 3 * _MOST:
-                axes.annotate(name.replace("$", r"\$"), (place[across], place[up]), fontsize=7)
-        axes.set_xlabel("xyz"[across] + unit)
-        axes.set_ylabel("xyz"[up] + unit)
-        axes.set_aspect("equal", adjustable="datalim")
-    figure.savefig(picture, dpi=150)

@@ -1,4 +1,3 @@
-from .export import export_scene as export_scene
 from .figures import (
     plot_lengths as plot_lengths,
     plot_muscle as plot_muscle,

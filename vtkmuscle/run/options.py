@@ -16,9 +16,6 @@ from vtkmuscle.run.track import MuscleTrack
 Progress = Callable[[str, str, float], None]
 Observe = Callable[[str, Mapping[str, Any]], None]
 
-#: How frames are written: a list of .vtp files per series, or one file per series.
-FORMATS = ("pvd", "vtkhdf")
-
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
@@ -37,9 +34,6 @@ class RunOptions:
     report : bool
         Write report.html: the scene to be turned and moved, curves, tables and verdicts in one file that a
         browser opens.
-    series : str
-        How frames are written: ``"pvd"`` (a .vtp file per frame) or ``"vtkhdf"`` (one file per muscle, for
-        its fibres and for the bones).
     overwrite : bool
         Whether results of another scene in the folder, or files that no run has written, may be replaced. The
         scene's own files never are.
@@ -66,7 +60,6 @@ class RunOptions:
     workers: int | None = None
     figures: bool = True
     report: bool = True
-    series: str = "pvd"
     overwrite: bool = False
     fresh: bool = False
     sense: bool = True
@@ -77,9 +70,6 @@ class RunOptions:
     def __post_init__(self) -> None:
         if self.workers is not None and self.workers < 1:
             raise InputError("", f"workers is {self.workers}, but must be an integer >= 1")
-        if self.series not in FORMATS:
-            allowed = ", ".join(map(repr, FORMATS))
-            raise InputError("", f"series is {self.series!r}, but must be one of {allowed}")
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> Self:

@@ -39,7 +39,6 @@ ERROR_DEFINITIONS = {
     "errors.model": "difference between the muscle's fibres and the taut paths alone",
     "errors.mesh": "difference to a mesh with edges half as long",
     "errors.slices": "difference to a slice for every height and fibres of twice the segments",
-    "errors.pruning": "difference to fibres carried by all vertices",
     "errors.landmarks": "spread over runs with the areas moved about",
 }
 

@@ -78,7 +78,7 @@ def run_scene(
         store = None
         if out is not None:
             stack.enter_context(claimed(out, scene, overwrite=options.overwrite))
-            store = ResultWriter(out, scene, numbers, options.series)
+            store = ResultWriter(out, scene, numbers)
         kept = {} if store is None or options.fresh else store.kept()
         run = SceneRun(scene, numbers, anatomy.solid_bones, store, options)
         tracks = {name: kept.get(name) or MuscleTrack() for name in scene.muscles}

@@ -1,4 +1,4 @@
-"""Vary a scene and run it: errors, sensitivity, trade-off and cohorts are settings of one mechanism.
+"""Vary a scene and run it: errors, sensitivity and cohorts are settings of one mechanism.
 
 Open :mod:`~vtkmuscle.studies.variation` for what is changed in a scene, :mod:`~vtkmuscle.studies.case` for
 one muscle of one varied scene, :mod:`~vtkmuscle.studies.study` for how they are run, resumed and kept,

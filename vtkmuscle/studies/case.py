@@ -62,8 +62,6 @@ class Case:
         Which frames are kept; None for all.
     groups : int or None
         Groups of fibres that lengthen alike, of which means are kept; None for each fibre.
-    points_at : tuple of float
-        Times of the frames in which the muscle's points are kept.
     picture : bool
         Whether it is drawn.
     problem : str
@@ -76,7 +74,6 @@ class Case:
     variation: Variation = AS_IT_IS
     frames: str | range | None = None
     groups: int | None = None
-    points_at: tuple[float, ...] = ()
     picture: bool = False
     problem: str = ""
 
@@ -155,7 +152,7 @@ def _part(
         raise InputError("", case.problem)
     scene, remarks = _scene_of(case, run)
     muscle = scene.muscles[case.muscle]
-    kept = case.groups, case.points_at, case.picture, muscle.crosses  # of which muscles' keys know nothing
+    kept = case.groups, case.picture, muscle.crosses  # of which muscles' keys know nothing
     numbers = frame_numbers(case.frames, len(scene.motion.times))
     key = digest_of([muscle_keys(scene, numbers)[case.muscle], repr(kept)])
     found = store.read(case.name, key)
@@ -181,7 +178,7 @@ def _solved(case: Case, scene: SceneData, numbers: range, stop: threading.Event)
         frames=numbers, workers=1, sense=False, progress=unless_stopped, clock=time.process_time
     )
     result = run_scene(alone, None, options, errors=StatedErrors(alone))
-    return Outcome.of(result, case.muscle, case.groups, case.points_at, picture=case.picture)
+    return Outcome.of(result, case.muscle, case.groups, picture=case.picture)
 
 
 def _scene_of(case: Case, run: str) -> tuple[SceneData, Collection[str]]:

@@ -35,7 +35,6 @@ def dask() -> Any:
     try:
         import cryptography  # noqa: F401, PLC0415 -- of the extra `cohort`
         import distributed  # noqa: PLC0415
-        import pyarrow  # noqa: F401, PLC0415
     except ImportError as error:
         remedy = "install it: python -m pip install '.[cohort]'"
         raise InputError("", f"a cohort needs {error.name}", remedy) from error

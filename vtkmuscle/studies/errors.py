@@ -49,8 +49,8 @@ def run_with_errors(
         Folder to write to, as of :meth:`vtkmuscle.Scene.run`; further solves are kept there too.
     errors : bool, str or iterable of str, optional
         What part of the error of lengths, moment arms and areas is found: ``"model"`` (paths against the
-        volume), ``"mesh"`` (edges half as long), ``"slices"`` (of the fibres at rest), ``"pruning"`` (of the
-        weights that carry them), ``"landmarks"`` (moved about); True is all but the last.
+        volume), ``"mesh"`` (edges half as long), ``"slices"`` (of the fibres at rest), ``"landmarks"`` (moved
+        about); True is all but the last.
     landmark_error : float, optional
         By how much landmarks are moved for ``"landmarks"`` [mm].
     landmark_samples : int, optional
@@ -127,7 +127,7 @@ def _alone(scene: Scene, name: str) -> Scene:
 
 
 def _variations(scene: Scene, name: str, kind: str, distance: float, samples: int) -> list[Variation]:
-    """Return what tells of a kind; nothing of one that takes no further solve."""
+    """Return what tells of a kind."""
     if kind == "model":
         return [Variation(kind, kind, model="paths" if scene.model == "volume" else "volume")]
     if kind == "mesh":
@@ -136,9 +136,7 @@ def _variations(scene: Scene, name: str, kind: str, distance: float, samples: in
         default = FibreTemplateSource.parameter_declarations["resolution"].default
         segments = int((scene.muscles[name].fibres or {}).get("resolution", default))
         return [Variation(kind, kind, fibres={"slice_tolerance": 0.0, "resolution": 2 * segments})]
-    if kind == "landmarks":
-        return samples_of(kind, distance, samples, model="paths")
-    return []
+    return samples_of(kind, distance, samples, model="paths")
 
 
 def _failure(outcomes: Iterable[Outcome]) -> str:

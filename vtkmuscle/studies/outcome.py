@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Self
 
@@ -14,13 +14,13 @@ from vtkmuscle.core.fibres.groups import group_fibres
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.types import Floats, Ints
-from vtkmuscle.data.arrays import points_of, polylines_of
+from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.io.parts import Part
 from vtkmuscle.run.result import Result
 from vtkmuscle.scene.data import MILLIMETRES
 
-#: Arrays that are kept where they are asked for.
-POINTS, PICTURE = "points", "picture"
+#: The array that is kept where it is asked for.
+PICTURE = "picture"
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,21 +32,18 @@ class Outcome:
     facts : dict
         JSON-able: ``failure``, why there is nothing else; or ``verdict``, ``reasons``, ``remarks``,
         ``times``, ``frames`` (numbers), ``complete`` (whether these are all), ``fibres`` (of each group),
-        ``coordinates`` (name, unit, positive direction), ``volume_mm3``, ``seconds``; with points ``rows``
-        (of the report) and ``points_at``, their times.
+        ``coordinates`` (name, unit, positive direction), ``volume_mm3``, ``seconds``.
     arrays : dict of str to array
         ``lengths``, ``length_errors``, ``fibre_lengths`` (f, k) and ``rest`` (1, k) of the groups of fibres
-        [mm], none of a muscle without; of the i-th coordinate ``armsI`` and so on; ``points`` (f, n, 3) [mm]
-        and ``picture``, where they were asked for.
+        [mm], none of a muscle without; of the i-th coordinate ``armsI`` and so on; ``picture``, where it was
+        asked for.
     """
 
     facts: Mapping[str, Any]
     arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
     @classmethod
-    def of(
-        cls, result: Result, name: str, groups: int | None, points_at: Collection[float], *, picture: bool
-    ) -> Self:
+    def of(cls, result: Result, name: str, groups: int | None, *, picture: bool) -> Self:
         """Return that of a muscle of a run; parameters as of :class:`~vtkmuscle.studies.case.Case`."""
         report, count = result.report["muscles"][name], result.finished(name)
         facts: dict[str, Any] = {
@@ -78,11 +75,6 @@ class Outcome:
                 measured |= {f"arms{number}": one.arms, f"slopes{number}": one.slopes, f"errors{number}": off}
                 arrays |= {f"frames{number}": np.asarray(one.frames, np.int64), f"values{number}": one.values}
             arrays |= {key: _grouped(values, labels) for key, values in measured.items()}
-        if points_at:
-            kept = [time for time in facts["times"] if time in points_at]
-            facts |= {"rows": report["frames"], "points_at": kept}
-            shapes = [points_of(result.plain().muscle(name, time=time)) for time in kept]
-            arrays[POINTS] = np.array(shapes) * MILLIMETRES[result.units]
         if picture:
             from vtkmuscle.studies.pictures import strip  # noqa: PLC0415 -- matplotlib is slow to import
 

@@ -23,8 +23,6 @@ from vtkmuscle.scene.data import Muscle, SceneData
 
 #: What can be moved about, and the unit of its amount.
 CAUSES = MappingProxyType({"landmarks": "mm", "axis": "deg", "centre": "mm", "segmentation": "mm"})
-#: Parameters of PBDDeformer that trade speed for accuracy: a variation's solver takes the place of them all.
-TRADED = ("quality", "collision", "iterations", "taut_resolution")
 
 #: Fewest samples, or subjects, of which a standard deviation says anything.
 FEWEST = 3
@@ -42,15 +40,11 @@ class Variation:
     Attributes
     ----------
     name : str
-        As in tables, ``"iterations=50"`` or ``"landmarks 3"``; of samples, also what is drawn by.
+        As in tables, ``"mesh"`` or ``"landmarks 3"``; of samples, also what is drawn by.
     group : str
         What is varied.
-    solver : mapping or None
-        Parameters of PBDDeformer, in place of all of :data:`TRADED` in the scene, its muscles and its preset.
     fibres : mapping
         Settings of the fibres, in place of those of the same names.
-    every : int
-        Only each frame of this number is a step of the motion, and the last.
     model : str or None
         ``"volume"`` or ``"paths"``, in place of the scene's.
     halved : bool
@@ -73,9 +67,7 @@ class Variation:
 
     name: str = ""
     group: str = ""
-    solver: Mapping[str, Any] | None = None
     fibres: Mapping[str, Any] = field(default_factory=dict)
-    every: int = 1
     model: str | None = None
     halved: bool = False
     cause: str = ""
@@ -98,22 +90,13 @@ class Variation:
         if self == Variation(self.name, self.group):
             return scene
         changed: dict[str, Any] = {"files": {}, "model": self.model or scene.model}
-        if self.every > 1:
-            changed["motion"] = thinned(scene.motion, self.every)
-        if self.solver is not None:
-            changed |= {"quality": None, "solver": self._traded(scene.solver)}
         changed["muscles"] = {name: self._of_muscle(name, one) for name, one in scene.muscles.items()}
         if self.cause:
             changed |= self._moved(scene, changed["muscles"])
         return replace(scene, **changed)
 
-    def _traded(self, own: Mapping[str, Any]) -> dict[str, Any]:
-        return {**{name: one for name, one in own.items() if name not in TRADED}, **(self.solver or {})}
-
     def _of_muscle(self, name: str, muscle: Muscle) -> Muscle:
         changed: dict[str, Any] = {}
-        if self.solver is not None:
-            changed["solver"] = self._traded(muscle.solver)
         if muscle.fibres is not None:
             changed["fibres"] = {**muscle.fibres, **self.fibres}
         if self.halved:
@@ -154,12 +137,6 @@ def samples_of(cause: str, amount: float, count: int, seed: int = 0, **more: Any
     """Return variations of one cause, each drawn for itself: ``"landmarks 1"`` and so on."""
     names = (f"{cause} {number + 1}" for number in range(count))
     return [Variation(name, cause, cause=cause, amount=amount, seed=seed, **more) for name in names]
-
-
-def thinned(motion: RigidMotion, every: int) -> RigidMotion:
-    """Return each frame of a motion whose number ``every`` divides, and the last one in any case."""
-    last = len(motion.times) - 1
-    return motion.part(sorted({*range(0, last + 1, every), last}))
 
 
 def _with_moved_areas(muscle: Muscle, distance: float, rng: np.random.Generator) -> Muscle:

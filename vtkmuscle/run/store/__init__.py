@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
@@ -20,7 +19,7 @@ from vtkmuscle.data.arrays import multiblock_from, points_of
 from vtkmuscle.io.literature import LiteratureCurve
 from vtkmuscle.io.parts import Part, Parts, file_digest
 from vtkmuscle.io.surfaces import read_polydata
-from vtkmuscle.io.temporal import SERIES_SUFFIXES, TimeSeries, read_series
+from vtkmuscle.io.temporal import TimeSeries, read_series
 from vtkmuscle.run.track import MuscleTrack
 from vtkmuscle.scene.data import MILLIMETRES
 
@@ -35,28 +34,6 @@ _TIME = "TimeValue"
 #: What to do where files are missing or damaged, and where a folder is another one.
 _AGAIN = "run the scene again: what is whole is kept"
 _GIVE = "give the folder of a run's results, its --out"
-
-
-@dataclass(frozen=True)
-class Pose:
-    """A frame of a run's results.
-
-    Attributes
-    ----------
-    time : float
-        Pipeline time.
-    bones : vtkMultiBlockDataSet
-        Where they are; one block where they were written as one file.
-    muscles : list of vtkPolyData
-        Deformed.
-    fibres : list of vtkPolyData
-        Of the muscles that have some.
-    """
-
-    time: float
-    bones: vtkMultiBlockDataSet
-    muscles: list[vtkPolyData]
-    fibres: list[vtkPolyData]
 
 
 class ResultFolder:
@@ -83,11 +60,9 @@ class ResultFolder:
         return report if good else None
 
     def series(self, name: str) -> TimeSeries | None:
-        """Return a series of frames, in either format; None where there is none."""
-        for suffix in SERIES_SUFFIXES:
-            if (self.path / f"{name}{suffix}").is_file():
-                return read_series(self.path / f"{name}{suffix}")
-        return None
+        """Return a series of frames, None where there is none."""
+        file = self.path / f"{name}.pvd"
+        return read_series(file) if file.is_file() else None
 
     def frames_there(self) -> dict[str, int]:
         """Return how many frames of each muscle are listed, whatever the report says."""
@@ -111,41 +86,6 @@ class ResultFolder:
         listed = ", ".join(f"{name} {count}{total}" for name, count in self.frames_there().items())
         why = report.get("stopped_by") or "it was killed"
         return f"holds a run that did not end ({why}); frames there: {listed or 'none'}"
-
-    def pose(self, time: float | None = None) -> Pose:
-        """Return the frame that is nearest to a time, by default the last.
-
-        Raises
-        ------
-        InputError
-            If the run ends before that time, or begins after it.
-        FileNotFoundError
-            If it is not the folder of a run, or one that finished no frame.
-        """
-        report = self.report()
-        if report is None:
-            what = "it is no report of a run" if (self.path / REPORT).exists() else "there is no such file"
-            raise FileNotFoundError(f"{self.path / REPORT}: {what}; give the folder of a run's results")
-        names = ["bones", *report["muscles"]]
-        found = {name: self.series(name) for name in names}
-        missing = [name for name, series in found.items() if series is None]
-        bones, *muscles = (series for series in found.values() if series is not None)
-        if missing:
-            raise FileNotFoundError(
-                f"{self.path}: no frame was written of {', '.join(missing)}; run the scene again"
-            )
-        if time is not None and not bones.times[0] <= time <= bones.times[-1]:
-            there = f"from {bones.times[0]:g} to {bones.times[-1]:g}"
-            raise InputError(self.path, f"it has no time {time:g}", f"give one {there}")
-        at = bones.times[-1] if time is None else min(bones.times, key=lambda t: abs(t - time))
-        moved = bones.at(at)
-        fibres = (self.series(f"{name}_fibres") for name in names[1:])
-        return Pose(
-            at,
-            moved if isinstance(moved, vtkMultiBlockDataSet) else multiblock_from({"bones": moved}),
-            [series.at(at) for series in muscles],
-            [series.at(at) for series in fibres if series is not None],
-        )
 
     def result(self) -> dict[str, Any]:
         """Return what a :class:`~vtkmuscle.Result` is made of; see :meth:`vtkmuscle.Result.load`."""

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.io.temporal import SERIES_SUFFIXES
 from vtkmuscle.io.writing import check_no_links, left_behind, locked
 from vtkmuscle.run.store import FINISHED, PAGE, REPORT, SCENE, ResultFolder
 from vtkmuscle.scene.data import SceneData
@@ -84,8 +83,8 @@ def remove_results(folder: Path, scene: SceneData, kept: Collection[str] = ()) -
         frame = re.compile(re.escape(inside.name) + r"_\d{4,}\.vtp")
         found = list(inside.iterdir()) if inside.is_dir() else []
         files += [path for path in found if frame.fullmatch(path.name)]
-        files += [inside.with_name(inside.name + end) for end in SERIES_SUFFIXES]
-    files += [folder / f"bones{end}" for end in SERIES_SUFFIXES]
+        files.append(inside.with_name(f"{inside.name}.pvd"))
+    files.append(folder / "bones.pvd")
     files += [folder / "bones" / f"{name}.vtp" for name in bones]
     drawn = report.get("figures")
     names = drawn.get("written", ()) if isinstance(drawn, dict) else ()
@@ -118,7 +117,7 @@ def _files(muscles: Iterable[str]) -> list[str]:
     names = list(muscles)
     series = ["bones", *(part for name in names for part in (name, f"{name}_fibres"))]
     tables = (f"{name}_fibres.csv" for name in names)
-    return [REPORT, *_LISTS, *(one + end for one in series for end in SERIES_SUFFIXES), *tables]
+    return [REPORT, *_LISTS, *(f"{one}.pvd" for one in series), *tables]
 
 
 def _muscles_of(report: Mapping[str, Any] | None) -> Iterator[str]:

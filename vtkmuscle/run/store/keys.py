@@ -19,8 +19,7 @@ from vtkmuscle.run.report import version_of
 from vtkmuscle.scene.data import Muscle, SceneData
 
 #: Parts of the package that only start runs or show what came out of them.
-_PAGES = ("studies/cohort/page", "studies/tradeoff/page")
-_SHOWING = ("cli", "paraview", "plotting", "report/", "view/", *_PAGES)
+_SHOWING = ("cli", "paraview", "plotting", "report/", "studies/cohort/page")
 #: Fields that no frame of a muscle depends on, and why; all others count.
 IRRELEVANT: Mapping[str, str] = MappingProxyType(
     {

@@ -17,10 +17,9 @@ from vtkmuscle.filters.bone_motion import BoneMotion
 from vtkmuscle.io.parts import Part, plain
 from vtkmuscle.io.series import Collection as Pvd
 from vtkmuscle.io.series import Series
-from vtkmuscle.io.temporal import read_series, write_vtkhdf
 from vtkmuscle.io.writing import write_polydata, write_text
 from vtkmuscle.run.store import FINISHED, REPORT, SCENE, STAMPS, ResultFolder
-from vtkmuscle.run.store.claim import remove_if_empty, remove_results
+from vtkmuscle.run.store.claim import remove_results
 from vtkmuscle.run.store.keys import muscle_keys
 from vtkmuscle.run.table import Table
 from vtkmuscle.run.track import MuscleTrack
@@ -47,16 +46,12 @@ class ResultWriter(ResultFolder):
         What is run.
     numbers : range
         Of the frames that are kept.
-    series : str
-        ``"pvd"``, or ``"vtkhdf"``: each series is gathered in one file when it is finished; one that is
-        not finished stays a .pvd.
     """
 
-    def __init__(self, path: Path, scene: SceneData, numbers: range, series: str) -> None:
+    def __init__(self, path: Path, scene: SceneData, numbers: range) -> None:
         super().__init__(path)
         self._scene, self._numbers = scene, numbers
-        self._gather = series == "vtkhdf"
-        self._keys = {name: f"{key} {series}" for name, key in muscle_keys(scene, numbers).items()}
+        self._keys = muscle_keys(scene, numbers)
         self._series: dict[str, Series] = {}
 
     def kept(self) -> dict[str, MuscleTrack]:
@@ -86,7 +81,7 @@ class ResultWriter(ResultFolder):
         inside, files = self.path / FINISHED, list[Path]()
         for series in (name, f"{name}_fibres"):
             if series in self._series:
-                files += self._gathered(series) if self._gather else self._series[series].files
+                files += self._series[series].files
         for ending, rest in (("", track.rest), ("_fibres", track.rest_fibres)):
             if rest is not None:
                 files.append(inside / f"{name}{ending}.vtp")
@@ -119,8 +114,6 @@ class ResultWriter(ResultFolder):
                 if name not in still:
                     write_polydata(parts[name], self._stamped(bone))
             collection.add(time, parts)
-        if self._gather:
-            self._gathered("bones")
 
     def write_table(self, name: str, table: Table, *, digits: int | None = _DIGITS) -> None:
         """Write a table by the name of its file; without ``digits`` as many as keep every bit."""
@@ -150,17 +143,6 @@ class ResultWriter(ResultFolder):
             "files": self.digests([*bones, self.path / REPORT]),
         }
         self.notes.write(SCENE, "", Part.of(noted))
-
-    def _gathered(self, name: str) -> list[Path]:
-        """Turn a collection of files into one file, and return that."""
-        collection = self.path / f"{name}.pvd"
-        series, whole = read_series(collection), collection.with_suffix(".vtkhdf")
-        write_vtkhdf(whole, series.times, lambda i: merged(series.frame(i)))
-        for file in (collection, *series.files):
-            file.unlink()
-        for folder in sorted({file.parent for file in series.files} | {self.path / name}, reverse=True):
-            remove_if_empty(folder)
-        return [whole]
 
     def _stamped(self, data: vtkPolyData) -> vtkPolyData:
         """Return a shallow copy whose field data say what it is part of."""

@@ -16,7 +16,7 @@ from vtkmuscle.run.verdict import FAILED, VERDICTS
 from vtkmuscle.studies.case import Case
 from vtkmuscle.studies.cohort.statistics import UNUSUAL, Curve, Key, outliers
 from vtkmuscle.studies.cohort.subjects import FOLDER, ID, Study
-from vtkmuscle.studies.cohort.table import curves
+from vtkmuscle.studies.cohort.table import without_samples
 from vtkmuscle.studies.outcome import PICTURE, Outcome
 from vtkmuscle.studies.study import outcome_of
 
@@ -24,13 +24,15 @@ from vtkmuscle.studies.study import outcome_of
 _OUTLIERS, _DRAWN, _NAMED = 50, 200, 10
 
 
-def write_cohort(study: Study, folder: Path, out: Path, tables: Mapping[str, Table]) -> Path:
-    """Write ``cohort.html``, with the tables of statistics that there are."""
+def write_cohort(
+    study: Study, folder: Path, out: Path, measured: Mapping[Key, Curve], tables: Mapping[str, Table]
+) -> Path:
+    """Write ``cohort.html``, of the curves of its cases and the tables of statistics that there are."""
     muscles = [(case, outcome_of(case, folder)) for together in study.cases() for case in together]
     verdicts = Counter(_verdict(one) for case, one in muscles if not case.variation.name)
     counts = ", ".join(f"{verdicts[word]} {word}" for word in VERDICTS)
-    found = curves(out)
-    files = ", ".join(["cohort.csv", "cohort.parquet", *(f"{name}.csv" for name in tables)])
+    found = without_samples(measured)
+    files = ", ".join(["cohort.csv", *(f"{name}.csv" for name in tables)])
     rows, flags, warned = shown_rows(outliers(found)), _flags(muscles), _warnings(muscles)
     unusual = f"More than {UNUSUAL} robust standard deviations from the subjects' median, at their worst"
     thin = (

@@ -12,11 +12,11 @@ from vtkmuscle.studies.cluster import connected, dask
 from vtkmuscle.studies.cohort.page import write_cohort
 from vtkmuscle.studies.cohort.statistics import compared, spreads
 from vtkmuscle.studies.cohort.subjects import Study
-from vtkmuscle.studies.cohort.table import write_tables
+from vtkmuscle.studies.cohort.table import curves, tables_of, write_csv
 from vtkmuscle.studies.study import PARTS, Progress, claimed, study
 
 _STATISTICS = ("comparison", "sensitivity")
-_RESULTS = ("cohort.csv", "cohort.parquet", "cohort.html", *(f"{name}.csv" for name in _STATISTICS))
+_RESULTS = ("cohort.csv", "cohort.html", *(f"{name}.csv" for name in _STATISTICS))
 
 
 def run_study(
@@ -38,7 +38,7 @@ def run_study(
     cohort : Study
         What is run.
     out : path
-        Folder: ``cohort.csv``, ``cohort.parquet``, ``cohort.html``, ``study.json``, ``parts/`` with what is
+        Folder: ``cohort.csv``, ``cohort.html``, ``study.json``, ``parts/`` with what is
         finished, and ``comparison.csv``, ``sensitivity.csv`` where the study asks for them.
     fresh : bool, optional
         Run cases again that are finished.
@@ -83,15 +83,16 @@ def run_study(
             states = study(cohort.cases(), parts, workers=found, fresh=fresh, progress=progress)
         report["tasks"] = dict(sorted(states.items()))
         say("writing tables and the page")
-        write_tables(cohort, parts, folder)
+        write_csv(folder / "cohort.csv", tables_of(cohort, parts))
+        measured = curves(tables_of(cohort, parts))
         tables = {}
         if cohort.table.compare is not None:
-            tables["comparison"] = compared(cohort, folder)
+            tables["comparison"] = compared(cohort, measured)
         if cohort.table.sensitivity is not None:
-            tables["sensitivity"] = spreads(folder)
+            tables["sensitivity"] = spreads(measured)
         for name in _STATISTICS:
             (folder / f"{name}.csv").unlink(missing_ok=True)
             if name in tables:
                 tables[name].to_csv(folder / f"{name}.csv")
-        write_cohort(cohort, parts, folder, tables)
+        write_cohort(cohort, parts, folder, measured, tables)
     return report

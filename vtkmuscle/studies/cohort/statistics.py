@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from scipy import stats
 from vtkmuscle.core.types import Floats
 from vtkmuscle.run.table import Table
 from vtkmuscle.studies.cohort.subjects import BY_SETTING, ID, Study
-from vtkmuscle.studies.cohort.table import MEASURES, curves
+from vtkmuscle.studies.cohort.table import MEASURES, without_samples
 from vtkmuscle.studies.variation import FEWEST
 
 #: A value is unusual where it is so many robust standard deviations from the median (Iglewicz, Hoaglin 1993,
@@ -47,7 +46,7 @@ def outliers(found: Mapping[Key, Curve]) -> Table:
     A curve counts by its worst value, in robust standard deviations from the median over the subjects.
     """
     alike: dict[Key, dict[str, Curve]] = defaultdict(dict)
-    for (subject, *rest), curve in found.items():
+    for (subject, *rest), curve in without_samples(found).items():
         alike[tuple(rest)][subject] = curve
     rows: list[Key] = []
     for (motion, setting, _, *which), by_subject in alike.items():
@@ -65,7 +64,7 @@ def outliers(found: Mapping[Key, Curve]) -> Table:
     return Table(OUTLIERS, sorted(rows, key=lambda row: -row[-1]))
 
 
-def compared(study: Study, out: Path) -> Table:
+def compared(study: Study, found: Mapping[Key, Curve]) -> Table:
     """Return how two groups, or two settings, differ at each value of each coordinate.
 
     Settings are paired by subject, groups by the column ``pair`` of the study where it has one: mean and
@@ -80,7 +79,7 @@ def compared(study: Study, out: Path) -> Table:
     rows_of = {row[ID]: row for row in study.subjects}
     names = list(study.table.settings) if by == BY_SETTING else sorted({row[by] for row in study.subjects})
     sides: dict[Key, dict[str, list[tuple[str, Curve]]]] = defaultdict(lambda: defaultdict(list))
-    for (subject, motion, setting, _, *which), curve in curves(out).items():
+    for (subject, motion, setting, _, *which), curve in without_samples(found).items():
         row = rows_of[subject]
         if by == BY_SETTING:
             sides[motion, *which, ""][setting].append((subject, curve))
@@ -134,22 +133,22 @@ def _test(a: Floats, b: Floats, *, paired: bool) -> tuple[float | None, ...]:
     return *shown, *map(float, found)
 
 
-def spreads(out: Path) -> Table:
+def spreads(found: Mapping[Key, Curve]) -> Table:
     """Return standard deviations over the samples of each cause, the causes ranked by moment arm."""
     gathered: dict[Key, dict[str, list[Curve]]] = defaultdict(lambda: defaultdict(list))
-    for (subject, motion, setting, sample, *which), curve in curves(out, samples=True).items():
+    for (subject, motion, setting, sample, *which), curve in found.items():
         if sample:
             gathered[subject, motion, setting, *which][sample.partition(" ")[0]].append(curve)
     rows: list[Sequence[Any]] = []
     for key, causes in gathered.items():
-        found = []
+        ranked = []
         for cause, samples in causes.items():
             if len(samples) >= FEWEST and len({len(one["value"]) for one in samples}) == 1:
                 length, arm = (
                     float(np.std([one[measure] for one in samples], axis=0, ddof=1).mean())
                     for measure in MEASURES
                 )
-                found.append((cause, len(samples), length, arm))
-        found.sort(key=lambda one: one[3], reverse=True)
-        rows += [(*key, *one, rank + 1) for rank, one in enumerate(found)]
+                ranked.append((cause, len(samples), length, arm))
+        ranked.sort(key=lambda one: one[3], reverse=True)
+        rows += [(*key, *one, rank + 1) for rank, one in enumerate(ranked)]
     return Table(SPREADS, rows)

@@ -119,7 +119,7 @@ class Study:
             problem = str(error).splitlines()[0]
         labels = {"subject": row[ID], "motion": motion, "setting": setting, "sample": variation.name}
         asked, picture = self.table, self.table.pictures and not variation.name
-        whole = Case(labels, "", scene, variation, asked.frames, asked.groups, (), picture, problem)
+        whole = Case(labels, "", scene, variation, asked.frames, asked.groups, picture, problem)
         yield from (replace(whole, muscle=muscle) for muscle in muscles or ("",))
 
     def _scene(self, row: Mapping[str, str], motion: str, changes: Mapping[str, Any]) -> SceneText:

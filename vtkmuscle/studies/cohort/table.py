@@ -2,80 +2,63 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import csv
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from vtkmuscle.io.writing import plain_cell, replacing
 from vtkmuscle.run.table import Table
 from vtkmuscle.studies.case import Case
 from vtkmuscle.studies.cohort.subjects import ID, Study
 from vtkmuscle.studies.outcome import Outcome
 from vtkmuscle.studies.study import outcome_of
-from vtkmuscle.studies.table import write_csv, write_parquet
 
-#: Columns of the table, and what kind each is; after them come those of the table of subjects. Errors are
+#: Columns of the table; after them come those of the table of subjects. Errors are
 #: all that is known of them without further solves, with 95 % confidence; the message of a muscle stands in
 #: its first row.
-COLUMNS = {
-    "subject": str,
-    "motion": str,
-    "setting": str,
-    "sample": str,
-    "muscle": str,
-    "fibre_group": int,
-    "fibres": int,
-    "coordinate": str,
-    "unit": str,
-    "value": float,
-    "frame": int,
-    "time": float,
-    "length_mm": float,
-    "length_err_mm": float,
-    "fibre_length_mm": float,
-    "moment_arm_mm": float,
-    "moment_arm_err_mm": float,
-    "slope_mm": float,
-    "verdict": str,
-    "flags": str,
-    "message": str,
-}
+COLUMNS = (
+    *("subject", "motion", "setting", "sample", "muscle", "fibre_group", "fibres"),
+    *("coordinate", "unit", "value", "frame", "time", "length_mm", "length_err_mm", "fibre_length_mm"),
+    *("moment_arm_mm", "moment_arm_err_mm", "slope_mm", "verdict", "flags", "message"),
+)
 #: The measures that are compared.
 MEASURES = ("length_mm", "moment_arm_mm")
 
 
-def columns_of(study: Study) -> dict[str, type]:
-    """Return the columns of a study's table; a name that is taken gets a prefix."""
-    return COLUMNS | {_column(name): kind for name, kind in study.columns.items()}
-
-
-def _column(name: str) -> str:
-    return f"subject_{name}" if name in COLUMNS else name
-
-
-def write_tables(study: Study, folder: Path, out: Path) -> None:
-    """Write ``cohort.csv`` and ``cohort.parquet``, in the order of the study, all or nothing each."""
-    write_csv(out / "cohort.csv", _tables(study, folder))
-    write_parquet(out / "cohort.parquet", _tables(study, folder), columns_of(study))
-
-
-def _tables(study: Study, folder: Path) -> Iterator[Table]:
-    columns, subjects = columns_of(study), {}
-    for row in study.subjects:
-        cells = {
-            _column(name): kind(row[name]) if row[name] else None for name, kind in study.columns.items()
-        }
-        subjects[row[ID]] = cells
-    unknown = dict.fromkeys(columns)
+def tables_of(study: Study, folder: Path) -> Iterator[Table]:
+    """Give the rows of each case that has ended; a subject's column whose name is taken gets a prefix."""
+    names = {name: f"subject_{name}" if name in COLUMNS else name for name in study.columns}
+    subjects = {
+        row[ID]: {names[name]: kind(row[name]) if row[name] else None for name, kind in study.columns.items()}
+        for row in study.subjects
+    }
+    unknown = dict.fromkeys((*COLUMNS, *names.values()))
     for case in chain.from_iterable(study.cases()):
         own = subjects[case.labels["subject"]]
         parts = [unknown | part | own for part in _parts(case, outcome_of(case, folder))]
         # A table for each: in one alone all rows know the same columns, so that each is of one kind.
-        table = Table.stacked(tuple(columns), parts)
+        table = Table.stacked(tuple(unknown), parts)
         table["message"][1:] = ""
         yield table
+
+
+def write_csv(path: Path, tables: Iterable[Table]) -> None:
+    """Write tables of the same columns below each other, all or nothing; nothing for what is not known."""
+    with replacing(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        for number, table in enumerate(tables):
+            if number == 0:
+                writer.writerow(map(plain_cell, table))
+            writer.writerows(zip(*map(_cells, table.values()), strict=True))
+
+
+def _cells(column: NDArray[Any]) -> Iterator[Any]:
+    return (None if one != one else plain_cell(one) for one in column.tolist())  # noqa: PLR0124 -- NaN alone
 
 
 def _parts(case: Case, outcome: Outcome) -> Iterator[dict[str, Any]]:
@@ -112,22 +95,13 @@ def _parts(case: Case, outcome: Outcome) -> Iterator[dict[str, Any]]:
             yield of_group | {key: cells[one.frames] for key, cells in in_frames.items()} | by_value
 
 
-def read_table(path: Path) -> Any:
-    """Return a study's ``cohort.parquet`` as a pyarrow table."""
-    from pyarrow import parquet  # noqa: PLC0415 -- of the extra `cohort`
-
-    return parquet.read_table(path)
-
-
-def curves(out: Path, *, samples: bool = False) -> dict[tuple[Any, ...], dict[str, Any]]:
+def curves(tables: Iterable[Table]) -> dict[tuple[Any, ...], dict[str, Any]]:
     """Return what is measured over the values of a coordinate, by subject, motion, setting, sample and more.
 
     Parameters
     ----------
-    out : Path
-        Folder of a study's results.
-    samples : bool, optional
-        Whether runs with inputs moved about are among them.
+    tables : iterable of Table
+        Those of a study's cases, as :func:`tables_of` gives them.
 
     Returns
     -------
@@ -136,12 +110,17 @@ def curves(out: Path, *, samples: bool = False) -> dict[tuple[Any, ...], dict[st
         ``length_mm`` and ``moment_arm_mm``. Muscles with the verdict "failed" are left out.
     """
     names = ("subject", "motion", "setting", "sample", "muscle", "fibre_group", "coordinate")
-    columns = ("value", *MEASURES)
-    table = read_table(out / "cohort.parquet").to_pydict()
     found: dict[tuple[Any, ...], list[tuple[float, ...]]] = {}
-    for i, verdict in enumerate(table["verdict"]):
-        if verdict == "failed" or table["coordinate"][i] is None or (table["sample"][i] and not samples):
-            continue
-        key = tuple(table[name][i] for name in names)
-        found.setdefault(key, []).append(tuple(table[name][i] for name in columns))
+    for table in tables:
+        keys = zip(*(table[name].tolist() for name in names), strict=True)
+        rows = zip(*(table[name].tolist() for name in ("value", *MEASURES)), strict=True)
+        for key, row, verdict in zip(keys, rows, table["verdict"].tolist(), strict=True):
+            if verdict != "failed" and key[-1] is not None:
+                found.setdefault(key, []).append(row)
+    columns = ("value", *MEASURES)
     return {key: dict(zip(columns, np.array(rows).T, strict=True)) for key, rows in found.items()}
+
+
+def without_samples(found: Mapping[tuple[Any, ...], Any]) -> dict[tuple[Any, ...], Any]:
+    """Return the curves of runs with inputs as they are."""
+    return {key: curve for key, curve in found.items() if not key[3]}
