@@ -18,8 +18,7 @@ from vtkmuscle.cli import BAD_INPUT, app
 from vtkmuscle.core.template.template_files import read_template
 from vtkmuscle.filters import FibreTemplateSource, FibreTubes, PBDDeformer
 from vtkmuscle.io import read_landmarks, read_motion_table, read_polydata
-from vtkmuscle.run.duration import check_duration
-from vtkmuscle.run.memory import VARIABLE
+from vtkmuscle.run.cost import VARIABLE, check_duration
 
 MOTION = TOML[TOML.index("[motion]") : TOML.index("[muscles")]
 DEEP = "a = " + 500 * "[" + 500 * "]" + "\n"
@@ -195,7 +194,7 @@ import pathlib, sys
 def peak():  # not ru_maxrss, which begins with that of the process it was forked from
     lines = pathlib.Path("/proc/self/status").read_text().splitlines()
     return next(1024 * int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
-from vtkmuscle.run.memory import estimated_memory
+from vtkmuscle.run.cost import estimated_memory
 from vtkmuscle import Scene
 scene = Scene.load(sys.argv[1])
 before = peak()
@@ -232,7 +231,7 @@ def test_a_run_that_takes_hours_is_announced_and_one_without_an_end_is_refused(s
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_duration(scene, range(100))
-    monkeypatch.setattr("vtkmuscle.run.duration.MOST", 0.5)
+    monkeypatch.setattr("vtkmuscle.run.cost.MOST", 0.5)
     out = scene_file.parent / "out"
     with pytest.raises(SceneError, match=r"takes about 0\.8\d hours .* give fewer iterations") as failure:
         scene.run(out, figures=False)

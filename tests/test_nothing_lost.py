@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from vtkmuscle import Scene, SceneError, phantoms
 from vtkmuscle.cli import BAD_INPUT, app
 from vtkmuscle.io.writing import LOCK, left_behind, replacing, write_text
-from vtkmuscle.run.store.claim import claimed
+from vtkmuscle.run.store.writing import claimed
 from vtkmuscle.scene.writing import save_unless_changed
 
 QUICK = ("--frames", "0:1", "--no-figures", "--quiet")

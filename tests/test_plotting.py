@@ -27,15 +27,15 @@ from vtkmuscle.plotting import (
     View,
     can_render,
     choose_view,
+    drawing,
     framed,
     make_plotter,
     plot_lengths,
     plot_muscle,
     plot_rest_pose,
-    preflight,
 )
 from vtkmuscle.plotting.actors import actors_of, place_colours, strain_colours
-from vtkmuscle.plotting.moment_arms import places_across, shown_range
+from vtkmuscle.plotting.figures import places_across, shown_range
 from vtkmuscle.run import figures as run_figures
 from vtkmuscle.run.figures import write_figures
 
@@ -117,12 +117,12 @@ def blue_pixels(image, by=60):
     return int((image[..., 2] > image[..., 0] + by).sum())
 
 
-# ---------------------------------------------------------------- preflight
+# ---------------------------------------------------------------- drawing
 
 
 def test_a_crash_while_rendering_is_told_in_words_and_does_not_reach_us(monkeypatch):
     script = "import os, sys; print('no libOSMesa', file=sys.stderr, flush=True); os.abort()"
-    monkeypatch.setattr(preflight, "_PREFLIGHT", script)
+    monkeypatch.setattr(drawing, "_PREFLIGHT", script)
     can_render.cache_clear()
     reason = can_render()
     can_render.cache_clear()
@@ -131,8 +131,8 @@ def test_a_crash_while_rendering_is_told_in_words_and_does_not_reach_us(monkeypa
 
 
 def test_a_render_that_hangs_is_given_up(monkeypatch):
-    monkeypatch.setattr(preflight, "_PREFLIGHT", "import time; time.sleep(60)")
-    monkeypatch.setattr(preflight, "PREFLIGHT_TIMEOUT", 0.2)
+    monkeypatch.setattr(drawing, "_PREFLIGHT", "import time; time.sleep(60)")
+    monkeypatch.setattr(drawing, "PREFLIGHT_TIMEOUT", 0.2)
     can_render.cache_clear()
     reason = can_render()
     can_render.cache_clear()
@@ -140,7 +140,7 @@ def test_a_render_that_hangs_is_given_up(monkeypatch):
 
 
 def test_a_window_that_renders_nothing_is_not_taken_for_success(renders, monkeypatch):
-    monkeypatch.setattr(preflight, "_PREFLIGHT", preflight._PREFLIGHT.replace("(1, 0, 0)", "(0, 0, 0)"))
+    monkeypatch.setattr(drawing, "_PREFLIGHT", drawing._PREFLIGHT.replace("(1, 0, 0)", "(0, 0, 0)"))
     can_render.cache_clear()
     reason = can_render()
     can_render.cache_clear()

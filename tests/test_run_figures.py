@@ -11,9 +11,9 @@ from tiny_scene import write_tiny_scene
 
 from vtkmuscle import Scene
 from vtkmuscle.data import drawn_bones
-from vtkmuscle.plotting import can_render, in_child, preflight
-from vtkmuscle.plotting.order import FigureOrder
-from vtkmuscle.run import figures as drawing
+from vtkmuscle.plotting import can_render, drawing
+from vtkmuscle.plotting.drawing import FigureOrder
+from vtkmuscle.run import figures as run_figures
 from vtkmuscle.run.figures import Drawing
 
 
@@ -31,7 +31,7 @@ def renders():
 
 def test_without_opengl_all_but_the_figures_is_written(scene, tmp_path, monkeypatch):
     script = "import os, sys; print('no libOSMesa', file=sys.stderr, flush=True); os.abort()"
-    monkeypatch.setattr(preflight, "TEST_PICTURE", script)
+    monkeypatch.setattr(drawing, "TEST_PICTURE", script)
     with pytest.warns(UserWarning, match="no figures were drawn, all else was written: .* crashed"):
         result = scene.run(tmp_path, frames="0:2")
     assert result.report["figures"]["written"] == []
@@ -43,16 +43,16 @@ def test_without_opengl_all_but_the_figures_is_written(scene, tmp_path, monkeypa
 
 
 def test_a_process_that_hangs_before_it_can_draw_is_given_up(scene, tmp_path, monkeypatch):
-    monkeypatch.setattr(preflight, "TEST_PICTURE", "import time; time.sleep(600)")
-    monkeypatch.setattr(preflight, "PREFLIGHT_TIMEOUT", 0.5)
+    monkeypatch.setattr(drawing, "TEST_PICTURE", "import time; time.sleep(600)")
+    monkeypatch.setattr(drawing, "PREFLIGHT_TIMEOUT", 0.5)
     with pytest.warns(UserWarning, match="a test picture was not finished within"):
         result = scene.run(tmp_path, frames=0, report=False)
     assert result.report["figures"]["written"] == []
 
 
 def test_a_package_that_cannot_be_loaded_is_named(renders, scene, tmp_path, monkeypatch):
-    planted = f"{preflight.TEST_PICTURE}\nsys.modules['matplotlib'] = None"
-    monkeypatch.setattr(preflight, "TEST_PICTURE", planted)
+    planted = f"{drawing.TEST_PICTURE}\nsys.modules['matplotlib'] = None"
+    monkeypatch.setattr(drawing, "TEST_PICTURE", planted)
     with pytest.warns(UserWarning, match=r"ended with status 1; .*import of matplotlib halted"):
         scene.run(tmp_path, frames=0, report=False)
 
@@ -120,7 +120,7 @@ def test_an_error_in_drawing_is_told_with_where_it_was_raised(renders, scene, tm
     def upside_down(result, name):
         return [FigureOrder("upside_down", "plot_lengths", {"times": [1.0], "lengths": "none"})]
 
-    monkeypatch.setattr(drawing, "figures_of_muscle", upside_down)
+    monkeypatch.setattr(run_figures, "figures_of_muscle", upside_down)
     with pytest.raises(ValueError, match="could not convert") as raised:
         scene.run(tmp_path, frames=0)
     assert "in plot_lengths" in raised.value.__notes__[0]
@@ -135,9 +135,9 @@ def test_a_crash_of_what_draws_takes_no_run_with_it(renders, scene, tmp_path, mo
         times = {"times": [0.0, 1.0], "lengths": [[1.0], [2.0]]}
         return [FigureOrder("before", "plot_lengths", times), FigureOrder("crash", "_crash", {})]
 
-    monkeypatch.setattr(drawing, "figures_of_muscle", deadly)
+    monkeypatch.setattr(run_figures, "figures_of_muscle", deadly)
     planted = "import os\nimport vtkmuscle.plotting\nvtkmuscle.plotting._crash = os.abort"
-    monkeypatch.setattr(preflight, "TEST_PICTURE", f"{preflight.TEST_PICTURE}\n{planted}")
+    monkeypatch.setattr(drawing, "TEST_PICTURE", f"{drawing.TEST_PICTURE}\n{planted}")
     with pytest.warns(UserWarning, match="not all figures were drawn, all else was written: .*SIGABRT"):
         result = scene.run(tmp_path, frames=0)
     assert "before.png" in result.report["figures"]["written"]
@@ -149,7 +149,7 @@ def test_a_crash_of_what_draws_takes_no_run_with_it(renders, scene, tmp_path, mo
 
 def test_a_run_that_fails_leaves_no_process_that_draws(renders, scene, tmp_path, monkeypatch):
     begun = []
-    begin = in_child.DrawingProcess.__init__
+    begin = drawing.DrawingProcess.__init__
 
     def noted(self, bones):
         begin(self, bones)
@@ -158,7 +158,7 @@ def test_a_run_that_fails_leaves_no_process_that_draws(renders, scene, tmp_path,
     def stop(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(in_child.DrawingProcess, "__init__", noted)
+    monkeypatch.setattr(drawing.DrawingProcess, "__init__", noted)
     with pytest.raises(KeyboardInterrupt):
         scene.run(tmp_path, frames="0:3", observe=stop)
     (process,) = begun

@@ -29,7 +29,7 @@ from vtkmuscle.run.limits import BEYOND, CHECKS, FULL_SIZE, LONGEST, SHORTEST
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.report import DEFINITIONS
 from vtkmuscle.run.verdict import FibreHistory, judge, reasons_of
-from vtkmuscle.scene.anatomy import Anatomy
+from vtkmuscle.scene.data import Anatomy
 
 #: What a good frame has.
 GOOD = {

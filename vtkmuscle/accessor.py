@@ -20,7 +20,7 @@ from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.fibre_tubes import FibreTubes
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.pipelines import decompose, deform
-from vtkmuscle.plotting.moving import MovingScene
+from vtkmuscle.plotting.plotters import MovingScene
 
 
 @pyvista.register_dataset_accessor("muscle", pyvista.PolyData)

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vtkmuscle.accuracy.causes import Cause
-from vtkmuscle.accuracy.estimates import arm_estimates
+from vtkmuscle.accuracy.estimates import Cause, arm_estimates
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 
 ANGLES = np.radians(np.linspace(0.0, 60.0, 25))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from vtkmuscle.cli.facts import facts_of
+from vtkmuscle.cli.info import facts_of
 from vtkmuscle.core.motion.rigid import apply_transform, rotation_about
 from vtkmuscle.data.arrays import points_of
 from vtkmuscle.io import landmarks_of, read_msf, surfaces_of

@@ -16,8 +16,7 @@ from vtkmuscle.data.isosurface import label_surface
 from vtkmuscle.data.label_images import label_image, labels_in
 from vtkmuscle.io.writing import write_polydata
 from vtkmuscle.labels import maps
-from vtkmuscle.labels.maps import draft_of_labels
-from vtkmuscle.labels.tendons import taut_line, with_tendon
+from vtkmuscle.labels.maps import draft_of_labels, taut_line, with_tendon
 from vtkmuscle.phantoms import hip, label_map
 from vtkmuscle.phantoms.implicit import ball
 from vtkmuscle.phantoms.meshing import mesh_of

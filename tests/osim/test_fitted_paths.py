@@ -5,8 +5,7 @@ import pytest
 
 from vtkmuscle.core.fibres.groups import group_errors, group_fibres
 from vtkmuscle.core.motion.frames import frame_at
-from vtkmuscle.opensim.fitted_lengths import fit_length
-from vtkmuscle.opensim.fitted_points import fit_points
+from vtkmuscle.opensim.fitted_paths import fit_length, fit_points
 from vtkmuscle.opensim.functions import IDENTITY
 from vtkmuscle.opensim.muscle_paths import Cylinder, PathPoint, PointPath, moment_arm, powers, terms
 from vtkmuscle.opensim.tree import Joint, JointAxis, JointCoordinate, KinematicTree

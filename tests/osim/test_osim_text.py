@@ -9,7 +9,7 @@ import pytest
 
 from vtkmuscle.core.motion.frames import frame_at
 from vtkmuscle.opensim import MuscleOut, enriched, osim_of, read_osim
-from vtkmuscle.opensim.fitted_lengths import fit_length
+from vtkmuscle.opensim.fitted_paths import fit_length
 from vtkmuscle.opensim.functions import IDENTITY, CubicSpline, Multiplier, PiecewiseLinear, Polynomial
 from vtkmuscle.opensim.muscle_paths import PathPoint, PointPath, moment_arm
 from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree

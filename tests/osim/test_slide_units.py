@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.opensim.export_parts import slides_in_metres
 from vtkmuscle.opensim.functions import (
     IDENTITY,
     Constant,
@@ -14,7 +15,6 @@ from vtkmuscle.opensim.functions import (
     Wave,
     stretched,
 )
-from vtkmuscle.opensim.slide_units import slides_in_metres
 from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate, KinematicTree
 
 X = np.array([0.0, 4.0, 9.0, 15.0])

@@ -10,7 +10,7 @@ from vtkmuscle import Result, Scene, SceneError
 from vtkmuscle.cli import app
 from vtkmuscle.io import read_surface
 from vtkmuscle.opensim import read_osim, write_mujoco, write_opensim
-from vtkmuscle.opensim.hill import SPECIFIC_TENSION, completed_properties
+from vtkmuscle.opensim.export_parts import SPECIFIC_TENSION, completed_properties
 
 GRID = {"grid": {"upper": [-10, 30, 10], "lower": [0, 40, 10]}}
 ARCHITECTURE = {

@@ -8,7 +8,7 @@ from paraview import servermanager
 from paraview_pipeline import pipeline_of_proxies
 from scene_on_disk import TIMES, points
 
-from vtkmuscle.paraview.properties import camel_case, plain
+from vtkmuscle.paraview.proxies import camel_case, plain
 from vtkmuscle.paraview.shells import all_kinds
 
 

@@ -10,8 +10,7 @@ import pytest
 
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.filters import Filter, InputPort, OutputPort, Parameter, PBDDeformer
-from vtkmuscle.paraview.properties import FILES, camel_case, plain, properties_of, spaced
-from vtkmuscle.paraview.proxies import proxy_parts
+from vtkmuscle.paraview.proxies import FILES, camel_case, plain, properties_of, proxy_parts, spaced
 from vtkmuscle.paraview.shells import all_kinds
 
 KINDS = all_kinds()

@@ -9,9 +9,8 @@ from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
 from vtkmuscle import Scene
 from vtkmuscle.data.arrays import blocks_of, points_of
 from vtkmuscle.filters import BoneMotion, FibreTemplateSource, FixedPointDetector, PBDDeformer
-from vtkmuscle.paraview.muscle_scene import MuscleScene
-from vtkmuscle.paraview.properties import properties_of
-from vtkmuscle.paraview.shells import all_kinds, shell_of
+from vtkmuscle.paraview.proxies import properties_of
+from vtkmuscle.paraview.shells import MuscleScene, all_kinds, shell_of
 
 
 def shell(kind):

@@ -5,7 +5,7 @@ import gzip
 
 import numpy as np
 
-from vtkmuscle.report.packing import TYPES
+from vtkmuscle.report.scene3d import TYPES
 
 
 def unpacked(text):

@@ -12,7 +12,7 @@ from vtkmuscle import Result
 from vtkmuscle.cli import app
 from vtkmuscle.report import page_of
 from vtkmuscle.report.curves import curves_of
-from vtkmuscle.report.packing import Pack
+from vtkmuscle.report.scene3d import Pack
 from vtkmuscle.run.limits import CHECKS
 
 #: Whatever a browser would load: in attributes of HTML, or in a style.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from packed_arrays import array_of, moving_of, unpacked
 
-from vtkmuscle.report.packing import STEPS, Pack
+from vtkmuscle.report.scene3d import STEPS, Pack
 
 
 def test_arrays_come_out_as_they_went_in(rng):

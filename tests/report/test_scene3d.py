@@ -11,7 +11,7 @@ from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.data.arrays import checked_surface, points_of
 from vtkmuscle.report import scene3d
-from vtkmuscle.report.packing import Pack
+from vtkmuscle.report.scene3d import Pack
 
 
 @pytest.fixture

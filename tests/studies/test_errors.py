@@ -12,7 +12,7 @@ from vtkmuscle.accuracy import KINDS, SOLVED
 from vtkmuscle.core.accuracy.convergence import convergence_error
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.phantoms import spindle_over_hinge
-from vtkmuscle.run.memory import estimated_memory
+from vtkmuscle.run.cost import estimated_memory
 
 
 @pytest.fixture(scope="module")

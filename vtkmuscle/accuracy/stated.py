@@ -8,8 +8,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from vtkmuscle.accuracy.causes import KINDS, Cause
 from vtkmuscle.accuracy.estimates import (
+    KINDS,
+    Cause,
     architecture_estimates,
     arm_estimates,
     causes_of_fibres,
@@ -26,7 +27,7 @@ from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.data.paths import wrenches_over_time
-from vtkmuscle.run.track import MuscleTrack
+from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.scene.data import SceneData
 
 
@@ -58,7 +59,7 @@ class StatedErrors:
     scene : SceneData
         What is run.
     kinds : sequence of str, optional
-        Causes beside those that are always known, of :data:`~vtkmuscle.accuracy.causes.KINDS`.
+        Causes beside those that are always known, of :data:`~vtkmuscle.accuracy.estimates.KINDS`.
     solutions : mapping of (str, str) to sequence of Solution, optional
         By muscle and kind what further solves gave.
     failed : mapping of (str, str) to str, optional

@@ -16,13 +16,11 @@ from typing import Annotated
 import typer
 
 from vtkmuscle._version import __version__
-from vtkmuscle.cli.cohort import cohort
-from vtkmuscle.cli.exporting import ExportOptions, check, export_muscles
 from vtkmuscle.cli.labels import from_labels, init
 from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, TerminatedError, one_clear_error, say
 from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, with_options
-from vtkmuscle.cli.results import compare, figures, report
-from vtkmuscle.cli.running import run_and_tell
+from vtkmuscle.cli.results import ExportOptions, check, compare, export_muscles, figures, report
+from vtkmuscle.cli.running import cohort, run_and_tell
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.isolation import leave_out_working_folder
 
@@ -144,14 +142,14 @@ def info(
     surfaces and landmarks; for a folder of results, the frames that are there.
     """
     with one_clear_error(None):
-        from vtkmuscle.cli.facts import facts_of
+        from vtkmuscle.cli.info import facts_of
 
         for file in files:
             typer.echo(f"{file}")
             for word, value in facts_of(file).items():
                 typer.echo(f"  {word:<12}{value}")
         if draw is not None:
-            from vtkmuscle.cli.text_facts import draw_landmarks
+            from vtkmuscle.cli.info import draw_landmarks
 
             draw_landmarks(files[0], draw)
             typer.echo(f"wrote {draw}")

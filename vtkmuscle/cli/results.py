@@ -1,17 +1,118 @@
-"""What is made of a run's results: ``vtkmuscle report``, ``figures`` and ``compare``."""
+"""What is made of a run's results: reports, figures, comparisons, and models of OpenSim and MuJoCo."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from vtkmuscle.cli.messages import one_clear_error
 from vtkmuscle.cli.options import LiteratureOption, OutOption, named
+from vtkmuscle.core.errors import InputError
 
 if TYPE_CHECKING:
     from vtkmuscle.run import Result
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions:
+    """The options of an export of muscles."""
+
+    form: Annotated[
+        str, typer.Option("--form", help="For OpenSim: functions of coordinates, or points and cylinders.")
+    ] = "functions"
+    groups: Annotated[
+        int, typer.Option("--groups", min=1, help="For OpenSim: groups of fibres per muscle, at most.")
+    ] = 1
+    into: Annotated[
+        Path | None, typer.Option("--into", help="For OpenSim: a model to put the muscles into.")
+    ] = None
+    replace: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--replace", metavar="OURS=THEIRS", help="A muscle of that model which one of the scene replaces."
+        ),
+    ] = None
+    specific_tension: Annotated[
+        float, typer.Option("--specific-tension", help="Force per cross-section, in N/cm^2.")
+    ] = 60.0
+    mass: Annotated[
+        list[str] | None, typer.Option("--mass", metavar="BODY=KG", help="Of a body of a new model.")
+    ] = None
+    geometry_only: Annotated[
+        bool, typer.Option("--geometry-only", help="Paths without muscles' properties.")
+    ] = False
+
+
+def export_muscles(source: Path, out: Path, options: ExportOptions) -> None:
+    """Write a model, and say by how much its paths differ from the run."""
+    from vtkmuscle.opensim import write_mujoco, write_opensim
+    from vtkmuscle.opensim.from_run import GEOMETRY_ONLY
+
+    asked: dict[str, Any] = {"groups": options.groups, "specific_tension": options.specific_tension}
+    asked["masses"] = {body: _kilograms(text) for body, text in pairs(options.mass or [], "--mass").items()}
+    if options.geometry_only:
+        asked["kind"] = GEOMETRY_ONLY
+    replace = pairs(options.replace or [])
+    if out.suffix.lower() == ".osim":
+        written = write_opensim(source, out, into=options.into, replace=replace, form=options.form, **asked)
+    elif options.into is not None or replace:
+        raise InputError("--into", "muscles are put into models of OpenSim only", "leave it out")
+    else:
+        written = write_mujoco(source, out, **asked)
+    for one in written:
+        typer.echo(f"{one.out.name}: {one}")
+        if one.out.parameters:
+            typer.echo(f"  {', '.join(f'{name} {value:.4g}' for name, value in one.out.parameters.items())}")
+    typer.echo(f"wrote {out}, and the errors in {out.stem}_errors.csv")
+
+
+def _kilograms(text: str) -> float:
+    from vtkmuscle.io.csv_table import number_in
+
+    mass = number_in(text)
+    if not 0.0 <= mass < inf:
+        raise InputError("--mass", f"{text!r} is no mass", "write BODY=KG, e.g. femur=8.5")
+    return mass
+
+
+def pairs(texts: Sequence[str], option: str = "--replace") -> dict[str, str]:
+    """Return what an option is given as pairs, OURS=THEIRS."""
+    for text in texts:
+        if not all(text.partition("=")):
+            raise InputError(option, f"{text!r} is no pair", "write both sides of the =")
+    return {ours: theirs for ours, _, theirs in (text.partition("=") for text in texts)}
+
+
+def check(
+    model: Annotated[Path, typer.Argument(help="A model of OpenSim, .osim.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="The page, .html. Default: MODEL_check.html here.")
+    ] = None,
+) -> None:
+    """Find where muscles of a model of OpenSim jump, and where their moment arms change sign.
+
+    Each is swept over the ranges of the coordinates that it crosses. The page lists what was found with its
+    poses, and a table beside it (.csv). An export with --into and --replace puts fitted paths in their place.
+    """
+    with one_clear_error(out):
+        from vtkmuscle.opensim import check_model
+        from vtkmuscle.opensim.checking import evaluated
+
+        page = out or Path(f"{model.stem}_check.html")
+        found = check_model(model)
+        typer.echo(evaluated(found))
+        kinds = [one.what for one in found.findings]
+        for one in found.findings:
+            if "jumps" in one.what:
+                where = ", ".join(f"{name} {value:.4g}" for name, value in found.shown(one).items())
+                typer.echo(f"{one.muscle}: {one.what} by {1000.0 * one.size:.1f} mm at {where}")
+        typer.echo(f"{kinds.count('moment arm changes sign')} moment arms change their sign")
+        typer.echo(f"wrote {page}, {found.write(page)}")
 
 
 def report(

@@ -5,7 +5,6 @@ A data set is a module here that says its licence, its files and how these becom
 """
 
 from vtkmuscle.fetch.datasets import DataSet, RemoteFile, SurfaceFigures
-from vtkmuscle.fetch.download import HOST, fetch
-from vtkmuscle.fetch.registry import DATA_SETS, data_set
+from vtkmuscle.fetch.download import DATA_SETS, HOST, data_set, fetch
 
 __all__ = ["DATA_SETS", "HOST", "DataSet", "RemoteFile", "SurfaceFigures", "data_set", "fetch"]

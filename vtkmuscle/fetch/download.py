@@ -1,4 +1,4 @@
-"""Download a data set and put its scene together, all or nothing."""
+"""Public data sets by name, downloaded and put together as scenes, all or nothing."""
 
 from __future__ import annotations
 
@@ -11,12 +11,29 @@ from pathlib import Path
 import requests
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.fetch.datasets import AGAIN, RemoteFile
-from vtkmuscle.fetch.registry import data_set
+from vtkmuscle.core.words import suggestion
+from vtkmuscle.fetch.datasets import AGAIN, DataSet, RemoteFile
+from vtkmuscle.fetch.lhdl_hip import LHDL_HIP
 from vtkmuscle.io import write_text
 from vtkmuscle.io.parts import file_digest
 from vtkmuscle.io.writing import beside, left_behind
 from vtkmuscle.scenes import Scene
+
+DATA_SETS: dict[str, DataSet] = {"lhdl-hip": LHDL_HIP}
+
+
+def data_set(name: str) -> DataSet:
+    """Return a data set by its name.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name.
+    """
+    if name not in DATA_SETS:
+        raise InputError("", f"there is no data set {name!r}; {suggestion(name, DATA_SETS)}")
+    return DATA_SETS[name]
+
 
 #: Where raw files of public repositories are.
 HOST = "https://raw.githubusercontent.com"

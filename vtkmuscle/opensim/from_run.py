@@ -17,16 +17,19 @@ from vtkmuscle.core.motion.frames import inverses
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io import write_text
 from vtkmuscle.io.parts import file_digest
-from vtkmuscle.opensim.fitted_lengths import fit_length
-from vtkmuscle.opensim.fitted_points import fit_points
-from vtkmuscle.opensim.hill import SPECIFIC_TENSION, completed_properties, opensim_properties
-from vtkmuscle.opensim.meshes import write_meshes
+from vtkmuscle.opensim.export_parts import (
+    SPECIFIC_TENSION,
+    completed_properties,
+    opensim_properties,
+    slides_in_metres,
+    write_meshes,
+)
+from vtkmuscle.opensim.fitted_paths import fit_length, fit_points
 from vtkmuscle.opensim.mjcf import mjcf_of
 from vtkmuscle.opensim.model import checked_model
 from vtkmuscle.opensim.muscle_paths import FunctionPath, PointPath, moment_arm
 from vtkmuscle.opensim.osim_text import MuscleOut, enriched, osim_of
 from vtkmuscle.opensim.scene_joints import SceneJoints, coordinate_values
-from vtkmuscle.opensim.slide_units import slides_in_metres
 from vtkmuscle.opensim.tree import KinematicTree
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.table import Table
@@ -110,7 +113,7 @@ class Export:
         Groups of fibres per muscle, at most.
     parameters : mapping of str to mapping
         Properties of each muscle in OpenSim, in place of those of the scene's ``hill``, of the muscle that it
-        replaces and of its architecture, see :func:`~vtkmuscle.opensim.hill.completed_properties`; of
+        replaces and of its architecture, see :func:`~vtkmuscle.opensim.export_parts.completed_properties`; of
         ``max_isometric_force`` each group has its fibres' share.
     specific_tension : float
         Force per cross-section [N/cm^2], for the muscles whose force is that of their architecture.

@@ -13,9 +13,8 @@ from vtkmuscle.core.motion.frames import inverses
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.xml_elements import made, xml_text
 from vtkmuscle.io.xml_elements import numbers_text as _numbers
+from vtkmuscle.opensim.export_parts import FOLDER, NEEDED
 from vtkmuscle.opensim.functions import Constant, CoordinateFunction, Multiplier, Polynomial
-from vtkmuscle.opensim.hill import NEEDED
-from vtkmuscle.opensim.meshes import FOLDER
 from vtkmuscle.opensim.muscle_paths import PointPath
 from vtkmuscle.opensim.osim_text import CYLINDER, GYRATION, MuscleOut
 from vtkmuscle.opensim.tree import Joint, JointAxis, KinematicTree

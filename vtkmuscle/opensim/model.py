@@ -13,8 +13,7 @@ from vtkmuscle.core.motion.frames import frame_at
 from vtkmuscle.core.types import Floats
 from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.xml_elements import Element, read_xml
-from vtkmuscle.opensim.joint_elements import Frames, coupling_in, joint_in, offset_frames
-from vtkmuscle.opensim.path_elements import OsimMuscle, muscle_in
+from vtkmuscle.opensim.elements import Frames, OsimMuscle, coupling_in, joint_in, muscle_in, offset_frames
 from vtkmuscle.opensim.tree import Coupling, Joint, JointCoordinate, KinematicTree
 
 #: Parts of a model that say nothing of where bodies are and muscles run; what is in them is named.

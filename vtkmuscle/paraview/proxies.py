@@ -1,13 +1,236 @@
-"""A filter's description for ParaView's server manager, from what the filter declares."""
+"""A filter's description for ParaView's server manager: its properties, from what the filter declares."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 from xml.etree.ElementTree import Element, SubElement, tostring
 
-from vtkmuscle.filters.base.docstrings import split_docstring
+from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.filters.base.docstrings import described, split_docstring
 from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.base.ports import InputPort
-from vtkmuscle.paraview.properties import FILES, camel_case, plain, properties_of, spaced
+from vtkmuscle.scene.reading import read_motion
+from vtkmuscle.scenes import Scene
+
+_VECTORS = {bool: "Int", int: "Int", float: "Double", tuple: "Double", str: "String"}
+_RANGES = {int: "IntRangeDomain", float: "DoubleRangeDomain"}
+
+
+@dataclass(frozen=True)
+class _File:
+    """A file that stands for a value which ParaView has no property for."""
+
+    read: Callable[[Path], Any]
+    extensions: str
+    description: str
+
+
+#: Kinds of parameters that are given by a file.
+FILES: dict[type, _File] = {
+    RigidMotion: _File(read_motion, "toml", "the motion of a scene.toml"),
+    Scene: _File(Scene.load, "toml", "a scene.toml"),
+}
+
+
+@dataclass(frozen=True)
+class Property:
+    """A property of a proxy.
+
+    Attributes
+    ----------
+    name : str
+        As in ``AngleStep``; its command is ``Set`` with this name.
+    xml : Element
+        The server manager's description.
+    take : callable
+        ``take(state, *values)`` gives the parameter's value from what ParaView sets, and may keep something
+        in ``state`` (a dict of the shell) for the parameter's other property.
+    """
+
+    name: str
+    xml: Element
+    take: Callable[..., Any]
+
+    @property
+    def command(self) -> str:
+        """The method that ParaView calls."""
+        return f"Set{self.name}"
+
+
+def camel_case(name: str) -> str:
+    """Return ``AngleStep`` for ``angle_step``."""
+    return "".join(word[:1].upper() + word[1:] for word in name.split("_"))
+
+
+def spaced(name: str) -> str:
+    """Return ``Angle Step`` for ``AngleStep``, and ``PBD Deformer`` for ``PBDDeformer``."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
+
+
+def plain(text: str) -> str:
+    """Return help text without the marks of reStructuredText."""
+    return re.sub(r":\w+:`~?([^`]*)`", r"\1", text).replace("``", "")
+
+
+def properties_of(parameter: Parameter[Any], among: Iterable[Parameter[Any]] = ()) -> list[Property]:
+    """Return the properties of a parameter: one, or two for a number that may be None.
+
+    They are shown where they count: with the values of other parameters that the parameter is declared for,
+    and not where another one sets it.
+
+    Parameters
+    ----------
+    parameter : Parameter
+        As declared by a filter.
+    among : iterable of Parameter, optional
+        All that the filter declares.
+
+    Returns
+    -------
+    list of Property
+        In the order in which they are shown.
+
+    Raises
+    ------
+    TypeError
+        For a kind that has neither a property in ParaView nor a file to stand for it.
+    """
+    properties = _properties_of(parameter)
+    for shown in properties:
+        if parameter.only_with is not None:
+            name, *values = parameter.only_with
+            _show_only_with(shown.xml, camel_case(name), values)
+        for other in among:
+            setting = [choice for choice, group in other.sets.items() if parameter.name in group]
+            if setting:
+                _show_only_with(shown.xml, camel_case(other.name), setting, inverse=True)
+    return properties
+
+
+def _properties_of(parameter: Parameter[Any]) -> list[Property]:
+    name = camel_case(parameter.name)
+    if parameter.kind in FILES:
+        return [_file_property(name, parameter, FILES[parameter.kind])]
+    if parameter.kind not in _VECTORS:
+        raise TypeError(
+            f"parameter {parameter.name!r} is a {parameter.kind.__name__}, for which ParaView has no "
+            "property; say in vtkmuscle.paraview.proxies.FILES which file stands for it"
+        )
+    if parameter.default is None and parameter.kind in _RANGES:
+        return _optional_number(name, parameter)
+    default = "" if parameter.default is None else parameter.default
+    xml = _vector(name, parameter, default, parameter.length or 1)
+    return [Property(name, xml, lambda state, *values: _value(parameter, values))]
+
+
+def _value(parameter: Parameter[Any], values: tuple[Any, ...]) -> Any:
+    if parameter.kind is tuple:
+        return values
+    (value,) = values
+    if parameter.kind is bool:
+        return bool(value)
+    if parameter.kind is str and not value:
+        # ParaView gives an empty text as None.
+        return None if parameter.default is None else ""
+    return value
+
+
+def _vector(name: str, parameter: Parameter[Any], default: Any, count: int) -> Element:
+    xml = _element(name, _VECTORS[parameter.kind], default, count)
+    domain = _RANGES.get(parameter.kind)
+    if parameter.kind is bool:
+        SubElement(xml, "BooleanDomain", name="bool")
+    elif parameter.choices:
+        choices = SubElement(xml, "StringListDomain", name="list")
+        for choice in ("",) * (parameter.default is None) + parameter.choices:
+            SubElement(choices, "String", value=choice)
+    elif domain is not None:
+        bounds = {"min": parameter.above if parameter.minimum is None else parameter.minimum}
+        bounds["max"] = parameter.maximum
+        # An integer as 1e+06 would be read as 1.
+        written = {end: repr(parameter.kind(bound)) for end, bound in bounds.items() if bound is not None}
+        SubElement(xml, domain, {"name": "range", **written})
+    _document(xml, parameter)
+    return xml
+
+
+def _optional_number(name: str, parameter: Parameter[Any]) -> list[Property]:
+    """Return a check box for None and the number that counts without it.
+
+    ParaView's numbers are never None, and no number stands for it: 0 is a tolerance like any other.
+    """
+    box = f"Automatic{name}"
+    number = _vector(name, parameter, _first_number(parameter), 1)
+    _show_only_with(number, box, ("0",))
+    automatic = _element(box, "Int", True, 1)
+    SubElement(automatic, "BooleanDomain", name="bool")
+    SubElement(automatic, "Documentation").text = f"Leave {spaced(name)} to the filter (None in Python)."
+
+    def chosen(state: dict[str, Any]) -> Any:
+        return None if state.get(box, True) else state.get(name, _first_number(parameter))
+
+    def take_box(state: dict[str, Any], value: int) -> Any:
+        state[box] = bool(value)
+        return chosen(state)
+
+    def take_number(state: dict[str, Any], value: float) -> Any:
+        state[name] = value
+        return chosen(state)
+
+    return [Property(box, automatic, take_box), Property(name, number, take_number)]
+
+
+def _show_only_with(xml: Element, other: str, values: Sequence[str], *, inverse: bool = False) -> None:
+    """Let a property be shown only where another one has one of some values, or none of them."""
+    hints = xml.find("Hints")
+    decorator = SubElement(
+        SubElement(xml, "Hints") if hints is None else hints,
+        "PropertyWidgetDecorator",
+        type="GenericDecorator",
+        mode="visibility",
+        property=other,
+        values=" ".join(values),
+    )
+    if inverse:
+        decorator.set("inverse", "1")
+
+
+def _first_number(parameter: Parameter[Any]) -> Any:
+    """Return the number that is shown first, within the parameter's bounds."""
+    number = max(1.0, parameter.minimum or 0.0, 2.0 * (parameter.above or 0.0))
+    return parameter.kind(number if parameter.maximum is None else min(number, parameter.maximum))
+
+
+def _file_property(name: str, parameter: Parameter[Any], file: _File) -> Property:
+    xml = _element(name, "String", "", 1)
+    SubElement(xml, "FileListDomain", name="files")
+    _document(xml, parameter, f" Given by {file.description}; none where no file is named.")
+    hints = SubElement(xml, "Hints")
+    SubElement(hints, "FileChooser", extensions=file.extensions, file_description=file.description)
+    return Property(name, xml, lambda state, path: file.read(Path(path)) if path else None)
+
+
+def _element(name: str, kind: str, default: Any, count: int) -> Element:
+    values = default if isinstance(default, tuple) else (default,)
+    texts = [str(int(value)) if isinstance(value, bool) else str(value) for value in values]
+    return Element(
+        f"{kind}VectorProperty",
+        name=name,
+        label=spaced(name),
+        command=f"Set{name}",
+        number_of_elements=str(count),
+        default_values=" ".join(texts),
+    )
+
+
+def _document(xml: Element, parameter: Parameter[Any], more: str = "") -> None:
+    SubElement(xml, "Documentation").text = f"{plain(described(parameter))}{more}"
+
 
 #: The menu in which all filters are found.
 CATEGORY = "Muscle"

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import reduce
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
@@ -15,12 +20,15 @@ from numpy.typing import ArrayLike, NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.moment_arms.by_coordinate import JointArms
+from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import polylines_of
 from vtkmuscle.data.drawn_bones import DrawnBones
-from vtkmuscle.plotting.actors import actors_of, fixed_bones, strain_colours
-from vtkmuscle.plotting.colours import FIBRE_MAP, MUSCLE_RED, PALETTE
-from vtkmuscle.plotting.sheets import LEGEND_FONT, Panel, curves, legend_columns, sheet
+from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn
+from vtkmuscle.plotting.actors import actors_of, fixed_bones, place_colours, strain_colours
+from vtkmuscle.plotting.colours import FIBRE_MAP, MUSCLE_RED, PALETTE, PLACE_MAP
+from vtkmuscle.plotting.sheets import DOTS_PER_INCH, LEGEND_FONT, Panel, curves, hang, legend_columns, sheet
 from vtkmuscle.plotting.studio import Studio
 from vtkmuscle.plotting.views import View, clearest_view
 
@@ -196,3 +204,152 @@ def _with_fixed_points(
 def _lengths(fibres: vtkPolyData) -> Floats:
     lines = polylines_of(fibres, "plotting: fibres")
     return polyline_lengths(lines.points, lines.offsets)
+
+
+#: Height of the panels, and of the picture beside them [inches].
+_HEIGHT, _PICTURE = 4.8, 4.0
+
+
+def plot_moment_arms(
+    arms: Mapping[str, JointArms],
+    bones: DrawnBones | None = None,
+    studio: Studio | None = None,
+    *,
+    muscle: vtkPolyData | None = None,
+    fibres: vtkPolyData | None = None,
+    errors: Mapping[str, Floats] | None = None,
+    literature: Sequence[LiteratureCurve] = (),
+    title: str = "",
+    units: str = "mm",
+) -> Figure:
+    """Return a figure of the moment arms of a muscle by each coordinate, side by side.
+
+    Where the fibres are given, every path has the colour of its fibre's place across the muscle, and a
+    picture of the muscle shows which that is.
+
+    Parameters
+    ----------
+    arms : mapping of str to JointArms
+        Per coordinate, at least one.
+    bones : DrawnBones, optional
+        At rest; not needed where there is no muscle.
+    studio : Studio, optional
+        Where the picture is taken, likewise.
+    muscle, fibres : vtkPolyData, optional
+        The muscle at rest and its fibres, one for each path.
+    errors : mapping of str to (m,) array, optional
+        Per coordinate what is known of the error of the mean in all, with 95 % confidence, as
+        ``result.errors[NAME]["moment_arm_COORDINATE"].total``.
+    literature : sequence of LiteratureCurve, optional
+        Published ones of the muscle; those of a coordinate of this name are drawn.
+    title, units : str, optional
+        Above the panels, and at the scale bar of the picture.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        To be saved by ``savefig``.
+    """
+    places = None if fibres is None else places_across(fibres)
+    panel = None
+    if muscle is not None and places is not None and bones is not None and studio is not None:
+        view = clearest_view([muscle], [bones.spread()])
+        view = replace(view, area=view.aspect * (_PICTURE * DOTS_PER_INCH) ** 2)  # pixel for pixel
+        actors = actors_of([muscle], view, fibres=fibres, colours=place_colours(places))
+        panel = Panel(studio.picture(actors, view, bones=bones), "fibres at rest", view)
+    beside = 0.0 if panel is None else _PICTURE * panel.view.aspect + 0.5
+    width = 9.0 * len(arms) + beside
+    figure = Figure(figsize=(width, _HEIGHT), dpi=DOTS_PER_INCH, facecolor="white")
+    FigureCanvasAgg(figure)
+    if title:
+        figure.suptitle(title)
+    if panel is not None:
+        shape = (0.25 / width, 0.3 / _HEIGHT, (beside - 0.5) / width, _PICTURE / _HEIGHT)
+        hang(figure.add_axes(shape), panel, units)
+    for number, (name, found) in enumerate(arms.items()):
+        axes = figure.add_axes(((beside + 9.0 * number) / width, 0.12, 9.0 / width, 0.79))
+        _draw_arms(axes, found, None if errors is None else errors.get(name), places)
+        unit = ANGLES.get(found.unit)
+        if unit is not None:
+            _draw_literature(axes, curves_for(literature, coordinate=name), math.pi / 180.0 / unit)
+        axes.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
+        axes.spines[["top", "right"]].set_visible(False)
+        positive = f", positive: {found.positive}" if found.positive else ""
+        axes.set_xlabel(f"{name.replace('_', ' ')} [{found.unit}]{positive}")
+        axes.set_ylabel("moment arm [mm]" if unit is not None else "moment arm [1]")
+        legend = axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        # The legend stands beside the curves, and they have what it leaves of the panel.
+        place = axes.get_position()
+        taken = min(legend.get_window_extent().width / figure.bbox.width + 0.01, 0.6 * place.width)
+        place.x0, place.x1 = place.x0 + 0.08 * place.width, place.x1 - taken
+        axes.set_position(place)
+    return figure
+
+
+def places_across(fibres: vtkPolyData) -> Floats:
+    """Return where each fibre is across its muscle, (n,), 0 to 1: along the widest way across the fibres.
+
+    That is the first principal axis of the fibres' middles, without what lies along their mean direction,
+    towards where its largest coordinate grows.
+    """
+    lines = polylines_of(fibres, "plotting: fibres")
+    first, last = lines.offsets[:-1], lines.offsets[1:] - 1
+    middles = lines.points[(first + last) // 2]
+    along = (lines.points[last] - lines.points[first]).mean(axis=0)
+    along /= max(float(np.linalg.norm(along)), 1e-12)
+    spread = middles - middles.mean(axis=0)
+    across = np.linalg.svd(spread - np.outer(spread @ along, along), full_matrices=False)[2][0]
+    place = spread @ (across * np.sign(across[np.abs(across).argmax()]))
+    found: Floats = (place - place.min()) / max(float(np.ptp(place)), 1e-12)
+    return found
+
+
+def _draw_arms(axes: Axes, found: JointArms, errors: Floats | None, places: Floats | None) -> None:
+    # A sweep up and down has values twice: curves are drawn by ascending value.
+    order = np.argsort(found.values, kind="stable")
+    values, mean, arms = found.values[order], found.mean[order], found.arms[order]
+    lines = np.stack([np.broadcast_to(values[:, None], arms.shape), arms], axis=2).swapaxes(0, 1)
+    look = {"colors": MUSCLE_RED} if places is None else {"array": places, "cmap": PLACE_MAP}
+    axes.add_collection(LineCollection(list(lines), linewidths=0.7, alpha=0.6, **look))
+    colour = axes.collections[0].get_edgecolor()[0] if places is None else "#2a788e"
+    axes.plot([], [], color=colour, linewidth=0.9, label=f"{arms.shape[1]} paths")
+    if errors is not None:
+        low, high, words = mean - errors[order], mean + errors[order], "error of the mean (95 %)"
+        axes.fill_between(values, low, high, color="black", alpha=0.3, linewidth=0, label=words)
+    axes.plot(values, mean, color="black", linewidth=2.0, label="mean")
+    if found.quartic is not None:
+        quartic = found.quartic.mean(axis=1)[order]
+        axes.plot(values, quartic, color="black", linewidth=1.2, linestyle="--", label="mean of quartic fits")
+    axes.set_ylim(*shown_range(found.arms, mean))
+
+
+def shown_range(arms: Floats, mean: Floats) -> tuple[float, float]:
+    """Return from where to where an axis goes that a spike of a few paths does not flatten.
+
+    All of the mean, and the paths between their 1st and 99th percentile, with a tenth of that on either side;
+    literature that goes beyond widens the axis by itself.
+    """
+    low, high = np.percentile(arms, (1.0, 99.0))
+    low, high = min(float(low), float(mean.min()), 0.0), max(float(high), float(mean.max()), 0.0)
+    margin = 0.1 * max(high - low, 1e-9)
+    return low - margin, high + margin
+
+
+def _draw_literature(axes: Axes, curves: Sequence[LiteratureCurve], per_degree: float) -> None:
+    """Draw published curves: bands where a source has two sides, markers where it has single values."""
+    colours = itertools.cycle([colour for colour in PALETTE if colour != MUSCLE_RED])
+    of_source: dict[str, str] = {}
+    low, high = axes.get_ylim()
+    for one in drawn(curves):
+        colour = of_source.get(one.source) or of_source.setdefault(one.source, next(colours))
+        angles = one.angles * per_degree
+        if one.upper is not None:
+            axes.fill_between(
+                angles, one.arms, one.upper, color=colour, alpha=0.2, linewidth=0, label=one.label
+            )
+        else:
+            look = {"linestyle": "", "marker": "D"} if len(angles) == 1 else {"linewidth": 1.5}
+            axes.plot(angles, one.arms, color=colour, label=one.label, **look)
+        top = one.arms if one.upper is None else one.upper
+        low, high = min(low, float(one.arms.min())), max(high, float(top.max()))
+    axes.set_ylim(low, high)

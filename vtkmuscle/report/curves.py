@@ -14,7 +14,7 @@ from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.core.types import Floats
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn
 from vtkmuscle.plotting.colours import PALETTE
-from vtkmuscle.report.packing import Pack
+from vtkmuscle.report.scene3d import Pack
 from vtkmuscle.report.source import RunResult
 
 #: Fibres of a muscle that are drawn one by one, at most.

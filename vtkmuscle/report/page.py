@@ -19,8 +19,7 @@ from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.motion.coordinates import ANGLES
 from vtkmuscle.io.writing import write_text
 from vtkmuscle.report.curves import Limit, colour_of, curves_of, label_of
-from vtkmuscle.report.packing import Pack, packed
-from vtkmuscle.report.scene3d import scene_of
+from vtkmuscle.report.scene3d import Pack, packed, scene_of
 from vtkmuscle.report.source import RunResult
 from vtkmuscle.report.tables import (
     errors_of,

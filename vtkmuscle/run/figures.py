@@ -18,10 +18,8 @@ from vtkmuscle.data.arrays import points_of
 from vtkmuscle.data.drawn_bones import DrawnBone
 from vtkmuscle.filters.fibre_tubes import FibreTubes
 from vtkmuscle.io.writing import beside
-from vtkmuscle.plotting.in_child import DrawingEndedError, DrawingProcess
-from vtkmuscle.plotting.order import FigureOrder
-from vtkmuscle.plotting.preflight import can_render
-from vtkmuscle.run.track import MuscleTrack
+from vtkmuscle.plotting.drawing import DrawingEndedError, DrawingProcess, FigureOrder, can_render
+from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.scene.data import SceneData
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from vtkmuscle.core.accuracy.estimate import Estimate
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.words import suggestion
-from vtkmuscle.run.track import MuscleTrack
+from vtkmuscle.run.frames import MuscleTrack
 
 Progress = Callable[[str, str, float], None]
 Observe = Callable[[str, Mapping[str, Any]], None]

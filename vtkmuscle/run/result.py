@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.measures import smoothed_curve
 from vtkmuscle.run.limits import CHECKS
-from vtkmuscle.run.one_muscle import MuscleResult
-from vtkmuscle.run.result_tables import ResultTables
+from vtkmuscle.run.result_tables import MuscleResult, ResultTables
 from vtkmuscle.run.store import ResultFolder
 from vtkmuscle.run.verdict import VERDICTS
 
@@ -235,8 +234,8 @@ class Result(ResultTables):
         RuntimeError
             If no picture can be rendered here.
         """
-        from vtkmuscle.plotting import can_render, check_movie, write_movie  # noqa: PLC0415 -- need PyVista
-        from vtkmuscle.run.display import ResultDisplay  # noqa: PLC0415
+        from vtkmuscle.plotting import can_render  # noqa: PLC0415 -- only pictures need PyVista
+        from vtkmuscle.run.display import ResultDisplay, check_movie, write_movie  # noqa: PLC0415
 
         file = check_movie(path, fps)
         if any(side < 2 or side % 2 for side in size):

@@ -21,20 +21,17 @@ from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.parts import file_digest
 from vtkmuscle.run.architecture import architecture_table
-from vtkmuscle.run.duration import check_duration
+from vtkmuscle.run.cost import check_duration, check_memory
 from vtkmuscle.run.figures import Drawing
-from vtkmuscle.run.memory import check_memory
+from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
 from vtkmuscle.run.options import Errors, RunOptions, frame_numbers
 from vtkmuscle.run.report import DEFINITIONS, fibre_table, versions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.store import PAGE
-from vtkmuscle.run.store.claim import claimed, scene_file
-from vtkmuscle.run.store.writing import ResultWriter
+from vtkmuscle.run.store.writing import ResultWriter, claimed, scene_file
 from vtkmuscle.run.table import MomentArmTable, length_table
-from vtkmuscle.run.track import MuscleTrack
-from vtkmuscle.scene.anatomy import Anatomy
-from vtkmuscle.scene.data import SceneData
+from vtkmuscle.scene.data import Anatomy, SceneData
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense import check_sense
 

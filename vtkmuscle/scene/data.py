@@ -1,18 +1,20 @@
-"""What a scene is: bones, muscles with their attachments, a motion, and the settings of the solver."""
+"""What a scene is: bones, muscles with their attachments, a motion, settings; and its surfaces as arrays."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
+from vtkmuscle.core.bones.bone import Bone, bone_of
 from vtkmuscle.core.motion.rigid import RigidMotion
+from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.core.words import shown
 from vtkmuscle.data.aponeuroses import Aponeurosis, aponeuroses_data, aponeuroses_of
-from vtkmuscle.data.arrays import multiblock_from
+from vtkmuscle.data.arrays import checked_surface, multiblock_from
 from vtkmuscle.data.attachments import AttachmentArea, attachments_from, attachments_of
 from vtkmuscle.io.literature import LiteratureCurve
 
@@ -48,7 +50,7 @@ class Muscle:
     aponeuroses : sequence of Aponeurosis, or vtkMultiBlockDataSet
         What its fibres end on, on its surface or within it, in the rest pose; none: the attachment areas.
     hill : mapping of str to float
-        Hill's parameters, by the names of :class:`~vtkmuscle.scene.hill.Hill`; exports write them.
+        Hill's parameters, by the names of :class:`~vtkmuscle.scene.joint_schema.Hill`; exports write them.
     """
 
     surface: vtkPolyData
@@ -126,3 +128,50 @@ class SceneData:
         """Return a muscle's aponeuroses as the data set that filters take, None where it has none."""
         sheets = self.muscles[muscle].aponeuroses
         return aponeuroses_data(sheets) if sheets else None
+
+
+class Surface(NamedTuple):
+    """A surface: points (n, 3), and triangles (m, 3) of point ids."""
+
+    points: Floats
+    triangles: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class Anatomy:
+    """The bones and muscles of a scene at rest, by their names.
+
+    Attributes
+    ----------
+    bones : mapping of str to Bone
+        All bones.
+    muscles : mapping of str to Surface
+        All muscles.
+    """
+
+    bones: Mapping[str, Bone]
+    muscles: Mapping[str, Surface]
+
+    @classmethod
+    def of(cls, scene: SceneData) -> Self:
+        """Open the surfaces of a scene.
+
+        Raises
+        ------
+        ValueError
+            If one is no surface of triangles, or a coordinate is not finite.
+        """
+        bones = {name: bone_of(*checked_surface(bone, name)) for name, bone in scene.bones.items()}
+        muscles = scene.muscles.items()
+        return cls(bones, {name: Surface(*checked_surface(one.surface, name)) for name, one in muscles})
+
+    @property
+    def surfaces(self) -> dict[str, Bone | Surface]:
+        """All surfaces, by their keys in a scene."""
+        found: dict[str, Bone | Surface] = {f"bones.{name}.surface": one for name, one in self.bones.items()}
+        return found | {f"muscles.{name}.surface": one for name, one in self.muscles.items()}
+
+    @property
+    def solid_bones(self) -> dict[str, Bone]:
+        """The bones that have an inside, holes closed."""
+        return {name: bone for name, bone in self.bones.items() if bone.solids.trees}

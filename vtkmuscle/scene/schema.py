@@ -23,10 +23,20 @@ from vtkmuscle.data.attachments import ROLES, VIA
 from vtkmuscle.filters.deformer.quality import PRESETS
 from vtkmuscle.io.slicer import FRAMES
 from vtkmuscle.scene.data import MILLIMETRES
-from vtkmuscle.scene.hill import Hill
-from vtkmuscle.scene.joint_schema import JointTable, OpenSimTable
-from vtkmuscle.scene.schema_types import FiniteNumbers, Name, OneOf, Table, Text, Triple, direction
-from vtkmuscle.scene.settings import Fibres, Fixing, Solver, fault
+from vtkmuscle.scene.joint_schema import Hill, JointTable, OpenSimTable
+from vtkmuscle.scene.schema_types import (
+    Fibres,
+    FiniteNumbers,
+    Fixing,
+    Name,
+    OneOf,
+    Solver,
+    Table,
+    Text,
+    Triple,
+    direction,
+    fault,
+)
 
 #: What a scene file has in place of a muscle's attachments, to have them estimated.
 ESTIMATE = "estimate"

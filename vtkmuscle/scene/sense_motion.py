@@ -9,8 +9,7 @@ import numpy as np
 
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.core.types import Floats
-from vtkmuscle.scene.anatomy import Anatomy
-from vtkmuscle.scene.data import SceneData
+from vtkmuscle.scene.data import Anatomy, SceneData
 
 #: Turn of a bone from one frame to the next that is a jump rather than a step [degrees].
 JUMP = 60.0

@@ -2,7 +2,7 @@
 
 Open :mod:`~vtkmuscle.studies.variation` for what is changed in a scene, :mod:`~vtkmuscle.studies.case` for
 one muscle of one varied scene, :mod:`~vtkmuscle.studies.study` for how they are run, resumed and kept,
-:mod:`~vtkmuscle.studies.outcome` for what is kept of each, :mod:`~vtkmuscle.studies.table` and
+:mod:`~vtkmuscle.studies.case` for what is kept of each, :mod:`~vtkmuscle.studies.table` and
 :mod:`~vtkmuscle.report.sections` for what is written. No other part of the package imports this one, but
 for the command line.
 """

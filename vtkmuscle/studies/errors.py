@@ -18,11 +18,10 @@ from vtkmuscle.core.processors import processors
 from vtkmuscle.core.words import names, suggestion
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
 from vtkmuscle.run import Result, RunOptions, frame_numbers, run_scene
-from vtkmuscle.run.store.claim import claimed
+from vtkmuscle.run.store.writing import claimed
 from vtkmuscle.scene.sense import check_sense
 from vtkmuscle.scenes import Scene
-from vtkmuscle.studies.case import Case, recorded
-from vtkmuscle.studies.outcome import Outcome
+from vtkmuscle.studies.case import Case, Outcome, recorded
 from vtkmuscle.studies.study import outcomes_of, study, threads
 from vtkmuscle.studies.variation import FEWEST, Variation, samples_of
 

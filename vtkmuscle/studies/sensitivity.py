@@ -13,8 +13,7 @@ from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.processors import processors
 from vtkmuscle.core.types import Floats
 from vtkmuscle.scenes import Scene
-from vtkmuscle.studies.case import Case
-from vtkmuscle.studies.outcome import Outcome
+from vtkmuscle.studies.case import Case, Outcome
 from vtkmuscle.studies.study import outcomes_of, study, threads
 from vtkmuscle.studies.variation import CAUSES, FEWEST, samples_of
 

@@ -18,8 +18,7 @@ from typing import Any, TypeVar
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.io.parts import Part, Parts
 from vtkmuscle.io.writing import check_no_links, left_behind, locked, write_text
-from vtkmuscle.studies.case import FAILED, KEPT, Case, recorded, solve_here
-from vtkmuscle.studies.outcome import Outcome
+from vtkmuscle.studies.case import FAILED, KEPT, Case, Outcome, recorded, solve_here
 
 _Key = TypeVar("_Key")
 #: What is run: cases, those together that share a scene, its surfaces and distances from bones.

@@ -9,8 +9,7 @@ from paraview.util.vtkAlgorithm import smhint, smproperty, smproxy
 
 try:
     from vtkmuscle import __version__
-    from vtkmuscle.paraview.properties import spaced
-    from vtkmuscle.paraview.proxies import proxy_hints, proxy_parts
+    from vtkmuscle.paraview.proxies import proxy_hints, proxy_parts, spaced
     from vtkmuscle.paraview.shells import all_kinds, shell_of
 except ImportError as error:
     # Not an ImportError again: ParaView takes that for a Python of old, and says something else.

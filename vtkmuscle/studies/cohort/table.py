@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from vtkmuscle.io.writing import plain_cell, replacing
 from vtkmuscle.run.table import Table
-from vtkmuscle.studies.case import Case
+from vtkmuscle.studies.case import Case, Outcome
 from vtkmuscle.studies.cohort.subjects import ID, Study
-from vtkmuscle.studies.outcome import Outcome
 from vtkmuscle.studies.study import outcome_of
 
 #: Columns of the table; after them come those of the table of subjects. Errors are

@@ -1,4 +1,4 @@
-"""Joints and couplings of OpenSim's files, of the forms before and since version 4."""
+"""Joints, couplings and paths of OpenSim's files, of the forms before and since version 4."""
 
 from __future__ import annotations
 
@@ -13,9 +13,11 @@ from vtkmuscle.io.xml_elements import Element
 from vtkmuscle.opensim.functions import (
     FUNCTIONS,
     IDENTITY,
+    CoordinateFunction,
     Multiplier,
     function_in,
 )
+from vtkmuscle.opensim.muscle_paths import FunctionPath, PathPoint, PointPath, powers
 from vtkmuscle.opensim.tree import Coupling, Joint, JointAxis, JointCoordinate
 
 #: Joints that are made of turns about, then slides along x, y and z of the joint's frame.
@@ -221,3 +223,123 @@ def coupling_in(element: Element) -> Coupling | None:
     scale = element.number("scale_factor", 1.0)
     dependent = element.need("dependent_coordinate_name").text.strip()
     return Coupling(dependent, names[0], function if scale == 1.0 else Multiplier(function, scale))
+
+
+#: Numbers of a muscle that are kept where they are given.
+PARAMETERS = (
+    "max_isometric_force",
+    "optimal_fiber_length",
+    "tendon_slack_length",
+    "pennation_angle_at_optimal",
+    "max_contraction_velocity",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class OsimMuscle:
+    """A muscle, or another actuator along a path.
+
+    Attributes
+    ----------
+    name, kind : str
+        Its name, and its class in OpenSim.
+    path : PointPath or FunctionPath
+        Where it runs, in the model's unit.
+    parameters : dict of str to float
+        Those of :data:`PARAMETERS` that the file gives, in its units.
+    """
+
+    name: str
+    kind: str
+    path: PointPath | FunctionPath
+    parameters: dict[str, float] = field(default_factory=dict)
+
+
+def muscle_in(element: Element, frames: Frames) -> OsimMuscle | None:
+    """Return the muscle that a force is; None where it has no path.
+
+    Raises
+    ------
+    InputError
+        If there is something in its path that is not understood.
+    """
+    geometry = element.find("GeometryPath", "FunctionBasedPath")
+    holder = element.find("path")
+    if geometry is None and holder is not None:
+        geometry = holder.find("GeometryPath", "FunctionBasedPath")
+    if geometry is None:
+        return None
+    path = _function_path(geometry) if geometry.tag == "FunctionBasedPath" else _point_path(geometry, frames)
+    given = {name: element.number(name, 0.0) for name in PARAMETERS if element.find(name) is not None}
+    return OsimMuscle(element.name, element.tag, path, given)
+
+
+def _point_path(element: Element, frames: Frames) -> PointPath:
+    element.only(("PathPointSet", "PathWrapSet", "Appearance", "default_color", "VisibleObject", "display"))
+    points = [_point(one, frames) for one in element.need("PathPointSet").objects()]
+    if len(points) < 2:
+        raise element.error(f"has {len(points)} points, but a path needs two or more")
+    return PointPath(points, [one.word("wrap_object") or one.name for one in element.within("PathWrapSet")])
+
+
+_POINT_KEYS = ("socket_parent_frame", "body", "location", "VisibleObject", "display")
+_CONDITIONAL = ("range", "coordinate", "socket_coordinate")
+_MOVING = [f"{axis}_{what}" for axis in "xyz" for what in ("location", "coordinate")]
+_MOVING += [f"socket_{axis}_coordinate" for axis in "xyz"]
+
+
+def _point(element: Element, frames: Frames) -> PathPoint:
+    body_element = element.need("socket_parent_frame", "body")
+    body, frame = frames.find(body_element.text, body_element)
+    if element.tag == "PathPoint":
+        element.only(_POINT_KEYS)
+        return PathPoint(body, _placed(element, frame))
+    if element.tag == "ConditionalPathPoint":
+        element.only((*_POINT_KEYS, *_CONDITIONAL))
+        low, high = element.need("range").numbers(2)
+        name = _name_of_coordinate(element.need("coordinate", "socket_coordinate"))
+        return PathPoint(body, _placed(element, frame), only_in=(name, float(low), float(high)))
+    if element.tag == "MovingPathPoint":
+        element.only((*_POINT_KEYS, *_MOVING))
+        if not np.array_equal(frame, np.eye(4)):
+            raise element.error("points that move on an offset frame are not understood", "give its body")
+        functions: list[CoordinateFunction | None] = []
+        names: list[str | None] = []
+        for axis in "xyz":
+            functions.append(function_in(element.need(f"{axis}_location")))
+            named = element.find(f"{axis}_coordinate", f"socket_{axis}_coordinate")
+            names.append(None if named is None else _name_of_coordinate(named) or None)
+        return PathPoint(body, np.zeros(3), functions, names)
+    raise element.error(
+        "this kind of path point is not understood",
+        "understood: PathPoint, ConditionalPathPoint, MovingPathPoint",
+    )
+
+
+def _placed(element: Element, frame: Floats) -> Floats:
+    place: Floats = frame[:3, :3] @ element.need("location").numbers(3) + frame[:3, 3]
+    return place
+
+
+def _name_of_coordinate(element: Element) -> str:
+    return element.text.strip().rpartition("/")[2]
+
+
+def _function_path(element: Element) -> FunctionPath:
+    names = [path.rpartition("/")[2] for path in element.words("coordinate_paths")]
+    bare = [child for child in element.children if child.name == "length_function"]
+    candidates = element.within("length_function") or bare
+    if len(candidates) != 1 or candidates[0].tag != "MultivariatePolynomialFunction":
+        raise element.error(
+            "its length function is not understood", "understood: MultivariatePolynomialFunction"
+        )
+    function = candidates[0]
+    function.only(("coefficients", "dimension", "order"))
+    dimension, order = function.number("dimension", 0.0), function.number("order", 0.0)
+    if dimension != len(names) or order != int(order) or not 0 <= order <= 20:
+        raise function.error(f"has dimension {dimension:g} and order {order:g} for {len(names)} coordinates")
+    coefficients = function.need("coefficients").numbers()
+    expected = len(powers(len(names), int(order)))
+    if len(coefficients) != expected:
+        raise function.error(f"has {len(coefficients)} coefficients, but needs {expected}")
+    return FunctionPath(tuple(names), int(order), coefficients)

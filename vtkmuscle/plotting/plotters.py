@@ -1,10 +1,10 @@
-"""A scene on a plotter that is moved from pose to pose without being made anew."""
+"""Bones, muscles and fibres on a PyVista plotter: as they are, moved from pose to pose, or at a time."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
@@ -19,9 +19,91 @@ from vtkmuscle.data.arrays import (
     polylines_of,
     triangles_of,
 )
+from vtkmuscle.filters.base.filter import Filter
+from vtkmuscle.plotting.actors import actors_of, strain_colours, surface_actor
 from vtkmuscle.plotting.colours import IVORY, PALETTE
-from vtkmuscle.plotting.surfaces import plain_plotter
+from vtkmuscle.plotting.studio import look_from, x_server_warning_off
 from vtkmuscle.plotting.views import View, axes_of, choose_view
+
+if TYPE_CHECKING:
+    import pyvista
+
+
+#: Pixels that PyVista's smoothing of edges renders for one of a picture, along each side.
+_FINER = 4
+
+
+def plain_plotter(size: tuple[int, int], off_screen: bool | None) -> pyvista.Plotter:
+    """Return a white plotter whatever the user's theme, in the user's backend for notebooks."""
+    import pyvista  # noqa: PLC0415 -- figures need none
+
+    theme, own = pyvista.themes.DocumentTheme(), pyvista.global_theme
+    if own.jupyter_backend != theme.jupyter_backend:  # PyVista checks a backend where it is set, not before
+        theme.jupyter_backend = own.jupyter_backend
+    theme.trame = own.trame
+    with x_server_warning_off():
+        plotter = pyvista.Plotter(off_screen=off_screen, window_size=list(size), theme=theme)
+    plotter.set_background("white")
+    plotter.enable_anti_aliasing("ssaa")
+    return plotter
+
+
+def make_plotter(
+    bones: vtkMultiBlockDataSet,
+    muscles: Sequence[vtkPolyData],
+    view: View,
+    *,
+    fibres: vtkPolyData | None = None,
+    strain: Floats | None = None,
+    strain_limit: float = 10.0,
+    fixed_points: bool = False,
+    show_muscles: bool = True,
+    off_screen: bool | None = True,
+) -> pyvista.Plotter:
+    """Return a plotter with ivory bones, translucent muscles and fibres as tubes before them.
+
+    Parameters
+    ----------
+    bones : vtkMultiBlockDataSet
+        Named blocks of triangles.
+    muscles : sequence of vtkPolyData
+        Closed surfaces, oriented outward.
+    view : View
+        See :func:`choose_view`.
+    fibres : vtkPolyData, optional
+        Polylines.
+    strain : (n_fibres,) array, optional
+        Change of length [%], shown in colour; plain fibres where it is not given.
+    strain_limit : float, optional
+        The strain that gets the full colour, in either direction [%].
+    fixed_points : bool, optional
+        Mark the muscles' fixed points (point array ``FixedTo``) by spheres in the colour of their bone.
+    show_muscles : bool, optional
+        False for fibres or fixed points alone.
+    off_screen : bool or None, optional
+        None for a window that :meth:`pyvista.Plotter.show` opens, unless PyVista is set to draw off-screen.
+
+    Returns
+    -------
+    pyvista.Plotter
+        To be shown, or captured by ``screenshot``; close it afterwards.
+    """
+    plotter = plain_plotter(view.size, off_screen)
+    actors = actors_of(
+        muscles,
+        view,
+        fibres=fibres,
+        colours=None if strain is None else strain_colours(strain, strain_limit),
+        fixed_points=fixed_points,
+        show_muscles=show_muscles,
+        finer=_FINER,
+    )
+    for actor in (*(surface_actor(bone) for _, bone in blocks_of(bones)), *actors):
+        plotter.add_actor(actor, reset_camera=False, render=False)
+    look_from(plotter.camera, view)
+    plotter.renderer.ResetCameraClippingRange()
+    return plotter
+
 
 #: Width and height of the picture in pixels.
 SIZE = (1024, 768)
@@ -179,3 +261,70 @@ def _tubes(lines: vtkPolyData) -> Any:
 
     mesh = pyvista.wrap(polylines_from(polylines_of(lines, "plotting: fibres")))
     return mesh.tube(radius=0.004 * mesh.length, n_sides=6).triangulate()
+
+
+def show_time(plotter: pyvista.Plotter, time: float) -> None:
+    """Bring all that a plotter shows to a pipeline time, and render it.
+
+    Data sets stay as they are; filters that were given to ``plotter.add_mesh``, and VTK's filters behind
+    them, are asked for their output at that time.
+
+    Parameters
+    ----------
+    plotter : pyvista.Plotter
+        With algorithms on it.
+    time : float
+        Pipeline time.
+
+    Raises
+    ------
+    Exception
+        Whatever a filter raised.
+    """
+    for renderer in plotter.renderers:
+        # Not renderer.actors: its keys are names made of the addresses of data sets that may be gone, so that
+        # of two actors with one name it has the last one alone.
+        for actor in renderer.GetViewProps():
+            mapper = actor.GetMapper() if hasattr(actor, "GetMapper") else None
+            if mapper is None or not mapper.GetNumberOfInputConnections(0):
+                continue
+            last = mapper.GetInputAlgorithm(0, 0)
+            # VTK's own update cannot raise; a filter's can.
+            for algorithm in _filters_behind(last):
+                algorithm.update(time=time)
+            last.UpdateTimeStep(float(time))
+    plotter.render()
+
+
+def add_time_slider(plotter: pyvista.Plotter, times: Sequence[float], **appearance: Any) -> Any:
+    """Add a slider that moves all filters on a plotter through time.
+
+    Parameters
+    ----------
+    plotter : pyvista.Plotter
+        With algorithms on it.
+    times : sequence of float
+        From the first to the last of them the slider goes; it may stop between two.
+    **appearance
+        Of :meth:`pyvista.Plotter.add_slider_widget`: ``title``, ``pointa``, ``pointb``, ``value`` and so on.
+
+    Returns
+    -------
+    vtkSliderWidget
+        The slider.
+    """
+    return plotter.add_slider_widget(
+        lambda time: show_time(plotter, time), (float(min(times)), float(max(times))), **appearance
+    )
+
+
+def _filters_behind(algorithm: Any) -> list[Filter]:
+    """Return the nearest of our filters upstream of an algorithm, or itself."""
+    if isinstance(algorithm, Filter):
+        return [algorithm]
+    return [
+        found
+        for port in range(algorithm.GetNumberOfInputPorts())
+        for index in range(algorithm.GetNumberOfInputConnections(port))
+        for found in _filters_behind(algorithm.GetInputAlgorithm(port, index))
+    ]

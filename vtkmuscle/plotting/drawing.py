@@ -1,7 +1,7 @@
 """Figures drawn by a process of its own, beside what the process that asks for them goes on with.
 
 Drawing takes seconds of Python, which threads that solve would wait for; and VTK may end the process that
-renders, where a driver is at fault.
+renders, where a driver is at fault. So a child process is asked first whether pictures can be rendered here.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -19,16 +20,145 @@ import traceback
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
 
+import vtkmuscle.plotting
 from vtkmuscle.data.arrays import blocks_of, multiblock_from
 from vtkmuscle.data.drawn_bones import DrawnBone, DrawnBones
 from vtkmuscle.isolation import isolated_python
-from vtkmuscle.plotting import preflight
-from vtkmuscle.plotting.order import FigureOrder
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from vtkmuscle.data.drawn_bones import DrawnBones
+    from vtkmuscle.plotting.studio import Studio
+
+
+PREFLIGHT_TIMEOUT = 120.0  # seconds; a first import from a cold disk is slow
+_LOG_PREFIX = re.compile(r"^.*\b(WARN|ERR)\|\s|\x1b\[[0-9;]*m")  # time, thread and level; colours
+#: Renders a tiny picture, and ends with status 3 where that comes to nothing.
+TEST_PICTURE = """
+import vtkmodules.vtkRenderingOpenGL2
+from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
+from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
+renderer, window, pixel = vtkRenderer(), vtkRenderWindow(), vtkUnsignedCharArray()
+renderer.SetBackground(1, 0, 0)
+window.SetOffScreenRendering(True)
+window.SetMultiSamples(0)
+window.SetSize(8, 8)
+window.AddRenderer(renderer)
+window.Render()
+window.GetPixelData(4, 4, 4, 4, 0, pixel, 0)
+if not pixel.GetNumberOfTuples() or pixel.GetTuple(0)[0] != 255:
+    raise SystemExit(3)
+window.Finalize()
+"""
+_PREFLIGHT = f"""
+sys.modules["numpy"] = None  # VTK would load it, which takes longer than all else here
+{TEST_PICTURE}"""
+
+
+@cache
+def can_render() -> str | None:
+    """Return None if pictures can be rendered off-screen here, or else the reason why not.
+
+    A tiny picture is rendered in a child process, once per process: without an OpenGL library VTK does
+    not raise an error but may end the process.
+
+    Returns
+    -------
+    str or None
+        The reason in words, for the user.
+
+    Examples
+    --------
+    >>> from vtkmuscle.plotting import can_render
+    >>> reason = can_render()
+    >>> print("no pictures: " + reason if reason else "pictures can be made")  # doctest: +SKIP
+    pictures can be made
+    """
+    try:
+        done = subprocess.run(
+            isolated_python(_PREFLIGHT),
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=PREFLIGHT_TIMEOUT,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return too_late()
+    return None if done.returncode == 0 else no_picture(done.returncode, done.stderr)
+
+
+def too_late() -> str:
+    """Return the reason why no picture can be rendered, where the test picture takes too long."""
+    return f"a test picture was not finished within {PREFLIGHT_TIMEOUT:.0f} s"
+
+
+def no_picture(status: int, said: str) -> str:
+    """Return the reason why no picture can be rendered.
+
+    Parameters
+    ----------
+    status : int
+        Of the process that rendered a test picture; negative where a signal ended it.
+    said : str
+        What it wrote to stderr.
+    """
+    what = "a test picture could not be rendered"
+    if status < 0:
+        what = f"the process that rendered a test picture crashed ({signal.Signals(-status).name})"
+    return f"{what}: no usable OpenGL (on Linux, the packages libegl1 and libgl1 provide it)" + last_words(
+        said
+    )
+
+
+def last_words(said: str) -> str:
+    """Return the last message that a process wrote to stderr, to be put behind a reason; "" without any."""
+    lines = [_LOG_PREFIX.sub("", line).strip() for line in said.splitlines()]
+    messages = [line for line in lines if line]
+    return f"; the last message was: {messages[-1]}" if messages else ""
+
+
+@dataclass(frozen=True, eq=False)
+class FigureOrder:
+    """A figure to be drawn; making one loads nothing that draws.
+
+    Attributes
+    ----------
+    name : str
+        Of the file, without its suffix.
+    plot : str
+        The function of :mod:`vtkmuscle.plotting` that makes it.
+    given : mapping of str to object
+        Its arguments, without the bones and the studio.
+    rendered : bool
+        Whether it takes these, too.
+    """
+
+    name: str
+    plot: str
+    given: Mapping[str, Any]
+    rendered: bool = False
+
+    def write(
+        self, folder: Path, bones: DrawnBones, studio: Studio, form: str = "png", dpi: float = 150.0
+    ) -> Path:
+        """Draw it, and return the file in a folder, which is made where it does not exist."""
+        from vtkmuscle.plotting.sheets import save_figure  # noqa: PLC0415 -- loads matplotlib
+
+        folder.mkdir(parents=True, exist_ok=True)
+        scene = {"bones": bones, "studio": studio} if self.rendered else {}
+        path = folder / f"{self.name}.{form}"
+        save_figure(getattr(vtkmuscle.plotting, self.plot)(**self.given, **scene), path, dpi)
+        return path
+
 
 #: Of numbers on the pipes between the processes.
 _PROTOCOL = 5
@@ -54,7 +184,7 @@ class DrawingProcess:
     def __init__(self, bones: vtkMultiBlockDataSet) -> None:
         # The package may be where no other code is loaded from: the folder that somebody works in.
         root = str(Path(__file__).parents[2])
-        code = f"{preflight.TEST_PICTURE}\nsys.path.append({root!r})\nfrom {__name__} import _work\n_work()"
+        code = f"{TEST_PICTURE}\nsys.path.append({root!r})\nfrom {__name__} import _work\n_work()"
         self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 -- closed by close()
         self._process = subprocess.Popen(
             isolated_python(code),
@@ -63,7 +193,7 @@ class DrawingProcess:
             stderr=self._stderr,
         )
         self._late = threading.Event()
-        self._watch = threading.Timer(preflight.PREFLIGHT_TIMEOUT, self._give_up)
+        self._watch = threading.Timer(PREFLIGHT_TIMEOUT, self._give_up)
         self._watch.daemon = True
         self._watch.start()
         self._ready = False
@@ -139,13 +269,13 @@ class DrawingProcess:
             self._process.kill()
             status = self._process.wait()
         if self._late.is_set():
-            return preflight.too_late()
+            return too_late()
         self._stderr.seek(0)
         said = self._stderr.read().decode("utf-8", "replace")
         if not self._ready:
-            return preflight.no_picture(status, said)
+            return no_picture(status, said)
         how = f"crashed ({signal.Signals(-status).name})" if status < 0 else f"ended with status {status}"
-        return f"the process that draws {how}{preflight.last_words(said)}"
+        return f"the process that draws {how}{last_words(said)}"
 
 
 class _Pickler(pickle.Pickler):

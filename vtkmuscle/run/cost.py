@@ -1,27 +1,70 @@
-"""What a run will take of the memory, so that one that cannot end is not begun."""
+"""What a run takes, in processor time and memory: one that would not end is not begun."""
 
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.filters.deformer.quality import PUBLISHED
 from vtkmuscle.filters.fibre_template_source import FibreTemplateSource
+from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.faults import SceneError
+
+#: Processor time that is announced, and that no run is given [h].
+LONG, MOST = 1.0, 1000.0
+#: Of a frame: by itself, for a fibre, and for a triangle (docs/validation/scale.rst) [s].
+_FRAME_TIME, _FIBRE_TIME, _TRIANGLE_TIME = 0.02, 1e-4, 2.5e-6
+#: Of a round, and of an iteration of Algorithm 2, for a triangle: on the phantom hip, 200 of them [s].
+_ROUND_TIME, _ITERATION_TIME = 6e-8, 1.5e-7
+
+
+def check_duration(scene: SceneData, numbers: range) -> None:
+    """Say that a run of these frames takes more than an hour; raise a SceneError for more than 1000.
+
+    Warns
+    -----
+    UserWarning
+        If it takes more than an hour of processor time.
+    """
+    hours = {name: seconds / 3600.0 for name, seconds in estimated_seconds(scene, numbers)}
+    total, longest = sum(hours.values()), max(hours, key=lambda name: hours[name])
+    problem = f"the run takes about {total:.2g} hours of processor time, {hours[longest]:.2g} of them for "
+    problem += repr(longest)
+    remedy = "keep fewer frames, give fewer iterations, or simplify its surface"
+    if total > MOST:
+        raise SceneError(problem, f"muscles.{longest}", remedy, scene.files.get(""))
+    if total > LONG:
+        warnings.warn(f"{problem}; if that is too long {remedy}", stacklevel=3)
+
+
+def estimated_seconds(scene: SceneData, numbers: range) -> Iterator[tuple[str, float]]:
+    """Give each muscle's name, and the processor time that a run of these frames takes for it [s]."""
+    for name, muscle in scene.muscles.items():
+        settings = PBDDeformer(**scene.solver_of(name)).parameters()
+        published = settings["quality"] == PUBLISHED
+        frames = numbers[-1] + 1 if published else len(numbers)  # a frame needs those before it
+        rounds = settings["iterations"] * (_ITERATION_TIME if published else _ROUND_TIME)
+        default = FibreTemplateSource.parameter_declarations["n_fibres"].default
+        fibres = 0 if muscle.fibres is None else muscle.fibres.get("n_fibres", default)
+        triangles = 0 if scene.model == "paths" else muscle.surface.GetNumberOfCells()
+        yield name, frames * (_FRAME_TIME + fibres * _FIBRE_TIME + triangles * (_TRIANGLE_TIME + rounds))
+
 
 #: Gigabytes that a run may take, in place of half of what the machine has.
 VARIABLE = "VTKMUSCLE_MOST_MEMORY"
 
 #: Of a triangle of a muscle, for the solver and the measures: 4.7 GB were measured with 768 000 [bytes].
-_TRIANGLE = 6000
+_TRIANGLE_BYTES = 6000
 #: Of a point of a fibre in a kept frame, and at rest with its weights [bytes].
-_FIBRE_POINT, _FIBRE_POINT_AT_REST = 150, 2500
+_FIBRE_POINT_BYTES, _FIBRE_POINT_AT_REST_BYTES = 150, 2500
 #: Of a fibre in a kept frame, its measures and its path of 33 points with what it does to two bones [bytes].
-_FIBRE = 400 + 33 * 24 + 2 * 48
+_FIBRE_BYTES = 400 + 33 * 24 + 2 * 48
 #: Of a point of a muscle in a kept frame [bytes].
-_POINT = 24
+_POINT_BYTES = 24
 
 
 def check_memory(scene: SceneData, numbers: range) -> None:
@@ -46,16 +89,16 @@ def estimated_memory(scene: SceneData, numbers: range) -> Iterator[tuple[str, fl
     """Give the key of each part of a scene, and what a run of these frames needs for it [bytes]."""
     for name, muscle in scene.muscles.items():
         surface = muscle.surface
-        yield f"muscles.{name}.surface", float(_TRIANGLE) * surface.GetNumberOfCells()
-        frames = float(_POINT) * surface.GetNumberOfPoints() * len(numbers)
+        yield f"muscles.{name}.surface", float(_TRIANGLE_BYTES) * surface.GetNumberOfCells()
+        frames = float(_POINT_BYTES) * surface.GetNumberOfPoints() * len(numbers)
         if muscle.fibres is not None:
             declared = FibreTemplateSource.parameter_declarations
             count, segments = (
                 float(muscle.fibres.get(word, declared[word].default)) for word in ("n_fibres", "resolution")
             )
             points = count * (segments + 1.0)
-            frames += len(numbers) * (points * _FIBRE_POINT + count * _FIBRE)
-            yield f"muscles.{name}.fibres", points * _FIBRE_POINT_AT_REST
+            frames += len(numbers) * (points * _FIBRE_POINT_BYTES + count * _FIBRE_BYTES)
+            yield f"muscles.{name}.fibres", points * _FIBRE_POINT_AT_REST_BYTES
         yield f"frames of muscles.{name}", frames
 
 
