@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from vtkmuscle import Scene, hinge
 from vtkmuscle.cli import app
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.fibres.architecture import TENDON_AREA, TENDON_AREAS
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import edge_lengths, unique_edges
 from vtkmuscle.core.moment_arms.length_jumps import even_stretches, largest_turns, length_jumps
@@ -25,9 +26,10 @@ from vtkmuscle.data.arrays import (
 )
 from vtkmuscle.filters import PBDDeformer
 from vtkmuscle.plotting import can_render
+from vtkmuscle.run.architecture import OPTIMAL_SARCOMERE
 from vtkmuscle.run.limits import BEYOND, CHECKS, FULL_SIZE, LONGEST, SHORTEST
 from vtkmuscle.run.measure import MuscleMeasure
-from vtkmuscle.run.report import DEFINITIONS
+from vtkmuscle.run.report import DEFINITIONS, FIBRE_TOLERANCE
 from vtkmuscle.run.verdict import FibreHistory, judge, reasons_of
 from vtkmuscle.scene.data import Anatomy
 
@@ -216,6 +218,14 @@ def test_the_limits_are_those_of_the_documentation(request):
         ), name
     assert (SHORTEST, LONGEST, BEYOND) == (0.5, 1.6, 1.5)
     assert "verdict" in DEFINITIONS
+
+
+def test_definitions_name_the_constants_that_are_used():
+    assert f"within {FIBRE_TOLERANCE:g} mm" in DEFINITIONS["points_inside"]
+    assert f"thinner than {100 * TENDON_AREA:.0f} %" in DEFINITIONS["tendon_from"]
+    high, low = (f"{100 * share:.0f} %" for share in TENDON_AREAS)
+    assert f"{low} and {high} of the thickest" in DEFINITIONS["fascicle_length_range_mm"]
+    assert f"{OPTIMAL_SARCOMERE} um" in DEFINITIONS["fascicle_length_normalised_mm"]
 
 
 # ------------------------------------------------------------------------------- jumps

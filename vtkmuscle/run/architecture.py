@@ -47,30 +47,6 @@ ARCHITECTURE = {
     "SectionDensity": ("section_density_per_mm2", -2),
 }
 
-#: What the numbers mean; part of every report.
-DEFINITIONS = {
-    "architecture": "of the muscle at rest: volume; physiological cross-sectional area, volume / mean fibre "
-    "length, and its part along the line of action; the line of action, from the mean of the fibres' first "
-    "points to that of their last; length of the centroid path; over ten sections across that path mean, "
-    "standard deviation, least and largest of their area, of the number of fibres and of fibres per area",
-    "tendon_from": "what fascicles and their areas rest on. aponeuroses: fibres end on these, and are the "
-    "fascicles; scene: fibres are shorter by hill.tendon_slack_length; estimate: by where the muscle is "
-    f"thinner than {100 * TENDON_AREA:.0f} % of its thickest section",
-    "tendon_length_mm": "mean length of the fibres less that of their fascicles",
-    "fascicle_length_mm": "of the parts of the fibres without tendon: mean, standard deviation and range",
-    "fascicle_length_range_mm": "its mean where a place counts as tendon below "
-    f"{100 * TENDON_AREAS[1]:.0f} % and {100 * TENDON_AREAS[0]:.0f} % of the thickest section",
-    "fascicle_pennation_origin_deg": "angle of the fascicles, at the end towards the origin, to the "
-    "aponeurosis, or else to the curve through the muscle's middle; likewise "
-    "fascicle_pennation_insertion_deg",
-    "fascicle_length_normalised_mm": "where the scene gives hill.sarcomere_length: mean fascicle length "
-    f"times {OPTIMAL_SARCOMERE} um / that",
-    "tendon_volume_share": "part of the muscle's volume that is no thicker than tendon",
-    "volume_without_tendon_mm3": "of the part of the muscle that is thicker than tendon",
-    "pcsa_without_tendon_mm2": "its volume times the mean cosine of both pennations / mean fascicle length; "
-    "likewise pcsa_without_tendon_range_mm2",
-}
-
 
 def architecture_of(
     fibres: vtkPolyData,
@@ -82,7 +58,7 @@ def architecture_of(
 ) -> dict[str, Any]:
     """Return what is published of a muscle as a whole, at rest.
 
-    JSON-able, see :data:`DEFINITIONS`.
+    JSON-able, see :data:`vtkmuscle.run.report.DEFINITIONS`.
 
     Parameters
     ----------

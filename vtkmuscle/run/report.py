@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Sequence
+import tomllib
+from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -15,92 +17,16 @@ from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.data.arrays import checked_surface, field_array, points_of, polylines_of
 from vtkmuscle.data.muscle_geometry import muscle_geometry
 from vtkmuscle.io.fibre_table import fibre_columns, fibre_summary
-from vtkmuscle.run import architecture
+from vtkmuscle.run.architecture import SAMPLES
 from vtkmuscle.run.table import Table
 
 #: A fibre point counts as inside its muscle up to this far outside [mm].
 FIBRE_TOLERANCE = 0.5
 
-#: What is said of errors in a report.
-ERROR_DEFINITIONS = {
-    "errors": "of the mean length of the paths (length) and of the fibres (fibre_length), the paths' mean "
-    "moment arm by each coordinate, volume, "
-    "physiological cross-sectional area with and without tendon, and fascicle length: the value, mean over "
-    "the frames; parts, what each cause adds, and total, the root of the sum of their squares, each as the "
-    "root mean square over the frames. All are half widths of intervals of about 95 % confidence. Causes "
-    "that are not there are not known: errors_not_known says why",
-    "errors.solve": "of a volume, by how much it is not kept",
-    "errors.segments": "fibres of straight segments for curved ones; part of slices where these are known",
-    "errors.fibres": "number of fibres that a mean is taken of",
-    "errors.slopes": "what the lever of a path's pull and -dl/dq of its length differ by",
-    "errors.facets": "flat triangles for a round surface",
-    "errors.tendon": "what counts as tendon",
-    "errors.aponeuroses": "none are given, and fascicles between them are shorter than what is no tendon",
-    "errors.model": "difference between the muscle's fibres and the taut paths alone",
-    "errors.mesh": "difference to a mesh with edges half as long",
-    "errors.slices": "difference to a slice for every height and fibres of twice the segments",
-    "errors.landmarks": "spread over runs with the areas moved about",
-}
-
-#: What the numbers of a report mean; it is part of every report.
-DEFINITIONS = {
-    "estimated_attachments": "attachment areas that were made from where the muscle is near bones",
-    "attachment_sureness": "how sure the least sure of them is, 0 to 1; null where nothing was estimated",
-    "volume_ratio": "volume / volume at rest",
-    "edge_stretch_p95": "95th percentile, over the edges of the muscle, of length / length at rest",
-    "edge_stretch_max": "the largest of them",
-    "misshapen_area": "share of the surface, by its area at rest, that is stretched more than 2.4 times, or "
-    "squeezed to less than a third, in some direction",
-    "folded_edges": "edges whose two triangles lie on each other, within 30 degrees, and did not at rest",
-    "along_fibres_p5": "5th percentile of length / length at rest over the edges within 18 degrees of the "
-    "fibres at rest; likewise _p50 and _p95; where the direction of the fibres is known",
-    "across_fibres_p5": "the same for edges over 72 degrees from the fibres",
-    "dihedral_error_p95_deg": "95th percentile of how much the angles between neighbouring triangles have "
-    "changed, degrees",
-    "degenerate_edges": "edges whose angle was lost as a triangle beside them collapsed",
-    "colliding_points": "points that met a bone in the last step",
-    "penetration_max_mm": "how deep the deepest free point is inside the exact surface of a bone, whose "
-    "holes count as closed; null where no bone has an inside",
-    "penetration_p95_mm": "95th percentile of that depth over all free points, 0 outside the bones",
-    "penetrating_points": "number of free points inside a bone",
-    "penetration_new_max_mm": "by how much the depth of a free point has grown since rest, at most; "
-    "penetration_new_p95_mm: 95th percentile over all free points, 0 where it has not",
-    "fibres_outside_max_mm": "how far the farthest point of a fibre is out of the muscle",
-    "fibres_penetration_new_max_mm": "by how much the deepest point of a fibre is deeper in a bone than that "
-    "of the same fibre at rest, at most",
-    "rest": "how deep free points are in bones at rest: segmented muscles often begin so",
-    "verdict": "ok, look (use the results, but look at what the reasons name) or failed (do not use them): "
-    "the worst of its reasons. Each reason has the check, the worst frame and its time, the value there, the "
-    "limit that it is beyond, and what to do; not_checked says what could not be judged",
-    "fixed_error_max_mm": "largest distance of a fixed point from where its bone carries it",
-    "overlap_max_mm": "how deep the deepest point is inside another muscle that comes before it in the scene",
-    "overlap_p95_mm": "95th percentile of that depth over the points that are inside one",
-    "overlapping_points": "number of points inside another muscle that comes before it in the scene",
-    "ms": "wall-clock time of the deformation of the frame, milliseconds; muscles run side by side",
-    "ms_fibres": "the same of carrying its fibres along and measuring them",
-    "points_inside": f"points of fibres at rest inside the muscle or within {FIBRE_TOLERANCE:g} mm of it",
-    "twist_degrees": "how far sections are turned against each other along their contours, end to end",
-    "superficial_angle_degrees": "angle between the superficial fibres given and those of the template "
-    "on the surface, root mean square; superficial_angle_straight_degrees: the same without the twist",
-    "crossing_share": "part of neighbouring fibres that change sides near an end, at rest; hooked_share: "
-    "part of the fibres that turn by more than 90 degrees between two segments; turning_p95_deg: sum of the "
-    "turns along a fibre, 95th percentile; bare_share: part of the volume that is farther from any fibre "
-    "than neighbours are from each other in the belly",
-    "fibre_measures": "per frame mean, standard deviation (of the population), least and largest over the "
-    "fibres, of length, strain (length / length at rest - 1), pennation (angle to the surface), tortuosity "
-    "(length / distance of the ends), curvature (mean and largest along a fibre) and penetration (of a "
-    "fibre's deepest point into the exact surface of a bone; where a bone is closed)",
-    "moment_arms": "by each coordinate of the motion the levers of the paths' pulls about its axis, positive "
-    "where the muscle drives the coordinate up: mean, least and largest over paths and frames; "
-    "slope_difference_mm, root mean square of what they and -dl/dq of the paths' lengths, by differences "
-    "between frames, differ by; and the root mean square of what a quartic leaves of the lengths; positive: "
-    "the coordinate's positive direction; reason, refused: why there are none, by any or by some coordinates",
-    "seconds": "wall-clock time per stage; muscles run side by side",
-    **architecture.DEFINITIONS,
-    "taken_over": "muscles that an earlier run into the folder had finished, with the same inputs and "
-    "settings",
-    **ERROR_DEFINITIONS,
-}
+#: What the numbers of a report mean, by their keys; part of every report.
+DEFINITIONS: Mapping[str, str] = tomllib.loads(
+    (files("vtkmuscle.run") / "definitions.toml").read_text(encoding="utf-8")
+)
 
 #: Cell arrays of FibreMetrics, and what they are called in a report and in tables.
 FIBRE_MEASURES = {
@@ -146,7 +72,7 @@ def fibres_at_rest(fibres: vtkPolyData, muscle: vtkPolyData, millimetres: float)
     outside = np.maximum(solids_of(*checked_surface(muscle, "muscle")).distances(points), 0.0) * millimetres
     inside = int((outside <= FIBRE_TOLERANCE).sum())
     lines, geometry = polylines_of(fibres, "fibres"), muscle_geometry(muscle, "muscle")
-    found = arrangement(lines.points, lines.offsets, geometry.samples(architecture.SAMPLES))
+    found = arrangement(lines.points, lines.offsets, geometry.samples(SAMPLES))
     twist = {
         name: float(values[0])
         for array, name in TWIST_MEASURES.items()

@@ -121,7 +121,7 @@ def _solve(
         if run.store is not None:
             run.store.write_bones(run.stop.is_set)
         _wait_for(jobs, run.stop, draw)
-    _raise_first_failure(jobs, run.scene)
+    _raise_first_failure(jobs, run.scene.files.get(""))
     report["seconds"] = {"muscles": time.perf_counter() - began}
 
 
@@ -277,7 +277,7 @@ def _wait_for(
             look(sorted(keys[job] for job in done))
 
 
-def _raise_first_failure(jobs: dict[str, Future[None]], scene: SceneData) -> None:
+def _raise_first_failure(jobs: dict[str, Future[None]], file: Path | None) -> None:
     """Raise what went wrong first in the order of the scene, not what was merely stopped by it."""
     failures = {key: job.exception() for key, job in jobs.items()}
     for key, error in failures.items():
@@ -285,5 +285,5 @@ def _raise_first_failure(jobs: dict[str, Future[None]], scene: SceneData) -> Non
             continue
         if isinstance(error, ValueError | TypeError) and not isinstance(error, SceneError):
             problem, remedy = fault_of(error, placed=True)
-            raise SceneError(problem, key, remedy, scene.files.get("")) from error
+            raise SceneError(problem, key, remedy, file) from error
         raise error

@@ -6,7 +6,7 @@ The checks are listed in docs/reference/sense.rst.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,7 @@ def settings_findings(scene: SceneData, anatomy: Anatomy) -> Iterator[tuple[str,
             own, given = getattr(muscle, table), getattr(scene, f"{table}_of")(name)
             reasons = dict(_idle(kind, given))
             if table == "fixing":
-                reasons |= _idle_distance(scene, name)
+                reasons |= _idle_distance(given, muscle.attachments)
             for setting in own.keys() & reasons.keys():
                 yield _idle_finding(f"muscles.{name}.{table}.{setting}", reasons[setting])
             for setting in getattr(scene, table).keys() & (reasons.keys() | own.keys()):
@@ -65,14 +65,10 @@ def _idle(kind: type[Filter], given: Mapping[str, Any]) -> Iterator[tuple[str, s
         yield "dt", "without external_force a step of any time is the same"
 
 
-def _idle_distance(scene: SceneData, name: str) -> dict[str, str]:
-    given = scene.fixing_of(name)
+def _idle_distance(given: Mapping[str, Any], areas: Sequence[AttachmentArea]) -> dict[str, str]:
     method = given.get("method", FixedPointDetector.parameter_declarations["method"].default)
-    if "distance" not in given or method == "proximity":
-        return {}
-    if method == "attachment" and any(
-        not one.closed and one.role != VIA for one in scene.muscles[name].attachments
-    ):
+    curves = method == "attachment" and any(not one.closed and one.role != VIA for one in areas)
+    if "distance" not in given or method == "proximity" or curves:
         return {}
     return {"distance": "it is for the method 'proximity', and for areas that are open curves"}
 
@@ -142,11 +138,11 @@ def check_sense(scene: SceneData, anatomy: Anatomy | None = None) -> list[str]:
 
 def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
     """Give a finding for each thing that cannot be meant."""
-    strayed = list(_strays(scene, anatomy))
+    strayed = list(_strays(scene.units, anatomy))
     yield from strayed
     if any(finding[-1] for finding in strayed):
         return  # measures of the rest would mean nothing
-    yield from _sizes(scene, anatomy)
+    yield from _sizes(scene.units, anatomy)
     yield from _twice(anatomy)
     yield from _bones_without_inside(anatomy)
     for name, muscle in scene.muscles.items():
@@ -160,7 +156,7 @@ def findings(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
     yield from settings_findings(scene, anatomy)
 
 
-def _strays(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
+def _strays(units: str, anatomy: Anatomy) -> Iterator[Finding]:
     """Give surfaces with a point that is nowhere near the others, or that lie nowhere near the origin."""
     for key, surface in anatomy.surfaces.items():
         points = surface.points
@@ -177,13 +173,11 @@ def _strays(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
             )
             yield key, problem, "correct that point, or remove it", farthest > SURE_STRAY * typical
         if offset > LOST_PRECISION * farthest > 0.0:
-            problem = (
-                f"it lies {offset:.3g} {scene.units} from the origin, which leaves no digits for its shape"
-            )
+            problem = f"it lies {offset:.3g} {units} from the origin, which leaves no digits for its shape"
             yield key, problem, "move the scene to the origin", True
 
 
-def _sizes(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
+def _sizes(units: str, anatomy: Anatomy) -> Iterator[Finding]:
     longest = max(float(np.ptp(one.points, axis=0).max()) for one in anatomy.surfaces.values())
     volumes = {name: abs(signed_volume(*surface)) for name, surface in anatomy.muscles.items()}
     largest = max(volumes, key=lambda name: volumes[name])
@@ -192,9 +186,9 @@ def _sizes(scene: SceneData, anatomy: Anatomy) -> Iterator[Finding]:
         size = MILLIMETRES[unit]
         return SHORTEST <= longest * size <= LONGEST and volumes[largest] * size**3 <= LARGEST
 
-    if fits(scene.units):
+    if fits(units):
         return
-    size = scene.millimetres
+    size = MILLIMETRES[units]
     problem = f"the longest bone or muscle is {longest * size:.3g} mm long"
     if volumes[largest] * size**3 > LARGEST:
         problem += f" and {largest!r} has {volumes[largest] * size**3 / 1e6:.3g} litres"

@@ -35,7 +35,7 @@ def write_scene(scene: SceneData, folder: Path) -> Path:
                 write_polydata(folder / _aponeurosis_file(name, number, muscle), sheets.GetBlock(number))
         write_areas(folder, name, muscle.attachments)
     for bone in scene.motion.transforms:
-        write_motion_table(folder / _motion_file(scene, bone), scene.motion, bone)
+        write_motion_table(folder / _motion_file(scene.motion, bone), scene.motion, bone)
     path = folder / "scene.toml"
     write_text(path, to_toml(scene))
     return path
@@ -93,7 +93,7 @@ def tables_of(scene: SceneData) -> dict[str, Any]:
         "muscle_contact": None if scene.muscle_contact == "off" else scene.muscle_contact,
         "model": None if scene.model == "volume" else scene.model,
         "bones": {name: {"surface": f"bones/{name}.vtp"} for name in scene.bones},
-        "motion": _motion(scene),
+        "motion": _motion(scene.motion),
         "muscles": {name: _muscle(name, muscle) for name, muscle in scene.muscles.items()},
         "solver": scene.solver or None,
         "fixing": scene.fixing or None,
@@ -147,9 +147,8 @@ def _muscle(name: str, muscle: Muscle) -> dict[str, Any]:
     }
 
 
-def _motion(scene: SceneData) -> dict[str, Any]:
-    motion = scene.motion
-    files = {bone: _motion_file(scene, bone) for bone in motion.transforms}
+def _motion(motion: RigidMotion) -> dict[str, Any]:
+    files = {bone: _motion_file(motion, bone) for bone in motion.transforms}
     alone = next(iter(files)) if len(files) == 1 else None
     return {
         "bone": alone,
@@ -173,8 +172,8 @@ def _aponeurosis_file(name: str, number: int, muscle: Muscle) -> str:
     return f"aponeuroses/{name}_{muscle.aponeuroses[number].side}_{number}.vtp"
 
 
-def _motion_file(scene: SceneData, bone: str) -> str:
-    return "motion.csv" if len(scene.motion.transforms) == 1 else f"motions/{bone}.csv"
+def _motion_file(motion: RigidMotion, bone: str) -> str:
+    return "motion.csv" if len(motion.transforms) == 1 else f"motions/{bone}.csv"
 
 
 def _plain(value: Any) -> Any:

@@ -57,7 +57,7 @@ def claimed(folder: Path, scene: SceneData, *, overwrite: bool) -> Iterator[None
         raise FileNotFoundError(f"{folder} is a link to {os.readlink(folder)}, which does not exist")
     if folder.exists() and not folder.is_dir():
         raise NotADirectoryError(f"{folder} is a file; give another folder for the results")
-    _check_inputs(folder, scene)
+    _check_inputs(folder, scene.files, {*_folders(scene.muscles), *_files(scene.muscles)})
     folder.mkdir(parents=True, exist_ok=True)
     with locked(folder):
         report = ResultFolder(folder).report()
@@ -141,10 +141,9 @@ def _muscles_of(report: Mapping[str, Any] | None) -> Iterator[str]:
             yield checked_name(name)
 
 
-def _check_inputs(folder: Path, scene: SceneData) -> None:
-    """Raise a ValueError where a file that the scene is read from lies where results go."""
-    written = {*_folders(scene.muscles), *_files(scene.muscles)}
-    for key, file in scene.files.items():
+def _check_inputs(folder: Path, files: Mapping[str, Path], written: Collection[str]) -> None:
+    """Raise a ValueError where a file that the scene is read from lies where results are written."""
+    for key, file in files.items():
         for path in {file.resolve(), Path(os.path.abspath(file))}:
             for base in {folder.resolve(), Path(os.path.abspath(folder))}:
                 if base in path.parents and path.relative_to(base).parts[0] in written:
