@@ -230,8 +230,6 @@ solver = { iterations = 2 }
 [sensitivity]
 samples = 3
 landmarks = 0.5
-[compare]
-by = "setting"
 """
     people = {"anna": "a", "ben": "b", "cleo": "a"}
     file = write_tiny_study(tmp_path, more=more, subjects=people)
@@ -250,12 +248,6 @@ by = "setting"
         spreads = list(csv.DictReader(lines))
     assert {row["cause"] for row in spreads} == {"landmarks"}
     assert all(float(row["sd_length_mm"]) > 0.0 for row in spreads)
-    with (out / "comparison.csv").open(newline="") as lines:
-        compared = list(csv.DictReader(lines))
-    one = compared[0]
-    assert (one["first"], one["second"], one["n_first"]) == ("taut", "solid", "3")
-    difference = float(one["mean_second"]) - float(one["mean_first"])
-    assert float(one["difference"]) == pytest.approx(difference)
 
 
 def test_a_second_run_into_the_folder_and_another_study_are_refused(done, study_file, client):

@@ -24,14 +24,14 @@ _OUTLIERS, _DRAWN, _NAMED = 50, 200, 10
 
 
 def write_cohort(
-    study: Study, folder: Path, out: Path, measured: Mapping[Key, Curve], tables: Mapping[str, Table]
+    study: Study, folder: Path, out: Path, measured: Mapping[Key, Curve], spread: Table | None
 ) -> Path:
-    """Write ``cohort.html``, of the curves of its cases and the tables of statistics that there are."""
+    """Write ``cohort.html``, of the curves of its cases and, where it asks for it, their sensitivity."""
     muscles = [(case, outcome_of(case, folder)) for together in study.cases() for case in together]
     verdicts = Counter(_verdict(one) for case, one in muscles if not case.variation.name)
     counts = ", ".join(f"{verdicts[word]} {word}" for word in VERDICTS)
     found = without_samples(measured)
-    files = ", ".join(["cohort.csv", *(f"{name}.csv" for name in tables)])
+    files = "cohort.csv" if spread is None else "cohort.csv, sensitivity.csv"
     rows, flags, warned = shown_rows(outliers(found)), _flags(muscles), _warnings(muscles)
     unusual = f"More than {UNUSUAL} robust standard deviations from the subjects' median, at their worst"
     thin = (
@@ -46,7 +46,7 @@ def write_cohort(
             "Unusual curves", unusual if rows[1:] else "None.", rows[: _OUTLIERS + 1] if rows[1:] else ()
         ),
         Section("Distributions", thin, drawings=list(_bands(found))),
-        *(Section(name.capitalize(), rows=shown_rows(one)) for name, one in tables.items()),
+        *(() if spread is None else [Section("Sensitivity", rows=shown_rows(spread))]),
         Section("Every muscle", "In its first, middle and last frame.", pictures=list(_pictures(muscles))),
     ]
     lead = f"{len(study.subjects)} subjects. Muscles: {counts}. All numbers are in {files}."

@@ -10,13 +10,12 @@ from typing import Any
 from vtkmuscle.run.report import versions
 from vtkmuscle.studies.cluster import connected, dask
 from vtkmuscle.studies.cohort.page import write_cohort
-from vtkmuscle.studies.cohort.statistics import compared, spreads
+from vtkmuscle.studies.cohort.statistics import spreads
 from vtkmuscle.studies.cohort.subjects import Study
 from vtkmuscle.studies.cohort.table import curves, tables_of, write_csv
 from vtkmuscle.studies.study import PARTS, Progress, claimed, study
 
-_STATISTICS = ("comparison", "sensitivity")
-_RESULTS = ("cohort.csv", "cohort.html", *(f"{name}.csv" for name in _STATISTICS))
+_RESULTS = ("cohort.csv", "cohort.html", "sensitivity.csv")
 
 
 def run_study(
@@ -39,7 +38,7 @@ def run_study(
         What is run.
     out : path
         Folder: ``cohort.csv``, ``cohort.html``, ``study.json``, ``parts/`` with what is
-        finished, and ``comparison.csv``, ``sensitivity.csv`` where the study asks for them.
+        finished, and ``sensitivity.csv`` where the study asks for it.
     fresh : bool, optional
         Run cases again that are finished.
     progress : callable, optional
@@ -85,14 +84,10 @@ def run_study(
         say("writing tables and the page")
         write_csv(folder / "cohort.csv", tables_of(cohort, parts))
         measured = curves(tables_of(cohort, parts))
-        tables = {}
-        if cohort.table.compare is not None:
-            tables["comparison"] = compared(cohort, measured)
+        (folder / "sensitivity.csv").unlink(missing_ok=True)
+        spread = None
         if cohort.table.sensitivity is not None:
-            tables["sensitivity"] = spreads(measured)
-        for name in _STATISTICS:
-            (folder / f"{name}.csv").unlink(missing_ok=True)
-            if name in tables:
-                tables[name].to_csv(folder / f"{name}.csv")
-        write_cohort(cohort, parts, folder, measured, tables)
+            spread = spreads(measured)
+            spread.to_csv(folder / "sensitivity.csv")
+        write_cohort(cohort, parts, folder, measured, spread)
     return report

@@ -34,22 +34,6 @@ class Sensitivity(Table):
     segmentation: _Amount = _key(0.0, 1.0, "Standard deviation of smooth waves of all surfaces [mm].")
 
 
-class Compare(Table):
-    """Two groups, or two settings, that are compared."""
-
-    by: Text = _key(
-        ...,
-        "setting",
-        "'setting' for two of [settings.NAME], paired by subject, or a column of subjects with two values.",
-    )
-    pair: Text | None = _key(
-        None,
-        "person",
-        "A column of subjects that says which of the two groups belong together: both hips of a person. "
-        "Without it groups are compared as independent ones.",
-    )
-
-
 class StudyTable(Table):
     """A study for vtkmuscle: subjects by a table, a template scene, motions."""
 
@@ -82,7 +66,6 @@ class StudyTable(Table):
         {}, {}, "Tables [settings.NAME] of keys of a scene, laid over it: every subject is run with each."
     )
     sensitivity: Sensitivity | None = _key(None, {}, "Runs every subject again with inputs moved about.")
-    compare: Compare | None = _key(None, {}, "Compares two groups or settings.")
 
 
 if __name__ == "__main__":

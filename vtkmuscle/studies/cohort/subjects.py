@@ -101,8 +101,6 @@ def laid_over(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str
 
 #: The columns of a table of subjects that mean something to a study.
 ID, FOLDER = "id", "folder"
-#: What a study is compared by where it is not a column.
-BY_SETTING = "setting"
 #: The motion of a study that names none, as in the template.
 ONLY = "motion"
 #: More subjects than this are a slip.
@@ -148,9 +146,7 @@ class Study:
             Faults(SceneError(problem, key, remedy, file) for key, problem, remedy in found).raise_any()
             raise
         subjects = _subjects(file, file.parent / table.subjects)
-        study = cls(table.name or file.stem, file, subjects, table)
-        study._check()
-        return study
+        return cls(table.name or file.stem, file, subjects, table)
 
     @property
     def columns(self) -> dict[str, type]:
@@ -204,24 +200,6 @@ class Study:
             values["motion"] = filled(self.table.motions[motion], row, self.file, f"motions.{motion}")
         values = laid_over(values, filled(dict(changes), row, self.file, "settings"))
         return SceneText(str(template.absolute()), values)
-
-    def _check(self) -> None:
-        """Raise an error for keys that do not agree with each other or with the table of subjects."""
-        columns, compare = list(self.subjects[0]), self.table.compare
-        if compare is None or (compare.by == BY_SETTING and len(self.table.settings) == 2):
-            return
-        if compare.by == BY_SETTING:
-            problem = f"compares settings, of which there are {len(self.table.settings)}"
-            raise SceneError(problem, "compare.by", "add two tables [settings.NAME]", self.file)
-        for key, column in (("by", compare.by), ("pair", compare.pair)):
-            if column is not None and column not in columns:
-                problem = f"the table of subjects has no column {column!r}"
-                raise SceneError(problem, f"compare.{key}", suggestion(column, columns), self.file)
-        groups = sorted({row[compare.by] for row in self.subjects})
-        if len(groups) != 2:
-            shown = ", ".join(map(repr, groups[:5]))
-            problem = f"column {compare.by!r} has {len(groups)} different values ({shown}), not 2"
-            raise SceneError(problem, "compare.by", "name a column that has two", self.file)
 
 
 def _muscles(scene: SceneText, wanted: Sequence[str]) -> Sequence[str]:
