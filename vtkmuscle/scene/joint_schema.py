@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, WithJsonSchema, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, model_validator
 
 from vtkmuscle.core.words import shown
 from vtkmuscle.scene.schema_types import (
@@ -51,12 +51,7 @@ def _three_axes(value: Any) -> Any:
     return value
 
 
-def _or_names(schema: dict[str, Any]) -> None:
-    """Add a list of names to the JSON schema of a table."""
-    schema["anyOf"].insert(0, {"type": "array", "items": {"type": "string"}})
-
-
-Number = Annotated[float, PlainValidator(_number), WithJsonSchema({"type": "number"})]
+Number = Annotated[float, PlainValidator(_number)]
 Numbers = Annotated[list[float], FiniteNumbers()]
 Range = Annotated[list[float], FiniteNumbers(2, _ENDS), AfterValidator(_ascending)]
 Direction = Annotated[Triple, AfterValidator(direction)]
@@ -153,7 +148,6 @@ class JointTable(Table):
         examples=[["knee_angle"]],
         description="Names of its coordinates, one for each turn of a pin or a ball; or a table of them. "
         "Angles are in degrees, translations in the scene's unit.",
-        json_schema_extra=_or_names,
     )
     rotations: list[Axis] | None = Field(
         None,

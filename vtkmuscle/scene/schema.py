@@ -1,12 +1,7 @@
-"""The tables of a scene file, as pydantic models: what each key is, and the JSON schema for editors.
-
-``python -m vtkmuscle.scene.schema`` prints the JSON schema, which is ``docs/_static/scene.schema.json``.
-"""
+"""The tables of a scene file, as pydantic models: what each key is."""
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Callable
 from typing import Annotated, Any
 
@@ -91,23 +86,6 @@ def _list_or_estimate(value: Any, handler: Callable[[Any], Any]) -> Any:
     if not isinstance(value, list):
         raise fault(f"must be a list, not {shown(value)}", f'write [{_AREA}], or "{ESTIMATE}"')
     return handler(value)
-
-
-def _or_estimates(schema: Any) -> None:
-    names = {"type": "array", "items": {"type": "string"}, "minItems": 2, "maxItems": 2}
-    table = {"type": "object", "properties": {ESTIMATE: names}, "required": [ESTIMATE]}
-    areas = {key: schema.pop(key) for key in ("type", "items")}
-    schema["anyOf"] = [{"const": ESTIMATE}, {**table, "additionalProperties": False}, areas]
-
-
-def _or_text(schema: Any) -> None:
-    several = {key: schema.pop(key) for key in ("type", "items", "minItems")}
-    schema["anyOf"] = [{"type": "string", "minLength": 1}, several]
-
-
-def _or(**other: Any) -> Callable[[Any], None]:
-    """Return what adds a choice to the JSON schema of a key."""
-    return lambda schema: schema["anyOf"].insert(0, other)
 
 
 class Bone(Table):
@@ -197,7 +175,6 @@ class Motion(Table):
         "left out. Other columns, empty lines and lines that begin with # are passed over. "
         "Where several bones move: a table of such files, { femur = 'femur.csv', tibia = "
         "'tibia.csv' }, with the same times in each, and without the key bone.",
-        json_schema_extra=_or(type="string", minLength=1),
     )
     time: Text | None = Field(
         None,
@@ -210,7 +187,6 @@ class Motion(Table):
         examples=[[0.0, 0.0, 0.0]],
         description="The joint's centre in the rest pose, for poses between two rows; or a table of them by "
         "bone.",
-        json_schema_extra=_or(type="array", items={"type": "number"}, minItems=3, maxItems=3),
     )
     coordinates: Annotated[dict[str, Coordinate], BeforeValidator(_columns)] | None = Field(
         None,
@@ -220,7 +196,6 @@ class Motion(Table):
         "words. Columns that do not change are left out. Without this key the column of the "
         "time is one, unless it is called time, frame or the like, or counts the rows. With a file or a "
         "grid: which coordinates of the joints count; without it all that move a bone of the scene.",
-        json_schema_extra=_or(type="array", items={"type": "string"}),
     )
     hinge: Hinge | None = Field(None, description="A hinge, instead of all other keys.")
 
@@ -275,11 +250,8 @@ class Aponeuroses(Table):
         examples=["FILE.vtp"],
         description="Where fibres begin: a file or several, with landmarks of a ring on the muscle, in "
         "order; or with a surface of triangles within it (.vtp, .vtk, .stl, .obj, .ply).",
-        json_schema_extra=_or_text,
     )
-    distal: _Texts = Field(
-        min_length=1, examples=["FILE.vtp"], description="Where they end.", json_schema_extra=_or_text
-    )
+    distal: _Texts = Field(min_length=1, examples=["FILE.vtp"], description="Where they end.")
 
 
 class MuscleTable(Table):
@@ -293,7 +265,6 @@ class MuscleTable(Table):
         description="A list of areas; an origin and an insertion are needed for fibres. Or 'estimate', "
         "where there are no landmarks: areas where the muscle touches the bones; or { estimate = "
         "['hip_bone', 'shank'] }, likewise, with the bones of the origin and of the insertion.",
-        json_schema_extra=_or_estimates,
     )
     aponeuroses: Aponeuroses | None = Field(
         None,
@@ -385,25 +356,3 @@ class SceneTable(Table):
     fixing: Fixing = Field(
         default_factory=Fixing, description="Parameters of FixedPointDetector for all muscles."
     )
-
-
-def json_schema() -> dict[str, Any]:
-    """Return the JSON schema of a scene file, for completion and checks in editors."""
-    schema = SceneTable.model_json_schema()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_without_null(schema)}
-
-
-def _without_null(schema: Any) -> Any:
-    """Return a JSON schema without null, which TOML does not know."""
-    if isinstance(schema, list):
-        return [_without_null(one) for one in schema if one != {"type": "null"}]
-    if not isinstance(schema, dict):
-        return schema
-    plain = {name: _without_null(one) for name, one in schema.items() if (name, one) != ("default", None)}
-    if len(plain.get("anyOf", ())) == 1:
-        plain |= plain.pop("anyOf")[0]
-    return plain
-
-
-if __name__ == "__main__":
-    sys.stdout.write(json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n")

@@ -15,7 +15,6 @@ from pydantic import (
     Field,
     PlainValidator,
     StringConstraints,
-    WithJsonSchema,
     create_model,
 )
 from pydantic_core import CoreSchema, PydanticCustomError
@@ -26,8 +25,6 @@ from vtkmuscle.filters.base.parameters import Parameter
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
 from vtkmuscle.filters.pbd_deformer import PBDDeformer
 from vtkmuscle.pipelines import FIBRE_SETTINGS, TRANSPORT_SETTINGS
-
-_TYPES = {bool: "boolean", int: "integer", float: "number", str: "string", tuple: "array"}
 
 
 def fault(problem: str, remedy: str) -> PydanticCustomError:
@@ -58,37 +55,10 @@ def _checked(declaration: Parameter[Any], value: Any) -> Any:
     return value
 
 
-def _schema_of(declaration: Parameter[Any]) -> dict[str, Any]:
-    """Return the JSON schema of a parameter."""
-    if declaration.choices:
-        return {"enum": list(declaration.choices)}
-    schema: dict[str, Any] = {"type": _TYPES[declaration.kind]}
-    if declaration.kind is tuple:
-        return (
-            schema
-            | {"items": {"type": "number"}}
-            | _some(minItems=declaration.length, maxItems=declaration.length)
-        )
-    bounds = _some(
-        minimum=declaration.minimum, maximum=declaration.maximum, exclusiveMinimum=declaration.above
-    )
-    return schema | bounds | _some(default=declaration.default)
-
-
-def _some(**values: Any) -> dict[str, Any]:
-    return {name: value for name, value in values.items() if value is not None}
-
-
 def _settings(name: str, declarations: Mapping[str, Parameter[Any]], doc: str) -> type[Settings]:
     fields: dict[str, Any] = {}
     for word, declaration in declarations.items():
-        unit = declaration.units.replace("mm", "units")  # lengths in a scene are in its unit
-        doc_of = declaration.doc + (f" [{unit}]" if unit else "")
-        kind = Annotated[
-            Any,
-            PlainValidator(partial(_checked, declaration)),
-            WithJsonSchema(_schema_of(declaration) | {"description": doc_of}),
-        ]
+        kind = Annotated[Any, PlainValidator(partial(_checked, declaration))]
         fields[word] = (kind, Field(None))
     return create_model(name, __base__=Settings, __doc__=doc, **fields)
 
@@ -164,9 +134,6 @@ class OneOf:
     def __get_pydantic_core_schema__(self, *_: Any) -> CoreSchema:
         return no_info_plain_validator_function(self._check)
 
-    def __get_pydantic_json_schema__(self, *_: Any) -> dict[str, Any]:
-        return {"enum": self.words}
-
     def _check(self, value: Any) -> str:
         if not isinstance(value, str) or not value:
             raise fault(f"must be a text, not {shown(value)}", "")
@@ -186,10 +153,6 @@ class FiniteNumbers:
 
     def __get_pydantic_core_schema__(self, *_: Any) -> CoreSchema:
         return no_info_plain_validator_function(self.check)
-
-    def __get_pydantic_json_schema__(self, *_: Any) -> dict[str, Any]:
-        most = {} if self.count is None else {"maxItems": self.count}
-        return {"type": "array", "items": {"type": "number"}, "minItems": self.count or 1, **most}
 
     def check(self, value: Any) -> list[float]:
         """Return the numbers; raise a fault where there are others."""

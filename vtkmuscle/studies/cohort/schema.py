@@ -1,12 +1,7 @@
-"""The tables of a STUDY.toml, as pydantic models.
-
-``python -m vtkmuscle.studies.cohort.schema`` prints the JSON schema for editors.
-"""
+"""The tables of a STUDY.toml, as pydantic models."""
 
 from __future__ import annotations
 
-import json
-import sys
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -66,7 +61,3 @@ class StudyTable(Table):
         {}, {}, "Tables [settings.NAME] of keys of a scene, laid over it: every subject is run with each."
     )
     sensitivity: Sensitivity | None = _key(None, {}, "Runs every subject again with inputs moved about.")
-
-
-if __name__ == "__main__":
-    sys.stdout.write(json.dumps(StudyTable.model_json_schema(), indent=1, ensure_ascii=False) + "\n")
