@@ -163,7 +163,6 @@ def test_a_scheduler_that_is_not_there_is_said_within_ten_seconds(study_file, mo
 def test_the_page_stands_alone_and_shows_every_muscle_and_what_failed(done):
     _, out, _ = done
     page = (out / "cohort.html").read_text()
-    assert page.count("data:image/png;base64,") == 4
     assert page.count("<svg") == 2
     assert not re.search(r"""(src|href)=["']http""", page)
     assert "spindle.vtp" in page
@@ -222,7 +221,6 @@ def test_settings_samples_and_groups_are_rows_of_their_own(tmp_path, client):
     more = """
 muscles = ["spindle"]
 groups = 2
-pictures = false
 [settings.taut]
 model = "paths"
 [settings.solid]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,7 +79,7 @@ def curves_of(result: Result, muscle: str) -> list[Curve]:
             words = "length, bone to bone" if what == "length" else "fibre length"
             x = np.asarray(result.times[: len(rows)], dtype=np.float64)
             found.append(_curve(words, side_apart_label(result.time_label), "mm", x, rows, known.get(what)))
-    arms = result.moment_arms() if _has_arms(result) else {}
+    arms = result.moment_arms() if result.has_moment_arms else {}
     for name, one in arms[muscle].items() if muscle in arms else ():
         label, unit = side_apart(name).replace("_", " "), "mm" if one.unit in ANGLES else "1"
         error = known.get(f"moment_arm_{name}")
@@ -142,11 +141,6 @@ def side_apart_label(label: str) -> str:
 def mean_square_root(values: Floats | None) -> float | None:
     """Return the root of the mean of the squares; None where nothing is known."""
     return None if values is None else math.sqrt(float(np.mean(np.square(values))))
-
-
-def _has_arms(result: Result) -> bool:
-    muscles: Mapping[str, Mapping[str, object]] = result.report["muscles"]
-    return any(one.get("moment_arms") for one in muscles.values())
 
 
 def _curve(quantity: str, over: str, unit: str, x: Floats, rows: Floats, error: Estimate | None) -> Curve:

@@ -10,8 +10,8 @@ import numpy as np
 from markupsafe import Markup
 
 from vtkmuscle.comparison.curves import Curve, difference
-from vtkmuscle.io.literature import LiteratureCurve, drawn, side_apart
-from vtkmuscle.report.curves import colour_of, label_of, rounded
+from vtkmuscle.io.literature import LiteratureCurve, side_apart
+from vtkmuscle.report.curves import colour_of, label_of, published_curves, rounded
 from vtkmuscle.report.page import part, plotly_text
 from vtkmuscle.report.sections import rendered
 from vtkmuscle.report.tables import Cell, Sheet, number
@@ -81,18 +81,7 @@ def _chart(
             for name, one in list(runs.items())[1:]
             if (apart := difference(one, first)) is not None
         ],
-        "literature": [
-            {
-                "label": one.label,
-                "x": rounded(one.angles),
-                **(
-                    {"y": rounded(one.arms)}
-                    if one.upper is None
-                    else {"low": rounded(one.arms), "high": rounded(one.upper)}
-                ),
-            }
-            for one in drawn(published)
-        ],
+        "literature": published_curves(published),
     }
 
 

@@ -211,11 +211,11 @@ def _arms(found: JointArms, error: Estimate | None, published: Sequence[Literatu
         "high": rounded(found.arms.max(axis=1)[order]),
         "error": None if error is None else rounded(error.total[order]),
         "quartic": quartic,
-        "literature": [] if unit is None else _published(published, math.pi / 180.0 / unit),
+        "literature": [] if unit is None else published_curves(published, math.pi / 180.0 / unit),
     }
 
 
-def _published(curves: Sequence[LiteratureCurve], per_degree: float) -> list[dict[str, Any]]:
+def published_curves(curves: Sequence[LiteratureCurve], per_degree: float = 1.0) -> list[dict[str, Any]]:
     """Return published curves: bands where a source has two sides, else lines or single values."""
     colours: dict[str, str] = {}
     found = []

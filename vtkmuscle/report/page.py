@@ -89,7 +89,7 @@ def _template() -> jinja2.Template:
 
 def _page_of(result: RunResult, limits: Mapping[str, Limit], plotly: Future[str]) -> str:
     report = result.report
-    arms = _arms(result)
+    arms = result.moment_arms() if result.has_moment_arms else {}
     pack = Pack()
     scene = scene_of(result, pack)
     curves = curves_of(result, arms, limits, pack)
@@ -134,12 +134,6 @@ def _page_of(result: RunResult, limits: Mapping[str, Limit], plotly: Future[str]
         arrays=Markup(pack.text()),
         plotly=Markup(plotly.result()),
     )
-
-
-def _arms(result: RunResult) -> Mapping[str, Mapping[str, JointArms]]:
-    """Return the moment arms of a result that its report says it has."""
-    found = any(muscle.get("moment_arms") for muscle in result.report["muscles"].values())
-    return result.moment_arms() if found else {}
 
 
 def part(name: str) -> Markup:

@@ -38,8 +38,6 @@ class Section:
         Whether its cells are words rather than numbers.
     drawings : sequence of (str, str)
         Titles and SVG.
-    pictures : sequence of (str, str, str)
-        Words, a verdict or "", and a PNG in base 64.
     """
 
     title: str
@@ -47,7 +45,6 @@ class Section:
     rows: Sequence[Sequence[str | Cell]] = ()
     words: bool = False
     drawings: Sequence[tuple[str, str]] = ()
-    pictures: Sequence[tuple[str, str, str]] = ()
 
     @property
     def sheet(self) -> Sheet:

@@ -37,6 +37,10 @@ class RunResult(Protocol):
         """Per muscle those of its fibres [mm]."""
 
     @property
+    def has_moment_arms(self) -> bool:
+        """Whether there are any."""
+
+    @property
     def errors(self) -> Mapping[str, Mapping[str, Estimate]]:
         """Per muscle the quantities whose errors are known."""
 

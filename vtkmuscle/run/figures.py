@@ -215,7 +215,7 @@ def figures_of_muscle(result: Result, name: str) -> list[FigureOrder]:
 
 def _moment_arms(result: Result) -> list[FigureOrder]:
     """Return the figures that need all muscles: moment arms of each."""
-    if not any(one.get("moment_arms") for one in result.report["muscles"].values()):
+    if not result.has_moment_arms:
         return []
     figures = []
     for name, arms in result.moment_arms().items():

@@ -126,6 +126,11 @@ class KeptFrames(WithHints):
         return _read_only({name: track.fibre_lengths for name, track in self._tracks.items()})
 
     @property
+    def has_moment_arms(self) -> bool:
+        """Whether the run has found moment arms of any muscle."""
+        return any(one.get("moment_arms") for one in self.report["muscles"].values())
+
+    @property
     def errors(self) -> dict[str, Mapping[str, Estimate]]:
         """Per muscle the quantities with their errors, see :mod:`vtkmuscle.accuracy.estimates`.
 

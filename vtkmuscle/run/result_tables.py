@@ -130,7 +130,7 @@ class ResultTables(KeptFrames):
             The .csv files, of those tables that there are.
         """
         tables = {"lengths": self.length_table(), "fibre_lengths": self.fibre_length_table()}
-        if any(one.get("moment_arms") for one in self.report["muscles"].values()):
+        if self.has_moment_arms:
             tables |= {
                 "moment_arms": (arms := self.moment_arms()).table(),
                 "moment_arms_summary": arms.summary(),

@@ -223,7 +223,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
                     "moment_arm_mm": one.arms.T,
                     "slope_mm": one.slopes.T,
                     "quartic_mm": np.nan if one.quartic is None else one.quartic.T,
-                    "moment_arm_err_mm": _total(self._errors, muscle, f"each_moment_arm_{name}", one.arms).T,
+                    "moment_arm_err_mm": self._total(muscle, f"each_moment_arm_{name}", one.arms).T,
                 }
                 for muscle, name, one in self._each()
             ),
@@ -244,7 +244,7 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
                     "min_mm": one.arms.min(axis=1),
                     "max_mm": one.arms.max(axis=1),
                     "quartic_mean_mm": np.nan if one.quartic is None else one.quartic.mean(axis=1),
-                    "mean_err_mm": _total(self._errors, muscle, f"moment_arm_{name}", one.mean),
+                    "mean_err_mm": self._total(muscle, f"moment_arm_{name}", one.mean),
                 }
                 for muscle, name, one in self._each()
             ),
@@ -267,6 +267,9 @@ class MomentArmTable(Mapping[str, Mapping[str, JointArms]]):
             }
             for name, found in self._arms.get(muscle, {}).items()
         }
+
+    def _total(self, muscle: str, quantity: str, like: Floats) -> Floats:
+        return total_of(self._errors.get(muscle, {}).get(quantity), like)
 
     def _each(self) -> Iterator[tuple[str, str, JointArms]]:
         return ((muscle, name, one) for muscle, found in self._arms.items() for name, one in found.items())
@@ -301,18 +304,18 @@ def length_table(
                 "frame": frames[: len(one)],
                 "time": times[: len(one)],
                 "length_mm": one.T,
-                "length_err_mm": _total(errors, name, quantity, one).T,
+                "length_err_mm": total_of(errors.get(name, {}).get(quantity), one).T,
             }
             for name, one in lengths.items()
         ),
     )
 
 
-def _total(errors: Errors, muscle: str, quantity: str, like: Floats) -> Floats:
+def total_of(known: Estimate | None, like: Floats) -> Floats:
     """Return the errors of a quantity, NaN where they are not known, or those of other frames."""
-    known = errors.get(muscle, {}).get(quantity)
-    unknown = known is None or known.total.shape != like.shape
-    return np.full(like.shape, np.nan) if known is None or unknown else known.total
+    if known is None or known.total.shape != like.shape:
+        return np.full(like.shape, np.nan)
+    return np.asarray(known.total)
 
 
 def _root_mean_square(values: Floats) -> float | None:

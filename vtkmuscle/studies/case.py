@@ -28,14 +28,12 @@ from vtkmuscle.io.parts import Part, Parts
 from vtkmuscle.run import RunOptions, frame_numbers, run_scene
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.store.keys import code_digest, digest_of, muscle_keys
+from vtkmuscle.run.table import total_of
 from vtkmuscle.scene.data import MILLIMETRES, SceneData
 from vtkmuscle.scene.reading import read_fields
 from vtkmuscle.scene.sense import check_sense
 from vtkmuscle.scenes import Scene
 from vtkmuscle.studies.variation import AS_IT_IS, Variation
-
-#: The array that is kept where it is asked for.
-PICTURE = "picture"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,15 +48,14 @@ class Outcome:
         ``coordinates`` (name, unit, positive direction), ``volume_mm3``, ``seconds``.
     arrays : dict of str to array
         ``lengths``, ``length_errors``, ``fibre_lengths`` (f, k) and ``rest`` (1, k) of the groups of fibres
-        [mm], none of a muscle without; of the i-th coordinate ``armsI`` and so on; ``picture``, where it was
-        asked for.
+        [mm], none of a muscle without; of the i-th coordinate ``armsI`` and so on.
     """
 
     facts: Mapping[str, Any]
     arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, result: Result, name: str, groups: int | None, *, picture: bool) -> Self:
+    def of(cls, result: Result, name: str, groups: int | None) -> Self:
         """Return that of a muscle of a run; parameters as of :class:`~vtkmuscle.studies.case.Case`."""
         report, count = result.report["muscles"][name], result.finished(name)
         facts: dict[str, Any] = {
@@ -83,17 +80,13 @@ class Outcome:
             rest = polyline_lengths(rested.points, rested.offsets) * MILLIMETRES[result.units]
             measured = {"rest": rest[None], "fibre_lengths": fibres}
             if paths is not None:
-                measured |= {"lengths": paths, "length_errors": _total(errors.get("each_length"), paths)}
+                measured |= {"lengths": paths, "length_errors": total_of(errors.get("each_length"), paths)}
             for number, one in enumerate(_arms(result, name)):
                 facts["coordinates"].append([one.coordinate, one.unit, one.positive])
-                off = _total(errors.get(f"each_moment_arm_{one.coordinate}"), one.arms)
+                off = total_of(errors.get(f"each_moment_arm_{one.coordinate}"), one.arms)
                 measured |= {f"arms{number}": one.arms, f"slopes{number}": one.slopes, f"errors{number}": off}
                 arrays |= {f"frames{number}": np.asarray(one.frames, np.int64), f"values{number}": one.values}
             arrays |= {key: _grouped(values, labels) for key, values in measured.items()}
-        if picture:
-            from vtkmuscle.studies.pictures import strip  # noqa: PLC0415 -- matplotlib is slow to import
-
-            arrays[PICTURE] = np.frombuffer(strip(result.plain(), name), dtype=np.uint8)
         return cls(facts, arrays)
 
     @classmethod
@@ -133,11 +126,6 @@ def _arms(result: Result, name: str) -> list[JointArms]:
         return list(result.moment_arms().get(name, {}).values())
     except InputError:  # why is in no number
         return []
-
-
-def _total(estimate: Any, like: Floats) -> Floats:
-    known = estimate is not None and estimate.total.shape == like.shape
-    return np.asarray(estimate.total) if known else np.full(like.shape, np.nan)
 
 
 def _grouped(values: Floats, labels: Ints) -> Floats:
@@ -181,8 +169,6 @@ class Case:
         Which frames are kept; None for all.
     groups : int or None
         Groups of fibres that lengthen alike, of which means are kept; None for each fibre.
-    picture : bool
-        Whether it is drawn.
     problem : str
         Why it cannot be done at all, where that is known; "" else.
     """
@@ -193,7 +179,6 @@ class Case:
     variation: Variation = AS_IT_IS
     frames: str | range | None = None
     groups: int | None = None
-    picture: bool = False
     problem: str = ""
 
     @property
@@ -271,7 +256,7 @@ def _part(
         raise InputError("", case.problem)
     scene, remarks = _scene_of(case, run)
     muscle = scene.muscles[case.muscle]
-    kept = case.groups, case.picture, muscle.crosses  # of which muscles' keys know nothing
+    kept = case.groups, muscle.crosses  # of which muscles' keys know nothing
     numbers = frame_numbers(case.frames, len(scene.motion.times))
     key = digest_of([muscle_keys(scene, numbers)[case.muscle], repr(kept)])
     found = store.read(case.name, key)
@@ -297,7 +282,7 @@ def _solved(case: Case, scene: SceneData, numbers: range, stop: threading.Event)
         frames=numbers, workers=1, sense=False, progress=unless_stopped, clock=time.process_time
     )
     result = run_scene(alone, None, options, errors=StatedErrors(alone))
-    return Outcome.of(result, case.muscle, case.groups, picture=case.picture)
+    return Outcome.of(result, case.muscle, case.groups)
 
 
 def _scene_of(case: Case, run: str) -> tuple[SceneData, Collection[str]]:

@@ -1,8 +1,7 @@
-"""The page of a cohort: subjects, what to look at, what is unusual, distributions, every muscle."""
+"""The page of a cohort: subjects, what to look at, what is unusual, distributions."""
 
 from __future__ import annotations
 
-import base64
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ from matplotlib.figure import Figure
 from vtkmuscle.report.sections import Section, shown_rows, svg_of, write_page
 from vtkmuscle.run.table import Table
 from vtkmuscle.run.verdict import FAILED, VERDICTS
-from vtkmuscle.studies.case import PICTURE, Case, Outcome
+from vtkmuscle.studies.case import Case, Outcome
 from vtkmuscle.studies.cohort.statistics import UNUSUAL, Curve, Key, outliers
 from vtkmuscle.studies.cohort.subjects import FOLDER, ID, Study
 from vtkmuscle.studies.cohort.table import without_samples
@@ -47,7 +46,6 @@ def write_cohort(
         ),
         Section("Distributions", thin, drawings=list(_bands(found))),
         *(() if spread is None else [Section("Sensitivity", rows=shown_rows(spread))]),
-        Section("Every muscle", "In its first, middle and last frame.", pictures=list(_pictures(muscles))),
     ]
     lead = f"{len(study.subjects)} subjects. Muscles: {counts}. All numbers are in {files}."
     return write_page(out / "cohort.html", study.name, "cohort", lead, sections)
@@ -91,13 +89,6 @@ def _warnings(muscles: Sequence[tuple[Case, Outcome]]) -> list[Sequence[str]]:
     counts = Counter(remark for _, one in muscles for remark in one.facts.get("remarks", ()))
     rows = [(words, str(count)) for words, count in counts.most_common()]
     return [("warning", "times"), *rows] if rows else []
-
-
-def _pictures(muscles: Sequence[tuple[Case, Outcome]]) -> Iterator[tuple[str, str, str]]:
-    for case, one in muscles:
-        if PICTURE in one.arrays:
-            png = base64.b64encode(one.arrays[PICTURE].tobytes()).decode("ascii")
-            yield ", ".join(part for part in (*case.labels.values(), case.muscle) if part), _verdict(one), png
 
 
 def _bands(found: Mapping[Key, Curve]) -> Iterator[tuple[str, str]]:

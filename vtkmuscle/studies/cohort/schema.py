@@ -53,7 +53,6 @@ class StudyTable(Table):
     groups: Annotated[int, Field(ge=1, le=1000)] = _key(
         1, 3, "Groups of fibres that lengthen alike, a row each; 1 for their mean."
     )
-    pictures: bool = _key(True, False, "Draw every muscle at three poses for the report.")
     motions: dict[Name, dict[str, Any]] = _key(
         {}, {}, "Tables [motions.NAME], each a [motion] of a scene, in place of the template's."
     )

@@ -188,8 +188,8 @@ class Study:
         except (ValueError, OSError) as error:
             problem = str(error).splitlines()[0]
         labels = {"subject": row[ID], "motion": motion, "setting": setting, "sample": variation.name}
-        asked, picture = self.table, self.table.pictures and not variation.name
-        whole = Case(labels, "", scene, variation, asked.frames, asked.groups, picture, problem)
+        frames, groups = self.table.frames, self.table.groups
+        whole = Case(labels, "", scene, variation, frames, groups, problem)
         yield from (replace(whole, muscle=muscle) for muscle in muscles or ("",))
 
     def _scene(self, row: Mapping[str, str], motion: str, changes: Mapping[str, Any]) -> SceneText:
