@@ -99,7 +99,9 @@ class KeptFrames(WithHints):
         self.times: Sequence[float] = [float(motion.times[frame]) for frame in self.frames]
         self.muscle_names: Sequence[str] = list(tracks)
         self.verdicts: Mapping[str, str] = {
-            name: report["muscles"][name]["verdict"]["verdict"] for name in tracks
+            name: one["verdict"]["verdict"]
+            for name in tracks
+            if "verdict" in (one := report["muscles"][name])
         }
         self._known_arms: dict[tuple[str, ...], Any] = {}
         self._tracks = tracks

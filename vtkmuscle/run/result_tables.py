@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from copy import copy
 from os import PathLike
 from pathlib import Path
@@ -17,6 +17,7 @@ from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.literature import curves_for, read_literature
 from vtkmuscle.run.architecture import architecture_table
 from vtkmuscle.run.frames import KeptFrames
+from vtkmuscle.run.report import fibre_table
 from vtkmuscle.run.table import MomentArmTable, Table, length_table
 from vtkmuscle.scene.data import MILLIMETRES
 
@@ -116,6 +117,21 @@ class ResultTables(KeptFrames):
         """
         return architecture_table(self.report["muscles"])
 
+    def tables(self) -> dict[str, Table]:
+        """Return the tables that a run writes, by their names: lengths, moment arms and architecture."""
+        found = {"lengths": self.length_table(), "fibre_lengths": self.fibre_length_table()}
+        if self.has_moment_arms:
+            arms = self.moment_arms()
+            found |= {"moment_arms": arms.table(), "moment_arms_summary": arms.summary()}
+        return found | {"architecture": self.architecture()}
+
+    def fibre_tables(self) -> Iterator[tuple[str, Table]]:
+        """Give the measures of the fibres of each muscle that has some, a row per fibre and frame."""
+        for name, track in self._tracks.items():
+            if track.fibres:
+                times = self.times[: len(track.fibres)]
+                yield name, fibre_table(track.fibres, times, MILLIMETRES[self.units])
+
     def to_csv(self, folder: str | PathLike[str]) -> list[Path]:
         """Write the tables of the result: lengths, moment arms, architecture, and the checks by frame.
 
@@ -129,14 +145,8 @@ class ResultTables(KeptFrames):
         list of Path
             The .csv files, of those tables that there are.
         """
-        tables = {"lengths": self.length_table(), "fibre_lengths": self.fibre_length_table()}
-        if self.has_moment_arms:
-            tables |= {
-                "moment_arms": (arms := self.moment_arms()).table(),
-                "moment_arms_summary": arms.summary(),
-            }
-        tables |= {"architecture": self.architecture(), "frames": self.frame_table()}
         Path(folder).mkdir(parents=True, exist_ok=True)
+        tables = self.tables() | {"frames": self.frame_table()}
         return [table.to_csv(Path(folder) / f"{name}.csv") for name, table in tables.items()]
 
     def with_literature(self, path: str | PathLike[str]) -> Self:

@@ -11,8 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from vtkmuscle.core.errors import fault_of
 from vtkmuscle.core.files import check_name
 from vtkmuscle.core.mesh.shared import held
@@ -20,17 +18,15 @@ from vtkmuscle.core.processors import processors
 from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.filters.base.algorithm import AbortedError
 from vtkmuscle.io.parts import file_digest
-from vtkmuscle.run.architecture import architecture_table
 from vtkmuscle.run.cost import check_duration, check_memory
 from vtkmuscle.run.figures import Drawing
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
 from vtkmuscle.run.options import Errors, RunOptions, frame_numbers
-from vtkmuscle.run.report import DEFINITIONS, fibre_table, versions
+from vtkmuscle.run.report import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.store import PAGE
 from vtkmuscle.run.store.writing import ResultWriter, claimed, scene_file
-from vtkmuscle.run.table import MomentArmTable, length_table
 from vtkmuscle.scene.data import Anatomy, SceneData
 from vtkmuscle.scene.faults import SceneError
 from vtkmuscle.scene.sense import check_sense
@@ -81,13 +77,13 @@ def run_scene(
         tracks = {name: kept.get(name) or MuscleTrack() for name in scene.muscles}
         report = _first_report(run, tracks) | {"taken_over": list(kept), "sense": odd}
         result_of = partial(_result, run, report, DrawnBones(scene.bones_data()))
-        with _reported(run, tracks, report):
+        with _reported(store, report, partial(result_of, tracks)):
             _solve(run, tracks, list(kept), report, partial(_draw, drawing, tracks, result_of))
             result = result_of(tracks)
-            arms = _measure(result, tracks, report, errors)
+            _measure(result, tracks, report, errors)
             if store is not None:
-                _write_tables(run, store, tracks, report)
-                _write(store, result, arms, drawing, options, report)
+                store.write_tables(result)
+                _write(store, result, drawing, options, report)
             report["complete"] = True
             report["seconds"]["total"] = time.perf_counter() - began
             if store is not None:
@@ -125,9 +121,8 @@ def _solve(
     report["seconds"] = {"muscles": time.perf_counter() - began}
 
 
-def _measure(result: Result, tracks: Tracks, report: dict[str, Any], errors: Errors | None) -> MomentArmTable:
-    """Return the moment arms; report them, or why there are none, and the errors of all muscles."""
-    arms = MomentArmTable({})
+def _measure(result: Result, tracks: Tracks, report: dict[str, Any], errors: Errors | None) -> None:
+    """Report the moment arms, or why there are none, and the errors of all muscles."""
     if result.lengths and result.motion.coordinates:
         try:
             arms = result.moment_arms()
@@ -137,30 +132,24 @@ def _measure(result: Result, tracks: Tracks, report: dict[str, Any], errors: Err
             report["moment_arms"] = {"refused": arms.refused}
             for name in arms:
                 report["muscles"][name]["moment_arms"] = arms.report(name)
-    if errors is None:
-        return arms
-    before = time.perf_counter()
-    motion = result.motion.part(result.frames)
-    for name, track in tracks.items():
-        track.errors = errors.estimates(name, track, motion)
-    report["seconds"]["errors"] = time.perf_counter() - before
-    return MomentArmTable(arms, arms.refused, result.errors)
+    if errors is not None:
+        before = time.perf_counter()
+        motion = result.motion.part(result.frames)
+        for name, track in tracks.items():
+            track.errors = errors.estimates(name, track, motion)
+        report["seconds"]["errors"] = time.perf_counter() - before
 
 
 def _write(
     store: ResultWriter,
     result: Result,
-    arms: MomentArmTable,
     drawing: Drawing | None,
     options: RunOptions,
     report: dict[str, Any],
 ) -> None:
-    """Write tables, the page and the figures."""
+    """Write the page and the figures."""
     if drawing is not None:
         drawing.others(result)
-    if arms:
-        store.write_table("moment_arms.csv", arms.table())
-        store.write_table("moment_arms_summary.csv", arms.summary())
     if options.report:
         bones = None if drawing is None else drawing.bones()
         if bones is not None:
@@ -171,26 +160,6 @@ def _write(
     if drawing is not None:
         report["figures"] = drawing.finish()
         report["seconds"]["figures"] = drawing.seconds
-
-
-def _write_tables(run: SceneRun, store: ResultWriter, tracks: Tracks, report: Mapping[str, Any]) -> None:
-    """Write what is there of lengths, architecture and fibres, of all frames or some."""
-    times = [float(run.scene.motion.times[number]) for number in run.numbers]
-    errors = {name: track.errors for name, track in tracks.items()}
-    paths = {name: np.array(track.lengths) for name, track in tracks.items() if track.lengths}
-    fibres = {name: np.array(one.fibre_lengths) for name, one in tracks.items() if one.fibre_lengths}
-    for file, lengths, quantity in (
-        ("lengths.csv", paths, "each_length"),
-        ("fibre_lengths.csv", fibres, "each_fibre_length"),
-    ):
-        table = length_table(lengths, errors, quantity, run.numbers, times)
-        store.write_table(file, table, digits=None)
-    if any("architecture" in muscle for muscle in report["muscles"].values()):
-        store.write_table("architecture.csv", architecture_table(report["muscles"]))
-    for name, track in tracks.items():
-        if track.fibres:
-            table = fibre_table(track.fibres, times[: len(track.fibres)], run.scene.millimetres)
-            store.write_table(f"{name}_fibres.csv", table)
 
 
 def _draw(
@@ -239,17 +208,19 @@ def _first_report(run: SceneRun, tracks: Tracks) -> dict[str, Any]:
 
 
 @contextmanager
-def _reported(run: SceneRun, tracks: Tracks, report: dict[str, Any]) -> Iterator[None]:
+def _reported(
+    store: ResultWriter | None, report: dict[str, Any], result: Callable[[], Result]
+) -> Iterator[None]:
     """Where a run fails, or is stopped, write what there is of it, and say so in the report."""
     try:
         yield
     except BaseException as error:
         report["complete"] = False
         report["stopped_by"] = f"{type(error).__name__}: {error}".rstrip(": ")
-        if run.store is not None:
+        if store is not None:
             with suppress(OSError):  # the disk may be what failed; the first error says more
-                _write_tables(run, run.store, tracks, report)
-                run.store.write_report(report)
+                store.write_tables(result())
+                store.write_report(report)
         raise
 
 

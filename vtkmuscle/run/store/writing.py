@@ -25,9 +25,9 @@ from vtkmuscle.io.series import Collection as Pvd
 from vtkmuscle.io.series import Series
 from vtkmuscle.io.writing import check_no_links, left_behind, locked, write_polydata, write_text
 from vtkmuscle.run.frames import MuscleTrack
+from vtkmuscle.run.result_tables import ResultTables
 from vtkmuscle.run.store import FINISHED, PAGE, REPORT, SCENE, STAMPS, ResultFolder
 from vtkmuscle.run.store.keys import muscle_keys
-from vtkmuscle.run.table import Table
 from vtkmuscle.scene.data import SceneData
 from vtkmuscle.scene.schema_types import checked_name
 
@@ -264,9 +264,15 @@ class ResultWriter(ResultFolder):
                     write_polydata(parts[name], self._stamped(bone))
             collection.add(time, parts)
 
-    def write_table(self, name: str, table: Table, *, digits: int | None = _DIGITS) -> None:
-        """Write a table by the name of its file; without ``digits`` as many as keep every bit."""
-        table.to_csv(self.path / name, digits=digits)
+    def write_tables(self, result: ResultTables) -> None:
+        """Write the tables of what is there: lengths with all their digits, and the measures of fibres."""
+        tables = result.tables()
+        if not len(tables["architecture"]["muscle"]):
+            del tables["architecture"]
+        for name, table in tables.items():
+            table.to_csv(self.path / f"{name}.csv", digits=None if name.endswith("lengths") else _DIGITS)
+        for name, table in result.fibre_tables():
+            table.to_csv(self.path / f"{name}_fibres.csv", digits=_DIGITS)
 
     def write_report(self, report: Mapping[str, Any]) -> None:
         """Write report.json."""
