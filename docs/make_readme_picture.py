@@ -9,7 +9,7 @@ import pyvista as pv
 from PIL import Image
 
 from vtkmuscle import Scene, phantoms
-from vtkmuscle.plotting import choose_view, make_plotter
+from vtkmuscle.plotting import choose_view, make_plotter, strain_colours
 
 PATH = Path(__file__).parent / "images" / "hip.png"
 FRAMES = (0, 15, 30)
@@ -32,7 +32,7 @@ def main() -> None:
         lengths = [result.lengths[name] for name in result.muscle_names]
         strain = np.concatenate([100.0 * (table[i] / table[0] - 1.0) for table in lengths])
         plotter = make_plotter(
-            result.bones(frame=i), muscles[i], view, fibres=fibres, strain=strain, strain_limit=35.0
+            result.bones(frame=i), muscles[i], view, fibres=fibres, colours=strain_colours(strain, limit=35.0)
         )
         picture = Image.fromarray(plotter.screenshot(return_img=True))
         plotter.close()

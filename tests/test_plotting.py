@@ -35,6 +35,7 @@ from vtkmuscle.plotting import (
     plot_rest_pose,
 )
 from vtkmuscle.plotting.actors import actors_of, place_colours, strain_colours
+from vtkmuscle.plotting.drawing import MuscleFrame
 from vtkmuscle.plotting.figures import places_across, shown_range
 from vtkmuscle.run import figures as run_figures
 from vtkmuscle.run.figures import write_figures
@@ -194,6 +195,10 @@ def test_a_frame_encloses_all_points(azimuth, elevation, seed):
 # ---------------------------------------------------------------- pictures
 
 
+def coloured(*strain):
+    return strain_colours(np.array(strain), 10.0)
+
+
 def test_fixed_points_are_marked_in_the_colour_of_their_bone(renders):
     muscle, bones = spindle(), two_bones()
     view = choose_view([muscle], [bones])
@@ -209,8 +214,8 @@ def test_fixed_points_are_marked_in_the_colour_of_their_bone(renders):
 def test_a_fibre_that_shortens_is_blue_and_one_that_lengthens_is_not(renders):
     muscle, bones, fibres = spindle(), two_bones(), straight_fibres()
     view = choose_view([muscle], [bones])
-    shorter = picture(make_plotter(bones, [muscle], view, fibres=fibres, strain=np.array([-9.0, -9.0])))
-    longer = picture(make_plotter(bones, [muscle], view, fibres=fibres, strain=np.array([9.0, 9.0])))
+    shorter = picture(make_plotter(bones, [muscle], view, fibres=fibres, colours=coloured(-9.0, -9.0)))
+    longer = picture(make_plotter(bones, [muscle], view, fibres=fibres, colours=coloured(9.0, 9.0)))
     assert blue_pixels(shorter, by=20) > 2000
     assert blue_pixels(longer, by=20) == 0
 
@@ -268,7 +273,7 @@ def test_a_picture_in_more_detail_is_the_same_picture(renders):
 def test_the_same_frame_twice_gives_the_same_panel_twice(renders):
     with Studio() as studio:
         bones = DrawnBones(two_bones())
-        figure = plot_muscle([spindle()] * 2, bones, [{}] * 2, studio, fibres=[straight_fibres()] * 2)
+        figure = plot_muscle([MuscleFrame(spindle(), {}, straight_fibres())] * 2, bones, studio)
     one, other = (axes.images[0].get_array() for axes in figure.axes)
     np.testing.assert_array_equal(one, other)
     assert len(np.unique(one.reshape(-1, 3), axis=0)) > 100
@@ -314,11 +319,10 @@ def test_a_picture_of_a_studio_is_that_of_a_plotter(renders):
     """Two ways to light and to smooth edges, one scene."""
     muscle, bones, fibres = spindle(), two_bones(), straight_fibres()
     view = choose_view([muscle], [bones])
-    options, strain = {"fibres": fibres, "fixed_points": True}, np.array([-9.0, 9.0])
-    slowly = picture(make_plotter(bones, [muscle], view, **options, strain=strain))
+    options = {"fibres": fibres, "fixed_points": True, "colours": coloured(-9.0, 9.0)}
+    slowly = picture(make_plotter(bones, [muscle], view, **options))
     with Studio() as studio:
-        colours = strain_colours(strain, 10.0)
-        actors = actors_of([muscle], view, **options, colours=colours, finer=studio.finer)
+        actors = actors_of([muscle], view, **options, finer=studio.finer)
         quickly = studio.picture(actors, view, bones=DrawnBones(bones)).astype(int)
     assert quickly.shape == slowly.shape
     difference = np.abs(quickly - slowly).max(axis=2)
@@ -355,7 +359,7 @@ def test_data_sets_are_not_changed_by_drawing_them(renders):
     before = [data.GetMTime() for data in (muscle, fibres, bones.GetBlock(0), bones.GetBlock(1))]
     arrays = [muscle.GetPointData().GetNumberOfArrays(), fibres.GetCellData().GetNumberOfArrays()]
     view = choose_view([muscle], [bones])
-    picture(make_plotter(bones, [muscle], view, fibres=fibres, strain=np.zeros(2), fixed_points=True))
+    picture(make_plotter(bones, [muscle], view, fibres=fibres, colours=coloured(0.0, 0.0), fixed_points=True))
     assert [data.GetMTime() for data in (muscle, fibres, bones.GetBlock(0), bones.GetBlock(1))] == before
     assert [muscle.GetPointData().GetNumberOfArrays(), fibres.GetCellData().GetNumberOfArrays()] == arrays
 

@@ -10,6 +10,7 @@ from common import EQUAL, FINE, Case, Table, main, picture
 
 from vtkmuscle.core.collision.voxels import VoxelGrid, build_voxel_grid
 from vtkmuscle.data.arrays import checked_surface, multiblock_from
+from vtkmuscle.plotting import choose_view
 
 SETTINGS: dict[str, dict[str, int]] = {
     "64 per axis": {"n_equal": 64},
@@ -51,7 +52,8 @@ def tables(case: Case) -> list[Table]:
             )
             if case.draws:
                 voxels = faces(grid)
-                pixels = picture(multiblock_from({name: voxels}), [voxels], show_muscles=False)
+                shown = multiblock_from({name: voxels})
+                pixels = picture(shown, [], choose_view([voxels], [shown]))
                 row.append((f"{name}: {title}", pixels))
         rows.append(row)
     if case.draws:

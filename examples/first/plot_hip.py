@@ -9,7 +9,7 @@ points that are fixed to bones, makes fibres, deforms the muscle and measures.
 import numpy as np
 
 from vtkmuscle import RigidMotion, Scene, phantoms
-from vtkmuscle.plotting import choose_view, make_plotter
+from vtkmuscle.plotting import choose_view, make_plotter, strain_colours
 
 phantom = phantoms.hip()
 whole = Scene.from_phantom(phantom, n_fibres=60)
@@ -32,8 +32,7 @@ plotter = make_plotter(
     [muscle],
     choose_view([muscle], [bones]),
     fibres=result.fibres("gluteus_medius", time=60.0),
-    strain=100.0 * (lengths[-1] / lengths[0] - 1.0),
-    strain_limit=40.0,
+    colours=strain_colours(100.0 * (lengths[-1] / lengths[0] - 1.0), limit=40.0),
     off_screen=None,
 )
 plotter.show()

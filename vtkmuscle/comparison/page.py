@@ -6,15 +6,14 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
-import numpy as np
 from markupsafe import Markup
 
 from vtkmuscle.comparison.curves import Curve, difference
 from vtkmuscle.io.literature import LiteratureCurve, side_apart
 from vtkmuscle.report.curves import colour_of, label_of, published_curves, rounded
 from vtkmuscle.report.page import part, plotly_text
-from vtkmuscle.report.sections import rendered
-from vtkmuscle.report.tables import Cell, Sheet, number
+from vtkmuscle.report.sections import Section, rendered, shown_rows
+from vtkmuscle.report.tables import Sheet
 from vtkmuscle.run.table import Table
 
 
@@ -86,30 +85,5 @@ def _chart(
 
 
 def _sheet(muscle: str, table: Table) -> Sheet:
-    head = [
-        "quantity",
-        "run",
-        "verdict",
-        "mean \u00b1 error",
-        "difference",
-        "rms",
-        "largest",
-        "at",
-        "its error",
-    ]
-    rows = []
-    for i in range(len(table["run"])):
-        mean, error = table["mean"][i], table["mean_err"][i]
-        value = number(mean) + (f" \u00b1 {number(error, 2)}" if np.isfinite(error) else "")
-        verdict = str(table["verdict"][i])
-        words = [f"{table['quantity'][i]} [{table['unit'][i]}]", str(table["run"][i])]
-        keys = ("difference", "difference_rms", "difference_largest", "at", "difference_err")
-        rows.append(
-            [
-                *map(Cell, words),
-                Cell(verdict, verdict if verdict in ("look", "failed") else ""),
-                *map(Cell, (value, *(number(float(table[key][i])) for key in keys))),
-            ]
-        )
     note = "Means over all frames; differences to the first run, where both are, with their errors."
-    return Sheet(label_of(muscle), head, rows, note)
+    return Section(label_of(muscle), note, [row[1:] for row in shown_rows(table)]).sheet

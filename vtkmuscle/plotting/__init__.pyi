@@ -1,3 +1,4 @@
+from .actors import strain_colours as strain_colours
 from .drawing import can_render as can_render
 from .figures import (
     plot_lengths as plot_lengths,

@@ -46,7 +46,6 @@ def actors_of(
     fibres: vtkPolyData | None = None,
     colours: NDArray[np.uint8] | None = None,
     fixed_points: bool = False,
-    show_muscles: bool = True,
     finer: float = 1.0,
 ) -> list[vtkActor]:
     """Return muscles, fibres and fixed points, as of :func:`~vtkmuscle.plotting.make_plotter`.
@@ -61,8 +60,7 @@ def actors_of(
     for muscle in muscles:
         if fixed_points:
             actors += fixed_point_actors(muscle, finer * view.size[1] / 110.0)
-        if show_muscles:
-            actors.append(_muscle_actor(muscle, fibres is not None, 0.35 if fixed_points else 0.5))
+        actors.append(_muscle_actor(muscle, fibres is not None, 0.35 if fixed_points else 0.5))
     return actors
 
 
@@ -102,7 +100,15 @@ def fixed_point_actors(muscle: vtkPolyData, diameter: float) -> list[vtkActor]:
 
 
 def strain_colours(strain: Floats, limit: float) -> NDArray[np.uint8]:
-    """Return the colours (n, 3) of strains (n,) [%], full at a limit in either direction."""
+    """Return the colours (n, 3) of strains (n,) [%], full at a limit in either direction.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from vtkmuscle.plotting import strain_colours
+    >>> strain_colours(np.array([-10.0, 10.0]), limit=10.0).tolist()
+    [[58, 76, 192], [179, 3, 38]]
+    """
     return _colours(FIBRE_MAP, 0.5 + 0.5 * strain / limit)
 
 

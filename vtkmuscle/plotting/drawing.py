@@ -23,11 +23,12 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkMultiBlockDataSet, vtkPolyData
 
 import vtkmuscle.plotting
+from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import blocks_of, multiblock_from
 from vtkmuscle.data.drawn_bones import DrawnBone, DrawnBones
 from vtkmuscle.isolation import isolated_python
@@ -124,6 +125,15 @@ def last_words(said: str) -> str:
     lines = [_LOG_PREFIX.sub("", line).strip() for line in said.splitlines()]
     messages = [line for line in lines if line]
     return f"; the last message was: {messages[-1]}" if messages else ""
+
+
+class MuscleFrame(NamedTuple):
+    """A muscle in a frame: its surface, the bones' transforms from rest, its fibres, and words above it."""
+
+    muscle: vtkPolyData
+    transforms: Mapping[str, Floats]
+    fibres: vtkPolyData | None = None
+    label: str = ""
 
 
 @dataclass(frozen=True, eq=False)

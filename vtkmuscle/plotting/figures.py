@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
+from itertools import zip_longest
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -28,6 +29,7 @@ from vtkmuscle.data.drawn_bones import DrawnBones
 from vtkmuscle.io.literature import LiteratureCurve, curves_for, drawn
 from vtkmuscle.plotting.actors import actors_of, fixed_bones, place_colours, strain_colours
 from vtkmuscle.plotting.colours import FIBRE_MAP, MUSCLE_RED, PALETTE, PLACE_MAP
+from vtkmuscle.plotting.drawing import MuscleFrame
 from vtkmuscle.plotting.sheets import DOTS_PER_INCH, LEGEND_FONT, Panel, curves, hang, legend_columns, sheet
 from vtkmuscle.plotting.studio import Studio
 from vtkmuscle.plotting.views import View, clearest_view
@@ -83,14 +85,11 @@ def plot_rest_pose(
 
 
 def plot_muscle(
-    muscles: Sequence[vtkPolyData],
+    frames: Sequence[MuscleFrame],
     bones: DrawnBones,
-    transforms: Sequence[Mapping[str, Floats]],
     studio: Studio,
     *,
-    fibres: Sequence[vtkPolyData] | None = None,
     rest_fibres: vtkPolyData | None = None,
-    labels: Sequence[str] = (),
     title: str = "",
     units: str = "mm",
 ) -> Figure:
@@ -98,20 +97,14 @@ def plot_muscle(
 
     Parameters
     ----------
-    muscles : sequence of vtkPolyData
-        The muscle in each frame.
+    frames : sequence of MuscleFrame
+        The muscle and its fibres, where the bones are, and the words above it.
     bones : DrawnBones
         At rest.
-    transforms : sequence of mapping of str to (4, 4) array
-        In each frame, of the bones that have moved.
     studio : Studio
         Where the pictures are taken.
-    fibres : sequence of vtkPolyData, optional
-        The fibres of each frame.
     rest_fibres : vtkPolyData, optional
         The same fibres at rest: colour then shows the change of length since rest.
-    labels : sequence of str, optional
-        One per frame.
     title, units : str, optional
         As of :func:`plot_rest_pose`.
 
@@ -120,24 +113,22 @@ def plot_muscle(
     matplotlib.figure.Figure
         To be saved by ``savefig``.
     """
-    view = clearest_view(muscles, [bones.spread(moved) for moved in transforms])
-    strains, limit = None, 1.0
-    if fibres is not None and rest_fibres is not None:
+    view = clearest_view([one.muscle for one in frames], [bones.spread(one.transforms) for one in frames])
+    strains: list[Floats] = []
+    limit = 1.0
+    if rest_fibres is not None:
         rest_lengths = np.maximum(_lengths(rest_fibres), 1e-12)
+        fibres = [one.fibres for one in frames if one.fibres is not None]
         strains = [100.0 * (_lengths(lines) / rest_lengths - 1.0) for lines in fibres]
-        limit = max(limit, float(np.percentile(np.abs(strains), 98)))
+        limit = max(limit, float(np.percentile(np.abs(strains), 98))) if strains else limit
     panels = []
-    for i, (muscle, moved) in enumerate(zip(muscles, transforms, strict=True)):
-        actors = actors_of(
-            [muscle],
-            view,
-            fibres=None if fibres is None else fibres[i],
-            colours=None if strains is None else strain_colours(strains[i], limit),
-        )
-        image = studio.picture(actors, view, bones=bones, transforms=moved)
-        panels.append(Panel(image, labels[i] if labels else "", view))
+    for one, strain in zip_longest(frames, strains):
+        colours = None if strain is None else strain_colours(strain, limit)
+        actors = actors_of([one.muscle], view, fibres=one.fibres, colours=colours)
+        image = studio.picture(actors, view, bones=bones, transforms=one.transforms)
+        panels.append(Panel(image, one.label, view))
     figure = sheet(panels, title, units)
-    if strains is not None:
+    if strains:
         bar = figure.add_axes((0.35, 0.45 / figure.get_figheight(), 0.3, 0.12 / figure.get_figheight()))
         scale = ScalarMappable(Normalize(-limit, limit), FIBRE_MAP)
         figure.colorbar(scale, cax=bar, orientation="horizontal", extend="both")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPolyData
 
 from vtkmuscle.core.mesh.normals import vertex_normals
@@ -20,7 +21,7 @@ from vtkmuscle.data.arrays import (
     triangles_of,
 )
 from vtkmuscle.filters.base.filter import Filter
-from vtkmuscle.plotting.actors import actors_of, strain_colours, surface_actor
+from vtkmuscle.plotting.actors import actors_of, surface_actor
 from vtkmuscle.plotting.colours import IVORY, PALETTE
 from vtkmuscle.plotting.studio import look_from, x_server_warning_off
 from vtkmuscle.plotting.views import View, axes_of, choose_view
@@ -54,10 +55,8 @@ def make_plotter(
     view: View,
     *,
     fibres: vtkPolyData | None = None,
-    strain: Floats | None = None,
-    strain_limit: float = 10.0,
+    colours: NDArray[np.uint8] | None = None,
     fixed_points: bool = False,
-    show_muscles: bool = True,
     off_screen: bool | None = True,
 ) -> pyvista.Plotter:
     """Return a plotter with ivory bones, translucent muscles and fibres as tubes before them.
@@ -72,14 +71,10 @@ def make_plotter(
         See :func:`choose_view`.
     fibres : vtkPolyData, optional
         Polylines.
-    strain : (n_fibres,) array, optional
-        Change of length [%], shown in colour; plain fibres where it is not given.
-    strain_limit : float, optional
-        The strain that gets the full colour, in either direction [%].
+    colours : (n_fibres, 3) array of uint8, optional
+        Of the fibres, as :func:`strain_colours` gives them.
     fixed_points : bool, optional
         Mark the muscles' fixed points (point array ``FixedTo``) by spheres in the colour of their bone.
-    show_muscles : bool, optional
-        False for fibres or fixed points alone.
     off_screen : bool or None, optional
         None for a window that :meth:`pyvista.Plotter.show` opens, unless PyVista is set to draw off-screen.
 
@@ -93,9 +88,8 @@ def make_plotter(
         muscles,
         view,
         fibres=fibres,
-        colours=None if strain is None else strain_colours(strain, strain_limit),
+        colours=colours,
         fixed_points=fixed_points,
-        show_muscles=show_muscles,
         finer=_FINER,
     )
     for actor in (*(surface_actor(bone) for _, bone in blocks_of(bones)), *actors):

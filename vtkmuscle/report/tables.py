@@ -24,6 +24,8 @@ ARCHITECTURE = (
     ("centroid_path_length_mm", "centroid path [mm]", 1.0),
     ("section_area_mm2", "section area, mean [cm²]", 1e-2),
     ("section_density_per_mm2", "fibres per cm² of section, mean", 1e2),
+    ("tendon_volume_share", "part of the volume that is tendon", 1.0),
+    ("fascicle_length_normalised_mm", "fascicle length, normalised [mm]", 1.0),
 )
 #: Measures of fibres in the first frame, likewise.
 FIBRES = (
@@ -178,7 +180,6 @@ def _flat(values: Mapping[str, Any], before: str = "") -> Iterable[tuple[str, st
 def _architecture(muscles: Mapping[str, Any]) -> Sheet:
     known = {name: muscle.get("architecture") or {} for name, muscle in muscles.items()}
     columns = [column for column in ARCHITECTURE if any(column[0] in one for one in known.values())]
-    more = _unlisted(known.values())
     measures = {name: (muscle.get("fibre_measures") or [{}])[0] for name, muscle in muscles.items()}
     of_fibres = [column for column in FIBRES if any(column[0] in one for one in measures.values())]
     rows = []
@@ -187,35 +188,18 @@ def _architecture(muscles: Mapping[str, Any]) -> Sheet:
             number(_mean(known[name].get(key)) * scale) if key in known[name] else DASH
             for key, _, scale in columns
         ]
-        cells += [number(known[name].get(key)) for key in more]
         for key, _, scale in of_fibres:
             one = measures[name].get(key)
             cells.append(f"{number(one['mean'] * scale)} ± {number(one['sd'] * scale, 2)}" if one else DASH)
         count = (muscle.get("fibres") or {}).get("fibres")
         if known[name] or count:
             rows.append([Cell(label_of(name)), Cell(str(count or DASH)), *map(Cell, cells)])
-    heads = (
-        [head for _, head, _ in columns]
-        + [label_of(key) for key in more]
-        + [head for _, head, _ in of_fibres]
-    )
+    heads = [head for _, head, _ in (*columns, *of_fibres)]
     note = (
         "Of the muscle at rest; lengths, pennation and tortuosity in the first frame, mean ± standard "
         "deviation over the fibres."
     )
     return Sheet("Architecture", ["muscle", "fibres", *heads], rows, note)
-
-
-def _unlisted(known: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Return the keys of further plain numbers of an architecture."""
-    listed = {key for key, _, _ in ARCHITECTURE}
-    found = {
-        key: None
-        for one in known
-        for key, value in one.items()
-        if isinstance(value, int | float) and key not in listed
-    }
-    return list(found)
 
 
 def _mean(value: Any) -> float:

@@ -18,7 +18,7 @@ from vtkmuscle.data.arrays import points_of
 from vtkmuscle.data.drawn_bones import DrawnBone
 from vtkmuscle.filters.fibre_tubes import FibreTubes
 from vtkmuscle.io.writing import beside
-from vtkmuscle.plotting.drawing import DrawingEndedError, DrawingProcess, FigureOrder, can_render
+from vtkmuscle.plotting.drawing import DrawingEndedError, DrawingProcess, FigureOrder, MuscleFrame, can_render
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.scene.data import SceneData
 
@@ -235,21 +235,15 @@ def _moment_arms(result: Result) -> list[FigureOrder]:
 
 
 def _frames(result: Result, name: str) -> dict[str, object]:
-    frames = _telling_frames(result, name)
-    fibres = [lines for number in frames if (lines := result.fibres(name, frame=number)) is not None]
-    if result.report["model"] == "paths":
-        muscles = [_tubes(lines) for lines in fibres]
-    else:
-        muscles = [result.muscle(name, frame=number) for number in frames]
-    return {
-        "muscles": muscles,
-        "transforms": [result.motion.at(float(result.motion.times[number])) for number in frames],
-        "fibres": fibres or None,
-        "rest_fibres": result.rest_fibres(name),
-        "labels": [_at(result, number) for number in frames],
-        "title": _title(name),
-        "units": result.units,
-    }
+    frames = []
+    for number in _telling_frames(result, name):
+        fibres = result.fibres(name, frame=number)
+        volumes = result.report["model"] != "paths"
+        muscle = result.muscle(name, frame=number) if volumes else _tubes(fibres)
+        moved = result.motion.at(float(result.motion.times[number]))
+        frames.append(MuscleFrame(muscle, moved, fibres, _at(result, number)))
+    rest = result.rest_fibres(name)
+    return {"frames": frames, "rest_fibres": rest, "title": _title(name), "units": result.units}
 
 
 def _title(name: str) -> str:
