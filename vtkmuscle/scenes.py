@@ -19,7 +19,7 @@ from vtkmuscle.data.arrays import blocks_of
 from vtkmuscle.filters.deformer.quality import PRESETS
 from vtkmuscle.run.options import RunOptions
 from vtkmuscle.run.result import Result
-from vtkmuscle.run.scenes import run_scene
+from vtkmuscle.run.steps import run_scene
 from vtkmuscle.scene.checks import checked
 from vtkmuscle.scene.data import Muscle, SceneData
 from vtkmuscle.scene.faults import SceneError

@@ -16,7 +16,7 @@ from typer.cli import get_docs_for_click
 
 import vtkmuscle.scene.schema
 from vtkmuscle.cli import app as command_line
-from vtkmuscle.run.report import DEFINITIONS
+from vtkmuscle.run.report_values import DEFINITIONS
 
 
 def write_command_line_page(app: Sphinx, config: Any) -> None:

@@ -20,7 +20,7 @@ from vtkmuscle.cli.labels import from_labels, init
 from vtkmuscle.cli.messages import BAD_INPUT, FAILED, INTERRUPTED, TerminatedError, one_clear_error, say
 from vtkmuscle.cli.options import OutOption, QuietOption, RunOptions, named, with_options
 from vtkmuscle.cli.results import ExportOptions, compare, export_muscles, figures, report
-from vtkmuscle.cli.running import cohort, run_and_tell
+from vtkmuscle.cli.running import cohort, run_and_report
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.isolation import leave_out_working_folder
 
@@ -95,7 +95,7 @@ def run(
         loaded = Scene.load(scene)
     # Of some muscles alone not to the folder of all: what is there of the others would go.
     parts = [loaded.name, *(options.muscle or ()), "out"]
-    run_and_tell(loaded, out or Path("_".join(parts)), options)
+    run_and_report(loaded, out or Path("_".join(parts)), options)
 
 
 @app.command()
@@ -119,7 +119,7 @@ def demo(
         loaded = Scene.load(path := save_unless_changed(scene, folder / "scene", overwrite=options.overwrite))
     say(options.quiet, f"The scene is {path}: edit it, or put your own surfaces there, and run it with")
     say(options.quiet, f"  vtkmuscle run {path}")
-    run_and_tell(loaded, folder, options)
+    run_and_report(loaded, folder, options)
 
 
 @app.command()

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from vtkmuscle.studies.study import Progress
 
 
-def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
+def run_and_report(scene: Scene, out: Path, options: RunOptions) -> None:
     """Run a scene, and print what was found and where it is."""
     from vtkmuscle.run.store import PAGE, ResultFolder
     from vtkmuscle.run.verdict import reasons_of
@@ -56,7 +56,7 @@ def run_and_tell(scene: Scene, out: Path, options: RunOptions) -> None:
         words = ", ".join(result.report["taken_over"])
         say(options.quiet, f"taken over from an earlier run, for nothing they depend on has changed: {words}")
     for name, muscle in result.report["muscles"].items():
-        say(options.quiet, f"{name}: {_found(muscle)}")
+        say(options.quiet, f"{name}: {_summary(muscle)}")
         for reason in reasons_of(muscle["verdict"]):
             # What failed is an error, and said with --quiet too.
             if reason.verdict == "failed":
@@ -93,7 +93,7 @@ def _run(scene: Scene, out: Path, options: RunOptions, **given: Any) -> Result:
     )
 
 
-def _found(muscle: Mapping[str, Any]) -> str:
+def _summary(muscle: Mapping[str, Any]) -> str:
     """Return in a line what a run found of a muscle."""
     frames = muscle["frames"]
     words = [f"{len(frames)} frames"]

@@ -66,7 +66,7 @@ def guessed_joints(
                     break
                 table |= _axes(kind, fit, side, frame)
                 sweep[next(iter(table["coordinates"]))] = kind.most
-                guesses += _said(key, kind, fit, bones[child], frame)
+                guesses += _guesses_of(key, kind, fit, bones[child], frame)
             joints[name] = table
             break
     return joints, sweep, guesses
@@ -113,7 +113,7 @@ def _axes(kind: JointKind, fit: JointFit, side: str | None, frame: str) -> dict[
     }
 
 
-def _said(key: str, kind: JointKind, fit: JointFit, child: vtkPolyData, frame: str) -> list[Guess]:
+def _guesses_of(key: str, kind: JointKind, fit: JointFit, child: vtkPolyData, frame: str) -> list[Guess]:
     shape = "a ball" if kind.form == "ball" else "two balls, side by side,"
     why = (
         f"{shape} of radius {fit.radius:.1f} mm, {fit.rms:.2f} mm off, {100 * fit.covered:.0f} % of it there"

@@ -3,7 +3,7 @@
 from vtkmuscle.run.muscles import muscle_pipeline
 from vtkmuscle.run.options import RunOptions, frame_numbers
 from vtkmuscle.run.result import Result
-from vtkmuscle.run.scenes import run_scene
+from vtkmuscle.run.steps import run_scene
 from vtkmuscle.run.table import MomentArmTable, Table
 
 __all__ = [

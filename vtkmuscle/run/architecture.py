@@ -58,7 +58,7 @@ def architecture_of(
 ) -> dict[str, Any]:
     """Return what is published of a muscle as a whole, at rest.
 
-    JSON-able, see :data:`vtkmuscle.run.report.DEFINITIONS`.
+    JSON-able, see :data:`vtkmuscle.run.report_values.DEFINITIONS`.
 
     Parameters
     ----------

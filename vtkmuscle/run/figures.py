@@ -236,7 +236,7 @@ def _moment_arms(result: Result) -> list[FigureOrder]:
 
 def _frames(result: Result, name: str) -> dict[str, object]:
     frames = []
-    for number in _telling_frames(result, name):
+    for number in _chosen_frames(result, name):
         fibres = result.fibres(name, frame=number)
         volumes = result.report["model"] != "paths"
         muscle = result.muscle(name, frame=number) if volumes else _tubes(fibres)
@@ -258,7 +258,7 @@ def _tubes(fibres: vtkPolyData) -> vtkPolyData:
     return surface
 
 
-def _telling_frames(result: Result, name: str) -> list[int]:
+def _chosen_frames(result: Result, name: str) -> list[int]:
     """Return the first frame of a muscle, its worst one or else the middle, and the last; [] without any."""
     frames = result.frames[: result.finished(name)]
     reasons = result.report["muscles"][name].get("verdict", {}).get("reasons", ())

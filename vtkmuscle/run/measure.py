@@ -97,7 +97,7 @@ class MuscleMeasure:
         }
 
     def frame(self, points: Floats, transforms: Mapping[str, Floats]) -> dict[str, Any]:
-        """Return the figures of a frame, see :data:`~vtkmuscle.run.report.DEFINITIONS`.
+        """Return the figures of a frame, see :data:`~vtkmuscle.run.report_values.DEFINITIONS`.
 
         The deformer's report has those of edges.
 

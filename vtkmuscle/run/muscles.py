@@ -33,7 +33,7 @@ from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.limits import CHECKS, FULL_SIZE
 from vtkmuscle.run.measure import MuscleMeasure
 from vtkmuscle.run.options import RunOptions
-from vtkmuscle.run.report import fibres_at_rest, measures_of_fibres
+from vtkmuscle.run.report_values import fibres_at_rest, measures_of_fibres
 from vtkmuscle.run.store.writing import ResultWriter
 from vtkmuscle.run.verdict import FibreHistory, judge, slides_of
 from vtkmuscle.scene.data import SceneData

@@ -17,7 +17,7 @@ from vtkmuscle.core.words import suggestion
 from vtkmuscle.io.literature import curves_for, read_literature
 from vtkmuscle.run.architecture import architecture_table
 from vtkmuscle.run.frames import KeptFrames
-from vtkmuscle.run.report import fibre_table
+from vtkmuscle.run.report_values import fibre_table
 from vtkmuscle.run.table import MomentArmTable, Table, length_table
 from vtkmuscle.scene.data import MILLIMETRES
 

@@ -19,7 +19,7 @@ OK, LOOK, FAILED = "ok", "look", "failed"
 #: Verdicts, the better one first.
 VERDICTS = (OK, LOOK, FAILED)
 
-#: What :func:`vtkmuscle.run.report.fibres_at_rest` says of these, to per cent or degrees.
+#: What :func:`vtkmuscle.run.report_values.fibres_at_rest` says of these, to per cent or degrees.
 _AT_REST = {
     "crossed fibres": ("crossing_share", 100.0),
     "hooked fibres": ("hooked_share", 100.0),
@@ -84,7 +84,7 @@ class FibreHistory:
     rest_lengths : (k,) array
         At rest [mm].
     at_rest : mapping or None
-        What :func:`~vtkmuscle.run.report.fibres_at_rest` says of them.
+        What :func:`~vtkmuscle.run.report_values.fibres_at_rest` says of them.
     slides : sequence of (float, str) or None
         Per frame how far a fibre slid aside on a bone [mm], and on which, as :func:`slides_of` gives it.
     """

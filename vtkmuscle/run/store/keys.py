@@ -15,7 +15,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.run.report import version_of
+from vtkmuscle.run.report_values import version_of
 from vtkmuscle.scene.data import Muscle, SceneData
 
 #: Parts of the package that only start runs or show what came out of them.

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from vtkmuscle.run.report import versions
+from vtkmuscle.run.report_values import versions
 from vtkmuscle.studies.cluster import connected, dask
 from vtkmuscle.studies.cohort.page import write_cohort
 from vtkmuscle.studies.cohort.statistics import spreads

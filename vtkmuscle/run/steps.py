@@ -1,4 +1,4 @@
-"""Run a scene: every muscle over the motion, its fibres with it, all of it measured and written."""
+"""The steps of a run: a scene is opened, checked, solved, measured and written."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from vtkmuscle.run.figures import Drawing
 from vtkmuscle.run.frames import MuscleTrack
 from vtkmuscle.run.muscles import MuscleRun, SceneRun
 from vtkmuscle.run.options import Errors, RunOptions, frame_numbers
-from vtkmuscle.run.report import DEFINITIONS, versions
+from vtkmuscle.run.report_values import DEFINITIONS, versions
 from vtkmuscle.run.result import Result
 from vtkmuscle.run.store import PAGE
 from vtkmuscle.run.store.writing import ResultWriter, claimed, scene_file
