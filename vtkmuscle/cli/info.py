@@ -178,7 +178,9 @@ def facts_of(file: Path) -> dict[str, str]:
     lowest, highest = points.min(axis=0), points.max(axis=0)
     longest = float((highest - lowest).max())
     bounds = "  ".join(f"{a:.6g} .. {b:.6g}" for a, b in zip(lowest, highest, strict=True))
-    size = {"bounds": bounds, "unit": f"{_unit_guess(longest)} (the longest side is {longest:.4g})"}
+    unit, sureness = likely_unit(longest)
+    surely = "probably" if sureness > LOOK else "perhaps"
+    size = {"bounds": bounds, "unit": f"{surely} {unit} (the longest side is {longest:.4g})"}
     if data.GetNumberOfPolys() == 0:
         return {"points": str(len(points)), "polylines": str(data.GetNumberOfLines()), **size}
     try:
@@ -190,10 +192,11 @@ def facts_of(file: Path) -> dict[str, str]:
             "faces": str(error),
             **size,
         }
+    loose = report.n_unused_points
     side = "outward" if report.volume > 0 else "inward: the surface is inside out"
     return {
         "triangles": str(report.n_triangles),
-        "points": f"{report.n_points}" + _but(report.n_unused_points, "belong to no triangle"),
+        "points": f"{report.n_points}" + (f", {loose} of them belong to no triangle" if loose else ""),
         "closed": _yes(report.closed, f"{report.n_boundary_edges} edges have one triangle"),
         "manifold": _yes(report.manifold, f"{report.n_nonmanifold_edges} edges have more than two triangles"),
         "oriented": _yes(report.oriented, f"{report.n_misoriented_edges} edges disagree")
@@ -206,14 +209,5 @@ def facts_of(file: Path) -> dict[str, str]:
     }
 
 
-def _unit_guess(longest: float) -> str:
-    unit, sureness = likely_unit(longest)
-    return f"{'probably' if sureness > LOOK else 'perhaps'} {unit}"
-
-
 def _yes(good: bool, otherwise: str) -> str:
     return "yes" if good else f"no, {otherwise}"
-
-
-def _but(count: int, what: str) -> str:
-    return f", {count} of them {what}" if count else ""

@@ -72,14 +72,8 @@ def one_line(words: str) -> str:
 def _what_is_finished(out: Path | None) -> str:
     from vtkmuscle.run.store import ResultFolder
 
-    report = None if out is None else ResultFolder(out).report()
-    if out is None or report is None or report["complete"]:
-        return "Nothing was written."
-    counts = ResultFolder(out).frames_there()
-    if not any(counts.values()):
-        return f"No frame was finished; {out} holds a report.json that says so."
-    listed = ", ".join(f"{name} {count}" for name, count in counts.items())
-    return f"Finished frames can be read in {out}: {listed} (lengths.csv and report.json hold these)"
+    left = None if out is None else ResultFolder(out).unfinished()
+    return "Nothing was written." if left is None else f"{out} {left}"
 
 
 def say(quiet: bool, text: str) -> None:

@@ -15,7 +15,7 @@ from vtkmuscle.core.words import suggestion
 from vtkmuscle.io import motion_columns, read_motion_table
 from vtkmuscle.scene.faults import Faults, SceneError
 from vtkmuscle.scene.files import SceneFiles
-from vtkmuscle.scene.schema import ALONE, Hinge, SceneTable
+from vtkmuscle.scene.schema import ALONE, SceneTable
 
 if TYPE_CHECKING:
     from vtkmuscle.opensim.scene_joints import SceneJoints
@@ -48,8 +48,8 @@ def motion_from(scene: SceneTable, files: SceneFiles) -> RigidMotion:
     joints = joints_of(scene, files)
     if joints is not None:
         return joints.motion(scene, files)
-    if table.hinge is not None:
-        return _turned(table.hinge)
+    if (turn := table.hinge) is not None:
+        return hinge(turn.bone, turn.centre, turn.axis, steps_of(*turn.angles), coordinate=turn.coordinate)
     coordinates = table.coordinates
     options: dict[str, Any] = {
         "time": table.time,
@@ -70,10 +70,6 @@ def _centre(centres: dict[str, list[float]] | None, bone: str | None) -> list[fl
     if centres is None:
         return None
     return centres.get(ALONE, centres.get(str(bone)))
-
-
-def _turned(table: Hinge) -> RigidMotion:
-    return hinge(table.bone, table.centre, table.axis, steps_of(*table.angles), coordinate=table.coordinate)
 
 
 def _of_several(

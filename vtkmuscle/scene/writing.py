@@ -154,18 +154,13 @@ def _motion(motion: RigidMotion) -> dict[str, Any]:
         "bone": alone,
         "transforms": files if alone is None else files[alone],
         "time": "time",
-        "centre": _centre(motion, alone),
+        "centre": motion.centre_of(alone) if alone and isinstance(motion.centre, Mapping) else motion.centre,
         "coordinates": {
             name: {"unit": one.unit, "positive": one.positive or None}
             for name, one in motion.coordinates.items()
         }
         or None,
     }
-
-
-def _centre(motion: RigidMotion, alone: str | None) -> Any:
-    """Return the centre of the only bone that moves, or of all."""
-    return motion.centre_of(alone) if alone and isinstance(motion.centre, Mapping) else motion.centre
 
 
 def _aponeurosis_file(name: str, number: int, muscle: Muscle) -> str:
