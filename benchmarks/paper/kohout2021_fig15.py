@@ -18,7 +18,7 @@ from common import AS_PUBLISHED, LEFT, STEP, Case, Floats, Table, data_folder, m
 
 from vtkmuscle import RigidMotion
 from vtkmuscle.core.fibres.linear_blend import blend_fibres, fitted_a
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.motion.rigid import apply_transform, inverse
 from vtkmuscle.data.arrays import checked_surface, polylines_of

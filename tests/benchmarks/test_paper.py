@@ -143,7 +143,7 @@ def test_the_published_loop_has_minus_the_gradients_of_the_cosine(case, rng):
 def test_the_published_loop_stays_at_rest_and_follows_a_bone(case):
     from published_loop import run
 
-    from vtkmuscle.core.mesh.topology import mesh_topology
+    from vtkmuscle.core.mesh.surface import mesh_topology
     from vtkmuscle.core.motion.rigid import rotation_about
 
     body = pv.Sphere(radius=20.0, theta_resolution=16, phi_resolution=16)

@@ -5,7 +5,7 @@ import pytest
 import pyvista as pv
 from vtkmodules.vtkCommonDataModel import vtkCellArray
 
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.data.aponeuroses import Aponeurosis, aponeuroses_data, aponeuroses_of
 from vtkmuscle.data.arrays import (
     cell_array,

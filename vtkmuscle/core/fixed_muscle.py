@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vtkmuscle.core.mesh.segments import fibre_directions_at
-from vtkmuscle.core.mesh.surface import check_volume, signed_volume
-from vtkmuscle.core.mesh.topology import MeshTopology, mesh_topology
+from vtkmuscle.core.mesh.polylines import fibre_directions_at
+from vtkmuscle.core.mesh.surface import MeshTopology, check_volume, mesh_topology, signed_volume
 from vtkmuscle.core.morphing.superficial import directions_over_muscle, seen_fibres
 from vtkmuscle.core.paths.via_rings import ViaRing
 from vtkmuscle.core.types import Floats, Ints

@@ -19,10 +19,9 @@ from vtkmuscle.core.fibres.measures import (
     polyline_curvatures,
     section_areas,
 )
-from vtkmuscle.core.mesh.bent import BentSurface, bent_surface
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
 from vtkmuscle.core.mesh.normals import smooth_normals
-from vtkmuscle.core.mesh.polylines import end_directions
+from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
+from vtkmuscle.core.mesh.solids import BentSurface, bent_surface
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.mesh.triangle_tree import triangle_tree
 from vtkmuscle.core.types import Floats

@@ -10,10 +10,9 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.course import smooth_about_course
 from vtkmuscle.core.fibres.spreading import Cloud, cloud, move_ends, steps_to_centres
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.mesh.polylines import smooth_polylines
+from vtkmuscle.core.mesh.polylines import polyline_lengths, smooth_polylines
+from vtkmuscle.core.mesh.shared import Recent
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
-from vtkmuscle.core.recent import Recent
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, field_array, field_string, set_cell_array
 from vtkmuscle.data.attachments import ROLES, AttachmentArea

@@ -17,9 +17,8 @@ from vtkmuscle.core.fibres.sparse_weights import (
     sparse_transport,
 )
 from vtkmuscle.core.fibres.tendons import Tendons
-from vtkmuscle.core.mesh.bent import BentSurface, bent_surface
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.mesh.polylines import evenly_spaced
+from vtkmuscle.core.mesh.polylines import evenly_spaced, polyline_lengths
+from vtkmuscle.core.mesh.solids import BentSurface, bent_surface
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, shared_tree
 from vtkmuscle.core.types import Bools, Floats, Ints
 from vtkmuscle.data.arrays import Polylines, field_array, set_cell_array, set_field_array

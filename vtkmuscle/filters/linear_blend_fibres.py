@@ -10,7 +10,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmuscle.core.bones.bone import bone_of, depth_in
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.linear_blend import blend_fibres, fitted_a
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.data.arrays import (
     Polylines,
     checked_surface,

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
+from vtkmuscle.core.mesh.shared import Recent
 from vtkmuscle.core.morphing.isolines import morph_by_isolines
 from vtkmuscle.core.morphing.planes import morph_by_planes
 from vtkmuscle.core.morphing.slices import Box, Morph, Slicing
 from vtkmuscle.core.morphing.superficial import seen_fibres
 from vtkmuscle.core.morphing.twist import Found, Twisting
-from vtkmuscle.core.recent import Recent
 from vtkmuscle.core.template.fitting import lie_opposite
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, field_array, set_field_array

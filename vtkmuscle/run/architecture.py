@@ -15,8 +15,7 @@ from vtkmuscle.core.fibres.architecture import (
     area_profile,
     fascicles,
 )
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.mesh.polylines import end_directions
+from vtkmuscle.core.mesh.polylines import end_directions, polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.aponeuroses import aponeuroses_of

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from bent_muscle import bent_tube, half_circle
 
-from vtkmuscle.core.mesh.segments import fibre_directions_at
-from vtkmuscle.core.mesh.topology import mesh_topology
+from vtkmuscle.core.mesh.polylines import fibre_directions_at
+from vtkmuscle.core.mesh.surface import mesh_topology
 from vtkmuscle.core.morphing.superficial import (
     SeenFibres,
     angle_between,

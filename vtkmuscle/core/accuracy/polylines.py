@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vtkmuscle.core.accuracy.convergence import convergence_error_of_fine
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
+from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.types import Floats, Ints
 
 #: Chords are shorter than arcs by the square of the segments' length.

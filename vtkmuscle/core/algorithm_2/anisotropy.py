@@ -6,7 +6,7 @@ import numpy as np
 
 from vtkmuscle.core.mesh.harmonic import harmonic_field, triangle_gradients
 from vtkmuscle.core.mesh.normals import unit_vectors
-from vtkmuscle.core.mesh.topology import MeshTopology
+from vtkmuscle.core.mesh.surface import MeshTopology
 from vtkmuscle.core.types import Floats, Ints
 
 

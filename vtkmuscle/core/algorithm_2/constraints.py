@@ -12,7 +12,7 @@ As the paper has it:
   and no denominator can vanish there.
 * The angle of eq. 6 is an arccosine, which does not know a ridge from a groove: an edge that was folded to
   the other side stays there. It is pi - abs(phi), with the signed angle phi of
-  :func:`~vtkmuscle.core.mesh.hinges.hinge`.
+  :func:`~vtkmuscle.core.mesh.rest_shape.hinge`.
 * A stiffness multiplies the correction of each iteration.
 
 Where the paper cannot be run as it reads:
@@ -35,7 +35,7 @@ import math
 
 from vtkmuscle.core.jit import lane, vector_kernel
 from vtkmuscle.core.mesh.enclosed_volume import volume_and_gradient
-from vtkmuscle.core.mesh.hinges import hinge
+from vtkmuscle.core.mesh.rest_shape import hinge
 from vtkmuscle.core.types import Floats, Ints
 
 
@@ -63,7 +63,7 @@ def sweep_angles(p: Floats, w: Floats, quads: Ints, rest: Floats, stiffness: flo
     With psi = arccos(n1 . n2) = pi - abs(phi), C = psi - psi0 = abs(phi0) - abs(phi), and its gradient is
     that of phi, times -sign(phi): the same as eq. 7 without its cancellation beside flat pairs.
 
-    quads : as of :class:`~vtkmuscle.core.mesh.topology.MeshTopology`;  rest : (q,) abs(phi0) [radians];
+    quads : as of :class:`~vtkmuscle.core.mesh.surface.MeshTopology`;  rest : (q,) abs(phi0) [radians];
     stiffness : per iteration.
     """
     for q in range(len(quads)):

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from vtkmuscle.core.attachments.geodesics import geodesic_curve
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import triangle_normals, vertex_normals
-from vtkmuscle.core.mesh.segments import segment_distances
+from vtkmuscle.core.mesh.polylines import segment_distances
 from vtkmuscle.core.mesh.surface import edge_lengths, numbered_edges, signed_volume, unique_edges
 from vtkmuscle.core.types import Floats, Ints
 

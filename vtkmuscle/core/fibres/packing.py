@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from vtkmuscle.core.mesh.segments import segment_distances
+from vtkmuscle.core.mesh.polylines import segment_distances
 from vtkmuscle.core.types import Floats, Ints
 
 #: Neighbours that are looked at first, of which a fibre's own points are some.

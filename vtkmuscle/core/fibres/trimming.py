@@ -16,8 +16,13 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from vtkmuscle.core.mesh.line_lengths import polyline_lengths
-from vtkmuscle.core.mesh.polylines import evenly_spaced, inner_points, places_along, segment_lengths
+from vtkmuscle.core.mesh.polylines import (
+    evenly_spaced,
+    inner_points,
+    places_along,
+    polyline_lengths,
+    segment_lengths,
+)
 from vtkmuscle.core.mesh.sampling import PatchSamples
 from vtkmuscle.core.types import Floats, Ints
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.harmonic import harmonic_extension, triangle_gradients
-from vtkmuscle.core.mesh.inside import points_inside
 from vtkmuscle.core.mesh.normals import perpendiculars, triangle_normals
+from vtkmuscle.core.mesh.solids import points_inside
 from vtkmuscle.core.mesh.surface import faces_between
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree, triangle_tree
 from vtkmuscle.core.morphing.correspondence import (

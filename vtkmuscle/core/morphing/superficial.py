@@ -21,9 +21,8 @@ from vtkmuscle.core.mesh.harmonic import (
     triangle_gradients,
 )
 from vtkmuscle.core.mesh.normals import triangle_normals, unit_vectors, vertex_normals
-from vtkmuscle.core.mesh.segments import fibre_directions_at, proper_segments, segments
-from vtkmuscle.core.mesh.surface import extent
-from vtkmuscle.core.mesh.topology import MeshTopology
+from vtkmuscle.core.mesh.polylines import fibre_directions_at, proper_segments, segments
+from vtkmuscle.core.mesh.surface import MeshTopology, extent
 from vtkmuscle.core.types import Floats, Ints
 
 Turns = NDArray[np.complex128]

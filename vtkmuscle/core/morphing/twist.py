@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.mesh.normals import unit_vectors
-from vtkmuscle.core.mesh.segments import segments
+from vtkmuscle.core.mesh.polylines import segments
 from vtkmuscle.core.morphing.correspondence import (
     N_PLACES,
     loop_lengths,
