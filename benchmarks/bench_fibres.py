@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 
 from vtkmuscle import Scene
 from vtkmuscle.core.fibres.mean_value import transport
-from vtkmuscle.core.fibres.packing import filling_radius
+from vtkmuscle.core.fibres.measures import filling_radius
 from vtkmuscle.core.fibres.sparse_weights import sparse_mean_value_coordinates, sparse_transport
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume

@@ -11,8 +11,8 @@ from phantoms.brim_flexor import taut
 from phantoms.lifting_strap import fibre
 
 from vtkmuscle.core.bones.bone import bone_of
+from vtkmuscle.core.motion.coordinates import twist_about
 from vtkmuscle.core.motion.rigid import hinge
-from vtkmuscle.core.motion.twists import twist_about
 from vtkmuscle.core.paths.lines import bones_at_ends, evenly_spread
 from vtkmuscle.core.paths.sheet import POINTS, MusclePaths
 from vtkmuscle.core.paths.via_rings import via_ring

@@ -91,7 +91,7 @@ def test_the_command_line_knows_all_experiments(case):
 
 def test_settings_of_the_paper_are_all_named(case):
     """A default that changes must not change what is called published."""
-    from vtkmuscle.core.algorithm_2.parameters import Parameters
+    from vtkmuscle.core.algorithm_2.solver import Parameters
 
     assert Parameters() == Parameters(
         dt=1.0,

@@ -7,7 +7,7 @@ from scipy.spatial import ConvexHull, Delaunay, cKDTree
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from vtkmuscle import Scene
-from vtkmuscle.core.fibres.packing import filling_radius
+from vtkmuscle.core.fibres.measures import filling_radius
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.solids import solids_of
 from vtkmuscle.core.mesh.surface import signed_volume

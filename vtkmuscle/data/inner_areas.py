@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vtkmuscle.core.attachments.discs import discs_over
+from vtkmuscle.core.attachments.rings import discs_over
 from vtkmuscle.core.types import Floats, Ints
 from vtkmuscle.data.attachments import AttachmentArea
 from vtkmuscle.data.muscle_geometry import MuscleGeometry

@@ -8,8 +8,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.course import smooth_about_course
-from vtkmuscle.core.fibres.spreading import Cloud, cloud, move_ends, steps_to_centres
+from vtkmuscle.core.fibres.spreading import Cloud, cloud, move_ends, smooth_about_course, steps_to_centres
 from vtkmuscle.core.mesh.polylines import polyline_lengths, smooth_polylines
 from vtkmuscle.core.mesh.shared import Recent
 from vtkmuscle.core.mesh.triangle_tree import TriangleTree
@@ -33,8 +32,8 @@ class FibreSmoother(Filter):
     Each pass moves the inner points to (p_{i-1} + k p_i + p_{i+1}) / (k + 2), which straightens fibres, and
     so draws them out of a curved muscle on its hollow side. Where the muscle is connected, the course that
     all fibres have in common, the mean of their points, stays as it is, and only what each differs from it
-    is smoothed (see :func:`vtkmuscle.core.fibres.course.smooth_about_course`); points that leave the muscle
-    are put back on its surface.
+    is smoothed (see :func:`vtkmuscle.core.fibres.spreading.smooth_about_course`); points that leave the
+    muscle are put back on its surface.
 
     The map from the template crowds fibres in the middle of a muscle, and straight ends leave its flanks
     bare. So where the muscle is connected, each pass also moves every fibre towards the middle of the part

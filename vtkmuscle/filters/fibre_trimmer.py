@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-from vtkmuscle.core.attachments.discs import discs_over
+from vtkmuscle.core.attachments.rings import discs_over
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.fibres.ends_as_printed import ends_as_printed
 from vtkmuscle.core.fibres.trimming import EndArea, trim_fibres

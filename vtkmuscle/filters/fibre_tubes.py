@@ -9,7 +9,7 @@ from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm
 from vtkmodules.vtkFiltersCore import vtkTubeFilter
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.fibres.packing import filling_radius, room_between
+from vtkmuscle.core.fibres.measures import filling_radius, room_between
 from vtkmuscle.core.mesh.polylines import polyline_lengths
 from vtkmuscle.core.mesh.surface import signed_volume
 from vtkmuscle.core.types import Floats

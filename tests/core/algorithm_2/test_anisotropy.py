@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from spindle import spindle
 
-from vtkmuscle.core.algorithm_2.anisotropy import edge_stiffness, harmonic_directions
+from vtkmuscle.core.algorithm_2.constraints import edge_stiffness, harmonic_directions
 from vtkmuscle.core.mesh.polylines import fibre_directions_at, nearest_segments
 from vtkmuscle.core.mesh.surface import mesh_topology
 

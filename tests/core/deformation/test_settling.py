@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from spindle import spindle
 
-from vtkmuscle.core.collision.distance_obstacle import DistanceObstacle
+from vtkmuscle.core.collision.obstacles import DistanceObstacle
 from vtkmuscle.core.deformation.settling import Settling
 from vtkmuscle.core.mesh.rest_shape import RestShape
 from vtkmuscle.core.mesh.surface import mesh_topology, signed_volume

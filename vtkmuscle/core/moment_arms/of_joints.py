@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.moment_arms.by_coordinate import JointArms
 from vtkmuscle.core.moment_arms.derivatives import quartic_moment_arms
-from vtkmuscle.core.moment_arms.differences import differences_by
-from vtkmuscle.core.moment_arms.levers import levers, twists_by
+from vtkmuscle.core.moment_arms.levers import differences_by, levers, twists_by
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.core.types import Floats, Ints
 
@@ -140,7 +139,7 @@ def joint_arms(
 def slopes_by(motion: RigidMotion, name: str, among: Sequence[str], lengths: Floats) -> Floats:
     """Return -dl/dq (f, k) of lengths by differences between poses, NaN where no poses tell it.
 
-    Parameters as of :func:`~vtkmuscle.core.moment_arms.differences.differences_by`.
+    Parameters as of :func:`~vtkmuscle.core.moment_arms.levers.differences_by`.
     """
     near = differences_by(motion, name, among)
     slopes = np.full(lengths.shape, np.nan)

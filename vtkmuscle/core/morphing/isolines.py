@@ -27,8 +27,7 @@ from vtkmuscle.core.morphing.correspondence import (
     sampled_loop,
     starting_points,
 )
-from vtkmuscle.core.morphing.loop_chains import loop_areas, main_loops
-from vtkmuscle.core.morphing.sections import ClosedSurface, Sections, cut_surface
+from vtkmuscle.core.morphing.sections import ClosedSurface, Sections, cut_surface, loop_areas, main_loops
 from vtkmuscle.core.morphing.slices import (
     GRAIN,
     SAME_HEIGHT,

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from vtkmuscle.core.algorithm_2.parameters import Parameters
+from vtkmuscle.core.algorithm_2.solver import Parameters
 from vtkmuscle.core.collision.voxels import DEFAULT_N_MAX, MOST_N_EQUAL
 from vtkmuscle.core.errors import InputError
 from vtkmuscle.core.paths.sheet import POINTS
