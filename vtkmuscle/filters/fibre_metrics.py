@@ -33,7 +33,7 @@ from vtkmuscle.data.arrays import (
     set_point_array,
 )
 from vtkmuscle.data.attachments import AttachmentArea
-from vtkmuscle.data.inner_areas import inner_areas
+from vtkmuscle.data.end_surfaces import inner_areas
 from vtkmuscle.data.muscle_geometry import Surface, surfaces_of
 from vtkmuscle.filters.base import Filter, InputPort, OutputPort, Parameter, ports
 
@@ -56,6 +56,36 @@ class FibreMetrics(Filter):
     :func:`vtkmuscle.io.write_fibre_table` writes what was measured as a table, and
     :func:`vtkmuscle.io.fibre_summary` gives mean, standard deviation and range.
 
+    Parameters
+    ----------
+    fibres
+        Polylines; the cell array ``RestLength`` [mm] where there is one.
+    muscle
+        The surface that the fibres end on.
+    bones
+        Bones in the pose of the fibres.
+    attachments
+        Areas in the pose of the fibres; what those within the muscle span counts as its surface.
+    curvature
+        Measure curvature.
+    architecture
+        Measure the muscle: volume, line of action, centroid path, physiological cross-sectional area.
+    sections
+        Number of cross-sections in which fibres are counted, evenly along the centroid path.
+
+    Attributes
+    ----------
+    output
+        The fibres with the cell arrays ``Length`` [mm], ``Tortuosity`` (length / distance of ends),
+        ``Strain`` (length / rest length - 1, 0 for rest length 0), ``PennationOrigin`` and
+        ``PennationInsertion`` [degrees, 0 to 90], ``Penetration`` (of the deepest point into a bone) [mm],
+        and the field arrays ``LengthMean`` and ``LengthSD`` (of the population) [mm]. Curvature: the point
+        array ``Curvature``, the cell arrays ``CurvatureMean`` and ``CurvatureMax`` [1/mm]. Architecture: the
+        cell array ``LineAngle`` [degrees] between a fibre's chord and the line of action, and the field
+        arrays ``MuscleVolume`` [mm^3], ``LineOfAction`` (3), ``CentroidPath`` (21, 3) [mm], ``PCSA`` (volume
+        / mean length) and ``PCSALine`` (its part along the line of action) [mm^2]. Sections: the field arrays
+        ``SectionArea`` [mm^2], ``SectionFibres`` and ``SectionDensity`` [1/mm^2].
+
     Raises
     ------
     ValueError
@@ -77,40 +107,15 @@ class FibreMetrics(Filter):
     5.0
     """
 
-    curvature = Parameter(bool, default=False, doc="Measure curvature.")
-    architecture = Parameter(
-        bool,
-        default=False,
-        doc="Measure the muscle: volume, line of action, centroid path, physiological cross-sectional area.",
-    )
-    sections = Parameter(
-        int,
-        default=0,
-        minimum=0,
-        doc="Number of cross-sections in which fibres are counted, evenly along the centroid path.",
-    )
+    curvature = Parameter(bool, default=False)
+    architecture = Parameter(bool, default=False)
+    sections = Parameter(int, default=0, minimum=0)
 
-    fibres = ports.Lines(doc="Polylines; the cell array ``RestLength`` [mm] where there is one.")
-    muscle = ports.Surface(optional=True, doc="The surface that the fibres end on.")
-    bones = InputPort(
-        vtkMultiBlockDataSet, surfaces_of, optional=True, doc="Bones in the pose of the fibres."
-    )
-    attachments = ports.Areas(
-        optional=True,
-        doc="Areas in the pose of the fibres; what those within the muscle span counts as its surface.",
-    )
-    output = OutputPort(
-        vtkPolyData,
-        doc="The fibres with the cell arrays ``Length`` [mm], ``Tortuosity`` (length / distance of ends), "
-        "``Strain`` (length / rest length - 1, 0 for rest length 0), ``PennationOrigin`` and "
-        "``PennationInsertion`` [degrees, 0 to 90], ``Penetration`` (of the deepest point into a bone) [mm], "
-        "and the field arrays ``LengthMean`` and ``LengthSD`` (of the population) [mm]. Curvature: the point "
-        "array ``Curvature``, the cell arrays ``CurvatureMean`` and ``CurvatureMax`` [1/mm]. Architecture: "
-        "the cell array ``LineAngle`` [degrees] between a fibre's chord and the line of action, and the "
-        "field arrays ``MuscleVolume`` [mm^3], ``LineOfAction`` (3), ``CentroidPath`` (21, 3) [mm], ``PCSA`` "
-        "(volume / mean length) and ``PCSALine`` (its part along the line of action) [mm^2]. Sections: the "
-        "field arrays ``SectionArea`` [mm^2], ``SectionFibres`` and ``SectionDensity`` [1/mm^2].",
-    )
+    fibres = ports.Lines()
+    muscle = ports.Surface(optional=True)
+    bones = InputPort(vtkMultiBlockDataSet, surfaces_of, optional=True)
+    attachments = ports.Areas(optional=True)
+    output = OutputPort(vtkPolyData)
 
     _bent: BentSurface | None = None
     _shapes: Sequence[Bone] = ()

@@ -44,6 +44,30 @@ class FibreSmoother(Filter):
     end on the areas as they are, their course is the muscle's own, and what they leave free is free: pennate
     ones would be drawn into its corners.
 
+    Parameters
+    ----------
+    fibres
+        Polylines, any number of points each.
+    muscle
+        Closed triangles that the fibres stay in.
+    attachments
+        Areas on which the fibres' ends may move as fibres are spread.
+    smoothing_passes
+        Number of smoothing passes.
+    smoothing_weight
+        Weight of the middle point.
+    spreading
+        How far each pass moves a fibre towards the middle of its part of the muscle: 1 is all the way, 1.5
+        gets there with the fewest passes, 0: fibres are smoothed only. None: 1.5 where the fibres' field
+        array ``Template`` says that they are parallel, or ``EndsKept`` of FibreTrimmer that half of them or
+        more got other ends; else 0.
+
+    Attributes
+    ----------
+    output
+        The smoothed polylines, with the arrays of the input, and the cell array ``LengthChange`` (n_fibres,):
+        length after less length before [mm].
+
     Raises
     ------
     ValueError
@@ -64,31 +88,14 @@ class FibreSmoother(Filter):
     4
     """
 
-    smoothing_passes = Parameter(int, default=5, minimum=0, maximum=10_000, doc="Number of smoothing passes.")
-    smoothing_weight = Parameter(
-        float, default=4.0, minimum=0.0, maximum=1000.0, doc="Weight of the middle point."
-    )
-    spreading: Parameter[float | None] = Parameter(
-        float,
-        default=None,
-        minimum=0.0,
-        maximum=2.0,
-        doc="How far each pass moves a fibre towards the middle of its part of the muscle: 1 is all the way, "
-        "1.5 gets there with the fewest passes, 0: fibres are smoothed only. None: 1.5 where the fibres' "
-        "field array ``Template`` says that they are parallel, or ``EndsKept`` of FibreTrimmer that half of "
-        "them or more got other ends; else 0.",
-    )
+    smoothing_passes = Parameter(int, default=5, minimum=0, maximum=10_000)
+    smoothing_weight = Parameter(float, default=4.0, minimum=0.0, maximum=1000.0)
+    spreading: Parameter[float | None] = Parameter(float, default=None, minimum=0.0, maximum=2.0)
 
-    fibres = ports.Lines(doc="Polylines, any number of points each.")
-    muscle = ports.Surface(optional=True, doc="Closed triangles that the fibres stay in.")
-    attachments = ports.Areas(
-        optional=True, doc="Areas on which the fibres' ends may move as fibres are spread."
-    )
-    output = OutputPort(
-        vtkPolyData,
-        doc="The smoothed polylines, with the arrays of the input, and the cell array ``LengthChange`` "
-        "(n_fibres,): length after less length before [mm].",
-    )
+    fibres = ports.Lines()
+    muscle = ports.Surface(optional=True)
+    attachments = ports.Areas(optional=True)
+    output = OutputPort(vtkPolyData)
 
     def execute(
         self, fibres: Polylines, muscle: Surface | None, attachments: list[AttachmentArea] | None

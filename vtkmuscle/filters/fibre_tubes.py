@@ -37,6 +37,31 @@ class FibreTubes(Filter):
     like hexagons, sqrt(volume / (2 sqrt(3) total length)), and where fibres are nearer to each other, half
     their distance: so they do not overlap.
 
+    Parameters
+    ----------
+    fibres
+        Polylines.
+    muscle
+        Its volume is filled with ``radius_by="fill"``.
+    radius
+        Radius of the tubes.
+    radius_by
+        The radius: ``radius``, ``radius`` times the values of an array, or what fills the muscle.
+    radius_array
+        Point or cell array, with ``radius_by="array"``.
+    colour_by
+        Point or cell array that becomes the active scalars.
+    sides
+        Number of sides of a tube.
+    max_triangles
+        Level of detail: no more triangles than this, about, by fewer sides and, with three sides, fewer
+        fibres (the first ones, which a template spreads evenly); 0: no limit.
+
+    Attributes
+    ----------
+    output
+        Tubes, triangle strips with normals, with the arrays of the input on points and cells.
+
     Raises
     ------
     ValueError
@@ -52,34 +77,16 @@ class FibreTubes(Filter):
     (0.0, 30.0)
     """
 
-    radius = Parameter(float, default=1.0, above=0.0, units="mm", doc="Radius of the tubes.")
-    radius_by = Parameter(
-        str,
-        default="constant",
-        choices=("constant", "array", "fill"),
-        doc="The radius: ``radius``, ``radius`` times the values of an array, or what fills the muscle.",
-    )
-    radius_array: Parameter[str | None] = Parameter(
-        str, default=None, doc='Point or cell array, with ``radius_by="array"``.'
-    )
-    colour_by: Parameter[str | None] = Parameter(
-        str, default=None, doc="Point or cell array that becomes the active scalars."
-    )
-    sides = Parameter(int, default=12, minimum=3, maximum=1000, doc="Number of sides of a tube.")
-    max_triangles = Parameter(
-        int,
-        default=0,
-        minimum=0,
-        doc="Level of detail: no more triangles than this, about, by fewer sides and, with three sides, "
-        "fewer fibres (the first ones, which a template spreads evenly); 0: no limit.",
-    )
+    radius = Parameter(float, default=1.0, above=0.0, units="mm")
+    radius_by = Parameter(str, default="constant", choices=("constant", "array", "fill"))
+    radius_array: Parameter[str | None] = Parameter(str, default=None)
+    colour_by: Parameter[str | None] = Parameter(str, default=None)
+    sides = Parameter(int, default=12, minimum=3, maximum=1000)
+    max_triangles = Parameter(int, default=0, minimum=0)
 
-    fibres = ports.Lines(doc="Polylines.")
-    muscle = ports.Surface(optional=True, doc='Its volume is filled with ``radius_by="fill"``.')
-    output = OutputPort(
-        vtkPolyData,
-        doc="Tubes, triangle strips with normals, with the arrays of the input on points and cells.",
-    )
+    fibres = ports.Lines()
+    muscle = ports.Surface(optional=True)
+    output = OutputPort(vtkPolyData)
 
     def execute(self, fibres: Polylines, muscle: Surface | None) -> vtkPolyData:
         """Return the tubes."""

@@ -34,6 +34,29 @@ class LinearBlendFibres(Filter):
     warning. With a = -1 fibres follow the origin's bone for most of their length, and near the insertion they
     take up all of the motion: their lengths then say little.
 
+    Parameters
+    ----------
+    rest_fibres
+        Polylines at rest, origin to insertion.
+    bones
+        Named blocks with the field array ``Transform`` (16), rest to now.
+    a
+        Curvature of the weights over the fibre.
+    fit
+        Choose ``a`` by the bones, instead of taking the one given.
+    largest_a
+        Bound of abs(a) for the fit.
+    origin
+        Bone of the fibres' first points; None: the first block.
+    insertion
+        Bone of the fibres' last points; None: the last block.
+
+    Attributes
+    ----------
+    output
+        The moved polylines, with the arrays of the rest fibres, the cell array ``RestLength`` (n_fibres,)
+        [mm], and the field array ``BlendA``.
+
     Raises
     ------
     ValueError
@@ -59,27 +82,15 @@ class LinearBlendFibres(Filter):
     8
     """
 
-    a = Parameter(
-        float, default=0.0, minimum=-1.0, maximum=1.0, doc="Curvature of the weights over the fibre."
-    )
-    fit = Parameter(bool, default=False, doc="Choose ``a`` by the bones, instead of taking the one given.")
-    largest_a = Parameter(float, default=1.0, above=0.0, maximum=1.0, doc="Bound of abs(a) for the fit.")
-    origin: Parameter[str | None] = Parameter(
-        str, default=None, doc="Bone of the fibres' first points; None: the first block."
-    )
-    insertion: Parameter[str | None] = Parameter(
-        str, default=None, doc="Bone of the fibres' last points; None: the last block."
-    )
+    a = Parameter(float, default=0.0, minimum=-1.0, maximum=1.0)
+    fit = Parameter(bool, default=False)
+    largest_a = Parameter(float, default=1.0, above=0.0, maximum=1.0)
+    origin: Parameter[str | None] = Parameter(str, default=None)
+    insertion: Parameter[str | None] = Parameter(str, default=None)
 
-    rest_fibres = ports.Lines(doc="Polylines at rest, origin to insertion.")
-    bones = ports.MovingBones(
-        doc="Named blocks with the field array ``Transform`` (16), rest to now.",
-    )
-    output = OutputPort(
-        vtkPolyData,
-        doc="The moved polylines, with the arrays of the rest fibres, the cell array ``RestLength`` "
-        "(n_fibres,) [mm], and the field array ``BlendA``.",
-    )
+    rest_fibres = ports.Lines()
+    bones = ports.MovingBones()
+    output = OutputPort(vtkPolyData)
 
     times_from = "bones"
 

@@ -26,9 +26,8 @@ from vtkmuscle.data.arrays import (
     set_field_array,
 )
 from vtkmuscle.data.paths import paths_of
-from vtkmuscle.data.pipeline_times import times_of
+from vtkmuscle.data.pipeline_times import input_at, requested_time, state_of_inputs, times_of
 from vtkmuscle.filters.base import Filter, OutputPort, Parameter, ports
-from vtkmuscle.filters.base.time_path import input_at, requested_time, state_of_inputs
 
 #: Arrays of fibres that have their lengths of all times with them.
 LENGTHS, TIMES = "Lengths", "Times"
@@ -53,6 +52,26 @@ class MomentArms(Filter):
 
     A fibre that shortens as the coordinate q grows has a positive moment arm. The coordinate is one of the
     ``motion``, or where none is given the pipeline's time.
+
+    Parameters
+    ----------
+    fibres
+        Polylines, the same number at each time step; or, without time steps, with the cell array ``Lengths``
+        (n_fibres, f) [mm] and the field array ``Times`` (f,).
+    motion
+        Has the coordinates; None: the pipeline's time is one.
+    coordinate
+        Name of one of the motion's coordinates; None: all that change.
+    unit
+        Unit of the pipeline's time, where that is the coordinate.
+
+    Attributes
+    ----------
+    output
+        The fibres with the cell arrays ``MomentArm`` [mm] and, where it is a slope, ``MomentArmError`` (its
+        standard error) [mm], and the field arrays ``Coordinate`` (its name) and ``CoordinateValue`` (in its
+        unit); by several coordinates each of these arrays has _NAME after its own. In a pose in which a
+        moment arm is not determined, such as one before the sweep, its arrays are not there.
 
     Raises
     ------
@@ -80,31 +99,12 @@ class MomentArms(Filter):
     (8,)
     """
 
-    motion: Parameter[RigidMotion | None] = Parameter(
-        RigidMotion, default=None, doc="Has the coordinates; None: the pipeline's time is one."
-    )
-    coordinate: Parameter[str | None] = Parameter(
-        str, default=None, doc="Name of one of the motion's coordinates; None: all that change."
-    )
-    unit = Parameter(
-        str,
-        default="deg",
-        choices=(*ANGLES, *TRANSLATIONS),
-        doc="Unit of the pipeline's time, where that is the coordinate.",
-    )
+    motion: Parameter[RigidMotion | None] = Parameter(RigidMotion, default=None)
+    coordinate: Parameter[str | None] = Parameter(str, default=None)
+    unit = Parameter(str, default="deg", choices=(*ANGLES, *TRANSLATIONS))
 
-    fibres = ports.Lines(
-        doc="Polylines, the same number at each time step; or, without time steps, with the cell array "
-        "``Lengths`` (n_fibres, f) [mm] and the field array ``Times`` (f,).",
-    )
-    output = OutputPort(
-        vtkPolyData,
-        doc="The fibres with the cell arrays ``MomentArm`` [mm] and, where it is a slope, ``MomentArmError`` "
-        "(its standard error) [mm], and "
-        "the field arrays ``Coordinate`` (its name) and ``CoordinateValue`` (in its unit); by several "
-        "coordinates each of these arrays has _NAME after its own. In a pose in which a moment arm is not "
-        "determined, such as one before the sweep, its arrays are not there.",
-    )
+    fibres = ports.Lines()
+    output = OutputPort(vtkPolyData)
 
     def __init__(self, **parameters: Any) -> None:
         self._steps: tuple[float, ...] = ()

@@ -9,7 +9,7 @@ from typing import Any
 from vtkmuscle.core.motion.rigid import RigidMotion
 from vtkmuscle.filters.base.filter import Filter
 from vtkmuscle.filters.bone_motion import BoneMotion
-from vtkmuscle.filters.deformer.quality import PUBLISHED
+from vtkmuscle.filters.deformer.settings import PUBLISHED
 from vtkmuscle.filters.fibre_metrics import FibreMetrics
 from vtkmuscle.filters.fibre_transport import FibreTransport
 from vtkmuscle.filters.fixed_point_detector import FixedPointDetector
