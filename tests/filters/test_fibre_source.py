@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import pyvista as pv
+from phantoms import fibre_block
 from vtkmodules.vtkCommonDataModel import vtkCellArray
 
 from vtkmuscle.core.mesh.polylines import polyline_lengths
@@ -19,7 +20,7 @@ from vtkmuscle.data.arrays import (
 from vtkmuscle.data.attachments import attachments_from, attachments_of
 from vtkmuscle.filters import FibreMetrics, FibreSource
 from vtkmuscle.io import read_aponeurosis, read_polydata, read_surface
-from vtkmuscle.phantoms import fibre_block, spindle_over_hinge
+from vtkmuscle.phantoms import spindle_over_hinge
 from vtkmuscle.pipelines import decompose
 
 #: The block is 20 x 40 x 120 mm; fibres go from the lower half of x = 0 to the upper half of x = 20.

@@ -87,13 +87,11 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     bones
         Bones at the pipeline's time, each with the field array ``Transform`` (16, row major): rest to now.
     fibres
-        Polylines in the rest pose, for the paths.
+        Polylines in the rest pose, for the paths; which edges run along them in the report, and are soft in
+        the published model.
     neighbours
         Other muscles at the pipeline's time, out of which this one is kept: outputs of PBDDeformer, with the
         point array ``Displacement``.
-    superficial
-        Polylines on the muscle's surface in the rest pose, or near it: which edges run along the fibres in
-        the report, and are soft in the published model.
     attachments
         For the via rings among them, which the fibres pass through.
 
@@ -147,7 +145,6 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
     bones = ports.MovingBones()
     fibres = ports.Lines(optional=True)
     neighbours = InputPort(vtkMultiBlockDataSet, optional=True)
-    superficial = ports.SeenLines(optional=True)
     attachments = InputPort(vtkMultiBlockDataSet, optional=True)
     output = OutputPort(vtkPolyData)
 
@@ -183,7 +180,6 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
         bones: MovingBones,
         fibres: Polylines | None,
         neighbours: vtkMultiBlockDataSet | None,
-        superficial: Polylines | None,
         attachments: vtkMultiBlockDataSet | None,
     ) -> vtkPolyData:
         """Compute the frames on the way to the time asked for that are not known, and return the last."""
@@ -193,7 +189,6 @@ class PBDDeformer(DeformerSettings, HistoryFilter[_Frame]):
             muscle.triangles,
             fixed_points_of(muscle, bones.names),
             None if fibres is None else (fibres.points, fibres.offsets),
-            None if superficial is None else (superficial.points, superficial.offsets),
             rings_by_bone(attachments, bones.names, "attachments"),
         )
         driven = self.quality == PUBLISHED and any(self.external_force)

@@ -13,8 +13,7 @@ from vtkmuscle.core.mesh.shared import Recent
 from vtkmuscle.core.morphing.isolines import morph_by_isolines
 from vtkmuscle.core.morphing.planes import morph_by_planes
 from vtkmuscle.core.morphing.slices import Box, Morph, Slicing
-from vtkmuscle.core.morphing.superficial import seen_fibres
-from vtkmuscle.core.morphing.twist import Found, Twisting
+from vtkmuscle.core.morphing.twist import Twist, Twisting, seen_fibres
 from vtkmuscle.core.template.fitting import lie_opposite
 from vtkmuscle.core.types import Floats
 from vtkmuscle.data.arrays import Polylines, field_array, set_field_array
@@ -219,7 +218,7 @@ def _warn(result: Morph, method: str) -> None:
         )
 
 
-def _warn_of_superficial(found: Found) -> None:
+def _warn_of_superficial(found: Twist) -> None:
     """Warn where superficial fibres run otherwise than the template's, and no twist explains it."""
     if found.angle == found.straight_angle and found.angle > NOTICED:
         warnings.warn(

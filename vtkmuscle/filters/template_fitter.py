@@ -9,7 +9,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from vtkmuscle.core.errors import InputError
-from vtkmuscle.core.morphing.superficial import SeenFibres, angle_to_nearest, seen_fibres
+from vtkmuscle.core.morphing.twist import SeenFibres, angle_to_nearest, seen_fibres
 from vtkmuscle.core.motion.rigid import apply_transform
 from vtkmuscle.core.template.fitting import (
     ASSIGNMENTS,
